@@ -1,0 +1,74 @@
+# Each target does its own set-up; see `make setup`.
+PYTHON := .venv/bin/python
+FUZZ_SECONDS := 60
+
+# A build type's configure step; pybind11 comes from the virtual environment.
+configure = cmake --preset $(1) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
+	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
+	|| { cat build/$(1)-configure.log; exit 1; }
+
+.PHONY: setup build demo test lint stubs bench wheel sanitize fuzz clean
+.NOTPARALLEL:
+
+build:
+	@scripts/setup.sh build
+	@mkdir -p build
+	@$(call configure,dev)
+	cmake --build --preset dev
+
+setup:
+	scripts/setup.sh build test dev
+
+demo: build
+	$(PYTHON) -m pyinfra demo
+
+test: build
+	@scripts/setup.sh test
+	ctest --preset dev --no-tests=error
+	$(PYTHON) -m pytest
+
+# clang-tidy reads how the files are compiled from the dev build.
+lint:
+	@scripts/setup.sh build dev
+	@mkdir -p build
+	@$(call configure,dev)
+	.venv/bin/pre-commit run --all-files --show-diff-on-failure
+	.venv/bin/mypy
+	run-clang-tidy-16 -quiet -j 2 -p build/dev '$(CURDIR)/(cpp|bindings)/.*' 
+
+stubs: build
+	@scripts/setup.sh test
+	.venv/bin/pybind11-stubgen pyinfra._core -o .
+
+bench: build
+	@scripts/setup.sh bench
+	$(PYTHON) benchmarks/run.py
+
+# The wheel works in a clean environment, away from the source tree.
+wheel:
+	@scripts/setup.sh build
+	rm -rf build/wheel build/wheel-env
+	$(PYTHON) -m pip wheel -qq . --no-deps -w build/wheel --build-constraint scripts/constraints.txt
+	$(PYTHON) -m venv build/wheel-env
+	build/wheel-env/bin/pip install -qq -c scripts/constraints.txt build/wheel/*.whl
+	cd / && $(CURDIR)/build/wheel-env/bin/infrasim --version
+	cd / && $(CURDIR)/build/wheel-env/bin/python -c \
+		"import pyinfra, pyinfra._core as c; assert c.version() == pyinfra.__version__, c.version()"
+
+sanitize:
+	@scripts/setup.sh build
+	cmake --preset sanitize
+	cmake --build --preset sanitize
+	ctest --preset sanitize --no-tests=error
+
+fuzz:
+	@scripts/setup.sh build fuzz
+	cmake --preset fuzz
+	cmake --build --preset fuzz
+	for target in build/fuzz/tests/fuzz/fuzz_*; do \
+		mkdir -p $$target.corpus && \
+		$$target -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ $$target.corpus || exit 1; \
+	done
+
+clean:
+	rm -rf build pyinfra/_core*.so

@@ -1,0 +1,73 @@
+#include "infrasim/aggregate/frame_builder.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kBoxMargin = 0.01;  // m: points on a face stay inside whatever the rounding
+
+bool inside(const Box3d& box, double cos_heading, double sin_heading, const float* p) {
+  const double x = p[0] - box.x, y = p[1] - box.y, z = p[2] - box.z;
+  return std::abs(cos_heading * x + sin_heading * y) <= box.dx / 2 + kBoxMargin &&
+         std::abs(-sin_heading * x + cos_heading * y) <= box.dy / 2 + kBoxMargin &&
+         std::abs(z) <= box.dz / 2 + kBoxMargin;
+}
+
+template <class T>
+void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
+  to.assign(from.begin(), from.begin() + static_cast<std::ptrdiff_t>(n));
+}
+
+}  // namespace
+
+std::vector<WorldSlice> world_slices(Aggregation aggregation) {
+  if (aggregation.exact()) return {WorldSlice{}};
+  std::vector<WorldSlice> slices;
+  const double n = aggregation.slices;
+  for (int i = 0; i < aggregation.slices; ++i) slices.push_back({i / n, (i + 1) / n, true});
+  return slices;
+}
+
+void FrameBuilder::add(const Return& r, std::int32_t object_id) {
+  if (size_ == object_.size()) {
+    const std::size_t grown = std::max<std::size_t>(4096, 2 * size_);
+    scratch_.resize(grown);
+    object_.resize(grown);
+  }
+  scratch_.xyz[3 * size_] = r.dx * r.range;
+  scratch_.xyz[3 * size_ + 1] = r.dy * r.range;
+  scratch_.xyz[3 * size_ + 2] = r.dz * r.range;
+  scratch_.intensity[size_] = r.intensity;
+  scratch_.time[size_] = r.time;
+  scratch_.ring[size_] = r.ring;
+  scratch_.class_id[size_] = r.class_id;
+  scratch_.object_id[size_] = object_id;
+  object_[size_++] = r.object;
+}
+
+PointCloud FrameBuilder::take(const std::vector<Box3d>& boxes,
+                              std::vector<PointCount>& counts) const {
+  std::vector<std::pair<double, double>> turns;
+  for (const Box3d& box : boxes) turns.emplace_back(std::cos(box.heading), std::sin(box.heading));
+  counts.assign(boxes.size(), {});
+  for (std::size_t i = 0; i < size_; ++i) {
+    if (object_[i] < 0) continue;
+    const auto k = static_cast<std::size_t>(object_[i]);
+    ++counts[k].points;
+    counts[k].points_in_box +=
+        inside(boxes[k], turns[k].first, turns[k].second, &scratch_.xyz[3 * i]);
+  }
+  PointCloud cloud;
+  copy_head(scratch_.xyz, cloud.xyz, 3 * size_);
+  copy_head(scratch_.intensity, cloud.intensity, size_);
+  copy_head(scratch_.time, cloud.time, size_);
+  copy_head(scratch_.ring, cloud.ring, size_);
+  copy_head(scratch_.class_id, cloud.class_id, size_);
+  copy_head(scratch_.object_id, cloud.object_id, size_);
+  return cloud;
+}
+
+}  // namespace infrasim

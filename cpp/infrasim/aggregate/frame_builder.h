@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "infrasim/core/aggregation.h"
+#include "infrasim/core/geometry.h"
+#include "infrasim/core/point_cloud.h"
+
+namespace infrasim {
+
+/// A stretch of a frame, as shares of it, whose rays see one state of the world.
+struct WorldSlice {
+  double from = 0;
+  double to = 1;
+  bool frozen = false;  ///< objects stand still at the middle of the slice
+  double middle() const { return (from + to) / 2; }
+};
+
+/// One moving slice for `exact`, n frozen ones else.
+std::vector<WorldSlice> world_slices(Aggregation aggregation);
+
+/// One return before it becomes a point.
+struct Return {
+  float dx, dy, dz;  ///< unit direction, levelled frame
+  float range;       ///< metres
+  float intensity;   ///< [0, 1]
+  float time;        ///< seconds since the start of the frame
+  std::uint16_t ring;
+  std::uint16_t class_id;
+  std::int32_t object;  ///< index among the frame's objects; -1: background
+};
+
+/// How many points an object got.
+struct PointCount {
+  int points = 0;
+  int points_in_box = 0;
+};
+
+/// Collects the returns of one LiDAR and frame, in the order they are added.
+class FrameBuilder {
+ public:
+  void start() { size_ = 0; }
+  /// @param object_id id of the object, -1 for background
+  void add(const Return& r, std::int32_t object_id);
+  std::size_t size() const { return size_; }
+  /// The points, and per object index those it got. A point counts as inside the object's own box
+  /// up to 1 cm outside of it.
+  PointCloud take(const std::vector<Box3d>& boxes, std::vector<PointCount>& counts) const;
+
+ private:
+  PointCloud scratch_;              // kept at its largest size from frame to frame
+  std::vector<std::int32_t> object_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace infrasim

@@ -1,0 +1,20 @@
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace infrasim::cli {
+
+/// What a command that ran says of itself.
+struct CommandResult {
+  int exit_code = 0;
+};
+
+// Each adds one subcommand; its callback throws ConfigError or IoError.
+void add_run_command(CLI::App& app, CommandResult& result);
+void add_check_command(CLI::App& app);
+void add_pattern_command(CLI::App& app);
+void add_trajectories_command(CLI::App& app);
+
+}  // namespace infrasim::cli

@@ -1,0 +1,118 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <span>
+
+#include "infrasim/cli/commands.h"
+#include "infrasim/cli/frame_range.h"
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/scene_config.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/io/npy.h"
+#include "infrasim/sensor/scan_pattern.h"
+#include "infrasim/simulate.h"
+
+namespace infrasim::cli {
+
+namespace {
+
+struct CheckOptions {
+  std::string file;
+  std::string preset = "datasheet";
+  std::vector<std::string> assignments;
+};
+
+void check_command(const CheckOptions& o) {
+  const config::Tree tree = config::read_tree(o.file);
+  if (tree.find("roads") == nullptr && (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
+                                        tree.find("presets") != nullptr)) {
+    std::fputs(dump_lidar(read_lidar(o.file, o.preset)).c_str(), stdout);
+    return;
+  }
+  const SceneConfig scene = read_scene(o.file, o.assignments);
+  build_world(scene);
+  std::fputs(dump_scene(scene).c_str(), stdout);
+}
+
+struct PatternOptions {
+  std::string file;
+  std::string preset = "datasheet";
+  std::string frames = "0:1";
+  std::string out;
+  std::string seed;
+};
+
+void pattern_command(const PatternOptions& o) {
+  const LidarConfig lidar = read_lidar(o.file, o.preset);
+  const FrameRange frames = parse_frames(o.frames);
+  std::vector<double> rows;
+  for (std::size_t u = 0; u < lidar.units.size(); ++u) {
+    const double phase = o.seed.empty() ? 0 : start_phase_s(parse_seed(o.seed), lidar, u);
+    const LidarUnit& unit = lidar.units[u];
+    const Mat3 pose = rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
+    const ScanPattern pattern(unit.pattern, phase, pose, 0);
+    for (int k = frames.first; k < frames.last; k += frames.step) {
+      const RayRange range = pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
+      for (std::int64_t i = range.first; i < range.last; ++i) {
+        const Ray ray = pattern.ray(i);
+        const Vec3 d = pose * ray.direction;
+        rows.insert(rows.end(), {std::atan2(d.y, d.x), std::asin(d.z), ray.time_s});
+      }
+    }
+  }
+  write_npy(o.out, rows, 3);
+  std::printf("%zu rays\n", rows.size() / 3);
+}
+
+struct TrajectoriesOptions {
+  std::string scene;
+  std::string out;
+  std::vector<std::string> assignments;
+};
+
+void trajectories_command(const TrajectoriesOptions& o) {
+  const World world = build_world(read_scene(o.scene, o.assignments));
+  const std::string text = trajectories_csv(world.trajectories);
+  write_file_atomically(o.out, text);
+  std::printf("%d frames\n", world.trajectories.frames());
+}
+
+}  // namespace
+
+void add_check_command(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "check", "Check a scene or LiDAR file and print it with every default.\nExample: infrasim "
+               "check configs/scenes/highway.yaml");
+  auto o = std::make_shared<CheckOptions>();
+  command->add_option("file", o->file, "scene or LiDAR file")->required();
+  command->add_option("--preset", o->preset, "preset of a LiDAR")->capture_default_str();
+  command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
+  command->callback([o] { check_command(*o); });
+}
+
+void add_pattern_command(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "pattern", "Write azimuth, elevation (rad) and time (s) of every ray as .npy (n, 3).\n"
+                 "Example: infrasim pattern configs/lidars/livox_avia.yaml --frames 0:40 --out "
+                 "avia.npy");
+  auto o = std::make_shared<PatternOptions>();
+  command->add_option("lidar", o->file, "LiDAR file")->required();
+  command->add_option("--preset", o->preset, "preset of the LiDAR")->capture_default_str();
+  command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
+  command->add_option("--out", o->out, ".npy file")->required();
+  command->add_option("--seed", o->seed, "start at this seed's random phase; else at phase 0");
+  command->callback([o] { pattern_command(*o); });
+}
+
+void add_trajectories_command(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "trajectories", "Write the vehicles of a scene as .csv, 10 rows a second.\nExample: "
+                      "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
+  auto o = std::make_shared<TrajectoriesOptions>();
+  command->add_option("scene", o->scene, "scene file")->required();
+  command->add_option("--out", o->out, ".csv file")->required();
+  command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
+  command->callback([o] { trajectories_command(*o); });
+}
+
+}  // namespace infrasim::cli

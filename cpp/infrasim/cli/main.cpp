@@ -1,0 +1,52 @@
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+
+#include "infrasim/cli/commands.h"
+#include "infrasim/core/errors.h"
+#include "infrasim/version.h"
+
+namespace {
+
+// 0 done, 1 failed, 2 wrong usage or configuration.
+constexpr int kFailed = 1;
+constexpr int kWrong = 2;
+
+int parse(CLI::App& app, int argc, char** argv) {
+  try {
+    app.parse(argc, argv);
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    const bool asked_for_help = e.get_exit_code() == 0;
+    if (asked_for_help) return app.exit(e);
+    std::fprintf(stderr, "infrasim: %s (see --help)\n", e.what());
+    return kWrong;
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of its write
+  CLI::App app("Simulates roadside LiDARs.\nExample: infrasim run configs/scenes/highway.yaml "
+               "--lidar configs/lidars/livox_avia.yaml --frames 0:10 --out data/highway",
+               "infrasim");
+  app.set_version_flag("--version", "infrasim " + std::string(infrasim::version()));
+  app.require_subcommand(1);
+  infrasim::cli::CommandResult result;
+  infrasim::cli::add_run_command(app, result);
+  infrasim::cli::add_check_command(app);
+  infrasim::cli::add_pattern_command(app);
+  infrasim::cli::add_trajectories_command(app);
+  try {
+    const int code = parse(app, argc, argv);
+    return code != 0 ? code : result.exit_code;
+  } catch (const infrasim::ConfigError& e) {
+    std::fprintf(stderr, "%s\n", e.what());
+    return kWrong;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s\n", e.what());
+    return kFailed;
+  }
+}

@@ -1,0 +1,132 @@
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <span>
+#include <thread>
+
+#include "infrasim/cli/commands.h"
+#include "infrasim/cli/frame_range.h"
+#include "infrasim/core/errors.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/run.h"
+
+namespace infrasim::cli {
+
+namespace {
+
+std::atomic<int> g_signal = 0;  // a handler can reach nothing else
+static_assert(std::atomic<int>::is_always_lock_free);
+
+void on_signal(int number) { g_signal = number; }
+
+struct Options {
+  std::string scene;
+  std::vector<std::string> lidars;
+  std::string preset = "datasheet";
+  std::string frames = "0:100";
+  std::string out;
+  std::string summary;
+  std::string aggregation;
+  std::string detail;
+  std::string labels;
+  std::string seed;
+  std::vector<std::string> assignments;
+  bool fields = false;
+  int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+};
+
+/// Options that override a key of the scene of the same name are assignments too.
+std::vector<std::string> assignments(const Options& o) {
+  std::vector<std::string> all = o.assignments;
+  const auto add = [&](const char* key, const std::string& value) {
+    if (!value.empty()) all.push_back(std::string(key) + "=" + value);
+  };
+  add("aggregation", o.aggregation);
+  add("detail", o.detail);
+  add("labels", o.labels);
+  add("seed", o.seed);
+  if (o.fields) add("fields", "true");
+  return all;
+}
+
+RunRequest request_of(const Options& o) {
+  RunRequest request;
+  request.scene = read_scene(o.scene, assignments(o));
+  for (const std::string& file : o.lidars) request.lidars.push_back(read_lidar(file, o.preset));
+  request.preset = o.preset;
+  request.frames = parse_frames(o.frames);
+  request.out = o.out;
+  request.threads = o.threads;
+  return request;
+}
+
+/// A bar on a terminal, at most ten times a second; nothing in a pipe.
+Progress progress_bar() {
+  if (::isatty(STDERR_FILENO) == 0) return [](int, int) {};
+  using Clock = std::chrono::steady_clock;
+  return [start = Clock::now(), last = Clock::time_point{}](int done, int total) mutable {
+    const auto now = Clock::now();
+    if (done < total && now - last < std::chrono::milliseconds(100)) return;
+    last = now;
+    constexpr int kWidth = 30;
+    const double rate = done / std::chrono::duration<double>(now - start).count();
+    const std::string bar(static_cast<std::size_t>(kWidth * done / total), '=');
+    std::fprintf(stderr, "\r[%-*s] %d/%d frames, %.1f frames/s, %.0f s left ", kWidth, bar.c_str(),
+                 done, total, rate, (total - done) / rate);
+    if (done == total) std::fputc('\n', stderr);
+  };
+}
+
+void print_table(const std::vector<SummaryRow>& rows) {
+  std::printf("%-22s %-9s %6s %10s %10s %9s %15s %8s %8s\n", "lidar", "preset", "frames",
+              "rays/frame", "hits/frame", "vehicles", "vehicle points", "seconds", "Mrays/s");
+  for (const SummaryRow& r : rows)
+    std::printf("%-22s %-9s %6d %10.0f %10.1f %9.1f %15.1f %8.2f %8.1f\n", r.lidar.c_str(),
+                r.preset.c_str(), r.frames, r.rays_per_frame, r.hits_per_frame,
+                r.vehicles_per_frame, r.vehicle_points_per_frame, r.seconds, r.mrays_per_s);
+}
+
+int run_command(const Options& o) {
+  const RunRequest request = request_of(o);
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+  const std::vector<SummaryRow> rows = run(request, g_signal, progress_bar());
+  print_table(rows);
+  if (!o.summary.empty())
+    write_file_atomically(o.summary, summary_csv(rows));
+  if (g_signal == 0) return 0;
+  std::fprintf(stderr, "stopped by signal %d; the same command resumes\n", g_signal.load());
+  return 128 + g_signal;
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& app, CommandResult& result) {
+  auto* command = app.add_subcommand(
+      "run",
+      "Simulate frames of one scene for several LiDARs.\nExample: infrasim run "
+      "configs/scenes/highway.yaml --lidar configs/lidars/ruby_plus.yaml --preset paper "
+      "--frames 0:100 --out data/highway");
+  auto o = std::make_shared<Options>();
+  command->add_option("scene", o->scene, "scene file")->required();
+  command->add_option("--lidar", o->lidars, "LiDAR files")->required();
+  command->add_option("--preset", o->preset, "preset of the LiDARs")->capture_default_str();
+  command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
+  command->add_option("--out", o->out, "data set folder; without it nothing is written");
+  command->add_option("--summary", o->summary, "also write the summary to this file");
+  command->add_option("--threads", o->threads, "frames computed at a time")->capture_default_str()
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--seed", o->seed, "overrides the scene's seed");
+  command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");
+  command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");
+  command->add_option("--labels", o->labels, "objects that get a label: hit or all");
+  command->add_flag("--fields", o->fields, "write time, ring, class and object of every point");
+  command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
+  command->callback([o, &result] { result.exit_code = run_command(*o); });
+}
+
+}  // namespace infrasim::cli

@@ -1,0 +1,164 @@
+#include "infrasim/config/fields.h"
+
+#include <array>
+
+namespace infrasim::config {
+
+namespace {
+
+std::string join(std::span<const char* const> names) {
+  std::string text;
+  for (const char* name : names) text += (text.empty() ? "" : ", ") + std::string(name);
+  return text;
+}
+
+std::string found(const Tree& tree) {
+  switch (tree.kind) {
+    case Tree::Kind::kNull: return "found nothing";
+    case Tree::Kind::kSequence: return "found a list";
+    case Tree::Kind::kMap: return "found a map";
+    case Tree::Kind::kScalar: break;
+  }
+  return "found '" + tree.scalar.substr(0, 60) + "'";
+}
+
+std::string allowed(const Rule& rule) {
+  const std::string low = number_text(rule.min);
+  return ", allowed " + std::string(rule.above_min ? "above " + low : low) + " to " +
+         number_text(rule.max);
+}
+
+bool parse_double(const std::string& text, double& value) {
+  if (text == ".inf") {
+    value = kInf;
+    return true;
+  }
+  const char* begin = text.data() + (text.starts_with('+') ? 1 : 0);
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(begin, end, value);
+  return error == std::errc{} && stop == end && !text.empty() && std::isfinite(value);
+}
+
+}  // namespace
+
+std::string number_text(double value) {
+  if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
+  std::array<char, 32> buffer{};
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+  return {buffer.data(), end};
+}
+
+FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {
+  expect(map, Tree::Kind::kMap, path_.empty() ? "(document)" : path_, "a map");
+}
+
+const Tree* FieldReader::take(const char* key, const Rule& rule) {
+  taken_.emplace_back(key);
+  const Tree* tree = map_.find(key);
+  if (tree == nullptr && rule.required) fail(map_.place, full(key), "found nothing, required");
+  return tree;
+}
+
+void FieldReader::finish() const {
+  for (std::size_t i = 0; i < map_.keys.size(); ++i) {
+    if (std::ranges::find(taken_, map_.keys[i]) != taken_.end()) continue;
+    std::vector<const char*> names;
+    for (const std::string& name : taken_) names.push_back(name.c_str());
+    fail(map_.items[i].place, full(map_.keys[i].c_str()),
+         "found an unknown key, allowed " + join(names));
+  }
+}
+
+void FieldReader::check(bool holds, const char* key, const std::string& what) const {
+  if (holds) return;
+  const Tree* tree = map_.find(key);
+  fail(tree != nullptr ? tree->place : map_.place, full(key), what);
+}
+
+void FieldReader::expect(const Tree& tree, Tree::Kind kind, const std::string& key,
+                         const char* what) {
+  if (tree.kind != kind) fail(tree.place, key, found(tree) + ", allowed " + what);
+}
+
+void FieldReader::expect_items(const Tree& tree, const std::string& key, const Rule& rule) {
+  if (tree.items.size() < rule.min_items)
+    fail(tree.place, key, "found no entries, allowed at least one");
+}
+
+void FieldReader::read(const Tree& tree, const std::string& key, double& value, const Rule& rule) {
+  double number = 0;
+  if (tree.kind != Tree::Kind::kScalar || !parse_double(tree.scalar, number))
+    fail(tree.place, key, found(tree) + ", allowed a number");
+  if (number < rule.min || number > rule.max || (rule.above_min && number == rule.min))
+    fail(tree.place, key, found(tree) + allowed(rule));
+  value = number;
+}
+
+void FieldReader::read(const Tree& tree, const std::string& key, int& value, const Rule& rule) {
+  double number = 0;
+  read(tree, key, number, rule);
+  if (number != std::floor(number))
+    fail(tree.place, key, found(tree) + ", allowed a whole number");
+  value = static_cast<int>(number);
+}
+
+void FieldReader::read(const Tree& tree, const std::string& key, std::uint64_t& value,
+                       const Rule& /*rule*/) {
+  const char* end = tree.scalar.data() + tree.scalar.size();
+  const auto [stop, error] = std::from_chars(tree.scalar.data(), end, value);
+  if (tree.kind != Tree::Kind::kScalar || error != std::errc{} || stop != end)
+    fail(tree.place, key, found(tree) + ", allowed a whole number from 0");
+}
+
+void FieldReader::read(const Tree& tree, const std::string& key, bool& value,
+                       const Rule& /*rule*/) {
+  if (tree.scalar != "true" && tree.scalar != "false")
+    fail(tree.place, key, found(tree) + ", allowed true or false");
+  value = tree.scalar == "true";
+}
+
+void FieldReader::read(const Tree& tree, const std::string& key, std::string& value,
+                       const Rule& rule) {
+  expect(tree, Tree::Kind::kScalar, key, "a text");
+  if (std::ranges::any_of(tree.scalar, [](char c) { return static_cast<unsigned char>(c) < 32; }))
+    fail(tree.place, key, "found a control character, allowed a text in one line");
+  if (rule.required && tree.scalar.empty()) fail(tree.place, key, "found an empty text");
+  value = tree.scalar;
+}
+
+void FieldReader::read(const Tree& tree, const std::string& key, Vec2& value, const Rule& rule) {
+  expect(tree, Tree::Kind::kSequence, key, "a pair [a, b]");
+  if (tree.items.size() != 2)
+    fail(tree.place, key, "found " + std::to_string(tree.items.size()) + " values, allowed 2");
+  read(tree.items[0], key + ".0", value.x, rule);
+  read(tree.items[1], key + ".1", value.y, rule);
+}
+
+std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
+                                   std::span<const char* const> names) {
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (tree.kind == Tree::Kind::kScalar && tree.scalar == names[i]) return i;
+  fail(tree.place, key, found(tree) + ", allowed " + join(names));
+}
+
+void FieldWriter::write(const std::string& value) {
+  text_ += " \"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') text_ += '\\';
+    text_ += c;
+  }
+  text_ += '"';
+}
+
+void FieldWriter::append_entry(const std::string& entry) {
+  std::string prefix = "\n" + std::string(indent_ + 2, ' ') + "- ";
+  std::size_t begin = 0;
+  while (begin <= entry.size()) {
+    const std::size_t end = std::min(entry.find('\n', begin), entry.size());
+    text_ += prefix + entry.substr(begin, end - begin);
+    prefix = "\n" + std::string(indent_ + 4, ' ');
+    begin = end + 1;
+  }
+}
+
+}  // namespace infrasim::config

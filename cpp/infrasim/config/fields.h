@@ -1,0 +1,203 @@
+#pragma once
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "infrasim/config/tree.h"
+#include "infrasim/core/geometry.h"
+
+// Each configuration struct has one `visit(fields, struct)` that names its keys. A FieldReader
+// fills the struct from a Tree; a FieldWriter prints it, every key and default, as YAML.
+// The words of an enum come from `enum_names(Enum)`, beside the enum.
+
+namespace infrasim::config {
+
+/// What a key allows. An absent required key is an error; else the struct's own default stays.
+struct Rule {
+  double min = -1e9;
+  double max = 1e9;
+  bool above_min = false;  ///< the minimum itself is not allowed
+  bool required = false;
+  std::size_t min_items = 0;  ///< of a list or map
+};
+inline Rule between(double min, double max) { return {min, max}; }
+inline Rule positive(double max = 1e9) { return {0, max, true}; }
+inline Rule required(Rule rule = {}) {
+  rule.required = true;
+  return rule;
+}
+inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
+
+/// Shortest text that reads back as the same number.
+std::string number_text(double value);
+
+template <class T>
+concept Struct =
+    std::is_class_v<T> && !std::is_same_v<T, std::string> && !std::is_same_v<T, Vec2>;
+
+class FieldReader {
+ public:
+  FieldReader(const Tree& map, std::string path);
+  /// @throws ConfigError if the map has a key that no field read
+  void finish() const;
+
+  template <class T>
+  void field(const char* key, T& value, const char* /*doc*/, Rule rule = {}) {
+    if (const Tree* tree = take(key, rule)) read(*tree, full(key), value, rule);
+  }
+  /// Remembers where the struct stands, for checks that need other parts of the scene.
+  void here(Place& place) const { place = map_.place; }
+  /// Fails at the key's place if the condition does not hold.
+  void check(bool holds, const char* key, const std::string& what) const;
+
+ private:
+  const Tree* take(const char* key, const Rule& rule);
+  std::string full(const char* key) const { return path_.empty() ? key : path_ + "." + key; }
+
+  static void read(const Tree& tree, const std::string& key, double& value, const Rule& rule);
+  static void read(const Tree& tree, const std::string& key, int& value, const Rule& rule);
+  static void read(const Tree& tree, const std::string& key, std::uint64_t& value, const Rule&);
+  static void read(const Tree& tree, const std::string& key, bool& value, const Rule&);
+  static void read(const Tree& tree, const std::string& key, std::string& value, const Rule& rule);
+  static void read(const Tree& tree, const std::string& key, Vec2& value, const Rule& rule);
+  static std::size_t read_name(const Tree& tree, const std::string& key,
+                               std::span<const char* const> names);
+  static void expect(const Tree& tree, Tree::Kind kind, const std::string& key, const char* what);
+  static void expect_items(const Tree& tree, const std::string& key, const Rule& rule);
+
+  template <class E>
+    requires std::is_enum_v<E>
+  static void read(const Tree& tree, const std::string& key, E& value, const Rule&) {
+    value = static_cast<E>(read_name(tree, key, enum_names(E{})));
+  }
+  template <Struct T>
+  static void read(const Tree& tree, const std::string& key, T& value, const Rule&) {
+    FieldReader reader(tree, key);
+    visit(reader, value);
+    reader.finish();
+  }
+  template <class T>
+  static void read(const Tree& tree, const std::string& key, std::optional<T>& value,
+                   const Rule& rule) {
+    if (tree.kind == Tree::Kind::kNull) return;
+    read(tree, key, value.emplace(), rule);
+  }
+  template <class T>
+  static void read(const Tree& tree, const std::string& key, std::vector<T>& value,
+                   const Rule& rule) {
+    expect(tree, Tree::Kind::kSequence, key, "a list");
+    expect_items(tree, key, rule);
+    value.clear();
+    for (std::size_t i = 0; i < tree.items.size(); ++i)
+      read(tree.items[i], key + "." + std::to_string(i), value.emplace_back(), rule);
+  }
+  template <class T>
+  static void read(const Tree& tree, const std::string& key, std::map<std::string, T>& value,
+                   const Rule& rule) {
+    expect(tree, Tree::Kind::kMap, key, "a map");
+    expect_items(tree, key, rule);
+    value.clear();
+    for (std::size_t i = 0; i < tree.items.size(); ++i)
+      read(tree.items[i], key + "." + tree.keys[i], value[tree.keys[i]], rule);
+  }
+
+  const Tree& map_;
+  std::string path_;
+  std::vector<std::string> taken_;
+};
+
+class FieldWriter {
+ public:
+  template <class T>
+  void field(const char* key, T& value, const char* /*doc*/, Rule = {}) {
+    line(key);
+    write(value);
+  }
+  template <class T>
+  void field(const char* key, std::optional<T>& value, const char* /*doc*/, Rule = {}) {
+    if (!value) return;
+    line(key);
+    write(*value);
+  }
+  void here(const Place&) const {}
+  void check(bool, const char*, const std::string&) const {}
+
+  std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }
+
+ private:
+  void line(const std::string& key) {
+    text_ += "\n" + std::string(indent_, ' ') + key + ":";
+  }
+  void write(double value) { text_ += " " + number_text(value); }
+  void write(int value) { text_ += " " + std::to_string(value); }
+  void write(std::uint64_t value) { text_ += " " + std::to_string(value); }
+  void write(bool value) { text_ += value ? " true" : " false"; }
+  void write(const std::string& value);
+  void write(const Vec2& v) {
+    text_ += " [" + number_text(v.x) + ", " + number_text(v.y) + "]";
+  }
+  template <class E>
+    requires std::is_enum_v<E>
+  void write(E value) {
+    text_ += std::string(" ") + enum_names(E{})[static_cast<std::size_t>(value)];
+  }
+  template <Struct T>
+  void write(T& value) {
+    indent_ += 2;
+    visit(*this, value);
+    indent_ -= 2;
+  }
+  template <class T>
+  void write(std::vector<T>& list) {
+    if (list.empty()) text_ += " []";
+    for (T& item : list) {
+      if constexpr (Struct<T>) {
+        FieldWriter entry;
+        visit(entry, item);
+        append_entry(entry.text());
+      } else {
+        text_ += "\n" + std::string(indent_ + 2, ' ') + "-";
+        write(item);
+      }
+    }
+  }
+  template <class T>
+  void write(std::map<std::string, T>& map) {
+    if (map.empty()) text_ += " {}";
+    indent_ += 2;
+    for (auto& [key, value] : map) {
+      line(key);
+      write(value);
+    }
+    indent_ -= 2;
+  }
+  void append_entry(const std::string& entry);
+
+  std::string text_;
+  std::size_t indent_ = 0;
+};
+
+template <class T>
+T read_struct(const Tree& tree) {
+  T value;
+  FieldReader reader(tree, "");
+  visit(reader, value);
+  reader.finish();
+  return value;
+}
+
+template <class T>
+std::string dump_struct(T value) {
+  FieldWriter writer;
+  visit(writer, value);
+  return writer.text() + "\n";
+}
+
+}  // namespace infrasim::config

@@ -1,0 +1,285 @@
+#include "infrasim/config/lidar_config.h"
+
+#include <cstring>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/lidar_tables.h"
+#include "infrasim/core/rng.h"
+
+namespace infrasim {
+
+using config::at_least_one;
+using config::between;
+using config::positive;
+using config::required;
+
+std::span<const char* const> enum_names(Faces) {
+  static constexpr std::array kNames{"tilted_first", "flat_first"};
+  return kNames;
+}
+
+template <class Fields>
+void visit(Fields& f, Channel& c) {
+  f.field("elevation_deg", c.elevation_deg, "above the horizon", required(between(-90, 90)));
+  f.field("azimuth_offset_deg", c.azimuth_offset_deg, "in the sense of rotation",
+          between(-180, 180));
+  f.field("fire_time_us", c.fire_time_us, "after the start of its column", between(0, 1e6));
+}
+
+template <class Fields>
+void visit(Fields& f, ChannelsConfig& c) {
+  f.field("count", c.count, "evenly spaced channels", between(0, 65535));
+  f.field("upper_deg", c.upper_deg, "elevation of the first", between(-90, 90));
+  f.field("lower_deg", c.lower_deg, "elevation of the last", between(-90, 90));
+  f.field("file", c.file, "table of channels, relative to this file");
+  f.field("table", c.table, "channels, in firing order");
+  const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
+  f.check(ways == 1, "count", "found none or several, allowed one of count, file, table");
+  f.check(c.count == 0 || c.upper_deg > c.lower_deg, "upper_deg",
+          "found it not above lower_deg, allowed above");
+}
+
+template <class Fields>
+void visit(Fields& f, SpinningConfig& c) {
+  f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
+  f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns", required(positive(90)));
+  f.field("channels", c.channels, "lasers", required());
+}
+
+template <class Fields>
+void visit(Fields& f, WedgeConfig& c) {
+  f.field("rpm", c.rpm, "turns per minute, signed", required(between(-1e6, 1e6)));
+  f.field("angle_deg", c.angle_deg, "between its faces, signed", required(between(-45, 45)));
+  f.field("refractive_index", c.refractive_index, "of its glass", required(between(1, 4)));
+  f.field("faces", c.faces, "tilted_first or flat_first, as the light goes", required());
+  f.field("phase_deg", c.phase_deg, "at time 0", between(-360, 360));
+}
+
+template <class Fields>
+void visit(Fields& f, WedgesConfig& c) {
+  f.field("steps_per_s", c.steps_per_s, "firings per second", required(positive(1e7)));
+  f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
+  f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
+  f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
+  f.field("wedges", c.wedges, "prisms, as the light goes", at_least_one());
+}
+
+template <class Fields>
+void visit(Fields& f, TableConfig& c) {
+  f.field("file", c.file, ".npy or .csv of azimuth and elevation in radians", required());
+  f.field("rays_per_s", c.rays_per_s, "rays per second", required(positive(1e8)));
+  f.field("digest", c.digest, "of the rows; written by a run, checked when given");
+}
+
+template <class Fields>
+void visit(Fields& f, PatternConfig& c) {
+  f.field("spinning", c.spinning, "columns of channels around the circle");
+  f.field("wedges", c.wedges, "rotating prisms (Livox)");
+  f.field("table", c.table, "a list of directions");
+  f.check(c.spinning.has_value() + c.wedges.has_value() + c.table.has_value() == 1, "spinning",
+          "found none or several, allowed one of spinning, wedges, table");
+}
+
+template <class Fields>
+void visit(Fields& f, DropOffConfig& c) {
+  f.field("general_rate", c.general_rate, "share lost at random", required(between(0, 1)));
+  f.field("intensity_limit", c.intensity_limit, "kept above this intensity",
+          required(positive(1)));
+  f.field("zero_intensity_rate", c.zero_intensity_rate, "share lost at intensity 0",
+          required(between(0, 1)));
+}
+
+template <class Fields>
+void visit(Fields& f, DetectionConfig& c) {
+  f.field("range_at_10_percent_m", c.range_at_10_percent_m, "range on a 10 % target",
+          required(positive(2000)));
+  f.field("steepness", c.steepness, "of detection over signal-to-noise ratio", positive(1000));
+}
+
+template <class Fields>
+void visit(Fields& f, BeamConfig& c) {
+  f.field("vertical_deg", c.vertical_deg, "full width", required(between(0, 10)));
+  f.field("horizontal_deg", c.horizontal_deg, "full width", required(between(0, 10)));
+  f.field("sub_rays", c.sub_rays, "rays along its longer side", between(2, 64));
+}
+
+template <class Fields>
+void visit(Fields& f, ReturnsConfig& c) {
+  f.field("min_range_m", c.min_range_m, "blind zone", between(0, 1000));
+  f.field("max_range_m", c.max_range_m, "no return beyond", required(positive(5000)));
+  f.field("range_accuracy_m", c.range_accuracy_m, "1 sigma on a 10 % target at its range",
+          between(0, 10));
+  f.field("drop_off", c.drop_off, "random loss of points, as CARLA has it");
+  f.field("detection", c.detection, "detection by received power");
+  f.field("beam", c.beam, "beam wider than a ray");
+  f.check(c.max_range_m > c.min_range_m, "max_range_m",
+          "found it not above min_range_m, allowed above");
+}
+
+template <class Fields>
+void visit(Fields& f, PriceConfig& c) {
+  f.field("low", c.low, "US dollars", required(between(0, 1e7)));
+  f.field("high", c.high, "US dollars", required(between(0, 1e7)));
+  f.field("source", c.source, "who says so", required());
+  f.field("date", c.date, "when", required());
+  f.check(c.high >= c.low, "high", "found it below low, allowed low or more");
+}
+
+namespace {
+
+/// One entry of a bundle: another LiDAR's file, or (in a resolved dump) the unit itself.
+struct BundleEntry {
+  std::string lidar;
+  LidarUnit unit;
+  bool resolved = false;
+};
+
+/// The keys of a LiDAR file; either one unit or a bundle.
+struct LidarFile {
+  std::string name;
+  std::string model;
+  std::optional<PriceConfig> price_usd;
+  bool random_phase = true;
+  std::optional<PatternConfig> pattern;
+  std::optional<ReturnsConfig> returns;
+  std::vector<BundleEntry> bundle;
+};
+
+template <class Fields>
+void visit(Fields& f, BundleEntry& c) {
+  if (!c.resolved) f.field("lidar", c.lidar, "LiDAR file, relative to this one", required());
+  f.field("yaw_deg", c.unit.yaw_deg, "turned to the left on the mount", between(-360, 360));
+  f.field("pitch_deg", c.unit.pitch_deg, "positive looks down", between(-90, 90));
+  if (c.resolved) {
+    f.field("pattern", c.unit.pattern, "directions and times of its rays");
+    f.field("returns", c.unit.returns, "which hits become points");
+  }
+}
+
+template <class Fields>
+void visit(Fields& f, LidarFile& c) {
+  f.field("name", c.name, "name, and folder of its frames", required());
+  f.check(c.name.find_first_of("/\\") == std::string::npos && !c.name.starts_with('.'), "name",
+          "found '" + c.name + "', allowed a name that can be a folder");
+  f.field("model", c.model, "vendor and product");
+  f.field("price_usd", c.price_usd, "price of one unit");
+  f.field("random_phase", c.random_phase, "start the motors at a seeded random phase");
+  f.field("pattern", c.pattern, "directions and times of its rays");
+  f.field("returns", c.returns, "which hits become points");
+  f.field("bundle", c.bundle, "several LiDARs cast as one");
+  const bool single = c.pattern && c.returns && c.price_usd && c.bundle.empty();
+  const bool bundle = !c.pattern && !c.returns && !c.price_usd && !c.bundle.empty();
+  f.check(single || bundle, "bundle",
+          "found an incomplete LiDAR, allowed pattern, returns and price_usd, or bundle alone");
+}
+
+/// The file's tree with the named preset merged in.
+config::Tree preset_tree(const std::filesystem::path& file, const std::string& preset) {
+  config::Tree tree = config::read_tree(file);
+  const config::Tree* presets = tree.find("presets");
+  if (presets == nullptr) return tree;
+  const config::Tree* chosen = presets->find(preset);
+  if (chosen == nullptr) {
+    std::string names;
+    for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
+    config::fail(presets->place, "presets",
+                 "found no preset '" + preset + "', allowed " + names);
+  }
+  config::Tree over = *chosen;
+  config::Tree out = config::merged(tree, over);
+  const auto at = std::ranges::find(out.keys, "presets") - out.keys.begin();
+  out.keys.erase(out.keys.begin() + at);
+  out.items.erase(out.items.begin() + at);
+  return out;
+}
+
+void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
+  if (!c.file.empty()) c.table = config::read_channels(folder / c.file);
+  for (int i = 0; i < c.count; ++i) {
+    const double step = c.count > 1 ? (c.upper_deg - c.lower_deg) / (c.count - 1) : 0;
+    c.table.push_back({c.upper_deg - i * step, 0, 0});
+  }
+  c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
+}
+
+void resolve_table(const std::filesystem::path& file, TableConfig& c) {
+  c.directions = config::read_directions(file.parent_path() / c.file);
+  std::uint64_t hash = c.directions.size();
+  for (const Vec2& d : c.directions)
+    for (const double v : {d.x, d.y}) hash = mix64(hash ^ std::bit_cast<std::uint64_t>(v));
+  const std::string digest = std::to_string(hash);
+  if (!c.digest.empty() && c.digest != digest)
+    config::fail({file.string()}, "digest", "found " + c.digest + ", allowed " + digest);
+  c.digest = digest;
+}
+
+void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
+  if (pattern.spinning) {
+    SpinningConfig& spinning = *pattern.spinning;
+    resolve_channels(file.parent_path(), spinning.channels);
+    const double column_us = 1e6 * spinning.azimuth_step_deg / 360 / spinning.rate_hz;
+    for (const Channel& c : spinning.channels.table)
+      if (c.fire_time_us >= column_us)
+        config::fail({file.string()}, "fire_time_us",
+                     "found " + config::number_text(c.fire_time_us) + ", allowed below " +
+                         config::number_text(column_us) + ", the time of a column");
+  }
+  if (pattern.table) resolve_table(file, *pattern.table);
+}
+
+LidarConfig single(const std::filesystem::path& file, LidarFile& keys) {
+  LidarUnit unit{.yaw_deg = 0, .pitch_deg = 0, .pattern = *keys.pattern, .returns = *keys.returns};
+  resolve_files(file, unit.pattern);
+  return {keys.name, keys.model, "", *keys.price_usd, keys.random_phase, {unit}};
+}
+
+LidarConfig bundle(const std::filesystem::path& file, const LidarFile& keys,
+                   const std::string& preset) {
+  LidarConfig out{keys.name, keys.model, "", {}, keys.random_phase, {}};
+  for (const BundleEntry& entry : keys.bundle) {
+    const std::filesystem::path part_file = file.parent_path() / entry.lidar;
+    auto part_keys = config::read_struct<LidarFile>(preset_tree(part_file, preset));
+    if (!part_keys.bundle.empty())
+      config::fail({file.string()}, "bundle", "found a bundle in it, allowed single LiDARs");
+    const LidarConfig part = single(part_file, part_keys);
+    LidarUnit unit = part.units.front();
+    unit.yaw_deg = entry.unit.yaw_deg;
+    unit.pitch_deg = entry.unit.pitch_deg;
+    out.units.push_back(unit);
+    out.price_usd.low += part.price_usd.low;
+    out.price_usd.high += part.price_usd.high;
+    out.price_usd.source = part.price_usd.source;
+    out.price_usd.date = part.price_usd.date;
+  }
+  return out;
+}
+
+}  // namespace
+
+LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset) {
+  auto keys = config::read_struct<LidarFile>(preset_tree(file, preset));
+  LidarConfig lidar = keys.bundle.empty() ? single(file, keys) : bundle(file, keys, preset);
+  lidar.preset = preset;
+  return lidar;
+}
+
+std::vector<std::string> preset_names(const std::filesystem::path& file) {
+  const config::Tree tree = config::read_tree(file);
+  const config::Tree* presets = tree.find("presets");
+  return presets == nullptr ? std::vector<std::string>{} : presets->keys;
+}
+
+std::string dump_lidar(const LidarConfig& lidar) {
+  LidarFile keys{lidar.name, lidar.model, std::nullopt, lidar.random_phase, std::nullopt,
+                 std::nullopt, {}};
+  if (lidar.units.size() == 1) {
+    keys.price_usd = lidar.price_usd;
+    keys.pattern = lidar.units.front().pattern;
+    keys.returns = lidar.units.front().returns;
+  } else {
+    for (const LidarUnit& unit : lidar.units) keys.bundle.push_back({"", unit, true});
+  }
+  return config::dump_struct(keys);
+}
+
+}  // namespace infrasim

@@ -1,0 +1,136 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "infrasim/core/geometry.h"
+
+// The LiDAR file, key by key, for one of its presets.
+
+namespace infrasim {
+
+/// One laser of a spinning sensor.
+struct Channel {
+  double elevation_deg = 0;
+  double azimuth_offset_deg = 0;  ///< in the direction of rotation
+  double fire_time_us = 0;        ///< after the start of its column
+};
+
+/// Channels from a file, or evenly spaced from upper to lower.
+struct ChannelsConfig {
+  std::string file;
+  int count = 0;
+  double upper_deg = 0;
+  double lower_deg = 0;
+  std::vector<Channel> table;  ///< resolved, in firing order
+};
+
+/// Turns clockwise seen from above, as all sensors of the catalogue do.
+struct SpinningConfig {
+  double rate_hz = 10;
+  double azimuth_step_deg = 0.2;
+  ChannelsConfig channels;
+};
+
+enum class Faces { kTiltedFirst, kFlatFirst };
+std::span<const char* const> enum_names(Faces);
+
+/// A rotating wedge prism: one flat and one tilted face.
+struct WedgeConfig {
+  double rpm = 0;
+  double angle_deg = 0;
+  double refractive_index = 1;
+  Faces faces = Faces::kTiltedFirst;
+  double phase_deg = 0;
+};
+
+/// Lasers that look through a row of rotating wedges.
+struct WedgesConfig {
+  double steps_per_s = 0;
+  int first_step = 0;
+  double focal_length = 1;
+  std::vector<double> laser_offsets;  ///< elevation is atan(offset / focal_length), from the top
+  std::vector<WedgeConfig> wedges;
+};
+
+/// Azimuth and elevation of ray after ray, repeated when it ends.
+struct TableConfig {
+  std::string file;
+  double rays_per_s = 0;
+  std::string digest;  ///< of the directions
+  std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
+};
+
+struct PatternConfig {
+  std::optional<SpinningConfig> spinning;
+  std::optional<WedgesConfig> wedges;
+  std::optional<TableConfig> table;
+};
+
+/// CARLA's loss of points, with its names.
+struct DropOffConfig {
+  double general_rate = 0.45;
+  double intensity_limit = 0.8;
+  double zero_intensity_rate = 0.4;
+};
+
+/// Detection by received power.
+struct DetectionConfig {
+  double range_at_10_percent_m = 100;
+  double steepness = 5;
+};
+
+/// A beam wider than a ray, cast as several.
+struct BeamConfig {
+  double vertical_deg = 0;
+  double horizontal_deg = 0;
+  int sub_rays = 5;
+};
+
+struct ReturnsConfig {
+  double min_range_m = 0;
+  double max_range_m = 100;
+  double range_accuracy_m = 0;
+  std::optional<DropOffConfig> drop_off;
+  std::optional<DetectionConfig> detection;
+  std::optional<BeamConfig> beam;
+};
+
+struct PriceConfig {
+  double low = 0;
+  double high = 0;
+  std::string source;
+  std::string date;
+};
+
+/// One optical unit; a bundle has several, each turned on the common mount.
+struct LidarUnit {
+  double yaw_deg = 0;
+  double pitch_deg = 0;
+  PatternConfig pattern;
+  ReturnsConfig returns;
+};
+
+struct LidarConfig {
+  std::string name;
+  std::string model;
+  std::string preset;
+  PriceConfig price_usd;
+  bool random_phase = true;
+  std::vector<LidarUnit> units;
+};
+
+/// Reads one preset of a LiDAR file; files it names are read too, relative to it.
+/// @throws ConfigError, IoError
+LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset);
+
+/// Names of the presets in a LiDAR file, in its order.
+std::vector<std::string> preset_names(const std::filesystem::path& file);
+
+/// Every key with its value as plain YAML, channels as read. That of a single LiDAR reads back.
+std::string dump_lidar(const LidarConfig& lidar);
+
+}  // namespace infrasim

@@ -1,0 +1,211 @@
+#include "infrasim/config/scene_config.h"
+
+#include "infrasim/config/fields.h"
+#include "infrasim/core/aggregation.h"
+#include "infrasim/core/classes.h"
+
+namespace infrasim {
+
+using config::at_least_one;
+using config::between;
+using config::positive;
+using config::required;
+
+std::span<const char* const> enum_names(Detail) {
+  static constexpr std::array kNames{"box", "low", "mid", "fine"};
+  return kNames;
+}
+
+std::span<const char* const> enum_names(LabelRule) {
+  static constexpr std::array kNames{"hit", "all"};
+  return kNames;
+}
+
+template <class Fields>
+void visit(Fields& f, CentrelinePiece& c) {
+  f.field("line_m", c.line_m, "length of a straight piece", between(0, 1e5));
+  f.field("radius_m", c.radius_m, "radius of an arc", between(0, 1e5));
+  f.field("turn_deg", c.turn_deg, "angle of an arc, positive to the left", between(-360, 360));
+  const bool line = c.line_m > 0 && c.radius_m == 0 && c.turn_deg == 0;
+  const bool arc = c.line_m == 0 && c.radius_m > 0 && c.turn_deg != 0;
+  f.check(line || arc, "line_m", "found neither, allowed line_m, or radius_m with turn_deg");
+}
+
+template <class Fields>
+void visit(Fields& f, RoadStart& c) {
+  f.field("x_m", c.x_m, "world x of the first point", required());
+  f.field("y_m", c.y_m, "world y of the first point", required());
+  f.field("heading_deg", c.heading_deg, "direction at the first point", between(-360, 360));
+}
+
+template <class Fields>
+void visit(Fields& f, LanesConfig& c) {
+  f.field("each_way", c.each_way, "lanes on each side of the centreline", required(between(1, 8)));
+  f.field("width_m", c.width_m, "width of a lane", between(2.5, 6));
+  f.field("median_m", c.median_m, "strip between the two directions", between(0, 50));
+  f.field("shoulder_m", c.shoulder_m, "strip outside the lanes", between(0, 20));
+  f.field("sidewalk_m", c.sidewalk_m, "footway outside the shoulder", between(0, 20));
+}
+
+template <class Fields>
+void visit(Fields& f, EmbankmentConfig& c) {
+  f.field("run_per_rise", c.run_per_rise, "horizontal length of the slope per metre of height",
+          between(0, 20));
+  f.field("foot_elevation_m", c.foot_elevation_m, "where the slope ends", required());
+}
+
+template <class Fields>
+void visit(Fields& f, RoadConfig& c) {
+  f.here(c.place);
+  f.field("name", c.name, "name of the road", required());
+  f.field("start", c.start, "first point of the centreline", required());
+  f.field("centreline", c.centreline, "lines and arcs, end to end", at_least_one());
+  f.field("elevation_m", c.elevation_m, "world z of the road", between(-1e3, 1e4));
+  f.field("lanes", c.lanes, "cross-section", required());
+  f.field("embankment", c.embankment, "slopes down from both edges");
+}
+
+template <class Fields>
+void visit(Fields& f, GroundConfig& c) {
+  f.here(c.place);
+  f.field("elevation_m", c.elevation_m, "world z of the terrain", required(between(-1e3, 1e4)));
+  f.field("outline_m", c.outline_m, "convex outline, counter-clockwise", required());
+  f.check(c.outline_m.size() >= 3, "outline_m", "found fewer than 3 corners");
+  for (std::size_t i = 0, n = c.outline_m.size(); i < n; ++i) {
+    const Vec2 a = c.outline_m[i], b = c.outline_m[(i + 1) % n], d = c.outline_m[(i + 2) % n];
+    f.check(cross(b - a, d - b) > 0, "outline_m",
+            "found a corner that does not turn left, allowed a convex outline, counter-clockwise");
+  }
+}
+
+template <class Fields>
+void visit(Fields& f, BuildingConfig& c) {
+  f.here(c.place);
+  f.field("x_m", c.x_m, "world x of the centre", required());
+  f.field("y_m", c.y_m, "world y of the centre", required());
+  f.field("length_m", c.length_m, "size along its heading", required(positive(2000)));
+  f.field("width_m", c.width_m, "size across its heading", required(positive(2000)));
+  f.field("height_m", c.height_m, "height above its base", required(positive(1000)));
+  f.field("heading_deg", c.heading_deg, "direction of its length", between(-360, 360));
+  f.field("base_m", c.base_m, "world z of its base", between(-1e3, 1e4));
+}
+
+template <class Fields>
+void visit(Fields& f, BarrierConfig& c) {
+  f.here(c.place);
+  f.field("road", c.road, "name of its road", required());
+  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+  f.field("height_m", c.height_m, "height above the road", positive(20));
+  f.field("width_m", c.width_m, "thickness", positive(10));
+  f.field("from_m", c.from_m, "first station of the centreline", between(0, 1e5));
+  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+}
+
+template <class Fields>
+void visit(Fields& f, GantryConfig& c) {
+  f.here(c.place);
+  f.field("road", c.road, "name of its road", required());
+  f.field("s_m", c.s_m, "station of the centreline", required(between(0, 1e5)));
+  f.field("clearance_m", c.clearance_m, "free height above the road", between(4.5, 30));
+}
+
+template <class Fields>
+void visit(Fields& f, SignalConfig& c) {
+  f.field("green_s", c.green_s, "green of each approach", between(5, 200));
+  f.field("all_red_s", c.all_red_s, "shortest pause between two greens", between(1, 30));
+}
+
+template <class Fields>
+void visit(Fields& f, JunctionConfig& c) {
+  f.here(c.place);
+  f.field("roads", c.roads, "names of the two roads that cross", required());
+  f.field("signal", c.signal, "signal timing");
+  f.field("left_share", c.left_share, "share that turns left", between(0, 0.5));
+  f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
+  f.check(c.roads.size() == 2, "roads",
+          "found " + std::to_string(c.roads.size()) + " names, allowed 2");
+}
+
+template <class Fields>
+void visit(Fields& f, SpeedConfig& c) {
+  f.field("mean_km_h", c.mean_km_h, "desired speed", required(positive(200)));
+  f.field("std_km_h", c.std_km_h, "its standard deviation", between(0, 50));
+}
+
+template <class Fields>
+void visit(Fields& f, TrafficConfig& c) {
+  f.here(c.place);
+  f.field("vehicles_per_km_lane", c.vehicles_per_km_lane, "density", required(between(0, 100)));
+  f.field("speed", c.speed, "desired speeds", required());
+  f.field("warm_up_s", c.warm_up_s, "driven before frame 0", between(0, 1e4));
+  f.field("class_shares", c.class_shares, "weight of each object class",
+          [] { auto rule = at_least_one(); rule.min = 0; rule.max = 1; return rule; }());
+  double sum = 0;
+  for (const auto& [name, share] : c.class_shares) {
+    f.check(find_class(name) != nullptr, "class_shares",
+            "found unknown class '" + name +
+                "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
+    sum += share;
+  }
+  f.check(sum > 0, "class_shares", "found a sum of 0, allowed above 0");
+}
+
+template <class Fields>
+void visit(Fields& f, MountConfig& c) {
+  f.field("x_m", c.x_m, "world x", required());
+  f.field("y_m", c.y_m, "world y", required());
+  f.field("z_m", c.z_m, "world z", required(between(-1e3, 1e4)));
+  f.field("yaw_deg", c.yaw_deg, "view direction, from +x towards +y", between(-360, 360));
+  f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
+  f.field("roll_deg", c.roll_deg, "positive leans right", between(-180, 180));
+}
+
+template <class Fields>
+void visit(Fields& f, WeatherConfig& c) {
+  f.field("rain_mm_per_h", c.rain_mm_per_h, "rain rate", between(0, 300));
+  f.field("visibility_m", c.visibility_m, "meteorological optical range; .inf is clear air",
+          positive(kInf));
+}
+
+template <class Fields>
+void visit(Fields& f, SceneConfig& c) {
+  f.field("name", c.name, "name of the scene", required());
+  f.field("seed", c.seed, "seed of traffic, phases and returns");
+  f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s", between(0.1, 36000));
+  f.field("aggregation", c.aggregation, "exact, instant or slices:N");
+  f.check(parse_aggregation(c.aggregation).has_value(), "aggregation",
+          "found '" + c.aggregation + "', allowed " + kAggregationWords);
+  f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
+  f.field("labels", c.labels, "which objects get a label: hit or all");
+  f.field("fields", c.fields, "write time, ring, class and object of every point");
+  f.field("region_half_length_m", c.region_half_length_m,
+          "half length of the evaluation region along each road", between(1, 1e4));
+  f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());
+  f.check(c.mounts.size() == 1, "mounts", "found more than one mount, allowed one");
+  f.field("weather", c.weather, "what attenuates the beams");
+  f.field("roads", c.roads, "roads", at_least_one());
+  f.field("ground", c.ground, "pieces of terrain");
+  f.field("buildings", c.buildings, "upright boxes");
+  f.field("barriers", c.barriers, "walls along roads");
+  f.field("gantries", c.gantries, "beams across roads");
+  f.field("junctions", c.junctions, "signals where roads cross");
+  f.field("traffic", c.traffic, "simulated vehicles");
+  f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
+  f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
+          "found both or neither, allowed either traffic or trajectories");
+}
+
+SceneConfig read_scene(const std::filesystem::path& file,
+                       std::span<const std::string> assignments) {
+  config::Tree tree = config::read_tree(file);
+  for (const std::string& assignment : assignments) config::override_value(tree, assignment);
+  auto scene = config::read_struct<SceneConfig>(tree);
+  // A file named in the scene is relative to the scene.
+  if (!scene.trajectories.empty())
+    scene.trajectories = (file.parent_path() / scene.trajectories).string();
+  return scene;
+}
+
+std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }
+
+}  // namespace infrasim

@@ -1,0 +1,170 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "infrasim/config/tree.h"
+#include "infrasim/core/geometry.h"
+
+// The scene file, key by key. Units are in the names; world frame, z up.
+
+namespace infrasim {
+
+enum class Detail { kBox, kLow, kMid, kFine };
+enum class LabelRule { kHit, kAll };
+
+std::span<const char* const> enum_names(Detail);
+std::span<const char* const> enum_names(LabelRule);
+
+/// A line, or an arc that turns left for a positive angle.
+struct CentrelinePiece {
+  double line_m = 0;
+  double radius_m = 0;
+  double turn_deg = 0;
+};
+
+struct RoadStart {
+  double x_m = 0;
+  double y_m = 0;
+  double heading_deg = 0;
+};
+
+/// Cross-section: the same number of lanes on both sides of the centreline, traffic on the right.
+struct LanesConfig {
+  int each_way = 1;
+  double width_m = 3.5;
+  double median_m = 0;
+  double shoulder_m = 0;
+  double sidewalk_m = 0;
+};
+
+struct EmbankmentConfig {
+  double run_per_rise = 1.5;
+  double foot_elevation_m = -8;
+};
+
+struct RoadConfig {
+  std::string name;
+  RoadStart start;
+  std::vector<CentrelinePiece> centreline;
+  double elevation_m = 0;
+  LanesConfig lanes;
+  std::optional<EmbankmentConfig> embankment;
+  config::Place place;
+};
+
+/// A level piece of terrain with a convex outline; where no ground is, rays pass.
+struct GroundConfig {
+  double elevation_m = 0;
+  std::vector<Vec2> outline_m;
+  config::Place place;
+};
+
+/// An upright box: building, pole, or anything that stands.
+struct BuildingConfig {
+  double x_m = 0;
+  double y_m = 0;
+  double length_m = 10;
+  double width_m = 10;
+  double height_m = 10;
+  double heading_deg = 0;
+  double base_m = 0;
+  config::Place place;
+};
+
+/// A wall along a road, from one station of its centreline to another.
+struct BarrierConfig {
+  std::string road;
+  double offset_m = 0;  ///< to the left of the centreline
+  double height_m = 0.8;
+  double width_m = 0.3;
+  double from_m = 0;
+  double to_m = 1e9;
+  config::Place place;
+};
+
+/// A beam across a road on two legs outside its lanes.
+struct GantryConfig {
+  std::string road;
+  double s_m = 0;
+  double clearance_m = 6;
+  config::Place place;
+};
+
+struct SignalConfig {
+  double green_s = 14;
+  double all_red_s = 2;
+};
+
+/// Signals where two roads cross; each approach has its own green.
+struct JunctionConfig {
+  std::vector<std::string> roads;
+  SignalConfig signal;
+  double left_share = 0.2;
+  double right_share = 0.2;
+  config::Place place;
+};
+
+struct SpeedConfig {
+  double mean_km_h = 50;
+  double std_km_h = 3;
+};
+
+struct TrafficConfig {
+  double vehicles_per_km_lane = 12;
+  SpeedConfig speed;
+  double warm_up_s = 100;
+  std::map<std::string, double> class_shares;
+  config::Place place;
+};
+
+/// A pose of the LiDARs of a run.
+struct MountConfig {
+  double x_m = 0;
+  double y_m = 0;
+  double z_m = 6;
+  double yaw_deg = 0;
+  double pitch_deg = 0;  ///< positive looks down
+  double roll_deg = 0;
+};
+
+struct WeatherConfig {
+  double rain_mm_per_h = 0;
+  double visibility_m = kInf;
+};
+
+struct SceneConfig {
+  std::string name;
+  std::uint64_t seed = 1;
+  double duration_s = 500;
+  std::string aggregation = "exact";
+  Detail detail = Detail::kLow;
+  LabelRule labels = LabelRule::kHit;
+  bool fields = false;
+  double region_half_length_m = 100;
+  std::map<std::string, MountConfig> mounts;
+  WeatherConfig weather;
+  std::vector<RoadConfig> roads;
+  std::vector<GroundConfig> ground;
+  std::vector<BuildingConfig> buildings;
+  std::vector<BarrierConfig> barriers;
+  std::vector<GantryConfig> gantries;
+  std::vector<JunctionConfig> junctions;
+  std::optional<TrafficConfig> traffic;
+  std::string trajectories;  ///< a file instead of traffic; relative to the scene file
+};
+
+/// Reads a scene file, with `--set KEY=VALUE` assignments on top.
+/// @throws ConfigError, IoError
+SceneConfig read_scene(const std::filesystem::path& file,
+                       std::span<const std::string> assignments = {});
+
+/// Every key with its value, as YAML that reads back to the same scene.
+std::string dump_scene(const SceneConfig& scene);
+
+}  // namespace infrasim

@@ -1,0 +1,146 @@
+#include "infrasim/config/tree.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <sstream>
+
+namespace infrasim::config {
+
+namespace {
+
+constexpr std::size_t kMaxNodes = 1'000'000;  // aliases can expand a small file without end
+
+Place place_of(const YAML::Mark& mark, const std::string& name) {
+  return {name, mark.line + 1, mark.column + 1};
+}
+
+struct Converter {
+  const std::string& name;
+  std::size_t nodes = 0;
+
+  Tree convert(const YAML::Node& node) {
+    Tree tree;
+    tree.place = place_of(node.Mark(), name);
+    if (++nodes > kMaxNodes) fail(tree.place, "(document)", "more than 1000000 values");
+    switch (node.Type()) {
+      case YAML::NodeType::Undefined:
+      case YAML::NodeType::Null: break;
+      case YAML::NodeType::Scalar:
+        tree.kind = Tree::Kind::kScalar;
+        tree.scalar = node.Scalar();
+        break;
+      case YAML::NodeType::Sequence:
+        tree.kind = Tree::Kind::kSequence;
+        for (const auto& item : node) tree.items.push_back(convert(item));
+        break;
+      case YAML::NodeType::Map: convert_map(node, tree); break;
+    }
+    return tree;
+  }
+
+  void convert_map(const YAML::Node& node, Tree& tree) {
+    tree.kind = Tree::Kind::kMap;
+    for (const auto& entry : node) {
+      const Place key_place = place_of(entry.first.Mark(), name);
+      if (!entry.first.IsScalar()) fail(key_place, "(key)", "found a key that is not a word");
+      const std::string& key = entry.first.Scalar();
+      if (tree.find(key) != nullptr) fail(key_place, key, "found twice, allowed once");
+      Tree value = convert(entry.second);
+      if (value.place.line == 0) value.place = key_place;
+      tree.keys.push_back(key);
+      tree.items.push_back(std::move(value));
+    }
+  }
+};
+
+Tree* find_mutable(Tree& tree, std::string_view key) {
+  const auto it = std::ranges::find(tree.keys, key);
+  return it == tree.keys.end() ? nullptr
+                               : &tree.items[static_cast<std::size_t>(it - tree.keys.begin())];
+}
+
+/// The child that one step of a dotted path names; created in a map where it is missing.
+Tree& child(Tree& tree, const std::string& step, const std::string& option) {
+  if (tree.kind == Tree::Kind::kSequence) {
+    std::size_t index = 0;
+    const auto [end, error] = std::from_chars(step.data(), step.data() + step.size(), index);
+    if (error != std::errc{} || end != step.data() + step.size() || index >= tree.items.size())
+      fail({option}, step,
+           "found no such list entry, allowed 0 to " + std::to_string(tree.items.size()) + " - 1");
+    return tree.items[index];
+  }
+  if (tree.kind == Tree::Kind::kScalar) fail({option}, step, "found a plain value on the way");
+  tree.kind = Tree::Kind::kMap;
+  if (Tree* found = find_mutable(tree, step)) return *found;
+  tree.keys.push_back(step);
+  tree.items.emplace_back();
+  return tree.items.back();
+}
+
+}  // namespace
+
+const Tree* Tree::find(std::string_view key) const {
+  const auto it = std::ranges::find(keys, key);
+  return it == keys.end() ? nullptr : &items[static_cast<std::size_t>(it - keys.begin())];
+}
+
+std::string message(const Place& place, std::string_view key, std::string_view what) {
+  std::string text = place.file;
+  if (place.line > 0)
+    text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
+  text += ": " + std::string(key) + ": " + std::string(what);
+  std::ranges::replace(text, '\n', ' ');
+  return text;
+}
+
+void fail(const Place& place, std::string_view key, std::string_view what) {
+  throw ConfigError(message(place, key, what));
+}
+
+Tree parse_tree(const std::string& text, const std::string& name) {
+  try {
+    return Converter{name}.convert(YAML::Load(text));
+  } catch (const YAML::Exception& e) {
+    fail(place_of(e.mark, name), "(document)", "found malformed YAML (" + e.msg + ")");
+  }
+}
+
+Tree read_tree(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  if (in && in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
+  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
+    throw IoError(file.string() + ": can't be read");
+  return parse_tree(text.str(), file.string());
+}
+
+Tree merged(const Tree& base, const Tree& over) {
+  if (base.kind != Tree::Kind::kMap || over.kind != Tree::Kind::kMap) return over;
+  Tree out = base;
+  for (std::size_t i = 0; i < over.keys.size(); ++i) {
+    if (Tree* found = find_mutable(out, over.keys[i])) {
+      *found = merged(*found, over.items[i]);
+    } else {
+      out.keys.push_back(over.keys[i]);
+      out.items.push_back(over.items[i]);
+    }
+  }
+  return out;
+}
+
+void override_value(Tree& root, const std::string& assignment) {
+  const std::string option = "--set " + assignment;
+  const auto equals = assignment.find('=');
+  if (equals == std::string::npos || equals == 0)
+    fail({option}, "(option)", "found no '=', allowed KEY=VALUE");
+  Tree* at = &root;
+  std::istringstream path(assignment.substr(0, equals));
+  for (std::string step; std::getline(path, step, '.');) at = &child(*at, step, option);
+  *at = parse_tree(assignment.substr(equals + 1), option);
+  at->place = {option};
+}
+
+}  // namespace infrasim::config

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "infrasim/core/classes.h"
+#include "infrasim/core/geometry.h"
+#include "infrasim/core/point_cloud.h"
+
+namespace infrasim {
+
+/// One vehicle as one LiDAR sees it, at the middle of the frame; levelled frame.
+struct ObjectRecord {
+  int id = 0;
+  Class object_class = Class::kCar;
+  Box3d box;
+  double speed_m_s = 0;
+  int points = 0;         ///< points that lie on it
+  int points_in_box = 0;  ///< those of them inside its box, which shows it at mid-frame
+  double distance = 0;    ///< horizontal, sensor to box centre, metres
+  double visibility = -1; ///< share that nothing hides, [0, 1]; -1 outside the evaluation region
+};
+
+/// What one LiDAR gives for one frame.
+struct Frame {
+  PointCloud cloud;
+  std::vector<ObjectRecord> objects;  ///< every vehicle in reach, hit or not, by id
+  std::size_t rays = 0;
+  double seconds = 0;  ///< from rays to columns; 0 if the frame was not asked for
+};
+
+}  // namespace infrasim

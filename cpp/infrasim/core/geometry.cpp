@@ -1,0 +1,33 @@
+#include "infrasim/core/geometry.h"
+
+#include <algorithm>
+
+namespace infrasim {
+
+std::array<Vec2, 4> footprint(const Box3d& box) {
+  const Vec2 centre{box.x, box.y};
+  const Vec2 along = box.dx / 2 * unit(box.heading);
+  const Vec2 left = box.dy / 2 * unit(box.heading + kPi / 2);
+  return {centre + along - left, centre + along + left, centre - along + left,
+          centre - along - left};
+}
+
+namespace {
+
+/// True if a line along an edge of `a` has all of `b` on its outer side.
+bool separated_by_edge(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vec2 from = a[i];
+    const Vec2 edge = a[(i + 1) % 4] - from;
+    if (std::ranges::all_of(b, [&](Vec2 p) { return cross(edge, p - from) <= 0; })) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool footprints_overlap(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b) {
+  return !separated_by_edge(a, b) && !separated_by_edge(b, a);
+}
+
+}  // namespace infrasim

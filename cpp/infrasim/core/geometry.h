@@ -1,0 +1,88 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace infrasim {
+
+inline constexpr double kPi = std::numbers::pi;
+inline constexpr double kInf = std::numeric_limits<double>::infinity();
+
+inline double rad(double degrees) { return degrees * (kPi / 180.0); }
+inline double deg(double radians) { return radians * (180.0 / kPi); }
+
+/// Angle folded into [-pi, pi).
+inline double wrap_angle(double angle) {
+  return angle - 2.0 * kPi * std::floor((angle + kPi) / (2.0 * kPi));
+}
+
+struct Vec2 {
+  double x = 0;
+  double y = 0;
+};
+inline Vec2 operator+(Vec2 a, Vec2 b) { return {a.x + b.x, a.y + b.y}; }
+inline Vec2 operator-(Vec2 a, Vec2 b) { return {a.x - b.x, a.y - b.y}; }
+inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
+inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
+inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
+inline double norm(Vec2 a) { return std::hypot(a.x, a.y); }
+inline Vec2 unit(double heading) { return {std::cos(heading), std::sin(heading)}; }
+
+struct Vec3 {
+  double x = 0;
+  double y = 0;
+  double z = 0;
+};
+inline Vec3 operator+(Vec3 a, Vec3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec3 operator-(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec3 operator*(double s, Vec3 a) { return {s * a.x, s * a.y, s * a.z}; }
+inline double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline double norm(Vec3 a) { return std::sqrt(dot(a, a)); }
+
+/// Rotation matrix, row-major.
+using Mat3 = std::array<double, 9>;
+
+inline Vec3 operator*(const Mat3& r, Vec3 v) {
+  return {r[0] * v.x + r[1] * v.y + r[2] * v.z, r[3] * v.x + r[4] * v.y + r[5] * v.z,
+          r[6] * v.x + r[7] * v.y + r[8] * v.z};
+}
+inline Mat3 operator*(const Mat3& a, const Mat3& b) {
+  Mat3 c{};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k < 3; ++k) c[3 * i + j] += a[3 * i + k] * b[3 * k + j];
+  return c;
+}
+
+/// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians).
+/// A positive pitch looks down, as the right-hand rule about y (to the left) has it.
+inline Mat3 rotation(double yaw, double pitch, double roll) {
+  const double cy = std::cos(yaw), sy = std::sin(yaw);
+  const double cp = std::cos(pitch), sp = std::sin(pitch);
+  const double cr = std::cos(roll), sr = std::sin(roll);
+  return Mat3{cy, -sy, 0, sy, cy, 0, 0, 0, 1} * Mat3{cp, 0, sp, 0, 1, 0, -sp, 0, cp} *
+         Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
+}
+
+/// A level pose: position and yaw. T_a_b takes points in frame b to frame a.
+struct Pose2p5 {
+  Vec3 position;
+  double yaw = 0;
+};
+
+/// Box of a vehicle: geometric centre, length width height, yaw about +z.
+struct Box3d {
+  double x = 0, y = 0, z = 0;
+  double dx = 0, dy = 0, dz = 0;
+  double heading = 0;
+};
+
+/// Corners of the footprint, counter-clockwise from front right.
+std::array<Vec2, 4> footprint(const Box3d& box);
+
+/// True if the footprints share an area (touching does not count).
+bool footprints_overlap(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b);
+
+}  // namespace infrasim

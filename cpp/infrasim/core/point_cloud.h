@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace infrasim {
+
+/// Points of one LiDAR and frame, one column per attribute; all columns have length size().
+struct PointCloud {
+  std::vector<float> xyz;                ///< 3 * size(), row-major, metres, levelled LiDAR frame
+  std::vector<float> intensity;          ///< [0, 1]
+  std::vector<float> time;               ///< seconds since the start of the frame
+  std::vector<std::uint16_t> ring;       ///< index of the laser, 0 at the lowest elevation
+  std::vector<std::uint16_t> class_id;   ///< ObjectClass, or Material of the background
+  std::vector<std::int32_t> object_id;   ///< -1 for background
+
+  std::size_t size() const { return intensity.size(); }
+
+  void resize(std::size_t n);
+
+  /// Points at the given indices, in that order.
+  PointCloud select(std::span<const int> keep) const;
+};
+
+}  // namespace infrasim

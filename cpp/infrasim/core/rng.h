@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <string_view>
+
+namespace infrasim {
+
+/// Finaliser of SplitMix64 (Steele, Lea, Flood 2014): a bijection whose output bits all depend on
+/// all input bits.
+constexpr std::uint64_t mix64(std::uint64_t x) {
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+  return x ^ (x >> 31);
+}
+
+/// FNV-1a hash of a name.
+constexpr std::uint64_t hash_name(std::string_view name) {
+  std::uint64_t h = 0xcbf29ce484222325ULL;
+  for (const char c : name) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return h;
+}
+
+/// Counter-based random numbers: draw j of a key is a pure function of both, so that results never
+/// depend on the order in which rays or frames are computed.
+class Rng {
+ public:
+  constexpr explicit Rng(std::uint64_t key) : key_(key) {}
+
+  /// Key of one frame of one named stream (a LiDAR, the traffic).
+  static constexpr Rng of(std::uint64_t seed, std::string_view name, std::int64_t frame) {
+    return Rng(mix64(mix64(seed + kStep) ^ hash_name(name)) +
+               kStep * static_cast<std::uint64_t>(frame + 1));
+  }
+
+  /// Key of one ray (or vehicle) of this stream.
+  constexpr Rng at(std::uint64_t index) const { return Rng(mix64(key_ + kStep * (index + 1))); }
+
+  /// Draw j, uniform in [0, 1).
+  constexpr double uniform(unsigned j) const {
+    return static_cast<double>(bits(j) >> 11) * 0x1p-53;
+  }
+
+  /// Draw j of a standard normal (Box-Muller); uses the uniform draws j and j + 1.
+  double normal(unsigned j) const {
+    const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform(j)));
+    return radius * std::cos(2.0 * std::numbers::pi * uniform(j + 1));
+  }
+
+  constexpr std::uint64_t bits(unsigned j) const { return mix64(key_ + kStep * (j + 1ULL)); }
+
+ private:
+  static constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15ULL;
+  std::uint64_t key_;
+};
+
+}  // namespace infrasim

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace infrasim {
+
+/// Triangles with a class each.
+struct TriangleMesh {
+  std::vector<std::array<float, 3>> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<std::uint16_t> class_id;  ///< per triangle; empty: the object's own class
+};
+
+}  // namespace infrasim

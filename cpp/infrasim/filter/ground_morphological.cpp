@@ -1,0 +1,172 @@
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+
+#include "infrasim/filter/ground.h"
+#include "infrasim/filter/points.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr float kNone = std::numeric_limits<float>::infinity();
+
+/// Heights over rows and columns; kNone where nothing is known.
+struct HeightGrid {
+  int rows = 0;
+  int columns = 0;
+  std::vector<float> z;  ///< row-major
+
+  HeightGrid(int row_count, int column_count)
+      : rows(row_count),
+        columns(column_count),
+        z(static_cast<std::size_t>(row_count) * column_count, kNone) {}
+  float& at(int row, int column) { return z[static_cast<std::size_t>(row) * columns + column]; }
+  std::span<float> line(int row) {
+    return std::span(z).subspan(static_cast<std::size_t>(row) * columns, columns);
+  }
+};
+
+/// The points' lowest heights, once in square cells around the LiDAR and once along its rays.
+struct GroundGrids {
+  double cell_m;
+  HeightGrid map;   ///< row: x, column: y
+  HeightGrid rays;  ///< row: azimuth, column: horizontal range
+
+  GroundGrids(int cells_out, const GroundMorphological& ground)
+      : cell_m(ground.cell_m),
+        map(2 * cells_out, 2 * cells_out),
+        rays(static_cast<int>(std::ceil(360 / ground.azimuth_cell_deg)), cells_out) {}
+
+  double centre(int cell) const { return (cell + 0.5 - map.rows / 2) * cell_m; }
+  float& on_map(Vec3 p) {
+    return map.at(static_cast<int>(std::floor(p.x / cell_m)) + map.rows / 2,
+                  static_cast<int>(std::floor(p.y / cell_m)) + map.rows / 2);
+  }
+  /// Null beyond the farthest point.
+  float* on_ray(double x, double y) {
+    const int column = static_cast<int>(std::hypot(x, y) / cell_m);
+    const double turn = std::atan2(y, x) / (2 * kPi) + 0.5;
+    const int row = std::min(static_cast<int>(turn * rays.rows), rays.rows - 1);
+    return column < rays.columns ? &rays.at(row, column) : nullptr;
+  }
+};
+
+/// Fills the gaps of a ray: straight from return to return, except behind something that may hide
+/// lower ground. There, the gap falls nearly as steeply as the line of sight; it goes on level for
+/// as long as the gap before it and is then as low as its far end. After the last return it is as
+/// low as a road through the returns before could be.
+void fill_ray(std::span<float> ray, double cell_m) {
+  constexpr double kShortGap_m = 2, kShadowShare = 0.8, kRoadSlope = 0.06;
+  const int n = static_cast<int>(ray.size());
+  int before = -1, last = -1;
+  float road = kNone, road_at_last = kNone;
+  for (int i = 0; i < n; ++i) {
+    road = std::min(road + static_cast<float>(kRoadSlope * cell_m), ray[i]);
+    if (ray[i] == kNone) continue;
+    const float from = last < 0 ? ray[i] : ray[last];
+    const int gap = i - last;
+    const double sight_fall = gap / (i + 0.5) * -ray[i];  // of the ray to i, over the gap
+    const bool shadow = gap * cell_m > kShortGap_m && from - ray[i] > kShadowShare * sight_fall;
+    const int level_until = shadow ? last + (last - before) : last;
+    for (int k = last + 1; k < i; ++k) {
+      const auto share = static_cast<float>(k - last) / static_cast<float>(gap);
+      ray[k] = k <= level_until ? from : shadow ? ray[i] : from + (ray[i] - from) * share;
+    }
+    before = last;
+    last = i;
+    road_at_last = road;
+  }
+  std::fill(ray.begin() + last + 1, ray.end(), road_at_last);
+}
+
+/// Gives the empty cells of the map the height of the filled rays.
+void fill_map(GroundGrids& grids) {
+  for (int r = 0; r < grids.rays.rows; ++r) fill_ray(grids.rays.line(r), grids.cell_m);
+  for (int r = 0; r < grids.map.rows; ++r)
+    for (int c = 0; c < grids.map.columns; ++c) {
+      if (grids.map.at(r, c) != kNone) continue;
+      const float* z = grids.on_ray(grids.centre(r), grids.centre(c));
+      if (z) grids.map.at(r, c) = *z;
+    }
+}
+
+/// out[i] = best of in[i - half .. i + half], by `better`; what is outside does not count.
+template <class Better>
+void slide(const std::vector<float>& in, int half, Better better, std::vector<int>& queue,
+           std::vector<float>& out) {
+  const int n = static_cast<int>(in.size());
+  int head = 0, tail = 0;  // of a queue of indices whose values get worse from head to tail
+  for (int next = 0, i = 0; i < n; ++i) {
+    for (; next < n && next <= i + half; ++next) {
+      while (tail > head && !better(in[queue[tail - 1]], in[next])) --tail;
+      queue[tail++] = next;
+    }
+    while (queue[head] < i - half) ++head;
+    out[i] = in[queue[head]];
+  }
+}
+
+/// Best height of each cell's window of 2 half + 1 cells squared.
+template <class Better>
+void slide_windows(HeightGrid& grid, int half, Better better) {
+  std::vector<float> in, out;
+  std::vector<int> queue;
+  const auto along = [&](int lines, int cells, auto&& cell) {
+    in.resize(cells), out.resize(cells), queue.resize(cells);
+    for (int line = 0; line < lines; ++line) {
+      for (int i = 0; i < cells; ++i) in[i] = cell(line, i);
+      slide(in, half, better, queue, out);
+      for (int i = 0; i < cells; ++i) cell(line, i) = out[i];
+    }
+  };
+  along(grid.rows, grid.columns, [&](int r, int c) -> float& { return grid.at(r, c); });
+  along(grid.columns, grid.rows, [&](int c, int r) -> float& { return grid.at(r, c); });
+}
+
+/// Grey opening: the highest of the windows' lowest heights, over the windows that hold the cell.
+void open_windows(HeightGrid& grid, int half) {
+  slide_windows(grid, half, std::less<>());
+  for (float& z : grid.z)
+    if (z == kNone) z = -kNone;  // a window without any return must not win
+  slide_windows(grid, half, std::greater<>());
+}
+
+void check(const GroundMorphological& ground) {
+  if (!(ground.window_m >= ground.cell_m && ground.height_m > 0 && ground.cell_m > 0 &&
+        ground.azimuth_cell_deg >= 0.01 && ground.azimuth_cell_deg <= 180 &&
+        ground.max_range_m > 0 && ground.max_range_m / ground.cell_m <= 2000))
+    throw std::invalid_argument(
+        "ground_morphological: sizes must be positive, the window at least a cell, the azimuth "
+        "cell in [0.01, 180] degrees, and the range at most 2000 cells");
+}
+
+}  // namespace
+
+std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& ground) {
+  check(ground);
+  const auto judged = [&](Vec3 p) {
+    return is_finite(p) && std::hypot(p.x, p.y) <= ground.max_range_m;
+  };
+  double farthest_m = 0;
+  for (std::size_t i = 0; i < point_count(xyz); ++i)
+    if (const Vec3 p = point_at(xyz, i); judged(p))
+      farthest_m = std::max(farthest_m, std::hypot(p.x, p.y));
+
+  GroundGrids grids(static_cast<int>(farthest_m / ground.cell_m) + 1, ground);
+  for (std::size_t i = 0; i < point_count(xyz); ++i) {
+    const Vec3 p = point_at(xyz, i);
+    if (!judged(p)) continue;
+    for (float* z : {&grids.on_map(p), grids.on_ray(p.x, p.y)})
+      *z = std::min(*z, static_cast<float>(p.z));
+  }
+  fill_map(grids);
+  open_windows(grids.map, static_cast<int>(std::lround(ground.window_m / 2 / ground.cell_m)));
+  return keep_if(xyz, [&](Vec3 p) {
+    return !judged(p) || p.z - grids.on_map(p) > ground.height_m;
+  });
+}
+
+}  // namespace infrasim

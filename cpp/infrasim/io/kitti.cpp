@@ -1,0 +1,151 @@
+#include "infrasim/io/kitti.h"
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <span>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/io/data_set.h"
+
+namespace infrasim {
+
+static_assert(std::endian::native == std::endian::little, "the files are little-endian");
+
+namespace {
+
+template <class... Args>
+void append(std::string& text, const char* format, Args... args) {
+  std::array<char, 320> line{};
+  text.append(line.data(), static_cast<std::size_t>(
+                               std::snprintf(line.data(), line.size(), format, args...)));
+}
+
+int occluded(double visibility) {
+  if (visibility < 0) return 3;
+  return visibility >= 0.8 ? 0 : visibility >= 0.4 ? 1 : 2;
+}
+
+}  // namespace
+
+std::string label_text(const std::vector<ObjectRecord>& objects, bool all) {
+  std::string text;
+  for (const ObjectRecord& o : objects) {
+    if (!all && o.points == 0) continue;
+    const Box3d& b = o.box;
+    const double x = -b.y, y = -(b.z - b.dz / 2), z = b.x;  // camera frame
+    const double rotation_y = wrap_angle(-b.heading - kPi / 2);
+    append(text, "%s 0.00 %d %.6f 0.00 0.00 50.00 50.00 %.4f %.4f %.4f %.4f %.4f %.4f %.6f\n",
+           std::string(class_of(o.object_class).name).c_str(), occluded(o.visibility),
+           wrap_angle(rotation_y - std::atan2(x, z)), b.dz, b.dy, b.dx, x, y, z, rotation_y);
+  }
+  return text;
+}
+
+std::string calib_text() {
+  std::string text;
+  for (int camera = 0; camera < 4; ++camera)
+    append(text, "P%d: 700 0 600 0 0 700 180 0 0 0 1 0\n", camera);
+  text += "R0_rect: 1 0 0 0 1 0 0 0 1\n";
+  text += "Tr_velo_to_cam: 0 -1 0 0 0 0 -1 0 1 0 0 0\n";
+  text += "Tr_imu_to_velo: 1 0 0 0 0 1 0 0 0 0 1 0\n";
+  return text;
+}
+
+std::string objects_csv(const std::vector<ObjectRecord>& objects) {
+  std::string text =
+      "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility\n";
+  for (const ObjectRecord& o : objects)
+    append(text, "%d,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.6f,%.4f,%d,%d,%.4f,%.4f\n", o.id,
+           std::string(class_of(o.object_class).name).c_str(), o.box.x, o.box.y, o.box.z, o.box.dx,
+           o.box.dy, o.box.dz, o.box.heading, o.speed_m_s, o.points, o.points_in_box, o.distance,
+           o.visibility);
+  return text;
+}
+
+std::vector<std::byte> velodyne_bytes(const PointCloud& cloud) {
+  std::vector<float> rows(4 * cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    std::memcpy(&rows[4 * i], &cloud.xyz[3 * i], 3 * sizeof(float));
+    rows[4 * i + 3] = cloud.intensity[i];
+  }
+  const auto bytes = std::as_bytes(std::span(rows));
+  return {bytes.begin(), bytes.end()};
+}
+
+std::vector<std::byte> fields_bytes(const PointCloud& cloud) {
+  constexpr std::size_t kRecord = 12;
+  std::vector<std::byte> bytes(kRecord * cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    std::byte* at = &bytes[kRecord * i];
+    std::memcpy(at, &cloud.time[i], 4);
+    std::memcpy(at + 4, &cloud.ring[i], 2);
+    std::memcpy(at + 6, &cloud.class_id[i], 2);
+    std::memcpy(at + 8, &cloud.object_id[i], 4);
+  }
+  return bytes;
+}
+
+std::string frame_name(int frame) {
+  std::string name;
+  append(name, "%06d", frame);
+  return name;
+}
+
+std::filesystem::path velodyne_file(const std::filesystem::path& lidar_folder, int frame) {
+  return lidar_folder / "training" / "velodyne" / (frame_name(frame) + ".bin");
+}
+
+FrameCounts count(const Frame& frame) {
+  FrameCounts counts{frame.cloud.size(), frame.objects.size(), 0};
+  for (const ObjectRecord& o : frame.objects)
+    counts.vehicle_points += static_cast<std::size_t>(o.points);
+  return counts;
+}
+
+FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
+  FrameCounts counts;
+  std::error_code error;
+  counts.hits = std::filesystem::file_size(velodyne_file(lidar_folder, frame), error) / 16;
+  const auto file = lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv");
+  std::ifstream in(file);
+  std::string line;
+  if (error || !std::getline(in, line)) throw IoError(file.string() + ": can't be read");
+  for (; std::getline(in, line); ++counts.vehicles) {
+    std::size_t at = 0;
+    for (int column = 0; column < 10 && at != std::string::npos; ++column)
+      at = line.find(',', at == 0 && column == 0 ? 0 : at + 1);
+    if (at == std::string::npos) throw IoError(file.string() + ": has too few columns");
+    counts.vehicle_points += std::strtoul(line.c_str() + at + 1, nullptr, 10);
+  }
+  return counts;
+}
+
+void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
+                 bool all_labels, bool fields) {
+  const auto training = lidar_folder / "training";
+  const std::string name = frame_name(frame);
+  write_file_atomically(training / "objects" / (name + ".csv"),
+                        objects_csv(data.objects));
+  write_file_atomically(training / "label_2" / (name + ".txt"),
+                        label_text(data.objects, all_labels));
+  static const std::string kCalib = calib_text();
+  write_file_atomically(training / "calib" / (name + ".txt"), kCalib);
+  if (fields)
+    write_file_atomically(training / "fields" / (name + ".bin"), fields_bytes(data.cloud));
+  write_file_atomically(velodyne_file(lidar_folder, frame), velodyne_bytes(data.cloud));
+}
+
+void create_frame_folders(const std::filesystem::path& lidar_folder, bool fields) {
+  for (const char* name : {"objects", "label_2", "calib", "velodyne", "fields"}) {
+    if (std::string(name) == "fields" && !fields) continue;
+    create_folder(lidar_folder / "training" / name);
+  }
+}
+
+}  // namespace infrasim

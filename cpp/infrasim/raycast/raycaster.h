@@ -1,0 +1,62 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "infrasim/core/geometry.h"
+#include "infrasim/core/rays.h"
+#include "infrasim/core/triangle_mesh.h"
+
+namespace infrasim {
+
+/// A body of the library, scaled to its box and moving over one frame; levelled frame.
+struct PlacedBody {
+  int body = 0;
+  Box3d from;
+  Box3d to;
+};
+
+/// Meshes that do not change during a run; shared by the raycasters of all threads.
+class MeshLibrary {
+ public:
+  /// @param background triangles with a class each
+  /// @param bodies     meshes in the unit box
+  /// @throws std::runtime_error if Embree rejects a mesh
+  MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies);
+  ~MeshLibrary();
+  MeshLibrary(const MeshLibrary&) = delete;
+  MeshLibrary& operator=(const MeshLibrary&) = delete;
+
+ private:
+  friend class Raycaster;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Nearest hits of rays from the origin of the levelled frame. For one thread at a time.
+class Raycaster {
+ public:
+  explicit Raycaster(const MeshLibrary& library);
+  ~Raycaster();
+  Raycaster(const Raycaster&) = delete;
+  Raycaster& operator=(const Raycaster&) = delete;
+
+  /// Sets the moving bodies: position linear in time, heading the short way, over `period_s`.
+  /// @throws std::runtime_error if Embree fails to build the scene
+  void place(std::span<const PlacedBody> bodies, double period_s);
+
+  /// Nearest hit of each ray, every ray at its own time; packets of 16 in the given order. The
+  /// result does not depend on the order.
+  /// @param order a permutation of 0 .. rays.size() - 1
+  void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits);
+
+  /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the
+  /// share that reach it first; 0 if none hits it alone.
+  double visibility(std::size_t placed);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace infrasim

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <vector>
+
+#include "infrasim/config/scene_config.h"
+#include "infrasim/core/geometry.h"
+
+namespace infrasim {
+
+/// A point of a curve: position and direction of travel.
+struct CurvePoint {
+  Vec2 position;
+  double heading = 0;
+};
+
+/// A plane curve by samples; s is the length from its first sample. Between samples position and
+/// heading are linear.
+class Curve {
+ public:
+  Curve() = default;
+  explicit Curve(std::vector<CurvePoint> samples);
+
+  double length() const { return s_.back(); }
+  const std::vector<CurvePoint>& samples() const { return samples_; }
+  /// Point at s, clamped to the curve's ends.
+  CurvePoint at(double s) const;
+  /// Station of the nearest point of the curve.
+  double project(Vec2 point) const;
+  /// The part from s0 to s1.
+  Curve part(double s0, double s1) const;
+  /// Every sample moved to the left.
+  Curve offset(double left_m) const;
+  Curve reversed() const;
+
+ private:
+  std::size_t segment_at(double s) const;
+
+  std::vector<CurvePoint> samples_;
+  std::vector<double> s_;
+};
+
+/// Centreline of a road; arcs are sampled every 0.5 m.
+Curve centreline(const RoadConfig& road);
+
+/// Smooth turn from one directed point to another (cubic Bezier, near a circle for a right angle).
+Curve turn(const CurvePoint& from, const CurvePoint& to);
+
+}  // namespace infrasim

@@ -1,0 +1,166 @@
+#include "infrasim/scene/lane_network.h"
+
+#include <algorithm>
+#include <optional>
+
+namespace infrasim {
+
+double lanes_half_width(const LanesConfig& lanes) {
+  return lanes.median_m / 2 + lanes.each_way * lanes.width_m;
+}
+
+double carriageway_half_width(const LanesConfig& lanes) {
+  return lanes_half_width(lanes) + lanes.shoulder_m;
+}
+
+namespace {
+
+constexpr double kStopLineGap = 3;        // between the crossing road's edge and the stop line
+constexpr double kLateralAcceleration = 2;  // m/s2 that drivers accept in a turn
+
+/// The part of a road that a junction takes.
+struct Cut {
+  int junction = 0;
+  double from = 0;
+  double to = 0;
+};
+
+/// One direction of a road at a junction: lane indices, inner lane first.
+struct Arm {
+  double heading = 0;
+  std::vector<int> in;
+  std::vector<int> out;
+};
+
+struct RoadLine {
+  const RoadConfig* config = nullptr;
+  Curve curve;
+  std::optional<Cut> cut;
+};
+
+std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
+  for (std::size_t i = 0; i + 1 < a.samples().size(); ++i)
+    for (std::size_t j = 0; j + 1 < b.samples().size(); ++j) {
+      const Vec2 p = a.samples()[i].position, r = a.samples()[i + 1].position - p;
+      const Vec2 q = b.samples()[j].position, s = b.samples()[j + 1].position - q;
+      const double det = cross(r, s);
+      if (std::abs(det) < 1e-9) continue;
+      const double t = cross(q - p, s) / det, u = cross(q - p, r) / det;
+      if (t >= 0 && t <= 1 && u >= 0 && u <= 1) return p + t * r;
+    }
+  return std::nullopt;
+}
+
+RoadLine& road_named(std::vector<RoadLine>& roads, const std::string& name,
+                     const config::Place& place) {
+  for (RoadLine& road : roads)
+    if (road.config->name == name) return road;
+  config::fail(place, "roads", "found unknown road '" + name + "'");
+}
+
+void cut_roads(const JunctionConfig& junction, int index, std::vector<RoadLine>& roads) {
+  RoadLine& a = road_named(roads, junction.roads[0], junction.place);
+  RoadLine& b = road_named(roads, junction.roads[1], junction.place);
+  const auto point = crossing(a.curve, b.curve);
+  if (&a == &b || !point) config::fail(junction.place, "roads", "found roads that do not cross");
+  for (auto* road : {&a, &b}) {
+    const LanesConfig& other = (road == &a ? b : a).config->lanes;
+    const double half = carriageway_half_width(other) + other.sidewalk_m + kStopLineGap;
+    const double s = road->curve.project(*point);
+    if (road->cut) config::fail(junction.place, "roads", "found a second junction on a road");
+    if (s < half + 10 || s > road->curve.length() - half - 10)
+      config::fail(junction.place, "roads", "found a junction within 10 m of a road's end");
+    road->cut = Cut{index, s - half, s + half};
+  }
+}
+
+int add_lane(LaneNetwork& network, const RoadConfig& road, Curve curve) {
+  Lane lane;
+  lane.curve = std::move(curve);
+  lane.elevation_m = road.elevation_m;
+  lane.width_m = road.lanes.width_m;
+  network.lanes.push_back(std::move(lane));
+  return static_cast<int>(network.lanes.size()) - 1;
+}
+
+/// Lanes of one direction of a road; `along` runs with the traffic.
+void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& along, bool reversed,
+                   std::vector<std::vector<Arm>>& arms) {
+  const LanesConfig& cross_section = road.config->lanes;
+  Arm arm;
+  double stop = 0, resume = 0;
+  if (road.cut) {
+    stop = reversed ? along.length() - road.cut->to : road.cut->from;
+    resume = reversed ? along.length() - road.cut->from : road.cut->to;
+    arm.heading = along.at(stop).heading;
+  }
+  for (int i = 0; i < cross_section.each_way; ++i) {
+    const double right = cross_section.median_m / 2 + (i + 0.5) * cross_section.width_m;
+    const auto lane_curve = [&](double s0, double s1) { return along.part(s0, s1).offset(-right); };
+    if (!road.cut) {
+      network.lanes[add_lane(network, *road.config, lane_curve(0, along.length()))].entry = true;
+      continue;
+    }
+    arm.in.push_back(add_lane(network, *road.config, lane_curve(0, stop)));
+    network.lanes[arm.in.back()].entry = true;
+    network.lanes[arm.in.back()].approach = static_cast<int>(network.approaches.size());
+    arm.out.push_back(add_lane(network, *road.config, lane_curve(resume, along.length())));
+  }
+  if (!road.cut) return;
+  network.approaches.push_back({road.cut->junction});
+  arms[road.cut->junction].push_back(arm);
+}
+
+void connect(LaneNetwork& network, int junction, int from, int to, Turn kind) {
+  Lane lane;
+  const Curve& in = network.lanes[from].curve;
+  const Curve& out = network.lanes[to].curve;
+  lane.curve = turn(in.at(in.length()), out.at(0));
+  lane.elevation_m = network.lanes[from].elevation_m;
+  lane.width_m = network.lanes[from].width_m;
+  lane.junction = junction;
+  lane.turn = kind;
+  lane.next = {to};
+  // A quarter turn over a chord c has radius c / sqrt(2).
+  if (kind != Turn::kStraight)
+    lane.speed_limit_m_s = std::sqrt(kLateralAcceleration * lane.curve.length() / (kPi / 2));
+  network.lanes[from].next.push_back(static_cast<int>(network.lanes.size()));
+  network.lanes.push_back(std::move(lane));
+}
+
+void connect_arms(LaneNetwork& network, int junction, const std::vector<Arm>& arms) {
+  for (const Arm& from : arms)
+    for (const Arm& to : arms) {
+      const double angle = wrap_angle(to.heading - from.heading);
+      if (&from == &to) {
+        for (std::size_t i = 0; i < from.in.size(); ++i)
+          connect(network, junction, from.in[i], to.out[i], Turn::kStraight);
+      } else if (angle > kPi / 4 && angle < 3 * kPi / 4) {
+        connect(network, junction, from.in.front(), to.out.front(), Turn::kLeft);
+      } else if (angle < -kPi / 4 && angle > -3 * kPi / 4) {
+        connect(network, junction, from.in.back(), to.out.back(), Turn::kRight);
+      }
+    }
+}
+
+}  // namespace
+
+LaneNetwork build_lane_network(const SceneConfig& scene) {
+  std::vector<RoadLine> roads;
+  for (const RoadConfig& road : scene.roads) roads.push_back({&road, centreline(road), {}});
+  for (std::size_t i = 0; i < scene.junctions.size(); ++i)
+    cut_roads(scene.junctions[i], static_cast<int>(i), roads);
+
+  LaneNetwork network;
+  network.junctions = scene.junctions;
+  std::vector<std::vector<Arm>> arms(scene.junctions.size());
+  for (const RoadLine& road : roads) {
+    add_direction(network, road, road.curve, false, arms);
+    add_direction(network, road, road.curve.reversed(), true, arms);
+  }
+  for (std::size_t i = 0; i < arms.size(); ++i)
+    connect_arms(network, static_cast<int>(i), arms[i]);
+  return network;
+}
+
+}  // namespace infrasim

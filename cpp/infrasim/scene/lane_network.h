@@ -1,0 +1,43 @@
+#pragma once
+
+#include <vector>
+
+#include "infrasim/scene/curve.h"
+
+namespace infrasim {
+
+enum class Turn { kStraight, kLeft, kRight };
+
+/// A directed strip that vehicles follow. Lanes of a road run from its ends (or its junction) to
+/// its ends; inside a junction a lane connects an approach to an exit.
+struct Lane {
+  Curve curve;
+  double elevation_m = 0;
+  double width_m = 3.5;
+  double speed_limit_m_s = kInf;
+  bool entry = false;      ///< vehicles appear at its start
+  int approach = -1;       ///< signal that stands at its end; -1: none
+  int junction = -1;       ///< of a connecting lane
+  Turn turn = Turn::kStraight;
+  std::vector<int> next;   ///< lanes that follow
+};
+
+/// One signal: an arm of a junction.
+struct Approach {
+  int junction = 0;
+};
+
+struct LaneNetwork {
+  std::vector<Lane> lanes;
+  std::vector<Approach> approaches;
+  std::vector<JunctionConfig> junctions;
+};
+
+/// Distance from the centreline to the outer edge of the lanes, or of the shoulder.
+double lanes_half_width(const LanesConfig& lanes);
+double carriageway_half_width(const LanesConfig& lanes);
+
+/// @throws ConfigError if a junction names an unknown road, roads that do not cross, or one twice
+LaneNetwork build_lane_network(const SceneConfig& scene);
+
+}  // namespace infrasim

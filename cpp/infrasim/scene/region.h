@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "infrasim/scene/static_world.h"
+
+namespace infrasim {
+
+/// The evaluation region: along each road from -half length to +half length around the sensor's
+/// foot, within the carriageway. Stations s are 0 at the foot and grow along the sensor's view.
+class EvaluationRegion {
+ public:
+  explicit EvaluationRegion(const SceneConfig& scene);
+
+  /// @param point world frame
+  bool contains(Vec2 point) const;
+
+  /// Columns road,s,x,y,z,heading,half_width at 1 m steps over the region; world frame, metres,
+  /// radians.
+  std::string roads_csv() const;
+
+ private:
+  struct Road {
+    std::string name;
+    Curve along;       ///< runs with the view
+    double foot;       ///< station of the sensor's foot on `along`
+    double elevation;
+    double half_width;
+  };
+  std::vector<Road> roads_;
+  double half_length_;
+};
+
+}  // namespace infrasim

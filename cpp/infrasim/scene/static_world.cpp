@@ -1,0 +1,207 @@
+#include "infrasim/scene/static_world.h"
+
+#include <algorithm>
+
+#include "infrasim/core/classes.h"
+#include "infrasim/scene/lane_network.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kSidewalkDrop = 0.01;  // m under the road, so that crossing roads stay on top
+constexpr double kLegWidth = 0.4;       // m, of a gantry
+constexpr double kBeamHeight = 1.0;     // m, of a gantry
+constexpr double kLegGap = 0.5;         // m between the carriageway and a gantry's leg
+
+/// A box that stands on the ground or hangs over it.
+struct Upright {
+  Box3d box;
+  config::Place place;
+  bool hangs = false;
+};
+
+class MeshBuilder {
+ public:
+  explicit MeshBuilder(const LevelFrame& frame) : frame_(frame) {}
+
+  void quad(Vec3 a, Vec3 b, Vec3 c, Vec3 d, Class material) {
+    const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
+    for (const Vec3& p : {a, b, c, d}) vertex(p);
+    triangle(first, first + 1, first + 2, material);
+    triangle(first, first + 2, first + 3, material);
+  }
+
+  /// Surface between two lines parallel to a curve, each with its own height.
+  void strip(const Curve& curve, double left_a, double z_a, double left_b, double z_b,
+             Class material) {
+    const Curve a = curve.offset(left_a), b = curve.offset(left_b);
+    for (std::size_t i = 0; i + 1 < curve.samples().size(); ++i) {
+      const Vec2 a0 = a.samples()[i].position, a1 = a.samples()[i + 1].position;
+      const Vec2 b0 = b.samples()[i].position, b1 = b.samples()[i + 1].position;
+      quad({a0.x, a0.y, z_a}, {a1.x, a1.y, z_a}, {b1.x, b1.y, z_b}, {b0.x, b0.y, z_b}, material);
+    }
+  }
+
+  void fan(const std::vector<Vec2>& outline, double z, Class material) {
+    const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
+    for (const Vec2& p : outline) vertex({p.x, p.y, z});
+    for (std::uint32_t i = 1; i + 1 < outline.size(); ++i)
+      triangle(first, first + i, first + i + 1, material);
+  }
+
+  void box(const Box3d& box, Class material) {
+    const auto corners = footprint(box);
+    const double low = box.z - box.dz / 2, high = box.z + box.dz / 2;
+    const auto at = [&](std::size_t i, double z) { return Vec3{corners[i].x, corners[i].y, z}; };
+    for (std::size_t i = 0; i < 4; ++i)
+      quad(at(i, low), at((i + 1) % 4, low), at((i + 1) % 4, high), at(i, high), material);
+    quad(at(0, high), at(1, high), at(2, high), at(3, high), material);
+    quad(at(0, low), at(1, low), at(2, low), at(3, low), material);
+  }
+
+  TriangleMesh take() { return std::move(mesh_); }
+
+ private:
+  void vertex(Vec3 world) {
+    const Vec3 p = frame_.to_level(world);
+    mesh_.vertices.push_back(
+        {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+  }
+  void triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c, Class material) {
+    mesh_.triangles.push_back({a, b, c});
+    mesh_.class_id.push_back(static_cast<std::uint16_t>(material));
+  }
+
+  LevelFrame frame_;
+  TriangleMesh mesh_;
+};
+
+const RoadConfig& road_named(const SceneConfig& scene, const std::string& name,
+                             const config::Place& place) {
+  for (const RoadConfig& road : scene.roads)
+    if (road.name == name) return road;
+  config::fail(place, "road", "found unknown road '" + name + "'");
+}
+
+void add_road(MeshBuilder& mesh, const RoadConfig& road) {
+  const Curve curve = centreline(road);
+  const double z = road.elevation_m;
+  const double edge = carriageway_half_width(road.lanes);
+  const double outer = edge + road.lanes.sidewalk_m;
+  mesh.strip(curve, edge, z, -edge, z, Class::kRoad);
+  for (const double side : {1.0, -1.0}) {
+    if (road.lanes.sidewalk_m > 0)
+      mesh.strip(curve, side * edge, z - kSidewalkDrop, side * outer, z - kSidewalkDrop,
+                 Class::kSidewalk);
+    if (!road.embankment) continue;
+    const double foot = road.embankment->foot_elevation_m;
+    const double run = road.embankment->run_per_rise * std::abs(z - foot);
+    mesh.strip(curve, side * outer, z, side * (outer + run), foot, Class::kTerrain);
+  }
+}
+
+void add_barrier(MeshBuilder& mesh, const SceneConfig& scene, const BarrierConfig& barrier) {
+  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
+  const Curve full = centreline(road);
+  const Curve curve = full.part(barrier.from_m, std::min(barrier.to_m, full.length()));
+  const double low = road.elevation_m, high = low + barrier.height_m;
+  const double left = barrier.offset_m + barrier.width_m / 2, right = left - barrier.width_m;
+  mesh.strip(curve, left, low, left, high, Class::kStructure);
+  mesh.strip(curve, right, low, right, high, Class::kStructure);
+  mesh.strip(curve, left, high, right, high, Class::kStructure);
+}
+
+void check_barrier(const SceneConfig& scene, const BarrierConfig& barrier) {
+  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
+  if (barrier.from_m >= std::min(barrier.to_m, centreline(road).length()))
+    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end");
+  const double near = std::abs(barrier.offset_m) - barrier.width_m / 2;
+  const double far = std::abs(barrier.offset_m) + barrier.width_m / 2;
+  if (far > road.lanes.median_m / 2 && near < lanes_half_width(road.lanes))
+    config::fail(barrier.place, "offset_m",
+                 "found a barrier on a lane, allowed the median or outside the lanes");
+}
+
+std::vector<Upright> uprights(const SceneConfig& scene) {
+  std::vector<Upright> out;
+  for (const BuildingConfig& b : scene.buildings)
+    out.push_back({{b.x_m, b.y_m, b.base_m + b.height_m / 2, b.length_m, b.width_m, b.height_m,
+                    rad(b.heading_deg)},
+                   b.place});
+  for (const GantryConfig& g : scene.gantries) {
+    const RoadConfig& road = road_named(scene, g.road, g.place);
+    const Curve curve = centreline(road);
+    if (g.s_m > curve.length()) config::fail(g.place, "s_m", "found it beyond the road's end");
+    const CurvePoint foot = curve.at(g.s_m);
+    const double leg = carriageway_half_width(road.lanes) + kLegGap;
+    const double z = road.elevation_m;
+    for (const double side : {leg, -leg}) {
+      const Vec2 p = foot.position + side * unit(foot.heading + kPi / 2);
+      out.push_back({{p.x, p.y, z + g.clearance_m / 2, kLegWidth, kLegWidth, g.clearance_m,
+                      foot.heading},
+                     g.place});
+    }
+    out.push_back({{foot.position.x, foot.position.y, z + g.clearance_m + kBeamHeight / 2,
+                    kLegWidth, 2 * leg + kLegWidth, kBeamHeight, foot.heading},
+                   g.place,
+                   true});
+  }
+  return out;
+}
+
+/// True if the footprint reaches into the lane's width anywhere along it.
+bool stands_on(const std::array<Vec2, 4>& standing, const Lane& lane) {
+  constexpr double kStep = 2;
+  for (double s = 0; s < lane.curve.length(); s += kStep) {
+    const CurvePoint p = lane.curve.at(std::min(s + kStep / 2, lane.curve.length()));
+    const Box3d cell{p.position.x, p.position.y, 0, kStep, lane.width_m, 0, p.heading};
+    if (footprints_overlap(standing, footprint(cell))) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Vec3 LevelFrame::to_level(Vec3 world) const {
+  const Vec3 d = world - origin;
+  const double c = std::cos(yaw), s = std::sin(yaw);
+  return {c * d.x + s * d.y, -s * d.x + c * d.y, d.z};
+}
+
+Box3d LevelFrame::to_level(const Box3d& world) const {
+  const Vec3 p = to_level(Vec3{world.x, world.y, world.z});
+  return {p.x, p.y, p.z, world.dx, world.dy, world.dz, wrap_angle(world.heading - yaw)};
+}
+
+LevelFrame level_frame(const MountConfig& mount) {
+  return {{mount.x_m, mount.y_m, mount.z_m}, rad(mount.yaw_deg)};
+}
+
+TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame) {
+  const LaneNetwork network = build_lane_network(scene);
+  MeshBuilder mesh(frame);
+  for (const RoadConfig& road : scene.roads) add_road(mesh, road);
+  for (const GroundConfig& ground : scene.ground)
+    mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
+  for (const BarrierConfig& barrier : scene.barriers) {
+    check_barrier(scene, barrier);
+    add_barrier(mesh, scene, barrier);
+  }
+  for (const Upright& upright : uprights(scene)) {
+    for (const Lane& lane : network.lanes)
+      if (!upright.hangs && stands_on(footprint(upright.box), lane))
+        config::fail(upright.place, "x_m", "found it on a lane, allowed beside the lanes");
+    mesh.box(upright.box, Class::kStructure);
+  }
+  return mesh.take();
+}
+
+std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
+  std::vector<std::array<Vec2, 4>> out;
+  for (const Upright& upright : uprights(scene))
+    if (!upright.hangs) out.push_back(footprint(upright.box));
+  return out;
+}
+
+}  // namespace infrasim

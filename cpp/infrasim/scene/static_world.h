@@ -1,0 +1,26 @@
+#pragma once
+
+#include "infrasim/core/triangle_mesh.h"
+#include "infrasim/scene/curve.h"
+
+namespace infrasim {
+
+/// The levelled frame of a mount: its position and yaw in the world.
+struct LevelFrame {
+  Vec3 origin;
+  double yaw = 0;
+
+  Vec3 to_level(Vec3 world) const;
+  Box3d to_level(const Box3d& world) const;
+};
+
+LevelFrame level_frame(const MountConfig& mount);
+
+/// Everything that stands still, as triangles in the levelled frame.
+/// @throws ConfigError if something stands on a lane or names an unknown road
+TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame);
+
+/// Footprints of what stands, world frame, for checks against vehicles.
+std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene);
+
+}  // namespace infrasim

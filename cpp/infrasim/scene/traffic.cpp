@@ -1,0 +1,359 @@
+#include "infrasim/scene/traffic.h"
+
+#include <algorithm>
+#include <deque>
+
+#include "infrasim/core/rng.h"
+
+namespace infrasim {
+
+namespace {
+
+// Intelligent Driver Model, usual values for mixed traffic (Treiber, Kesting 2013, table 11.2).
+constexpr double kAcceleration = 1.5;   // m/s2
+constexpr double kBraking = 2.0;        // m/s2, comfortable
+constexpr double kHardestBraking = 8.0; // m/s2
+constexpr double kTimeGap = 1.2;        // s
+constexpr double kStandstillGap = 2.0;  // m
+constexpr double kCommitBraking = 3.0;  // m/s2: who would need more at a red signal drives on
+constexpr double kLookahead = 100;      // m
+constexpr double kTailClear = 10;       // m into a junction until a turning tail frees the lane
+constexpr double kLongestTurner = 7;    // m; longer vehicles go straight on
+constexpr double kMaxLateral = 0.3;     // m, constant offset of a driver from the lane's centre
+
+struct Vehicle {
+  int id = 0;
+  const ObjectClass* object_class = nullptr;
+  double dx = 0, dy = 0, dz = 0;
+  double desired_speed = 0;
+  double lateral = 0;
+  double turn_choice = 0;  ///< uniform draw
+  int lane = 0;
+  int next_lane = -1;
+  double s = 0;
+  double speed = 0;
+  bool committed = false;  ///< past the point where it could still stop at its signal
+};
+
+/// What limits a driver: free distance ahead of the bumper and the speed at its end.
+struct Leader {
+  double gap = kInf;
+  double speed = 0;
+};
+
+double idm_acceleration(double speed, double desired, const Leader& leader) {
+  const double ratio = speed / desired;
+  double acceleration = 1 - ratio * ratio * ratio * ratio;
+  if (leader.gap < kLookahead) {
+    const double closing = speed * (speed - leader.speed) / (2 * std::sqrt(kAcceleration * kBraking));
+    const double wanted = kStandstillGap + std::max(0.0, speed * kTimeGap + closing);
+    const double squeeze = wanted / std::max(leader.gap, 0.1);
+    acceleration -= squeeze * squeeze;
+  }
+  return std::clamp(kAcceleration * acceleration, -kHardestBraking, kAcceleration);
+}
+
+/// Greens of one junction, one approach after the other; the next one starts when the junction
+/// is empty, so that paths that cross are never driven together.
+struct Signal {
+  std::vector<int> approaches;
+  std::size_t current = 0;
+  bool green = true;
+  double since = 0;
+};
+
+class Traffic {
+ public:
+  explicit Traffic(const SceneConfig& scene)
+      : config_(*scene.traffic),
+        network_(build_lane_network(scene)),
+        rng_(Rng::of(scene.seed, "traffic", 0)),
+        lanes_(network_.lanes.size()),
+        signals_(network_.junctions.size()) {
+    for (std::size_t a = 0; a < network_.approaches.size(); ++a)
+      signals_[network_.approaches[a].junction].approaches.push_back(static_cast<int>(a));
+    for (std::size_t i = 0; i < network_.lanes.size(); ++i)
+      if (network_.lanes[i].entry) entries_.push_back(static_cast<int>(i));
+    fill();
+  }
+
+  void step() {
+    update_signals();
+    choose_next_lanes();
+    std::vector<std::vector<double>> acceleration(lanes_.size());
+    for (std::size_t lane = 0; lane < lanes_.size(); ++lane)
+      for (std::size_t i = 0; i < lanes_[lane].size(); ++i)
+        acceleration[lane].push_back(accelerate(static_cast<int>(lane), i));
+    for (std::size_t lane = 0; lane < lanes_.size(); ++lane)
+      for (std::size_t i = 0; i < lanes_[lane].size(); ++i)
+        advance(lanes_[lane][i], acceleration[lane][i]);
+    move_between_lanes();
+    spawn();
+  }
+
+  std::vector<ObjectState> states() const {
+    std::vector<ObjectState> row;
+    for (const auto& lane : lanes_)
+      for (const Vehicle& v : lane) row.push_back(state(v));
+    std::ranges::sort(row, {}, &ObjectState::id);
+    return row;
+  }
+
+ private:
+  using Queue = std::deque<Vehicle>;  ///< vehicles of a lane, the one furthest ahead first
+
+  const Lane& lane_of(const Vehicle& v) const { return network_.lanes[v.lane]; }
+
+  // --- population -------------------------------------------------------------------------
+
+  /// Vehicles over the lanes that have no junction ahead or behind, evenly at the density.
+  void fill() {
+    for (std::size_t i = 0; i < network_.lanes.size(); ++i) {
+      const Lane& lane = network_.lanes[i];
+      if (lane.junction >= 0) continue;
+      const double length = lane.curve.length();
+      density_carry_ += config_.vehicles_per_km_lane * length / 1000;
+      const int count = static_cast<int>(density_carry_);
+      density_carry_ -= count;
+      for (int k = count - 1; k >= 0; --k) {
+        Vehicle v = new_vehicle(static_cast<int>(i));
+        v.s = length * (k + 0.5) / count;
+        v.speed = v.desired_speed / 2;
+        lanes_[i].push_back(v);
+      }
+    }
+  }
+
+  Vehicle new_vehicle(int lane) {
+    const Rng rng = rng_.at(static_cast<std::uint64_t>(next_id_));
+    Vehicle v;
+    v.id = next_id_++;
+    v.lane = lane;
+    v.object_class = &draw_class(rng.uniform(0));
+    const auto size = [&](const Spread& spread, unsigned j) {
+      return spread.mean + spread.std * std::clamp(rng.normal(j), -2.0, 2.0);
+    };
+    v.dx = size(v.object_class->length_m, 1);
+    v.dy = size(v.object_class->width_m, 3);
+    v.dz = size(v.object_class->height_m, 5);
+    const double deviation = std::clamp(rng.normal(7), -2.5, 2.5);
+    v.desired_speed =
+        std::max(1.0, (config_.speed.mean_km_h + config_.speed.std_km_h * deviation) / 3.6);
+    const double room =
+        std::clamp((network_.lanes[lane].width_m - v.dy) / 2 - 0.25, 0.0, kMaxLateral);
+    v.lateral = room * (2 * rng.uniform(9) - 1);
+    v.turn_choice = rng.uniform(10);
+    return v;
+  }
+
+  const ObjectClass& draw_class(double u) const {
+    double sum = 0;
+    for (const auto& [name, share] : config_.class_shares) sum += share;
+    for (const auto& [name, share] : config_.class_shares) {
+      u -= share / sum;
+      if (u < 0) return *find_class(name);
+    }
+    return *find_class(config_.class_shares.rbegin()->first);
+  }
+
+  /// Puts the vehicles that wait for an entry where the last one ahead leaves room.
+  void spawn() {
+    for (std::size_t n = waiting_; n > 0; --n) {
+      const int lane = entries_[rng_.at(1'000'000'000ULL + spawn_draws_++).bits(0) % entries_.size()];
+      Vehicle v = new_vehicle(lane);
+      v.s = v.dx / 2;
+      v.speed = v.desired_speed;
+      if (!lanes_[lane].empty()) {
+        const Vehicle& ahead = lanes_[lane].back();
+        const double gap = ahead.s - ahead.dx / 2 - v.dx;
+        v.speed = std::min(v.speed, ahead.speed);
+        if (gap < kStandstillGap + kTimeGap * v.speed) {
+          --next_id_;
+          continue;
+        }
+      }
+      lanes_[lane].push_back(v);
+      --waiting_;
+    }
+  }
+
+  // --- driving ----------------------------------------------------------------------------
+
+  void choose_next_lanes() {
+    for (auto& lane : lanes_)
+      for (Vehicle& v : lane)
+        if (v.next_lane < 0 && !lane_of(v).next.empty()) v.next_lane = next_lane(v);
+  }
+
+  int next_lane(const Vehicle& v) const {
+    const Lane& lane = lane_of(v);
+    if (lane.next.size() == 1) return lane.next.front();
+    const JunctionConfig& junction =
+        network_.junctions[network_.approaches[lane.approach].junction];
+    for (const int next : lane.next) {
+      const Turn turn = network_.lanes[next].turn;
+      // A turn leaves from one of the lanes only, so its share of that lane is larger.
+      const double lanes = static_cast<double>(lanes_per_approach(lane.approach));
+      if (v.dx > kLongestTurner) break;
+      if (turn == Turn::kLeft && v.turn_choice < junction.left_share * lanes) return next;
+      if (turn == Turn::kRight && v.turn_choice > 1 - junction.right_share * lanes) return next;
+    }
+    for (const int next : lane.next)
+      if (network_.lanes[next].turn == Turn::kStraight) return next;
+    return lane.next.front();
+  }
+
+  long lanes_per_approach(int approach) const {
+    return std::ranges::count(network_.lanes, approach, &Lane::approach);
+  }
+
+  double accelerate(int lane, std::size_t i) {
+    Vehicle& v = lanes_[lane][i];
+    Leader leader = vehicle_ahead(lane, i);
+    const Leader signal = red_signal(v);
+    if (signal.gap < leader.gap) leader = signal;
+    return idm_acceleration(v.speed, target_speed(v), leader);
+  }
+
+  /// The desired speed, lower when a slow lane is near enough to brake for.
+  double target_speed(const Vehicle& v) const {
+    const double here = std::min(v.desired_speed, lane_of(v).speed_limit_m_s);
+    if (v.next_lane < 0) return here;
+    const double limit = network_.lanes[v.next_lane].speed_limit_m_s;
+    const double distance = std::max(0.0, lane_of(v).curve.length() - v.s - v.dx / 2);
+    return std::min(here, std::sqrt(limit * limit + 2 * kBraking / 2 * distance));
+  }
+
+  Leader vehicle_ahead(int lane, std::size_t i) const {
+    const Vehicle& v = lanes_[lane][i];
+    Leader best;
+    const auto consider = [&](const Vehicle& other, double distance) {
+      const double gap = distance - (v.dx + other.dx) / 2;
+      if (gap < best.gap) best = {gap, other.speed};
+    };
+    if (i > 0) consider(lanes_[lane][i - 1], lanes_[lane][i - 1].s - v.s);
+    double to_end = network_.lanes[lane].curve.length() - v.s;
+    // Tails of vehicles that have just turned off still block the lane.
+    for (const int next : network_.lanes[lane].next)
+      for (const Vehicle& other : lanes_[next])
+        if (other.s - other.dx / 2 < kTailClear) consider(other, to_end + other.s);
+    for (int next = v.next_lane; next >= 0 && to_end < kLookahead;) {
+      if (!lanes_[next].empty()) {
+        consider(lanes_[next].back(), to_end + lanes_[next].back().s);
+        break;
+      }
+      to_end += network_.lanes[next].curve.length();
+      next = network_.lanes[next].next.empty() ? -1 : network_.lanes[next].next.front();
+    }
+    return best;
+  }
+
+  Leader red_signal(Vehicle& v) const {
+    const Lane& lane = lane_of(v);
+    if (lane.approach < 0 || v.committed) return {};
+    const double gap = lane.curve.length() - v.s - v.dx / 2;
+    const bool can_stop = gap > 0 && v.speed * v.speed / (2 * gap) < kCommitBraking;
+    if (is_green(lane.approach)) {
+      v.committed = !can_stop;
+      return {};
+    }
+    return {gap + kStandstillGap - 0.5, 0};
+  }
+
+  void advance(Vehicle& v, double acceleration) {
+    const double speed = std::max(0.0, v.speed + acceleration * kFramePeriod);
+    v.s += (v.speed + speed) / 2 * kFramePeriod;
+    v.speed = speed;
+  }
+
+  void move_between_lanes() {
+    for (std::size_t i = 0; i < lanes_.size(); ++i)
+      while (!lanes_[i].empty()) {
+        Vehicle v = lanes_[i].front();
+        const double length = network_.lanes[i].curve.length();
+        const bool leaves = network_.lanes[i].next.empty();
+        if (v.s < length - (leaves ? v.dx / 2 : 0)) break;
+        lanes_[i].pop_front();
+        if (leaves) {
+          ++waiting_;
+          continue;
+        }
+        v.s -= length;
+        v.lane = v.next_lane;
+        v.next_lane = -1;
+        if (network_.lanes[v.lane].junction < 0) v.committed = false;
+        lanes_[v.lane].push_back(v);
+      }
+  }
+
+  // --- signals ----------------------------------------------------------------------------
+
+  bool is_green(int approach) const {
+    const Signal& signal = signals_[network_.approaches[approach].junction];
+    return signal.green && signal.approaches[signal.current] == approach;
+  }
+
+  void update_signals() {
+    for (std::size_t j = 0; j < signals_.size(); ++j) {
+      Signal& signal = signals_[j];
+      const SignalConfig& timing = network_.junctions[j].signal;
+      signal.since += kFramePeriod;
+      if (signal.green && signal.since >= timing.green_s) {
+        signal.green = false;
+        signal.since = 0;
+      } else if (!signal.green && signal.since >= timing.all_red_s && is_clear(static_cast<int>(j))) {
+        signal.green = true;
+        signal.since = 0;
+        signal.current = (signal.current + 1) % signal.approaches.size();
+      }
+    }
+  }
+
+  /// No vehicle is in the junction, on its way in, or with its tail still there.
+  bool is_clear(int junction) const {
+    for (std::size_t i = 0; i < lanes_.size(); ++i) {
+      const Lane& lane = network_.lanes[i];
+      for (const Vehicle& v : lanes_[i]) {
+        if (lane.junction == junction || v.committed) return false;
+        if (!lane.entry && lane.junction < 0 && v.s < v.dx / 2 + 1) return false;
+      }
+    }
+    return true;
+  }
+
+  ObjectState state(const Vehicle& v) const {
+    const Lane& lane = lane_of(v);
+    const CurvePoint p = lane.curve.at(v.s);
+    const Vec2 xy = p.position + v.lateral * unit(p.heading + kPi / 2);
+    return rounded({v.id, v.object_class->id,
+                    {xy.x, xy.y, lane.elevation_m + v.dz / 2, v.dx, v.dy, v.dz, p.heading},
+                    v.speed});
+  }
+
+  const TrafficConfig& config_;
+  LaneNetwork network_;
+  Rng rng_;
+  std::vector<Queue> lanes_;
+  std::vector<Signal> signals_;
+  std::vector<int> entries_;
+  double density_carry_ = 0;
+  std::size_t waiting_ = 0;
+  std::uint64_t spawn_draws_ = 0;
+  int next_id_ = 0;
+};
+
+}  // namespace
+
+Trajectories simulate_traffic(const SceneConfig& scene) {
+  Traffic traffic(scene);
+  for (double t = 0; t < scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
+  Trajectories out;
+  const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
+  for (int k = 0; k <= frames; ++k) {
+    out.rows.push_back(traffic.states());
+    traffic.step();
+  }
+  return out;
+}
+
+}  // namespace infrasim

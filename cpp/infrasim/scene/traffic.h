@@ -1,0 +1,16 @@
+#pragma once
+
+#include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/trajectories.h"
+
+namespace infrasim {
+
+/// Drives vehicles over the lanes of a scene with the Intelligent Driver Model (Treiber, Hennecke,
+/// Helbing 2000) and signals, from a warm start, for the scene's duration. The number of vehicles
+/// is held at the density: who leaves at the end of a lane is replaced by a new vehicle at an
+/// entry. Vehicles keep their lane and follow its centre by their own.
+/// @return rows every 0.1 s, rounded to the digits of the trajectory file
+/// @throws ConfigError if the junctions do not fit the roads
+Trajectories simulate_traffic(const SceneConfig& scene);
+
+}  // namespace infrasim

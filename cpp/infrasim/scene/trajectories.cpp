@@ -1,0 +1,200 @@
+#include "infrasim/scene/trajectories.h"
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "infrasim/config/tree.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr char kHeader[] = "t,id,class,x,y,z,heading,dx,dy,dz,speed";
+constexpr double kMaxStep = 10;           // m in 0.1 s: 360 km/h
+constexpr double kMaxTurn = kPi / 3;      // rad in 0.1 s
+constexpr double kMetreDigits = 1e4;
+constexpr double kRadianDigits = 1e6;
+
+double round_to(double value, double digits) { return std::round(value * digits) / digits; }
+
+}  // namespace
+
+Box3d MovingObject::at(double u) const {
+  Box3d box = from;
+  box.x += u * (to.x - from.x);
+  box.y += u * (to.y - from.y);
+  box.z += u * (to.z - from.z);
+  box.heading = wrap_angle(from.heading + u * wrap_angle(to.heading - from.heading));
+  return box;
+}
+
+std::vector<MovingObject> Trajectories::in_frame(int k) const {
+  std::vector<MovingObject> objects;
+  const auto &before = rows[k], &after = rows[k + 1];
+  auto to = after.begin();
+  for (const ObjectState& from : before) {
+    while (to != after.end() && to->id < from.id) ++to;
+    if (to == after.end()) break;
+    if (to->id == from.id)
+      objects.push_back({from.id, from.object_class, from.box, to->box,
+                         (from.speed_m_s + to->speed_m_s) / 2});
+  }
+  return objects;
+}
+
+ObjectState rounded(ObjectState state) {
+  Box3d& b = state.box;
+  for (double* v : {&b.x, &b.y, &b.z, &b.dx, &b.dy, &b.dz}) *v = round_to(*v, kMetreDigits);
+  b.heading = round_to(wrap_angle(b.heading), kRadianDigits);
+  state.speed_m_s = round_to(state.speed_m_s, kMetreDigits);
+  return state;
+}
+
+std::string trajectories_csv(const Trajectories& trajectories) {
+  std::string text = std::string(kHeader) + "\n";
+  std::array<char, 32> buffer{};
+  const auto append = [&](auto value, char end) {
+    text.append(buffer.data(),
+                std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
+    text += end;
+  };
+  for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
+    for (const ObjectState& s : trajectories.rows[k]) {
+      append(round_to(static_cast<double>(k) * kFramePeriod, 10), ',');
+      append(s.id, ',');
+      text += class_of(s.object_class).name;
+      text += ',';
+      for (const double v : {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
+        append(v, ',');
+      append(s.speed_m_s, '\n');
+    }
+  return text;
+}
+
+namespace {
+
+/// Reads a trajectory file row by row and says what is wrong where.
+class TrajectoryReader {
+ public:
+  explicit TrajectoryReader(const std::filesystem::path& file) : name_(file.string()) {}
+
+  void header(std::string_view line) {
+    if (line != kHeader)
+      fail("(header)", "found '" + std::string(line.substr(0, 80)) + "', allowed '" + kHeader + "'");
+  }
+
+  void row(std::string_view line) {
+    ++line_;
+    rest_ = line;
+    column_next_ = 1;
+    ended_ = false;
+    const double t = number("t", 0, 1e6);
+    ObjectState s;
+    s.id = static_cast<int>(number("id", 0, 2e9));
+    const std::string_view class_name = cell("class");
+    const ObjectClass* found = find_class(class_name);
+    if (found == nullptr)
+      fail("class", "found '" + std::string(class_name.substr(0, 40)) +
+                        "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
+    s.object_class = found->id;
+    s.box.x = number("x", -1e7, 1e7);
+    s.box.y = number("y", -1e7, 1e7);
+    s.box.z = number("z", -1e4, 1e5);
+    s.box.heading = number("heading", -2 * kPi, 2 * kPi);
+    s.box.dx = number("dx", 0.1, 50);
+    s.box.dy = number("dy", 0.1, 50);
+    s.box.dz = number("dz", 0.1, 50);
+    s.speed_m_s = number("speed", -100, 200);
+    if (!ended_) fail("(row)", "found more than 11 columns");
+    add(t, s);
+  }
+
+  Trajectories take() {
+    if (out_.rows.size() < 2) fail("t", "found fewer than two instants, allowed two or more");
+    return std::move(out_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& key, const std::string& what) const {
+    config::fail({name_, line_, column_}, key, what);
+  }
+
+  std::string_view cell(const char* key) {
+    if (ended_) fail(key, "found no more columns, allowed 11");
+    const auto comma = rest_.find(',');
+    const std::string_view text = rest_.substr(0, comma);
+    column_ = column_next_;
+    column_next_ += static_cast<int>(text.size()) + 1;
+    ended_ = comma == std::string_view::npos;
+    rest_ = ended_ ? std::string_view{} : rest_.substr(comma + 1);
+    return text;
+  }
+
+  double number(const char* key, double low, double high) {
+    const std::string_view text = cell(key);
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size() ||
+        !(value >= low && value <= high))
+      fail(key, "found '" + std::string(text.substr(0, 40)) + "', allowed a number from " +
+                    std::to_string(low) + " to " + std::to_string(high));
+    return value;
+  }
+
+  void add(double t, const ObjectState& s) {
+    const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
+    if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
+      fail("t", "found a time that is not a multiple of 0.1 s");
+    if (step + 1 < out_.rows.size()) fail("t", "found a time before the row above");
+    if (step > out_.rows.size() && !(out_.rows.empty() && step == 0))
+      fail("t", "found a step of more than 0.1 s after the row above, or a start after 0");
+    if (step == out_.rows.size()) out_.rows.emplace_back();
+    auto& row = out_.rows.back();
+    if (!row.empty() && row.back().id >= s.id) fail("id", "found ids that do not increase");
+    check_motion(step, s);
+    last_[s.id] = {step, s};
+    row.push_back(s);
+  }
+
+  void check_motion(std::size_t step, const ObjectState& s) {
+    const auto it = last_.find(s.id);
+    if (it == last_.end()) return;
+    const auto& [last_step, before] = it->second;
+    if (last_step + 1 != step) fail("id", "found vehicle " + std::to_string(s.id) + " again after a gap");
+    const Box3d &a = before.box, &b = s.box;
+    if (norm(Vec3{b.x - a.x, b.y - a.y, b.z - a.z}) > kMaxStep)
+      fail("x", "found a jump of more than 10 m in 0.1 s");
+    if (std::abs(wrap_angle(b.heading - a.heading)) > kMaxTurn)
+      fail("heading", "found a turn of more than 60 degrees in 0.1 s");
+    if (a.dx != b.dx || a.dy != b.dy || a.dz != b.dz || before.object_class != s.object_class)
+      fail("dx", "found a vehicle that changes its size or class");
+  }
+
+  std::string name_;
+  int line_ = 1;
+  int column_ = 1;
+  int column_next_ = 1;
+  bool ended_ = false;
+  std::string_view rest_;
+  std::map<int, std::pair<std::size_t, ObjectState>> last_;
+  Trajectories out_;
+};
+
+}  // namespace
+
+Trajectories read_trajectories(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in || std::filesystem::is_directory(file)) throw IoError(file.string() + ": can't be read");
+  TrajectoryReader reader(file);
+  std::string line;
+  std::getline(in, line);
+  reader.header(line);
+  while (std::getline(in, line)) reader.row(line);
+  if (in.bad()) throw IoError(file.string() + ": can't be read");
+  return reader.take();
+}
+
+}  // namespace infrasim

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "infrasim/core/classes.h"
+#include "infrasim/core/geometry.h"
+
+namespace infrasim {
+
+inline constexpr double kFramePeriod = 0.1;  ///< s; also the step of the trajectory rows
+
+/// One vehicle at one instant; world frame, box centre.
+struct ObjectState {
+  int id = 0;
+  Class object_class = Class::kCar;
+  Box3d box;
+  double speed_m_s = 0;
+};
+
+/// One vehicle over one frame. Position is linear in time and heading goes the short way: the
+/// rays and the labels use exactly this.
+struct MovingObject {
+  int id = 0;
+  Class object_class = Class::kCar;
+  Box3d from;
+  Box3d to;
+  double speed_m_s = 0;  ///< at the middle of the frame
+
+  /// Box at u in [0, 1] of the frame.
+  Box3d at(double u) const;
+};
+
+/// All vehicles of a run: row k holds the states at 0.1 k seconds, by increasing id.
+struct Trajectories {
+  std::vector<std::vector<ObjectState>> rows;
+
+  int frames() const { return static_cast<int>(rows.size()) - 1; }
+  /// Vehicles that are there for the whole of frame k.
+  std::vector<MovingObject> in_frame(int k) const;
+};
+
+/// Rounds a state to the digits of the file, so that a run from the file equals the run itself.
+ObjectState rounded(ObjectState state);
+
+/// Columns t,id,class,x,y,z,heading,dx,dy,dz,speed; metres, radians, world frame, 10 Hz.
+std::string trajectories_csv(const Trajectories& trajectories);
+
+/// @throws ConfigError with file and line: rows out of order, gaps, jumps, sizes that change
+/// @throws IoError if the file can't be read
+Trajectories read_trajectories(const std::filesystem::path& file);
+
+}  // namespace infrasim

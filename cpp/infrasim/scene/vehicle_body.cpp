@@ -1,0 +1,160 @@
+#include "infrasim/scene/vehicle_body.h"
+
+#include <algorithm>
+#include <span>
+
+#include "infrasim/core/geometry.h"
+
+namespace infrasim {
+
+namespace {
+
+/// A cross-section of a body: place along the length, width and height as shares of the box.
+struct Station {
+  double x, width, height;
+};
+
+/// A body lofted through stations, rear to front. Above the belt line it narrows to the roof.
+struct Profile {
+  std::span<const Station> stations;
+  double belt = 1;
+  double roof_width = 1;
+};
+
+constexpr Station kCar[] = {{-.50, .86, .60}, {-.45, 1, .68}, {-.34, 1, .92}, {-.22, 1, 1.0},
+                            {.04, 1, 1.0},    {.22, 1, .63},  {.44, 1, .54},  {.50, .80, .42}};
+constexpr Station kVan[] = {{-.50, .96, .94}, {-.47, 1, 1.0}, {.16, 1, 1.0},
+                            {.34, 1, .62},    {.46, 1, .52},  {.50, .84, .42}};
+constexpr Station kTruck[] = {{-.50, 1, 1.0},  {.18, 1, 1.0},   {.20, .94, .84},
+                              {.44, .94, .82}, {.49, .94, .50}, {.50, .92, .46}};
+constexpr Station kBus[] = {{-.50, .97, .95}, {-.48, 1, 1.0}, {.46, 1, 1.0}, {.50, .95, .90}};
+constexpr Station kRider[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22, .80, .92}, {-.02, 1, 1.0},
+                              {.08, .86, .88},  {.20, .96, .64},  {.34, .30, .56},  {.50, .22, .36}};
+constexpr Station kPerson[] = {{-.50, .40, .80}, {-.25, .9, .95}, {0, 1, 1.0},
+                               {.25, .9, .95},   {.50, .40, .80}};
+
+Profile profile_of(Class object_class) {
+  switch (object_class) {
+    case Class::kVan: return {kVan, .50, .84};
+    case Class::kTruck: return {kTruck, 1, 1};
+    case Class::kBus: return {kBus, .50, .94};
+    case Class::kMotorcycle:
+    case Class::kCyclist: return {kRider, .60, .55};
+    case Class::kPedestrian: return {kPerson, .70, .50};
+    default: return {kCar, .58, .76};
+  }
+}
+
+struct Resolution {
+  int between_stations;  ///< rings added between two stations
+  int corner;            ///< points that round each corner of a section
+};
+
+Resolution resolution_of(Detail detail) {
+  switch (detail) {
+    case Detail::kMid: return {1, 3};
+    case Detail::kFine: return {9, 10};
+    default: return {0, 1};
+  }
+}
+
+/// Smooth blend between stations for the finer levels; the stations themselves stay.
+Station between(const Station& a, const Station& b, double u) {
+  const double smooth = u * u * (3 - 2 * u);
+  return {a.x + u * (b.x - a.x), a.width + smooth * (b.width - a.width),
+          a.height + u * (b.height - a.height)};
+}
+
+using Outline = std::vector<Vec2>;  ///< (y, z) of a section, from the right foot over the top
+
+/// Right half of a section as corners from the foot to the top, y >= 0 to be mirrored.
+Outline half_corners(const Profile& profile, const Station& s) {
+  const double above = std::clamp((s.height - profile.belt) / (1 - profile.belt + 1e-9), 0.0, 1.0);
+  const double half = s.width / 2, top = half * (1 - above * (1 - profile.roof_width));
+  const double belt = std::min(profile.belt, .9 * s.height);
+  return {{half, -.5}, {half, belt - .5}, {top, .97 * s.height - .5}, {.85 * top, s.height - .5}};
+}
+
+/// Corners replaced by arcs (quadratic Bezier over a third of the shorter side).
+Outline rounded_half(const Outline& corners, int points) {
+  if (points == 1) return corners;
+  Outline out{corners.front()};
+  for (std::size_t i = 1; i < corners.size(); ++i) {
+    const Vec2 p = corners[i];
+    const Vec2 after = i + 1 < corners.size() ? corners[i + 1] : Vec2{0, p.y};
+    const Vec2 a = p + .3 * (corners[i - 1] - p), b = p + .3 * (after - p);
+    for (int k = 0; k < points; ++k) {
+      const double u = static_cast<double>(k) / (points - 1), v = 1 - u;
+      out.push_back(v * v * a + 2 * u * v * p + u * u * b);
+    }
+  }
+  return out;
+}
+
+class Loft {
+ public:
+  void add(double x, const Outline& half) {
+    ring_ = 2 * half.size();
+    for (const Vec2& p : half) vertex(x, p.x, p.y);
+    for (auto p = half.rbegin(); p != half.rend(); ++p) vertex(x, -p->x, p->y);
+    if (++rings_ > 1) join();
+  }
+
+  TriangleMesh close() {
+    cap(0, true);
+    cap((rings_ - 1) * ring_, false);
+    return std::move(mesh_);
+  }
+
+ private:
+  void vertex(double x, double y, double z) {
+    mesh_.vertices.push_back(
+        {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)});
+  }
+  void triangle(std::size_t a, std::size_t b, std::size_t c) {
+    mesh_.triangles.push_back({static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b),
+                               static_cast<std::uint32_t>(c)});
+  }
+  void join() {
+    const std::size_t b = (rings_ - 1) * ring_, a = b - ring_;
+    for (std::size_t i = 0; i < ring_; ++i) {
+      const std::size_t j = (i + 1) % ring_;
+      triangle(a + i, b + i, b + j);
+      triangle(a + i, b + j, a + j);
+    }
+  }
+  void cap(std::size_t first, bool rear) {
+    for (std::size_t i = 1; i + 1 < ring_; ++i)
+      rear ? triangle(first, first + i, first + i + 1) : triangle(first, first + i + 1, first + i);
+  }
+
+  TriangleMesh mesh_;
+  std::size_t ring_ = 0;
+  std::size_t rings_ = 0;
+};
+
+TriangleMesh unit_box() {
+  Loft loft;
+  for (const double x : {-.5, .5}) loft.add(x, {{.5, -.5}, {.5, .5}});
+  return loft.close();
+}
+
+}  // namespace
+
+TriangleMesh build_vehicle_body(Class object_class, Detail detail) {
+  if (detail == Detail::kBox) return unit_box();
+  const Profile profile = profile_of(object_class);
+  const auto [extra, corner] = resolution_of(detail);
+  Loft loft;
+  for (std::size_t i = 0; i + 1 < profile.stations.size(); ++i)
+    for (int k = 0; k <= extra; ++k) {
+      const Station s = between(profile.stations[i], profile.stations[i + 1],
+                                static_cast<double>(k) / (extra + 1));
+      loft.add(s.x, rounded_half(half_corners(profile, s), corner));
+    }
+  const Station& front = profile.stations.back();
+  loft.add(front.x, rounded_half(half_corners(profile, front), corner));
+  return loft.close();
+}
+
+}  // namespace infrasim

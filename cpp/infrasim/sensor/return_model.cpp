@@ -1,0 +1,66 @@
+#include "infrasim/sensor/return_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kCarlaAttenuation = 0.004;  // 1/m, CARLA's atmosphere_attenuation_rate
+
+enum Draw : unsigned { kLoss, kKeep, kDetection, kNoise };
+
+double extinction(const WeatherConfig& weather) {
+  const double rain = 3.65e-4 * std::pow(weather.rain_mm_per_h, 0.63);
+  return rain + std::log(20.0) / weather.visibility_m;
+}
+
+double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
+
+}  // namespace
+
+ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather)
+    : config_(config), extinction_per_m_(extinction(weather)) {}
+
+bool ReturnModel::dropped(const Rng& draw, double intensity) const {
+  const DropOffConfig& d = *config_.drop_off;
+  if (draw.uniform(kLoss) < d.general_rate) return true;
+  if (intensity > d.intensity_limit) return false;
+  const double slope = d.zero_intensity_rate / d.intensity_limit;
+  return draw.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
+}
+
+double ReturnModel::snr(double range, double reflected) const {
+  const double ratio = config_.detection->range_at_10_percent_m / range;
+  return reflected / 0.1 * ratio * ratio * std::exp(-2 * extinction_per_m_ * range);
+}
+
+void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
+                        const std::vector<float>& reflectance, ReturnBatch& out) const {
+  out.clear();
+  const auto min_range = static_cast<float>(config_.min_range_m);
+  const auto max_range = static_cast<float>(config_.max_range_m);
+  for (std::size_t i = 0; i < hits.size(); ++i) {
+    float range = hits.range[i];
+    if (!(range >= min_range && range <= max_range)) continue;
+    const Rng draw = rng.at(first_ray + i);
+    double intensity = 0, sigma = config_.range_accuracy_m;
+    if (config_.detection) {
+      intensity = reflectance[i] * hits.cos_incidence[i];
+      const double ratio = snr(range, intensity);
+      if (draw.uniform(kDetection) >= normal_cdf(config_.detection->steepness * (ratio - 1)))
+        continue;
+      sigma *= std::clamp(1 / std::sqrt(2 * ratio), 0.25, 1.0);
+    } else {
+      intensity = std::exp(-kCarlaAttenuation * range);
+    }
+    if (config_.drop_off && dropped(draw, intensity)) continue;
+    if (sigma > 0) range = std::max(0.0F, range + static_cast<float>(sigma * draw.normal(kNoise)));
+    out.ray.push_back(static_cast<std::uint32_t>(i));
+    out.range.push_back(range);
+    out.intensity.push_back(static_cast<float>(std::min(1.0, intensity)));
+  }
+}
+
+}  // namespace infrasim

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/scene_config.h"
+#include "infrasim/core/rays.h"
+#include "infrasim/core/rng.h"
+
+namespace infrasim {
+
+/// Hits that became points, in firing order.
+struct ReturnBatch {
+  std::vector<std::uint32_t> ray;  ///< index in the batch of rays
+  std::vector<float> range;        ///< metres, with noise
+  std::vector<float> intensity;    ///< [0, 1]
+  void clear() {
+    ray.clear();
+    range.clear();
+    intensity.clear();
+  }
+};
+
+/// Which hits become points. Range limits and drop-off as in CARLA 0.9; detection by received
+/// power P = rho cos(theta) / R^2 exp(-2 alpha R) against that of a 10 % target at the vendor's
+/// range in clear air, with extinction alpha by rain (Marshall-Palmer) and fog (Koschmieder).
+class ReturnModel {
+ public:
+  ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
+
+  /// @param rng         stream of this unit and frame; ray i of the frame draws from rng.at(i)
+  /// @param first_ray   number of the batch's first ray within the frame
+  /// @param reflectance of each hit, [0, 1]; read only if needs_reflectance()
+  void apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
+             const std::vector<float>& reflectance, ReturnBatch& out) const;
+
+  bool needs_reflectance() const { return config_.detection.has_value(); }
+
+ private:
+  bool dropped(const Rng& draw, double intensity) const;
+  double snr(double range, double reflected) const;
+
+  ReturnsConfig config_;
+  double extinction_per_m_ = 0;
+};
+
+}  // namespace infrasim

@@ -1,0 +1,194 @@
+#include "infrasim/sensor/scan_pattern.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace infrasim {
+
+namespace {
+
+constexpr int kTile = 4;
+
+double positive_fmod(double value, double period) {
+  const double r = std::fmod(value, period);
+  return r < 0 ? r + period : r;
+}
+
+/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after.
+Vec3 refract(Vec3 d, Vec3 normal, double mu) {
+  const double c = dot(d, normal);
+  return mu * d + (std::sqrt(1 - mu * mu * (1 - c * c)) - mu * c) * normal;
+}
+
+/// Light through one wedge that stands at angle phi.
+Vec3 through(const WedgeConfig& wedge, double phi, Vec3 d) {
+  const double a = rad(wedge.angle_deg), n = wedge.refractive_index;
+  const Vec3 flat{1, 0, 0};
+  const Vec3 tilted{std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)};
+  const bool tilted_first = wedge.faces == Faces::kTiltedFirst;
+  return refract(refract(d, tilted_first ? tilted : flat, 1 / n), tilted_first ? flat : tilted, n);
+}
+
+/// Rank of each elevation, 0 for the lowest; equal ones by their place.
+std::vector<std::uint32_t> ascending(const std::vector<double>& elevations) {
+  std::vector<std::uint32_t> order(elevations.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::ranges::stable_sort(order, {}, [&](std::uint32_t i) { return elevations[i]; });
+  return order;
+}
+
+}  // namespace
+
+ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3& unit_pose,
+                         int first_ring)
+    : config_(config), phase_s_(phase_s), pose_{}, pose_exact_(unit_pose) {
+  std::ranges::transform(unit_pose, pose_.begin(), [](double v) { return static_cast<float>(v); });
+  std::vector<double> elevations{0};
+  if (config_.spinning) {
+    elevations.clear();
+    groups_per_s_ = config_.spinning->rate_hz * 360 / config_.spinning->azimuth_step_deg;
+    for (const Channel& c : config_.spinning->channels.table) {
+      elevations.push_back(c.elevation_deg);
+      const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
+      // The unit turns on while a column fires, so a later channel looks further round.
+      const double shift = -rad(c.azimuth_offset_deg + 360 * config_.spinning->rate_hz * fire_time);
+      lasers_.push_back({static_cast<float>(std::cos(e)), static_cast<float>(std::sin(e)),
+                         static_cast<float>(std::cos(shift)), static_cast<float>(std::sin(shift)),
+                         static_cast<float>(fire_time)});
+    }
+  } else if (config_.wedges) {
+    elevations = config_.wedges->laser_offsets;
+    groups_per_s_ = config_.wedges->steps_per_s;
+  } else {
+    groups_per_s_ = config_.table->rays_per_s;
+  }
+  group_size_ = static_cast<int>(elevations.size());
+  member_of_ring_ = ascending(elevations);
+  ring_.resize(elevations.size());
+  for (std::size_t r = 0; r < ring_.size(); ++r)
+    ring_[member_of_ring_[r]] = static_cast<std::uint16_t>(first_ring + static_cast<int>(r));
+}
+
+RayRange ScanPattern::fired_between(double from_s, double to_s) const {
+  // The tolerance keeps a group that starts exactly at a border in the later range.
+  const auto group_at = [&](double t) {
+    return static_cast<std::int64_t>(std::ceil(t * groups_per_s_ - 1e-6));
+  };
+  return {group_at(from_s) * group_size_, group_at(to_s) * group_size_};
+}
+
+Ray ScanPattern::ray(std::int64_t index) const {
+  const std::int64_t group = index / group_size_;
+  const int member = static_cast<int>(index % group_size_);
+  if (config_.spinning) return spinning_ray(group, member);
+  if (config_.wedges) return wedges_ray(group, member);
+  return table_ray(group);
+}
+
+Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
+  const SpinningConfig& s = *config_.spinning;
+  const Channel& c = s.channels.table[member];
+  const double fire_time = c.fire_time_us * 1e-6;
+  const double turned_deg =
+      positive_fmod(static_cast<double>(group) * s.azimuth_step_deg, 360) +
+      360 * s.rate_hz * (fire_time + phase_s_) + c.azimuth_offset_deg;
+  const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
+  return {{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
+           std::sin(elevation)},
+          static_cast<double>(group) / groups_per_s_ + fire_time};
+}
+
+Ray ScanPattern::wedges_ray(std::int64_t group, int member) const {
+  const WedgesConfig& w = *config_.wedges;
+  const double elevation = std::atan(w.laser_offsets[member] / w.focal_length);
+  const double optical_time =
+      static_cast<double>(group + w.first_step) / w.steps_per_s + phase_s_;
+  Vec3 d{std::cos(elevation), 0, std::sin(elevation)};
+  for (const WedgeConfig& wedge : w.wedges) {
+    const double turns = std::fmod(wedge.rpm / 60 * optical_time, 1.0);
+    d = through(wedge, 2 * kPi * turns + rad(wedge.phase_deg), d);
+  }
+  return {d, static_cast<double>(group) / groups_per_s_};
+}
+
+Ray ScanPattern::table_ray(std::int64_t group) const {
+  const TableConfig& table = *config_.table;
+  const auto shift = static_cast<std::int64_t>(phase_s_ * table.rays_per_s);
+  const Vec2 d = table.directions[static_cast<std::size_t>(
+      (group + shift) % static_cast<std::int64_t>(table.directions.size()))];
+  return {{std::cos(d.y) * std::cos(d.x), std::cos(d.y) * std::sin(d.x), std::sin(d.y)},
+          static_cast<double>(group) / groups_per_s_};
+}
+
+void ScanPattern::generate(RayRange range, double start_s, RayBatch& rays) const {
+  rays.resize(static_cast<std::size_t>(range.size()));
+  if (config_.spinning)
+    return generate_columns(range.first / group_size_, range.last / group_size_, start_s, rays);
+  for (std::int64_t i = range.first; i < range.last; ++i) {
+    const Ray one = ray(i);
+    const Vec3 d = pose_exact_ * one.direction;
+    const auto k = static_cast<std::size_t>(i - range.first);
+    rays.dx[k] = static_cast<float>(d.x);
+    rays.dy[k] = static_cast<float>(d.y);
+    rays.dz[k] = static_cast<float>(d.z);
+    rays.time[k] = static_cast<float>(one.time_s - start_s);
+    rays.ring[k] = ring_[static_cast<std::size_t>(i % group_size_)];
+  }
+}
+
+void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_group,
+                                   double start_s, RayBatch& rays) const {
+  const SpinningConfig& s = *config_.spinning;
+  const auto& m = pose_;
+  std::size_t k = 0;
+  for (std::int64_t group = first_group; group < last_group; ++group) {
+    const double turned = positive_fmod(static_cast<double>(group) * s.azimuth_step_deg, 360) +
+                          positive_fmod(360 * s.rate_hz * phase_s_, 360);
+    const auto ca = static_cast<float>(std::cos(-rad(turned)));
+    const auto sa = static_cast<float>(std::sin(-rad(turned)));
+    const auto time = static_cast<float>(static_cast<double>(group) / groups_per_s_ - start_s);
+    for (int i = 0; i < group_size_; ++i, ++k) {
+      const Laser& laser = lasers_[i];
+      const float x = laser.cos_elevation * (ca * laser.cos_shift - sa * laser.sin_shift);
+      const float y = laser.cos_elevation * (sa * laser.cos_shift + ca * laser.sin_shift);
+      const float z = laser.sin_elevation;
+      rays.dx[k] = m[0] * x + m[1] * y + m[2] * z;
+      rays.dy[k] = m[3] * x + m[4] * y + m[5] * z;
+      rays.dz[k] = m[6] * x + m[7] * y + m[8] * z;
+      rays.time[k] = time + laser.fire_time;
+      rays.ring[k] = ring_[i];
+    }
+  }
+}
+
+std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
+  std::vector<std::uint32_t> order;
+  order.reserve(static_cast<std::size_t>(groups) * group_size_);
+  if (!config_.spinning) {
+    order.resize(static_cast<std::size_t>(groups) * group_size_);
+    std::iota(order.begin(), order.end(), 0U);
+    return order;
+  }
+  for (int g0 = 0; g0 < groups; g0 += kTile)
+    for (int r0 = 0; r0 < group_size_; r0 += kTile)
+      for (int g = g0; g < std::min(g0 + kTile, groups); ++g)
+        for (int r = r0; r < std::min(r0 + kTile, group_size_); ++r)
+          order.push_back(static_cast<std::uint32_t>(g * group_size_) + member_of_ring_[r]);
+  return order;
+}
+
+FieldOfView field_of_view(const ScanPattern& pattern) {
+  FieldOfView fov{180, -180, 90, -90};
+  const RayRange second = pattern.fired_between(0, 1);
+  for (std::int64_t i = second.first; i < second.last; ++i) {
+    const Vec3 d = pattern.ray(i).direction;
+    const double azimuth = deg(std::atan2(d.y, d.x)), elevation = deg(std::asin(d.z));
+    fov.azimuth_min_deg = std::min(fov.azimuth_min_deg, azimuth);
+    fov.azimuth_max_deg = std::max(fov.azimuth_max_deg, azimuth);
+    fov.elevation_min_deg = std::min(fov.elevation_min_deg, elevation);
+    fov.elevation_max_deg = std::max(fov.elevation_max_deg, elevation);
+  }
+  return fov;
+}
+
+}  // namespace infrasim

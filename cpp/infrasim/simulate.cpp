@@ -1,0 +1,253 @@
+#include "infrasim/simulate.h"
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+
+#include "infrasim/aggregate/frame_builder.h"
+#include "infrasim/scene/traffic.h"
+#include "infrasim/scene/vehicle_body.h"
+#include "infrasim/sensor/reflectance.h"
+#include "infrasim/sensor/return_model.h"
+#include "infrasim/sensor/scan_pattern.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr int kChunkRays = 4096;     // rays worked on at once: they stay in the first-level cache
+constexpr double kPhaseSpan_s = 600; // motors have run for up to this long when a run starts
+
+Trajectories load_trajectories(const SceneConfig& scene) {
+  if (scene.traffic) return simulate_traffic(scene);
+  Trajectories trajectories = read_trajectories(scene.trajectories);
+  const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
+  if (trajectories.frames() < frames)
+    throw ConfigError(scene.trajectories + ": t: found " +
+                      std::to_string(trajectories.frames() * kFramePeriod) +
+                      " s, allowed at least the scene's duration_s of " +
+                      std::to_string(scene.duration_s));
+  trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
+  return trajectories;
+}
+
+/// One optical unit, ready to fire.
+struct Unit {
+  ScanPattern pattern;
+  ReturnModel returns;
+  float max_range;
+  std::string stream;  ///< name of its random numbers
+  std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
+
+  std::span<const std::uint32_t> order(std::int64_t groups) {
+    auto& order = tile_orders[groups];
+    if (order.empty()) order = pattern.tile_order(static_cast<int>(groups));
+    return order;
+  }
+};
+
+struct Lidar {
+  std::vector<Unit> units;
+  double reach = 0;
+  FrameBuilder builder;
+};
+
+std::string stream_name(const LidarConfig& lidar, std::size_t unit) {
+  return unit == 0 ? lidar.name : lidar.name + "/" + std::to_string(unit);
+}
+
+Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
+  const MountConfig& mount = scene.mounts.begin()->second;
+  Lidar lidar;
+  int first_ring = 0;
+  for (std::size_t i = 0; i < config.units.size(); ++i) {
+    const LidarUnit& unit = config.units[i];
+    const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
+                      rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
+    const double phase = start_phase_s(scene.seed, config, i);
+    lidar.units.push_back({ScanPattern(unit.pattern, phase, pose, first_ring),
+                           ReturnModel(unit.returns, scene.weather),
+                           static_cast<float>(unit.returns.max_range_m),
+                           stream_name(config, i),
+                           {}});
+    first_ring += lidar.units.back().pattern.group_size();
+    lidar.reach = std::max(lidar.reach, unit.returns.max_range_m);
+  }
+  return lidar;
+}
+
+/// The vehicles of one frame, levelled frame, with what does not depend on the LiDAR.
+struct Objects {
+  std::vector<MovingObject> moving;
+  std::vector<PlacedBody> placed;
+  std::vector<Box3d> boxes;  ///< at mid-frame
+  std::vector<float> reflectance;
+  std::vector<double> visibility;
+};
+
+bool within(const Box3d& box, double reach) {
+  return std::hypot(box.x, box.y) <= reach + box.dx / 2;
+}
+
+}  // namespace
+
+double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit) {
+  if (!lidar.random_phase) return 0;
+  return kPhaseSpan_s * Rng::of(seed, stream_name(lidar, unit), -1).uniform(0);
+}
+
+World build_world(const SceneConfig& scene) {
+  const LevelFrame frame = level_frame(scene.mounts.begin()->second);
+  TriangleMesh background = build_static_mesh(scene, frame);
+  std::vector<TriangleMesh> bodies;
+  for (const ObjectClass& row : kObjectClasses)
+    bodies.push_back(build_vehicle_body(row.id, scene.detail));
+  auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  return {scene, frame, EvaluationRegion(scene), load_trajectories(scene), std::move(background),
+          std::move(bodies), std::move(meshes)};
+}
+
+struct FrameSimulator::Impl {
+  const World& world;
+  Aggregation aggregation;
+  std::vector<Lidar> lidars;
+  double reach = 0;
+  Raycaster raycaster;
+  Objects objects;
+  RayBatch rays;
+  HitBatch hits;
+  ReturnBatch returns;
+  std::vector<float> reflectance;
+
+  Impl(const World& w, std::span<const LidarConfig> configs)
+      : world(w),
+        aggregation(*parse_aggregation(w.scene.aggregation)),
+        raycaster(*w.meshes) {
+    for (const LidarConfig& config : configs) {
+      lidars.push_back(make_lidar(world.scene, config));
+      reach = std::max(reach, lidars.back().reach);
+    }
+  }
+
+  void place_objects(int k) {
+    objects = {};
+    for (const MovingObject& o : world.trajectories.in_frame(k)) {
+      const Box3d box = world.frame.to_level(o.at(0.5));
+      if (!within(box, reach)) continue;
+      const auto body = std::ranges::find(kObjectClasses, o.object_class, &ObjectClass::id);
+      objects.moving.push_back(o);
+      objects.placed.push_back({static_cast<int>(body - kObjectClasses.begin()),
+                                world.frame.to_level(o.from), world.frame.to_level(o.to)});
+      objects.boxes.push_back(box);
+      objects.reflectance.push_back(paint_reflectance(
+          Rng::of(world.scene.seed, "paint", 0).at(static_cast<std::uint64_t>(o.id))));
+    }
+    raycaster.place(objects.placed, kFramePeriod);
+    for (std::size_t i = 0; i < objects.moving.size(); ++i) {
+      const Box3d middle = objects.moving[i].at(0.5);
+      const bool seen = world.region.contains({middle.x, middle.y});
+      objects.visibility.push_back(seen ? raycaster.visibility(i) : -1);
+    }
+  }
+
+  void freeze_objects(double u) {
+    std::vector<PlacedBody> frozen = objects.placed;
+    for (std::size_t i = 0; i < frozen.size(); ++i)
+      frozen[i].from = frozen[i].to = world.frame.to_level(objects.moving[i].at(u));
+    raycaster.place(frozen, kFramePeriod);
+  }
+
+  void cast_slice(int k, const WorldSlice& slice, Lidar& lidar) {
+    for (Unit& unit : lidar.units) {
+      const RayRange frame = unit.pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
+      const RayRange range = unit.pattern.fired_between((k + slice.from) * kFramePeriod,
+                                                        (k + slice.to) * kFramePeriod);
+      const Rng rng = Rng::of(world.scene.seed, unit.stream, k);
+      const int group = unit.pattern.group_size();
+      const std::int64_t chunk = group * std::max(4, kChunkRays / group / 4 * 4);
+      for (std::int64_t first = range.first; first < range.last; first += chunk) {
+        const RayRange part{first, std::min(first + chunk, range.last)};
+        unit.pattern.generate(part, k * kFramePeriod, rays);
+        rays.max_range = unit.max_range;
+        raycaster.cast(rays, unit.order(part.size() / group), hits);
+        if (unit.returns.needs_reflectance()) look_up_reflectance();
+        unit.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits,
+                           reflectance, returns);
+        collect(lidar.builder);
+      }
+    }
+  }
+
+  void look_up_reflectance() {
+    reflectance.resize(hits.size());
+    for (std::size_t i = 0; i < hits.size(); ++i)
+      reflectance[i] = hits.object[i] >= 0
+                           ? objects.reflectance[static_cast<std::size_t>(hits.object[i])]
+                           : background_reflectance(static_cast<Class>(hits.class_id[i]));
+  }
+
+  void collect(FrameBuilder& builder) const {
+    for (std::size_t n = 0; n < returns.ray.size(); ++n) {
+      const std::uint32_t i = returns.ray[n];
+      const std::int32_t object = hits.object[i];
+      const MovingObject* hit = object < 0 ? nullptr : &objects.moving[static_cast<std::size_t>(object)];
+      builder.add({rays.dx[i], rays.dy[i], rays.dz[i], returns.range[n], returns.intensity[n],
+                   rays.time[i], rays.ring[i],
+                   hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : hits.class_id[i],
+                   object},
+                  hit != nullptr ? hit->id : -1);
+    }
+  }
+
+  std::size_t rays_in_frame(int k, const Lidar& lidar) const {
+    std::int64_t n = 0;
+    for (const Unit& unit : lidar.units)
+      n += unit.pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod).size();
+    return static_cast<std::size_t>(n);
+  }
+
+  Frame finish(Lidar& lidar) const {
+    Frame frame;
+    std::vector<PointCount> counts;
+    frame.cloud = lidar.builder.take(objects.boxes, counts);
+    for (std::size_t i = 0; i < objects.moving.size(); ++i) {
+      const Box3d& box = objects.boxes[i];
+      if (!within(box, lidar.reach)) continue;
+      const MovingObject& o = objects.moving[i];
+      frame.objects.push_back({o.id, o.object_class, box, o.speed_m_s, counts[i].points,
+                               counts[i].points_in_box, std::hypot(box.x, box.y),
+                               objects.visibility[i]});
+    }
+    return frame;
+  }
+};
+
+FrameSimulator::FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
+    : impl_(std::make_unique<Impl>(world, lidars)) {}
+FrameSimulator::~FrameSimulator() = default;
+FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
+
+std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
+  Impl& m = *impl_;
+  std::vector<double> seconds(m.lidars.size());
+  if (std::ranges::find(wanted, true) != wanted.end()) m.place_objects(k);
+  for (Lidar& lidar : m.lidars) lidar.builder.start();
+  for (const WorldSlice& slice : world_slices(m.aggregation)) {
+    if (slice.frozen) m.freeze_objects(slice.middle());
+    for (std::size_t i = 0; i < m.lidars.size(); ++i) {
+      if (!wanted[i]) continue;
+      const auto start = std::chrono::steady_clock::now();
+      m.cast_slice(k, slice, m.lidars[i]);
+      seconds[i] += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
+  }
+  std::vector<Frame> frames(m.lidars.size());
+  for (std::size_t i = 0; i < m.lidars.size(); ++i) {
+    if (wanted[i]) frames[i] = m.finish(m.lidars[i]);
+    frames[i].rays = m.rays_in_frame(k, m.lidars[i]);
+    frames[i].seconds = seconds[i];
+  }
+  return frames;
+}
+
+}  // namespace infrasim

@@ -1,0 +1,7 @@
+#include "infrasim/version.h"
+
+namespace infrasim {
+
+std::string_view version() { return INFRASIM_VERSION; }
+
+}  // namespace infrasim

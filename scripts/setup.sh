@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# Installs what the named groups need, and only what is missing:
+#   scripts/setup.sh build test dev
+# A group is a group of scripts/apt-packages.txt, an extra of pyproject.toml, or both.
+# `build` stands for the package's own requirements and comes first.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+constraints=scripts/constraints.txt
+
+install_system_packages() {
+  local missing=() group name rest sudo=()
+  while read -r group name rest; do
+    [[ " $* " == *" $group "* ]] || continue
+    dpkg-query -W -f '${Status}' "$name" 2>/dev/null | grep -q 'ok installed' || missing+=("$name")
+  done < <(grep -v '^#' scripts/apt-packages.txt)
+  [[ ${#missing[@]} -gt 0 ]] || return 0
+
+  local install=(apt-get install -y --no-install-recommends "${missing[@]}")
+  if [[ $(id -u) != 0 ]]; then
+    if ! sudo -n true 2>/dev/null && ! { [[ -t 0 ]] && command -v sudo >/dev/null; }; then
+      echo "setup: missing system packages: ${missing[*]}" >&2
+      echo "setup: install them as root, then try again: ${install[*]}" >&2
+      exit 1
+    fi
+    sudo=(sudo)
+  fi
+  echo "setup: installing ${#missing[@]} system packages: ${missing[*]}"
+  "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+  "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" </dev/null >/dev/null
+}
+
+# The first python3 that is new enough and can build extensions and environments.
+find_python() {
+  local python
+  for python in python3 /usr/bin/python3 python3.11 python3.12 python3.13; do
+    "$python" 2>/dev/null - <<'EOF' && echo "$python" && return
+import ensurepip, pathlib, sys, sysconfig
+header = pathlib.Path(sysconfig.get_path("include"), "Python.h")
+sys.exit(not (sys.version_info >= (3, 11) and header.exists()))
+EOF
+  done
+  echo "setup: no Python >= 3.11 with its headers and venv was found" >&2
+  return 1
+}
+
+# Requirements of a group as pyproject.toml has them.
+requirements() {
+  .venv/bin/python - "$1" <<'EOF'
+import pathlib, sys, tomllib
+config = tomllib.loads(pathlib.Path("pyproject.toml").read_text())
+project, group = config["project"], sys.argv[1]
+own = config["build-system"]["requires"] + project["dependencies"]
+print(*(own if group == "build" else project["optional-dependencies"].get(group, [])), sep="\n")
+EOF
+}
+
+pip_install() {
+  .venv/bin/python -m pip install -qq -c $constraints --build-constraint $constraints "$@"
+}
+
+make_environment() {
+  "$(find_python)" -m venv --clear .venv
+  # The source tree is importable, and its binary on the PATH, without installing the package.
+  pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/infrasim.pth"
+  ln -s ../../build/dev/cpp/infrasim .venv/bin/infrasim
+  .venv/bin/python -m pip install -qq -c $constraints pip
+  touch .venv/.setup
+}
+
+install_python_packages() {
+  local group wanted state
+  state=$(cat "$0" pyproject.toml $constraints | sha256sum)
+  for group in "$@"; do
+    [[ $state != "$(cat ".venv/.setup-$group" 2>/dev/null)" ]] || continue
+    [[ -e .venv/.setup ]] && .venv/bin/python -c '' || make_environment
+    mapfile -t wanted < <(requirements "$group")
+    if [[ ${#wanted[@]} -gt 0 ]]; then
+      echo "setup: installing the Python packages of '$group'"
+      pip_install "${wanted[@]}"
+    fi
+    echo "$state" >".venv/.setup-$group"
+  done
+}
+
+install_system_packages "$@"
+install_python_packages "$@"

@@ -1,0 +1,106 @@
+"""The folders depend on each other in one direction only: read off the include and import lines."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SIMULATOR = ROOT / "cpp/infrasim"
+SOURCES = ["*.h", "*.cpp"]
+
+# What a folder of the simulator may include besides itself; "." holds the pipeline.
+BELOW_PIPELINE = {
+    "core": set[str](),
+    "config": {"core"},
+    "scene": {"config", "core"},
+    "sensor": {"scene", "config", "core"},
+    "raycast": {"scene", "config", "core"},
+    "aggregate": {"core"},
+    "filter": {"core"},
+    "io": {"core"},
+}
+MAY_INCLUDE = BELOW_PIPELINE | {
+    ".": set(BELOW_PIPELINE),
+    "cli": {".", *BELOW_PIPELINE},
+}
+ONLY_PLACE = {"yaml-cpp": "config", "embree3": "raycast", "pcl": "filter"}
+
+
+def sources(folder: Path) -> list[Path]:
+    return sorted(path for pattern in SOURCES for path in folder.rglob(pattern))
+
+
+def includes(path: Path) -> list[str]:
+    return re.findall(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', path.read_text(), re.MULTILINE)
+
+
+def folder_of(header: str) -> str:
+    """The simulator's folder of `infrasim/config/scene_config.h`: `config`."""
+    parts = Path(header).parts
+    return parts[1] if len(parts) > 2 else "."
+
+
+@pytest.mark.parametrize("path", sources(SIMULATOR), ids=lambda p: str(p.relative_to(SIMULATOR)))
+def test_simulator_includes_point_downwards(path: Path) -> None:
+    folder = folder_of(str(path.relative_to(SIMULATOR.parent)))
+    ours = {folder_of(name) for name in includes(path) if name.startswith("infrasim/")}
+    assert ours <= MAY_INCLUDE[folder] | {folder}
+
+
+def test_simulator_includes_its_own_headers_by_their_full_name() -> None:
+    for path in sources(SIMULATOR):
+        quoted = re.findall(r'#include "([^"]+)"', path.read_text())
+        assert all(name.startswith("infrasim/") for name in quoted), path
+
+
+@pytest.mark.parametrize(("library", "folder"), ONLY_PLACE.items())
+def test_library_is_included_in_one_folder_only(library: str, folder: str) -> None:
+    users = {
+        path.relative_to(ROOT)
+        for path in sources(ROOT / "cpp") + sources(ROOT / "bindings")
+        if any(name.startswith(f"{library}/") for name in includes(path))
+    }
+    assert {path for path in users if not path.is_relative_to(f"cpp/infrasim/{folder}")} == set()
+
+
+def test_pointops_know_nothing_of_the_simulator() -> None:
+    for path in sources(ROOT / "cpp/pointops"):
+        assert not any(name.startswith("infrasim/") for name in includes(path)), path
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Full names of the modules, and of the names in them, that a file of pyinfra imports."""
+    package = path.relative_to(ROOT).parent.parts
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            module = ".".join([*above, *(node.module or "").split(".")]).rstrip(".")
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def test_only_the_simulator_and_the_kernels_import_the_extension() -> None:
+    users = {
+        path.relative_to(ROOT / "pyinfra")
+        for path in (ROOT / "pyinfra").rglob("*.py")
+        if any(name.startswith("pyinfra._core") for name in imports(path))
+    }
+    allowed = Path("detectors/ops")
+    assert {p for p in users if p != Path("sim.py") and not p.is_relative_to(allowed)} == set()
+
+
+def test_evaluation_does_not_import_torch() -> None:
+    for path in (ROOT / "pyinfra").glob("*.py"):
+        if path.stem in {"kitti", "boxes", "ap"}:
+            assert "torch" not in {name.split(".")[0] for name in imports(path)}, path
+
+
+def test_hooks_and_environment_have_the_same_versions() -> None:
+    hooks = re.findall(r'"([\w-]+==[\w.]+)"', (ROOT / ".pre-commit-config.yaml").read_text())
+    assert hooks
+    assert set(hooks) <= set((ROOT / "scripts/constraints.txt").read_text().split())
