@@ -7,6 +7,7 @@
 #include "infrasim/aggregate/frame_builder.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/vehicle_body.h"
+#include "infrasim/sensor/beam.h"
 #include "infrasim/sensor/reflectance.h"
 #include "infrasim/sensor/return_model.h"
 #include "infrasim/sensor/scan_pattern.h"
@@ -35,6 +36,7 @@ Trajectories load_trajectories(const SceneConfig& scene) {
 struct Unit {
   ScanPattern pattern;
   ReturnModel returns;
+  std::optional<Beam> beam;
   float max_range;
   std::string stream;  ///< name of its random numbers
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
@@ -67,6 +69,8 @@ Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
     const double phase = start_phase_s(scene.seed, config, i);
     lidar.units.push_back({ScanPattern(unit.pattern, phase, pose, first_ring),
                            ReturnModel(unit.returns, scene.weather),
+                           unit.returns.beam ? std::optional<Beam>(Beam(*unit.returns.beam, pose))
+                                             : std::nullopt,
                            static_cast<float>(unit.returns.max_range_m),
                            stream_name(config, i),
                            {}});
@@ -118,6 +122,10 @@ struct FrameSimulator::Impl {
   HitBatch hits;
   ReturnBatch returns;
   std::vector<float> reflectance;
+  RayBatch sub_rays;  ///< of beams wider than a ray
+  HitBatch sub_hits;
+  std::vector<std::uint32_t> sub_order;
+  std::vector<float> sub_reflectance;
 
   Impl(const World& w, std::span<const LidarConfig> configs)
       : world(w),
@@ -169,8 +177,7 @@ struct FrameSimulator::Impl {
         const RayRange part{first, std::min(first + chunk, range.last)};
         unit.pattern.generate(part, k * kFramePeriod, rays);
         rays.max_range = unit.max_range;
-        raycaster.cast(rays, unit.order(part.size() / group), hits);
-        if (unit.returns.needs_reflectance()) look_up_reflectance();
+        cast(unit, part.size() / group);
         unit.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits,
                            reflectance, returns);
         collect(lidar.builder);
@@ -178,12 +185,28 @@ struct FrameSimulator::Impl {
     }
   }
 
-  void look_up_reflectance() {
-    reflectance.resize(hits.size());
-    for (std::size_t i = 0; i < hits.size(); ++i)
-      reflectance[i] = hits.object[i] >= 0
-                           ? objects.reflectance[static_cast<std::size_t>(hits.object[i])]
-                           : background_reflectance(static_cast<Class>(hits.class_id[i]));
+  void cast(Unit& unit, std::int64_t groups) {
+    if (!unit.beam) {
+      raycaster.cast(rays, unit.order(groups), hits);
+      if (unit.returns.needs_reflectance()) look_up_reflectance(hits, reflectance);
+      return;
+    }
+    unit.beam->expand(rays, sub_rays);
+    const std::size_t known = sub_order.size();
+    sub_order.resize(sub_rays.size());
+    for (std::size_t i = known; i < sub_order.size(); ++i)
+      sub_order[i] = static_cast<std::uint32_t>(i);
+    raycaster.cast(sub_rays, sub_order, sub_hits);
+    look_up_reflectance(sub_hits, sub_reflectance);
+    unit.beam->combine(sub_hits, sub_reflectance, hits, reflectance);
+  }
+
+  void look_up_reflectance(const HitBatch& batch, std::vector<float>& out) const {
+    out.resize(batch.size());
+    for (std::size_t i = 0; i < batch.size(); ++i)
+      out[i] = batch.object[i] >= 0
+                   ? objects.reflectance[static_cast<std::size_t>(batch.object[i])]
+                   : background_reflectance(static_cast<Class>(batch.class_id[i]));
   }
 
   void collect(FrameBuilder& builder) const {

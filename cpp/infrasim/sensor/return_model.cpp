@@ -23,9 +23,8 @@ double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather)
     : config_(config), extinction_per_m_(extinction(weather)) {}
 
-bool ReturnModel::dropped(const Rng& draw, double intensity) const {
+bool ReturnModel::dropped_when_faint(const Rng& draw, double intensity) const {
   const DropOffConfig& d = *config_.drop_off;
-  if (draw.uniform(kLoss) < d.general_rate) return true;
   if (intensity > d.intensity_limit) return false;
   const double slope = d.zero_intensity_rate / d.intensity_limit;
   return draw.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
@@ -45,6 +44,7 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     float range = hits.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
     const Rng draw = rng.at(first_ray + i);
+    if (config_.drop_off && draw.uniform(kLoss) < config_.drop_off->general_rate) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
@@ -55,7 +55,7 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
-    if (config_.drop_off && dropped(draw, intensity)) continue;
+    if (config_.drop_off && dropped_when_faint(draw, intensity)) continue;
     if (sigma > 0) range = std::max(0.0F, range + static_cast<float>(sigma * draw.normal(kNoise)));
     out.ray.push_back(static_cast<std::uint32_t>(i));
     out.range.push_back(range);

@@ -37,7 +37,7 @@ class ReturnModel {
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
  private:
-  bool dropped(const Rng& draw, double intensity) const;
+  bool dropped_when_faint(const Rng& draw, double intensity) const;
   double snr(double range, double reflected) const;
 
   ReturnsConfig config_;

@@ -20,13 +20,22 @@ Vec3 refract(Vec3 d, Vec3 normal, double mu) {
   return mu * d + (std::sqrt(1 - mu * mu * (1 - c * c)) - mu * c) * normal;
 }
 
-/// Light through one wedge that stands at angle phi.
-Vec3 through(const WedgeConfig& wedge, double phi, Vec3 d) {
-  const double a = rad(wedge.angle_deg), n = wedge.refractive_index;
+/// Light through one wedge whose tilted face has the given normal.
+Vec3 through(const WedgeConfig& wedge, Vec3 tilted, Vec3 d) {
   const Vec3 flat{1, 0, 0};
-  const Vec3 tilted{std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)};
+  const double n = wedge.refractive_index;
   const bool tilted_first = wedge.faces == Faces::kTiltedFirst;
   return refract(refract(d, tilted_first ? tilted : flat, 1 / n), tilted_first ? flat : tilted, n);
+}
+
+/// Normals of the tilted faces at one time.
+void turn_wedges(const std::vector<WedgeConfig>& wedges, double time_s, std::vector<Vec3>& normals) {
+  normals.clear();
+  for (const WedgeConfig& wedge : wedges) {
+    const double phi = 2 * kPi * std::fmod(wedge.rpm / 60 * time_s, 1.0) + rad(wedge.phase_deg);
+    const double a = rad(wedge.angle_deg);
+    normals.push_back({std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)});
+  }
 }
 
 /// Rank of each elevation, 0 for the lowest; equal ones by their place.
@@ -59,6 +68,10 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
   } else if (config_.wedges) {
     elevations = config_.wedges->laser_offsets;
     groups_per_s_ = config_.wedges->steps_per_s;
+    for (const double offset : elevations) {
+      const double e = std::atan(offset / config_.wedges->focal_length);
+      laser_directions_.push_back({std::cos(e), 0, std::sin(e)});
+    }
   } else {
     groups_per_s_ = config_.table->rays_per_s;
   }
@@ -98,16 +111,16 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
           static_cast<double>(group) / groups_per_s_ + fire_time};
 }
 
+double ScanPattern::optical_time(std::int64_t group) const {
+  return static_cast<double>(group + config_.wedges->first_step) / groups_per_s_ + phase_s_;
+}
+
 Ray ScanPattern::wedges_ray(std::int64_t group, int member) const {
-  const WedgesConfig& w = *config_.wedges;
-  const double elevation = std::atan(w.laser_offsets[member] / w.focal_length);
-  const double optical_time =
-      static_cast<double>(group + w.first_step) / w.steps_per_s + phase_s_;
-  Vec3 d{std::cos(elevation), 0, std::sin(elevation)};
-  for (const WedgeConfig& wedge : w.wedges) {
-    const double turns = std::fmod(wedge.rpm / 60 * optical_time, 1.0);
-    d = through(wedge, 2 * kPi * turns + rad(wedge.phase_deg), d);
-  }
+  std::vector<Vec3> normals;
+  turn_wedges(config_.wedges->wedges, optical_time(group), normals);
+  Vec3 d = laser_directions_[static_cast<std::size_t>(member)];
+  for (std::size_t w = 0; w < normals.size(); ++w)
+    d = through(config_.wedges->wedges[w], normals[w], d);
   return {d, static_cast<double>(group) / groups_per_s_};
 }
 
@@ -122,17 +135,38 @@ Ray ScanPattern::table_ray(std::int64_t group) const {
 
 void ScanPattern::generate(RayRange range, double start_s, RayBatch& rays) const {
   rays.resize(static_cast<std::size_t>(range.size()));
-  if (config_.spinning)
-    return generate_columns(range.first / group_size_, range.last / group_size_, start_s, rays);
-  for (std::int64_t i = range.first; i < range.last; ++i) {
-    const Ray one = ray(i);
-    const Vec3 d = pose_exact_ * one.direction;
-    const auto k = static_cast<std::size_t>(i - range.first);
-    rays.dx[k] = static_cast<float>(d.x);
-    rays.dy[k] = static_cast<float>(d.y);
-    rays.dz[k] = static_cast<float>(d.z);
-    rays.time[k] = static_cast<float>(one.time_s - start_s);
-    rays.ring[k] = ring_[static_cast<std::size_t>(i % group_size_)];
+  const std::int64_t first = range.first / group_size_, last = range.last / group_size_;
+  if (config_.spinning) return generate_columns(first, last, start_s, rays);
+  if (config_.wedges) return generate_steps(first, last, start_s, rays);
+  for (std::int64_t group = first; group < last; ++group) {
+    const Ray ray = table_ray(group);
+    put(static_cast<std::size_t>(group - first), ray.direction, ray.time_s - start_s, 0, rays);
+  }
+}
+
+void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
+                      RayBatch& rays) const {
+  const Vec3 d = pose_exact_ * direction;
+  rays.dx[k] = static_cast<float>(d.x);
+  rays.dy[k] = static_cast<float>(d.y);
+  rays.dz[k] = static_cast<float>(d.z);
+  rays.time[k] = static_cast<float>(time_s);
+  rays.ring[k] = ring_[static_cast<std::size_t>(member)];
+}
+
+void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_group,
+                                 double start_s, RayBatch& rays) const {
+  const std::vector<WedgeConfig>& wedges = config_.wedges->wedges;
+  std::vector<Vec3> normals;
+  std::size_t k = 0;
+  for (std::int64_t group = first_group; group < last_group; ++group) {
+    turn_wedges(wedges, optical_time(group), normals);
+    const double time = static_cast<double>(group) / groups_per_s_ - start_s;
+    for (int i = 0; i < group_size_; ++i, ++k) {
+      Vec3 d = laser_directions_[static_cast<std::size_t>(i)];
+      for (std::size_t w = 0; w < wedges.size(); ++w) d = through(wedges[w], normals[w], d);
+      put(k, d, time, i, rays);
+    }
   }
 }
 

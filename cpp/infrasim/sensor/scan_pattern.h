@@ -51,6 +51,10 @@ class ScanPattern {
  private:
   void generate_columns(std::int64_t first_group, std::int64_t last_group, double start_s,
                         RayBatch& rays) const;
+  void generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
+                      RayBatch& rays) const;
+  void put(std::size_t k, Vec3 direction, double time_s, int member, RayBatch& rays) const;
+  double optical_time(std::int64_t group) const;
   Ray spinning_ray(std::int64_t group, int member) const;
   Ray wedges_ray(std::int64_t group, int member) const;
   Ray table_ray(std::int64_t group) const;
@@ -66,7 +70,8 @@ class ScanPattern {
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
-  std::vector<Laser> lasers_;  ///< of a spinning unit
+  std::vector<Laser> lasers_;           ///< of a spinning unit
+  std::vector<Vec3> laser_directions_;  ///< before the wedges
 };
 
 /// Extent of a pattern in its own frame.

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/core/geometry.h"
+#include "infrasim/core/rays.h"
+
+namespace infrasim {
+
+/// A beam wider than a ray, as sub-rays side by side along its longer axis.
+class Beam {
+ public:
+  /// @param unit_pose rotation from the unit's frame to the levelled frame
+  Beam(const BeamConfig& config, const Mat3& unit_pose);
+
+  int sub_rays() const { return static_cast<int>(offsets_.size()); }
+
+  /// Sub-rays of each ray, side by side; the middle of them is the ray itself.
+  void expand(const RayBatch& rays, RayBatch& sub_rays) const;
+
+  /// One hit per ray: of its sub-rays' echoes, those within the range resolution of each other
+  /// add up, and the strongest sum is reported. Its range is the power-weighted mean, its
+  /// reflectance is that of a full beam of the same power.
+  /// @param sub_reflectance of each sub-ray's hit
+  void combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance, HitBatch& hits,
+               std::vector<float>& reflectance) const;
+
+ private:
+  std::vector<float> offsets_;  ///< tangents, along the axis
+  Vec3 axis_;                   ///< levelled frame; made perpendicular to each ray
+};
+
+}  // namespace infrasim
