@@ -119,12 +119,13 @@ struct FrameSimulator::Impl {
   Raycaster raycaster;
   Objects objects;
   RayBatch rays;
+  std::vector<std::uint32_t> selected;
   HitBatch hits;
   ReturnBatch returns;
   std::vector<float> reflectance;
   RayBatch sub_rays;  ///< of beams wider than a ray
   HitBatch sub_hits;
-  std::vector<std::uint32_t> sub_order;
+  std::vector<std::uint32_t> sub_selected;
   std::vector<float> sub_reflectance;
 
   Impl(const World& w, std::span<const LidarConfig> configs)
@@ -177,28 +178,42 @@ struct FrameSimulator::Impl {
         const RayRange part{first, std::min(first + chunk, range.last)};
         unit.pattern.generate(part, k * kFramePeriod, rays);
         rays.max_range = unit.max_range;
-        cast(unit, part.size() / group);
-        unit.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits,
-                           reflectance, returns);
+        const auto first_in_frame = static_cast<std::uint64_t>(part.first - frame.first);
+        select(unit, rng, first_in_frame, part.size() / group);
+        cast(unit);
+        unit.returns.apply(rng, first_in_frame, hits, reflectance, returns);
         collect(lidar.builder);
       }
     }
   }
 
-  void cast(Unit& unit, std::int64_t groups) {
-    if (!unit.beam) {
-      raycaster.cast(rays, unit.order(groups), hits);
-      if (unit.returns.needs_reflectance()) look_up_reflectance(hits, reflectance);
-      return;
+  /// Names the rays worth casting, near ones together: not those that look over everything there
+  /// is, nor those whose return is lost whatever they hit.
+  void select(Unit& unit, const Rng& rng, std::uint64_t first, std::int64_t groups) {
+    const float highest_dz = raycaster.top() < 0 ? 0 : 1;
+    selected.clear();
+    for (const std::uint32_t i : unit.order(groups)) {
+      if (rays.dz[i] > highest_dz) continue;
+      if (unit.returns.loses_at_random() && unit.returns.lost_at_random(rng, first + i)) continue;
+      selected.push_back(i);
     }
-    unit.beam->expand(rays, sub_rays);
-    const std::size_t known = sub_order.size();
-    sub_order.resize(sub_rays.size());
-    for (std::size_t i = known; i < sub_order.size(); ++i)
-      sub_order[i] = static_cast<std::uint32_t>(i);
-    raycaster.cast(sub_rays, sub_order, sub_hits);
+  }
+
+  void cast(const Unit& unit) {
+    if (unit.beam) return cast_beams(*unit.beam);
+    raycaster.cast(rays, selected, hits);
+    if (unit.returns.needs_reflectance()) look_up_reflectance(hits, reflectance);
+  }
+
+  void cast_beams(const Beam& beam) {
+    beam.expand(rays, sub_rays);
+    const auto n = static_cast<std::uint32_t>(beam.sub_rays());
+    sub_selected.clear();
+    for (const std::uint32_t i : selected)
+      for (std::uint32_t j = 0; j < n; ++j) sub_selected.push_back(n * i + j);
+    raycaster.cast(sub_rays, sub_selected, sub_hits);
     look_up_reflectance(sub_hits, sub_reflectance);
-    unit.beam->combine(sub_hits, sub_reflectance, hits, reflectance);
+    beam.combine(sub_hits, sub_reflectance, hits, reflectance);
   }
 
   void look_up_reflectance(const HitBatch& batch, std::vector<float>& out) const {

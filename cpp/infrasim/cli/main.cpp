@@ -1,3 +1,5 @@
+#include <malloc.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
@@ -28,6 +30,9 @@ int parse(CLI::App& app, int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Frames come and go by the megabyte: keep their pages instead of asking for new ones each time.
+  mallopt(M_MMAP_THRESHOLD, 1 << 28);
+  mallopt(M_TRIM_THRESHOLD, 1 << 28);
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of its write
   CLI::App app("Simulates roadside LiDARs.\nExample: infrasim run configs/scenes/highway.yaml "
                "--lidar configs/lidars/livox_avia.yaml --frames 0:10 --out data/highway",

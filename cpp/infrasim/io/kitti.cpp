@@ -69,13 +69,13 @@ std::string objects_csv(const std::vector<ObjectRecord>& objects) {
 }
 
 std::vector<std::byte> velodyne_bytes(const PointCloud& cloud) {
-  std::vector<float> rows(4 * cloud.size());
+  constexpr std::size_t kRecord = 16;
+  std::vector<std::byte> bytes(kRecord * cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    std::memcpy(&rows[4 * i], &cloud.xyz[3 * i], 3 * sizeof(float));
-    rows[4 * i + 3] = cloud.intensity[i];
+    std::memcpy(&bytes[kRecord * i], &cloud.xyz[3 * i], 12);
+    std::memcpy(&bytes[kRecord * i + 12], &cloud.intensity[i], 4);
   }
-  const auto bytes = std::as_bytes(std::span(rows));
-  return {bytes.begin(), bytes.end()};
+  return bytes;
 }
 
 std::vector<std::byte> fields_bytes(const PointCloud& cloud) {

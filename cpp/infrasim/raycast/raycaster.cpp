@@ -66,38 +66,42 @@ RTCQuaternionDecomposition decomposition(const Box3d& box, double heading) {
   return q;
 }
 
-/// Fills one packet with rays from the origin; lanes from `count` on are masked off.
+/// One packet of rays. What Embree leaves as it is (origins, masks, flags) is set once.
 struct Packet {
   alignas(64) std::array<int, kWidth> valid{};
   RTCRayHit16 rh{};
 
+  Packet() {
+    for (unsigned& mask : rh.ray.mask) mask = 0xFFFFFFFFU;
+  }
+
+  /// Rays from the origin; lanes from `count` on are masked off.
   void fill(const RayBatch& rays, const std::uint32_t* order, std::size_t count,
             float time_scale) {
     for (std::size_t i = 0; i < kWidth; ++i) {
-      valid[i] = i < count ? -1 : 0;
       const std::uint32_t k = order[i < count ? i : 0];
-      set(i, 0, 0, 0, rays.dx[k], rays.dy[k], rays.dz[k], rays.max_range,
+      valid[i] = i < count ? -1 : 0;
+      set(i, rays.dx[k], rays.dy[k], rays.dz[k], rays.max_range,
           std::clamp(rays.time[k] * time_scale, 0.0F, 1.0F));
     }
   }
 
-  void set(std::size_t i, float ox, float oy, float oz, float dx, float dy, float dz, float tfar,
-           float time) {
-    RTCRay16& ray = rh.ray;
-    ray.org_x[i] = ox;
-    ray.org_y[i] = oy;
-    ray.org_z[i] = oz;
-    ray.dir_x[i] = dx;
-    ray.dir_y[i] = dy;
-    ray.dir_z[i] = dz;
-    ray.tnear[i] = 0;
-    ray.tfar[i] = tfar;
-    ray.time[i] = time;
-    ray.mask[i] = 0xFFFFFFFFU;
-    ray.id[i] = 0;
-    ray.flags[i] = 0;
+  void set(std::size_t i, float dx, float dy, float dz, float tfar, float time) {
+    rh.ray.dir_x[i] = dx;
+    rh.ray.dir_y[i] = dy;
+    rh.ray.dir_z[i] = dz;
+    rh.ray.tfar[i] = tfar;
+    rh.ray.time[i] = time;
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+  }
+
+  void set_origin(float x, float y, float z) {
+    for (std::size_t i = 0; i < kWidth; ++i) {
+      rh.ray.org_x[i] = x;
+      rh.ray.org_y[i] = y;
+      rh.ray.org_z[i] = z;
+    }
   }
 
   void intersect(RTCScene scene) {
@@ -112,6 +116,7 @@ struct Packet {
 
 struct MeshLibrary::Impl {
   RTCDevice device = nullptr;
+  float top = -std::numeric_limits<float>::infinity();  ///< highest z of the background
   std::vector<std::uint16_t> background_class;
   std::vector<SceneHandle> bodies;  ///< the background last
 
@@ -128,6 +133,7 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
   if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
   rtcSetDeviceErrorFunction(impl_->device, on_error, nullptr);
   impl_->background_class = background.class_id;
+  for (const auto& vertex : background.vertices) impl_->top = std::max(impl_->top, vertex[2]);
   for (const TriangleMesh& body : bodies)
     impl_->bodies.push_back(mesh_scene(impl_->device, body));
   impl_->bodies.push_back(mesh_scene(impl_->device, background));
@@ -146,6 +152,7 @@ struct Raycaster::Impl {
   std::vector<PlacedBody> placed;
   std::vector<BodyFrame> frames;
   float time_scale = 1;
+  float top = 0;
   Packet packet;
   RayBatch probe;  ///< rays of a visibility test
   HitBatch probe_hits;
@@ -173,11 +180,7 @@ struct Raycaster::Impl {
     const RTCHit16& hit = packet.rh.hit;
     for (std::size_t i = 0; i < count; ++i) {
       const std::uint32_t k = order[i];
-      if (hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) {
-        hits.range[k] = std::numeric_limits<float>::infinity();
-        hits.object[k] = -1;
-        continue;
-      }
+      if (hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
       hits.range[k] = packet.rh.ray.tfar[i];
       const std::size_t instance = hit.instID[0][i];
       const bool background = instance == placed.size();
@@ -215,16 +218,18 @@ struct Raycaster::Impl {
     };
     const auto o = to_unit(-box.x, -box.y, -box.z);
     std::vector<bool> out(probe.size());
+    packet.set_origin(o[0], o[1], o[2]);
     for (std::size_t first = 0; first < probe.size(); first += kWidth) {
       for (std::size_t i = 0; i < kWidth; ++i) {
         const auto d = to_unit(probe.dx[first + i], probe.dy[first + i], probe.dz[first + i]);
         packet.valid[i] = -1;
-        packet.set(i, o[0], o[1], o[2], d[0], d[1], d[2], probe.max_range, 0);
+        packet.set(i, d[0], d[1], d[2], probe.max_range, 0);
       }
       packet.intersect(alone);
       for (std::size_t i = 0; i < kWidth; ++i)
         out[first + i] = packet.rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
     }
+    packet.set_origin(0, 0, 0);
     return out;
   }
 
@@ -267,10 +272,12 @@ void Raycaster::place(std::span<const PlacedBody> bodies, double period_s) {
   m.placed.assign(bodies.begin(), bodies.end());
   m.time_scale = static_cast<float>(1 / period_s);
   m.frames.clear();
+  m.top = m.library.top;
   m.scene = new_scene(m.library.device);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const PlacedBody& b = bodies[i];
     m.attach(m.library.bodies[b.body].get(), static_cast<unsigned>(i), &b);
+    m.top = std::max(m.top, static_cast<float>(std::max(b.from.z, b.to.z) + b.from.dz / 2));
     const double heading =
         b.from.heading + wrap_angle(b.to.heading - b.from.heading) / 2;
     m.frames.push_back({static_cast<float>(std::cos(heading)),
@@ -281,12 +288,16 @@ void Raycaster::place(std::span<const PlacedBody> bodies, double period_s) {
   rtcCommitScene(m.scene.get());
 }
 
+float Raycaster::top() const { return impl_->top; }
+
 void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits) {
   // Embree's manual asks for flushed denormals in every thread that casts.
   _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
   _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
   Impl& m = *impl_;
   hits.resize(rays.size());
+  std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
+  std::ranges::fill(hits.object, -1);
   for (std::size_t first = 0; first < order.size(); first += kWidth) {
     const std::size_t count = std::min(kWidth, order.size() - first);
     m.packet.fill(rays, order.data() + first, count, m.time_scale);

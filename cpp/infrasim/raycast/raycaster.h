@@ -45,9 +45,11 @@ class Raycaster {
   /// @throws std::runtime_error if Embree fails to build the scene
   void place(std::span<const PlacedBody> bodies, double period_s);
 
-  /// Nearest hit of each ray, every ray at its own time; packets of 16 in the given order. The
-  /// result does not depend on the order.
-  /// @param order a permutation of 0 .. rays.size() - 1
+  /// Highest z of everything in the scene, levelled frame; -inf for an empty one.
+  float top() const;
+
+  /// Nearest hit of each ray that `order` names, every ray at its own time; packets of 16 in that
+  /// order. The others are misses. The hits do not depend on the order.
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits);
 
   /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the

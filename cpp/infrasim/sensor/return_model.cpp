@@ -23,6 +23,10 @@ double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather)
     : config_(config), extinction_per_m_(extinction(weather)) {}
 
+bool ReturnModel::lost_at_random(const Rng& rng, std::uint64_t ray) const {
+  return rng.at(ray).uniform(kLoss) < config_.drop_off->general_rate;
+}
+
 bool ReturnModel::dropped_when_faint(const Rng& draw, double intensity) const {
   const DropOffConfig& d = *config_.drop_off;
   if (intensity > d.intensity_limit) return false;
@@ -44,7 +48,6 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     float range = hits.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
     const Rng draw = rng.at(first_ray + i);
-    if (config_.drop_off && draw.uniform(kLoss) < config_.drop_off->general_rate) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
