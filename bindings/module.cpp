@@ -1,8 +1,13 @@
-#include <pybind11/pybind11.h>
+#include "bindings.h"
 
+#include "infrasim/core/errors.h"
 #include "infrasim/version.h"
 
 PYBIND11_MODULE(_core, m) {
   m.doc() = "Compiled part of pyinfra; use pyinfra.sim.";
   m.def("version", &infrasim::version, "Version of the simulator.");
+  pybind11::register_exception<infrasim::ConfigError>(m, "ConfigError", PyExc_ValueError);
+  pybind11::register_exception<infrasim::IoError>(m, "IoError", PyExc_OSError);
+  infrasim::bind_frames(m);
+  infrasim::bind_simulation(m);
 }

@@ -5,9 +5,8 @@
 #include <map>
 
 #include "infrasim/aggregate/frame_builder.h"
-#include "infrasim/scene/traffic.h"
-#include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/beam.h"
+#include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/reflectance.h"
 #include "infrasim/sensor/return_model.h"
 #include "infrasim/sensor/scan_pattern.h"
@@ -17,20 +16,6 @@ namespace infrasim {
 namespace {
 
 constexpr int kChunkRays = 4096;     // rays worked on at once: they stay in the first-level cache
-constexpr double kPhaseSpan_s = 600; // motors have run for up to this long when a run starts
-
-Trajectories load_trajectories(const SceneConfig& scene) {
-  if (scene.traffic) return simulate_traffic(scene);
-  Trajectories trajectories = read_trajectories(scene.trajectories);
-  const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
-  if (trajectories.frames() < frames)
-    throw ConfigError(scene.trajectories + ": t: found " +
-                      std::to_string(trajectories.frames() * kFramePeriod) +
-                      " s, allowed at least the scene's duration_s of " +
-                      std::to_string(scene.duration_s));
-  trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
-  return trajectories;
-}
 
 /// One optical unit, ready to fire.
 struct Unit {
@@ -53,10 +38,6 @@ struct Lidar {
   double reach = 0;
   FrameBuilder builder;
 };
-
-std::string stream_name(const LidarConfig& lidar, std::size_t unit) {
-  return unit == 0 ? lidar.name : lidar.name + "/" + std::to_string(unit);
-}
 
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
   const MountConfig& mount = scene.mounts.begin()->second;
@@ -95,22 +76,6 @@ bool within(const Box3d& box, double reach) {
 
 }  // namespace
 
-double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit) {
-  if (!lidar.random_phase) return 0;
-  return kPhaseSpan_s * Rng::of(seed, stream_name(lidar, unit), -1).uniform(0);
-}
-
-World build_world(const SceneConfig& scene) {
-  const LevelFrame frame = level_frame(scene.mounts.begin()->second);
-  TriangleMesh background = build_static_mesh(scene, frame);
-  std::vector<TriangleMesh> bodies;
-  for (const ObjectClass& row : kObjectClasses)
-    bodies.push_back(build_vehicle_body(row.id, scene.detail));
-  auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
-  return {scene, frame, EvaluationRegion(scene), load_trajectories(scene), std::move(background),
-          std::move(bodies), std::move(meshes)};
-}
-
 struct FrameSimulator::Impl {
   const World& world;
   Aggregation aggregation;
@@ -143,9 +108,8 @@ struct FrameSimulator::Impl {
     for (const MovingObject& o : world.trajectories.in_frame(k)) {
       const Box3d box = world.frame.to_level(o.at(0.5));
       if (!within(box, reach)) continue;
-      const auto body = std::ranges::find(kObjectClasses, o.object_class, &ObjectClass::id);
       objects.moving.push_back(o);
-      objects.placed.push_back({static_cast<int>(body - kObjectClasses.begin()),
+      objects.placed.push_back({static_cast<int>(body_index(o.object_class)),
                                 world.frame.to_level(o.from), world.frame.to_level(o.to)});
       objects.boxes.push_back(box);
       objects.reflectance.push_back(paint_reflectance(
@@ -267,6 +231,7 @@ FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 
 std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
   Impl& m = *impl_;
+  check_frame(m.world, k);
   std::vector<double> seconds(m.lidars.size());
   if (std::ranges::find(wanted, true) != wanted.end()) m.place_objects(k);
   for (Lidar& lidar : m.lidars) lidar.builder.start();

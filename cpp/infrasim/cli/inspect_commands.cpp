@@ -9,8 +9,8 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/npy.h"
-#include "infrasim/sensor/scan_pattern.h"
-#include "infrasim/simulate.h"
+#include "infrasim/sensor/pattern_table.h"
+#include "infrasim/world.h"
 
 namespace infrasim::cli {
 
@@ -45,21 +45,9 @@ struct PatternOptions {
 void pattern_command(const PatternOptions& o) {
   const LidarConfig lidar = read_lidar(o.file, o.preset);
   const FrameRange frames = parse_frames(o.frames);
-  std::vector<double> rows;
-  for (std::size_t u = 0; u < lidar.units.size(); ++u) {
-    const double phase = o.seed.empty() ? 0 : start_phase_s(parse_seed(o.seed), lidar, u);
-    const LidarUnit& unit = lidar.units[u];
-    const Mat3 pose = rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
-    const ScanPattern pattern(unit.pattern, phase, pose, 0);
-    for (int k = frames.first; k < frames.last; k += frames.step) {
-      const RayRange range = pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
-      for (std::int64_t i = range.first; i < range.last; ++i) {
-        const Ray ray = pattern.ray(i);
-        const Vec3 d = pose * ray.direction;
-        rows.insert(rows.end(), {std::atan2(d.y, d.x), std::asin(d.z), ray.time_s});
-      }
-    }
-  }
+  const auto seed = o.seed.empty() ? std::nullopt : std::optional(parse_seed(o.seed));
+  const std::vector<double> rows =
+      pattern_table(lidar, frames.first, frames.last, frames.step, seed);
   write_npy(o.out, rows, 3);
   std::printf("%zu rays\n", rows.size() / 3);
 }

@@ -1,0 +1,85 @@
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <memory>
+
+#include "bindings.h"
+#include "infrasim/frame_stream.h"
+#include "infrasim/sensor/pattern_table.h"
+
+namespace infrasim {
+
+namespace py = pybind11;
+
+namespace {
+
+py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int last_frame,
+                                 std::optional<std::uint64_t> seed) {
+  if (first_frame < 0 || last_frame <= first_frame)
+    throw ConfigError("frames: found " + std::to_string(first_frame) + ":" +
+                      std::to_string(last_frame) + ", allowed A:B with 0 <= A < B");
+  const std::vector<double> rows = [&] {
+    const py::gil_scoped_release release;
+    return pattern_table(lidar, first_frame, last_frame, 1, seed);
+  }();
+  return py::array_t<double>({static_cast<py::ssize_t>(rows.size() / 3), py::ssize_t{3}},
+                             rows.data());
+}
+
+py::tuple mesh_arrays(const World& world, int frame, double share) {
+  const TriangleMesh mesh = frozen_mesh(world, frame, share);
+  return py::make_tuple(
+      py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},
+                         mesh.vertices.data()->data()),
+      py::array_t<std::uint32_t>({static_cast<py::ssize_t>(mesh.triangles.size()), py::ssize_t{3}},
+                                 mesh.triangles.data()->data()));
+}
+
+}  // namespace
+
+void bind_simulation(py::module_& m) {
+  py::class_<LidarConfig>(m, "Lidar", "One preset of a LiDAR file.")
+      .def(py::init(&read_lidar), py::arg("file"), py::arg("preset"))
+      .def_readonly("name", &LidarConfig::name)
+      .def_readonly("preset", &LidarConfig::preset)
+      .def("dump", &dump_lidar, "Every key with its value, as YAML.")
+      .def("pattern", &pattern_rays, py::arg("first_frame"), py::arg("last_frame"),
+           py::arg("seed") = py::none(),
+           "(n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, in firing order, "
+           "sensor frame; phase 0 unless a seed is given.");
+
+  py::class_<World>(m, "World", "A scene made ready.")
+      .def(py::init([](const std::filesystem::path& file, const std::vector<std::string>& set) {
+             const py::gil_scoped_release release;
+             return std::make_unique<World>(build_world(read_scene(file, set)));
+           }),
+           py::arg("file"), py::arg("assignments") = std::vector<std::string>{})
+      .def("dump", [](const World& w) { return dump_scene(w.scene); },
+           "Every key with its value, as YAML.")
+      .def_property_readonly("frames", [](const World& w) { return w.trajectories.frames(); },
+                             "Frames of 0.1 s in the scene's duration.")
+      .def("mesh", &mesh_arrays, py::arg("frame"), py::arg("share") = 0.5,
+           "All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; "
+           "levelled frame.");
+
+  py::class_<FrameStream>(
+      m, "FrameStream", "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")
+      .def(py::init<const World&, std::vector<LidarConfig>, std::vector<int>, int>(),
+           py::arg("world"), py::arg("lidars"), py::arg("frames"), py::arg("threads"),
+           py::keep_alive<1, 2>(), py::call_guard<py::gil_scoped_release>())
+      .def("__iter__", [](py::object self) { return self; })
+      .def("__next__", [](FrameStream& stream) {
+        auto item = [&] {
+          const py::gil_scoped_release release;
+          return stream.next();
+        }();
+        if (!item) throw py::stop_iteration();
+        std::vector<std::shared_ptr<Frame>> frames;
+        for (Frame& frame : item->second)
+          frames.push_back(std::make_shared<Frame>(std::move(frame)));
+        return std::pair{item->first, std::move(frames)};
+      });
+}
+
+}  // namespace infrasim

@@ -1,0 +1,69 @@
+#include "infrasim/filter/crop.h"
+
+#include <stdexcept>
+
+#include "infrasim/filter/points.h"
+
+namespace infrasim {
+
+namespace {
+
+void require(bool allowed, const char* message) {
+  if (!allowed) throw std::invalid_argument(message);
+}
+
+/// Even-odd rule: a ray towards +x crosses the outline an odd number of times.
+bool is_inside(const std::vector<Vec2>& outline, Vec2 p) {
+  bool inside = false;
+  for (std::size_t i = 0, j = outline.size() - 1; i < outline.size(); j = i++) {
+    const Vec2 a = outline[i], b = outline[j];
+    if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x))
+      inside = !inside;
+  }
+  return inside;
+}
+
+double signed_area(const std::vector<Vec2>& outline) {
+  double twice = 0;
+  for (std::size_t i = 0, j = outline.size() - 1; i < outline.size(); j = i++)
+    twice += cross(outline[j], outline[i]);
+  return twice / 2;
+}
+
+}  // namespace
+
+std::vector<int> keep(std::span<const float> xyz, const CropBox& box) {
+  const auto& [x0, y0, z0] = box.min_m;
+  const auto& [x1, y1, z1] = box.max_m;
+  require(x0 <= x1 && y0 <= y1 && z0 <= z1, "crop_box: min must not be above max on any axis");
+  return keep_if(xyz, [&](Vec3 p) {
+    return p.x >= x0 && p.x <= x1 && p.y >= y0 && p.y <= y1 && p.z >= z0 && p.z <= z1;
+  });
+}
+
+std::vector<int> keep(std::span<const float> xyz, const CropPolygon& polygon) {
+  require(polygon.outline_m.size() >= 3 && std::abs(signed_area(polygon.outline_m)) > 0,
+          "crop_polygon: at least 3 corners and an area are needed");
+  return keep_if(xyz, [&](Vec3 p) { return is_inside(polygon.outline_m, {p.x, p.y}); });
+}
+
+std::vector<int> keep(std::span<const float> xyz, const CropRange& range) {
+  require(range.min_m >= 0 && range.min_m <= range.max_m, "crop_range: 0 <= min <= max is needed");
+  return keep_if(xyz, [&](Vec3 p) { return norm(p) >= range.min_m && norm(p) <= range.max_m; });
+}
+
+std::vector<int> keep(std::span<const float> xyz, const CropFieldOfView& view) {
+  const double from = view.azimuth_min_deg, to = view.azimuth_max_deg;
+  require(std::abs(from) <= 180 && std::abs(to) <= 180,
+          "crop_field_of_view: azimuths must lie in [-180, 180] degrees");
+  require(view.elevation_min_deg <= view.elevation_max_deg,
+          "crop_field_of_view: elevation min must not be above max");
+  return keep_if(xyz, [&](Vec3 p) {
+    const double elevation = deg(std::atan2(p.z, std::hypot(p.x, p.y)));
+    if (elevation < view.elevation_min_deg || elevation > view.elevation_max_deg) return false;
+    const double azimuth = deg(std::atan2(p.y, p.x));
+    return from <= to ? azimuth >= from && azimuth <= to : azimuth >= from || azimuth <= to;
+  });
+}
+
+}  // namespace infrasim

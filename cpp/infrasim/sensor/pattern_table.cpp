@@ -1,0 +1,45 @@
+#include "infrasim/sensor/pattern_table.h"
+
+#include <cmath>
+
+#include "infrasim/core/rng.h"
+#include "infrasim/scene/trajectories.h"
+#include "infrasim/sensor/scan_pattern.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kPhaseSpan_s = 600;  // motors have run for up to this long when a run starts
+
+}  // namespace
+
+std::string stream_name(const LidarConfig& lidar, std::size_t unit) {
+  return unit == 0 ? lidar.name : lidar.name + "/" + std::to_string(unit);
+}
+
+double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit) {
+  if (!lidar.random_phase) return 0;
+  return kPhaseSpan_s * Rng::of(seed, stream_name(lidar, unit), -1).uniform(0);
+}
+
+std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
+                                  std::optional<std::uint64_t> seed) {
+  std::vector<double> rows;
+  for (std::size_t u = 0; u < lidar.units.size(); ++u) {
+    const LidarUnit& unit = lidar.units[u];
+    const Mat3 pose = rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
+    const ScanPattern pattern(unit.pattern, seed ? start_phase_s(*seed, lidar, u) : 0, pose, 0);
+    for (int k = first; k < last; k += step) {
+      const RayRange range = pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
+      for (std::int64_t i = range.first; i < range.last; ++i) {
+        const Ray ray = pattern.ray(i);
+        const Vec3 d = pose * ray.direction;
+        rows.insert(rows.end(), {std::atan2(d.y, d.x), std::asin(d.z), ray.time_s});
+      }
+    }
+  }
+  return rows;
+}
+
+}  // namespace infrasim

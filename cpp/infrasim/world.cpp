@@ -1,0 +1,72 @@
+#include "infrasim/world.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "infrasim/scene/traffic.h"
+#include "infrasim/scene/vehicle_body.h"
+
+namespace infrasim {
+
+namespace {
+
+Trajectories load_trajectories(const SceneConfig& scene) {
+  if (scene.traffic) return simulate_traffic(scene);
+  Trajectories trajectories = read_trajectories(scene.trajectories);
+  const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
+  if (trajectories.frames() < frames)
+    throw ConfigError(scene.trajectories + ": t: found " +
+                      std::to_string(trajectories.frames() * kFramePeriod) +
+                      " s, allowed at least the scene's duration_s of " +
+                      std::to_string(scene.duration_s));
+  trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
+  return trajectories;
+}
+
+}  // namespace
+
+std::size_t body_index(Class object_class) {
+  return static_cast<std::size_t>(std::ranges::find(kObjectClasses, object_class, &ObjectClass::id) -
+                                  kObjectClasses.begin());
+}
+
+World build_world(const SceneConfig& scene) {
+  const LevelFrame frame = level_frame(scene.mounts.begin()->second);
+  TriangleMesh background = build_static_mesh(scene, frame);
+  std::vector<TriangleMesh> bodies;
+  for (const ObjectClass& row : kObjectClasses)
+    bodies.push_back(build_vehicle_body(row.id, scene.detail));
+  auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  return {scene, frame, EvaluationRegion(scene), load_trajectories(scene), std::move(background),
+          std::move(bodies), std::move(meshes)};
+}
+
+void check_frame(const World& world, int k) {
+  if (k < 0 || k >= world.trajectories.frames())
+    throw ConfigError("frames: found " + std::to_string(k) + ", allowed 0 to " +
+                      std::to_string(world.trajectories.frames() - 1));
+}
+
+TriangleMesh frozen_mesh(const World& world, int k, double share) {
+  check_frame(world, k);
+  TriangleMesh mesh = world.background;
+  for (const MovingObject& o : world.trajectories.in_frame(k)) {
+    const Box3d box = world.frame.to_level(o.at(share));
+    const TriangleMesh& body = world.bodies[body_index(o.object_class)];
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    const double c = std::cos(box.heading), s = std::sin(box.heading);
+    for (const auto& v : body.vertices) {
+      const double x = v[0] * box.dx, y = v[1] * box.dy;
+      mesh.vertices.push_back({static_cast<float>(box.x + c * x - s * y),
+                               static_cast<float>(box.y + s * x + c * y),
+                               static_cast<float>(box.z + v[2] * box.dz)});
+    }
+    for (const auto& t : body.triangles) {
+      mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+      mesh.class_id.push_back(static_cast<std::uint16_t>(o.object_class));
+    }
+  }
+  return mesh;
+}
+
+}  // namespace infrasim

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "infrasim/config/scene_config.h"
+#include "infrasim/core/triangle_mesh.h"
+#include "infrasim/raycast/raycaster.h"
+#include "infrasim/scene/region.h"
+#include "infrasim/scene/static_world.h"
+#include "infrasim/scene/trajectories.h"
+
+namespace infrasim {
+
+/// A scene made ready: its trajectories and its meshes. Built once, shared by all threads.
+struct World {
+  SceneConfig scene;
+  LevelFrame frame;
+  EvaluationRegion region;
+  Trajectories trajectories;
+  TriangleMesh background;           ///< levelled frame
+  std::vector<TriangleMesh> bodies;  ///< unit box, in the order of kObjectClasses
+  std::unique_ptr<const MeshLibrary> meshes;
+};
+
+/// @throws ConfigError, IoError
+World build_world(const SceneConfig& scene);
+
+/// Place of a class in World::bodies.
+std::size_t body_index(Class object_class);
+
+/// @throws ConfigError if the scene has no frame k
+void check_frame(const World& world, int k);
+
+/// All triangles at one instant, as a share of frame k; levelled frame.
+/// @throws ConfigError if the scene has no frame k
+TriangleMesh frozen_mesh(const World& world, int k, double share);
+
+}  // namespace infrasim
