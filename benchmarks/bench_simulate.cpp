@@ -32,10 +32,10 @@ const World& world(const std::vector<std::string>& assignments) {
       .first->second;
 }
 
-std::vector<LidarConfig> lidars(const std::vector<std::string>& names) {
+std::vector<LidarConfig> lidars(const std::vector<std::string>& names, const char* preset) {
   std::vector<LidarConfig> out;
   for (const std::string& name : names)
-    out.push_back(read_lidar(configs("lidars/" + name + ".yaml"), "paper"));
+    out.push_back(read_lidar(configs("lidars/" + name + ".yaml"), preset));
   return out;
 }
 
@@ -149,7 +149,7 @@ class BareScene {
 
 void bare_loop(benchmark::State& state) {
   const World& w = world(kSteady);
-  const LidarConfig lidar = lidars(kRuby).front();
+  const LidarConfig lidar = lidars(kRuby, "paper").front();
   const LidarUnit& unit = lidar.units.front();
   const ScanPattern pattern(unit.pattern, 0, rotation(0, 0, 0), 0);
   std::vector<std::unique_ptr<BareScene>> scenes;
@@ -171,9 +171,9 @@ void bare_loop(benchmark::State& state) {
 
 /// Everything of a frame but the file system.
 void pipeline(benchmark::State& state, const std::vector<std::string>& names,
-              const std::vector<std::string>& overrides, bool format) {
+              const std::vector<std::string>& overrides, const char* preset, bool format) {
   const World& w = world(with(overrides));
-  FrameSimulator simulator(w, lidars(names));
+  FrameSimulator simulator(w, lidars(names, preset));
   const std::vector<bool> wanted(names.size(), true);
   std::int64_t cast = 0;
   for (auto _ : state)
@@ -191,8 +191,9 @@ void pipeline(benchmark::State& state, const std::vector<std::string>& names,
 }
 
 void add(const char* name, const std::vector<std::string>& names,
-         const std::vector<std::string>& overrides, bool format, int threads) {
-  benchmark::RegisterBenchmark(name, pipeline, names, overrides, format)
+         const std::vector<std::string>& overrides, int threads, const char* preset = "paper",
+         bool format = false) {
+  benchmark::RegisterBenchmark(name, pipeline, names, overrides, preset, format)
       ->Threads(threads)
       ->UseRealTime();
 }
@@ -203,17 +204,16 @@ int main(int argc, char** argv) {
   mallopt(M_MMAP_THRESHOLD, 1 << 28);  // as the binary does
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
   benchmark::RegisterBenchmark("bare_loop", bare_loop)->Threads(2)->UseRealTime();
-  add("pipeline_128", kRuby, {}, true, 2);
-  add("four_exact", kFour, {}, false, 1);
-  add("four_exact", kFour, {}, false, 2);
-  add("four_slices_100", kFour, {"aggregation=slices:100"}, false, 2);
-  add("four_instant", kFour, {"aggregation=instant"}, false, 2);
-  for (const char* detail : {"box", "low", "mid", "fine"}) {
-    const std::string name = std::string("detail_") + detail;
-    add(name.c_str(), kFour, {std::string("detail=") + detail}, false, 2);
-  }
-  add("density_4", kFour, {"traffic.vehicles_per_km_lane=4"}, false, 2);
-  add("density_40", kFour, {"traffic.vehicles_per_km_lane=40"}, false, 2);
+  add("pipeline_128", kRuby, {}, 2, "paper", true);
+  add("pipeline_128_equal", kRuby, {}, 2, "equal", true);
+  add("four_exact", kFour, {}, 1);
+  add("four_exact", kFour, {}, 2);
+  add("four_slices_100", kFour, {"aggregation=slices:100"}, 2);
+  add("four_instant", kFour, {"aggregation=instant"}, 2);
+  add("detail_mid", kFour, {"detail=mid"}, 2);
+  add("detail_fine", kFour, {"detail=fine"}, 2);
+  add("density_4", kFour, {"traffic.vehicles_per_km_lane=4"}, 2);
+  add("density_40", kFour, {"traffic.vehicles_per_km_lane=40"}, 2);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

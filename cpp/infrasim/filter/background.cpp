@@ -6,7 +6,6 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "infrasim/filter/background_grid.h"
 #include "infrasim/filter/points.h"
 
 namespace infrasim {
@@ -98,6 +97,24 @@ void fill_unseen(BackgroundModel& model) {
 }
 
 }  // namespace
+
+BackgroundModel empty_background(const BackgroundGrid& grid) {
+  const auto is_cell = [](double cell_deg) { return cell_deg >= 0.05 && cell_deg <= 10; };
+  if (!is_cell(grid.azimuth_cell_deg) || !is_cell(grid.elevation_cell_deg))
+    throw std::invalid_argument("background: cells must lie in [0.05, 10] degrees");
+  if (!(grid.range_margin_m >= 0 && grid.height_margin_m >= 0 &&
+        std::isfinite(grid.range_margin_m + grid.height_margin_m)))
+    throw std::invalid_argument("background: margins must not be negative");
+  if (!(grid.far_share >= 0 && grid.far_share <= 0.5))
+    throw std::invalid_argument("background: far_share must lie in [0, 0.5]");
+  BackgroundModel model{.grid = grid, .range_m = {}, .height_m = {}};
+  model.azimuth_cells = static_cast<int>(std::lround(360 / grid.azimuth_cell_deg));
+  model.elevation_cells = static_cast<int>(std::lround(180 / grid.elevation_cell_deg));
+  const auto cells = static_cast<std::size_t>(model.azimuth_cells) * model.elevation_cells;
+  model.range_m.assign(cells, kInf);
+  model.height_m.assign(cells, -kInf);
+  return model;
+}
 
 BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
                                  const BackgroundGrid& grid) {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <cstddef>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace infrasim {
@@ -30,6 +30,10 @@ struct BackgroundModel {
   std::vector<float> range_m;   ///< elevation-major; +inf where nothing was seen
   std::vector<float> height_m;  ///< -inf where the background is not level or not seen
 };
+
+/// A model that has seen nothing.
+/// @throws std::invalid_argument if a parameter is out of its range
+BackgroundModel empty_background(const BackgroundGrid& grid);
 
 /// Learns the background from frames of one sensor in one place, `frames_xyz[i]` row-major points.
 /// What stands still all the time becomes background, parked vehicles too. Some tens of frames,

@@ -1,0 +1,149 @@
+"""What the cheaper models of a scene change: level of detail, aggregation, beam width.
+
+Writes results/fidelity.csv, results/aggregation.csv and results/beam.csv:
+    .venv/bin/python benchmarks/fidelity.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from pyinfra import __version__, sim
+
+ROOT = Path(__file__).resolve().parent.parent
+LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
+BINS = [10, 20, 40, 60, 80, 100]
+
+
+def lidar_file(name: str) -> Path:
+    return ROOT / "configs" / "lidars" / f"{name}.yaml"
+
+
+def objects(world: sim.World, lidars: list[sim.Lidar], frames: range) -> pd.DataFrame:
+    """Every vehicle of every frame as each LiDAR sees it, with the seconds of its frame."""
+    rows = []
+    for number, per_lidar in sim.simulate(world, lidars, frames):
+        for lidar, frame in zip(lidars, per_lidar, strict=True):
+            table = pd.DataFrame(frame.objects)
+            rows.append(table.assign(frame=number, lidar=lidar.name, seconds=frame.seconds))
+    return pd.concat(rows, ignore_index=True)
+
+
+def scene(name: str, **overrides: object) -> sim.World:
+    return sim.load_scene(ROOT / "configs" / "scenes" / f"{name}.yaml", set=overrides)
+
+
+def seen(table: pd.DataFrame) -> pd.DataFrame:
+    """Vehicles that a user would count: in the region and not hidden."""
+    return table[table.visibility >= 0.2]
+
+
+def by_distance(table: pd.DataFrame) -> pd.Series:
+    bins = pd.cut(table.distance, BINS)
+    return table.groupby(["lidar", bins], observed=True).points.mean()
+
+
+def detail_ladder(frames: range, preset: str) -> pd.DataFrame:
+    """Points per vehicle at each level of detail against `fine`, by distance."""
+    lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
+    means, seconds = {}, {}
+    for detail in ("fine", "box", "low", "mid"):
+        table = objects(scene("highway", detail=detail), lidars, frames)
+        means[detail] = by_distance(seen(table))
+        seconds[detail] = table.groupby("lidar").seconds.mean()
+    rows = []
+    for detail, mean in means.items():
+        for (lidar, interval), value in mean.items():
+            rows.append(
+                {
+                    "detail": detail,
+                    "lidar": lidar,
+                    "distance_m": f"{interval.left:.0f}-{interval.right:.0f}",
+                    "points_per_vehicle": round(value, 3),
+                    "change_percent": round(100 * (value / means["fine"][lidar, interval] - 1), 2),
+                    "relative_time": round(seconds[detail][lidar] / seconds["fine"][lidar], 3),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
+    """Points on moving vehicles, and those outside their boxes, by aggregation mode."""
+    lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
+    rows = []
+    for mode in ("exact", "slices:100", "instant"):
+        world = scene("highway", aggregation=mode)
+        start = time.perf_counter()
+        table = objects(world, lidars, frames)
+        seconds = time.perf_counter() - start
+        for lidar, part in seen(table).groupby("lidar"):
+            rows.append(
+                {
+                    "aggregation": mode,
+                    "lidar": lidar,
+                    "points_per_vehicle": round(part.points.mean(), 3),
+                    "outside_box_percent": round(
+                        100 * (1 - part.points_in_box.sum() / part.points.sum()), 2
+                    ),
+                    "ms_per_frame_set": round(1000 * seconds / len(frames), 2),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def beam_table(frames: range) -> pd.DataFrame:
+    """The Avia with rays, and with its 0.28 x 0.03 degree beam as 5 and 15 sub-rays."""
+    text = yaml.safe_load(lidar_file("livox_avia").read_text())
+    lidars = []
+    with tempfile.TemporaryDirectory() as folder:
+        for sub_rays in (1, 5, 15):
+            returns = text["presets"]["datasheet"]["returns"]
+            returns.pop("beam", None)
+            if sub_rays > 1:
+                returns["beam"] = {
+                    "vertical_deg": 0.28,
+                    "horizontal_deg": 0.03,
+                    "sub_rays": sub_rays,
+                }
+            text["name"] = f"avia_{sub_rays}_rays"
+            file = Path(folder) / f"{sub_rays}.yaml"
+            file.write_text(yaml.safe_dump(text))
+            lidars.append(sim.load_lidar(file, "datasheet"))
+    table = objects(scene("highway"), lidars, frames)
+    inside = table[(table.visibility >= 0.2) & (np.arctan2(table.y, table.x).abs() < 0.57)]
+    groups = inside.groupby(["lidar", pd.cut(inside.distance, BINS)], observed=True)
+    out = groups.agg(
+        vehicles=("points", "size"),
+        points_per_vehicle=("points", "mean"),
+        in_box=("points_in_box", "mean"),
+    ).round(3)
+    return out.reset_index()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=100, help="frames, spread over the run")
+    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    args = parser.parse_args()
+    args.out.mkdir(exist_ok=True)
+    frames = range(0, 5000, 5000 // args.frames)
+    command = f"benchmarks/fidelity.py --frames {args.frames}"
+    for name, table in (
+        ("fidelity", detail_ladder(frames, "equal")),
+        ("aggregation", aggregation_table(frames, "equal")),
+        ("beam", beam_table(frames)),
+    ):
+        print(f"\n{name}\n{table.to_string(index=False)}")
+        table.assign(command=command, seed=1, version=__version__).to_csv(
+            args.out / f"{name}.csv", index=False
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""Speed of the simulator; `make bench` runs it and docs/benchmarks.md explains each row.
+
+Rates are compared as ratios of medians whose runs alternate in one process. Writes
+results/speed.csv:
+    .venv/bin/python benchmarks/run.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra import __version__, sim
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILD = ROOT / "build" / "dev"
+SCENE = ROOT / "configs" / "scenes" / "highway.yaml"
+LIDARS = [
+    ROOT / "configs" / "lidars" / f"{name}.yaml"
+    for name in ("livox_avia", "helios_16", "pandar_64", "ruby_plus")
+]
+
+
+def medians(repetitions: int) -> dict[str, float]:
+    """Millions of rays per second of each C++ benchmark, medians of interleaved repetitions."""
+    with tempfile.NamedTemporaryFile(suffix=".json") as out:
+        subprocess.run(
+            [
+                BUILD / "benchmarks" / "bench_simulate",
+                f"--benchmark_repetitions={repetitions}",
+                "--benchmark_min_time=0.2",
+                "--benchmark_enable_random_interleaving=true",
+                "--benchmark_report_aggregates_only=true",
+                f"--benchmark_out={out.name}",
+            ],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        report = json.loads(Path(out.name).read_text())
+    return {
+        run["run_name"]: run["items_per_second"] / 1e6
+        for run in report["benchmarks"]
+        if run["aggregate_name"] == "median"
+    }
+
+
+def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
+    """What the issue of speed asks: ratios between the pipeline and bounds of it."""
+    rate = medians(repetitions)
+
+    def r(name: str, threads: int = 2) -> float:
+        return rate[f"{name}/real_time/threads:{threads}"]
+
+    return [
+        ("128-line pipeline, paper preset", r("pipeline_128"), "Mrays/s"),
+        ("128-line pipeline, equal preset", r("pipeline_128_equal"), "Mrays/s"),
+        ("bare loop of 16-packets, same rays and scene", r("bare_loop"), "Mrays/s"),
+        ("pipeline / bare loop, paper preset", r("pipeline_128") / r("bare_loop"), "ratio"),
+        ("pipeline / bare loop, equal preset", r("pipeline_128_equal") / r("bare_loop"), "ratio"),
+        ("exact / slices:100, four LiDARs", r("four_exact") / r("four_slices_100"), "ratio"),
+        ("instant / exact, four LiDARs", r("four_instant") / r("four_exact"), "ratio"),
+        ("time of 2 threads against 1", r("four_exact") / r("four_exact", 1), "speed-up"),
+        ("time of 10 x triangles", r("detail_mid") / r("detail_fine"), "times"),
+        ("time of 10 x vehicles", r("density_4") / r("density_40"), "times"),
+    ]
+
+
+def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
+    """The 128-line against Open3D's RaycastingScene: static scene, no labels, same rays."""
+    import open3d as o3d
+
+    lidar = sim.load_lidar(LIDARS[3], "paper")
+    world = sim.load_scene(SCENE, set={"duration_s": 20})
+    vertices, triangles = world.mesh(0)
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
+    azimuth, elevation = sim.scan_pattern(lidar, range(1))[:, :2].T
+    rays = np.zeros((len(azimuth), 6), np.float32)
+    rays[:, 3] = np.cos(elevation) * np.cos(azimuth)
+    rays[:, 4] = np.cos(elevation) * np.sin(azimuth)
+    rays[:, 5] = np.sin(elevation)
+    tensor = o3d.core.Tensor(rays)
+    frames = 40
+
+    def theirs() -> None:
+        for _ in range(frames):
+            scene.cast_rays(tensor, nthreads=2)
+
+    def ours() -> None:
+        for _ in sim.simulate(world, [lidar], range(frames), threads=2):
+            pass
+
+    a, b = alternate(ours, theirs, repetitions)
+    n = frames * len(rays) / 1e6
+    return [
+        ("128-line from Python, exact, with labels", n / a, "Mrays/s"),
+        ("Open3D RaycastingScene, static scene", n / b, "Mrays/s"),
+        ("ours / Open3D", b / a, "ratio"),
+    ]
+
+
+def alternate(
+    a: Callable[[], None], b: Callable[[], None], repetitions: int
+) -> tuple[float, float]:
+    """Median seconds of two functions whose runs alternate; one run of each does not count."""
+    seconds: tuple[list[float], list[float]] = ([], [])
+    for i in range(repetitions + 1):
+        for function, into in zip((a, b), seconds, strict=True):
+            start = time.perf_counter()
+            function()
+            if i > 0:
+                into.append(time.perf_counter() - start)
+    return statistics.median(seconds[0]), statistics.median(seconds[1])
+
+
+def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
+    """Wall seconds and peak memory (MB) of one `infrasim run` of the four LiDARs."""
+    command = [BUILD / "cpp" / "infrasim", "run", SCENE, "--lidar", *LIDARS, "--preset", "paper"]
+    command += ["--frames", f"0:{frames}", "--threads", "2"]
+    if out is not None:
+        command += ["--out", out]
+    start = time.perf_counter()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    if status != 0:
+        raise RuntimeError(f"{command} failed with {status}")
+    return time.perf_counter() - start, usage.ru_maxrss / 1024
+
+
+def growth_rows() -> list[tuple[str, float, str]]:
+    """Time and memory over the number of frames, and the cost of writing."""
+    rows = []
+    counts = (200, 400, 800)
+    runs = {n: run_binary(n, None) for n in counts}
+    rows.append(("time of 4 x frames", runs[800][0] / runs[200][0], "times"))
+    rows += [(f"peak memory, {n} frames", runs[n][1], "MB") for n in counts]
+    folder = Path(tempfile.mkdtemp())
+    try:
+        seconds, peak = run_binary(500, folder / "data")
+        rows.append(("frame set of four LiDARs with writing", 1000 * seconds / 500, "ms"))
+        rows.append(("peak memory with writing", peak, "MB"))
+    finally:
+        shutil.rmtree(folder)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repetitions", type=int, default=9)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "speed.csv")
+    args = parser.parse_args()
+    rows = []
+    for part in (
+        lambda: core_rows(args.repetitions),
+        lambda: open3d_rows(args.repetitions),
+        growth_rows,
+    ):
+        for name, value, unit in part():
+            print(f"{name:55s} {value:10.2f} {unit}", flush=True)
+            rows.append({"what": name, "value": round(value, 3), "unit": unit})
+    args.out.parent.mkdir(exist_ok=True)
+    machine = f"{os.cpu_count()} x {platform.processor() or platform.machine()}"
+    pd.DataFrame(rows).assign(
+        command=f"benchmarks/run.py --repetitions {args.repetitions}",
+        seed=1,
+        version=__version__,
+        machine=machine,
+    ).to_csv(args.out, index=False)
+    print(f"peak of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MB",
+          file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "infrasim/filter/background.h"
+#include "infrasim/filter/crop.h"
+#include "infrasim/filter/ground.h"
+
+namespace infrasim {
+
+using FilterStep = std::variant<CropBox, CropPolygon, CropRange, CropFieldOfView, GroundHeight,
+                                GroundPlane, GroundMorphological, BackgroundModel>;
+
+/// Indices of the points that one step keeps, in increasing order; never NaN or infinite points.
+/// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
+/// @throws std::invalid_argument if a parameter of the step is out of its range
+std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);
+
+/// Indices of the points that every step keeps; each step sees only what those before it kept.
+/// Without steps, all finite points.
+std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz);
+
+}  // namespace infrasim

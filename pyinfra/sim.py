@@ -1,0 +1,96 @@
+"""The simulator from Python: the same frames, byte for byte, as the `infrasim` binary writes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra._core import ConfigError, Frame, FrameStream, IoError, Lidar, World
+
+__all__ = [
+    "ConfigError",
+    "Frame",
+    "IoError",
+    "Lidar",
+    "World",
+    "load_lidar",
+    "load_scene",
+    "points",
+    "scan_pattern",
+    "simulate",
+]
+
+
+def load_scene(
+    file: str | Path, *, seed: int | None = None, set: Mapping[str, object] | None = None
+) -> World:
+    """A scene made ready: its traffic driven, its meshes built.
+
+    set: values by dotted path, as `--set` has them: `{"traffic.vehicles_per_km_lane": 20}`.
+    Raises ConfigError with `file:line:col: key: found, allowed`, and IoError.
+    """
+    assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
+    if seed is not None:
+        assignments.append(f"seed={seed}")
+    return World(Path(file), assignments)
+
+
+def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
+    """One preset of a LiDAR file. Raises ConfigError and IoError."""
+    return Lidar(Path(file), preset)
+
+
+def simulate(
+    scene: World | str | Path,
+    lidars: Iterable[Lidar | str | Path],
+    frames: Iterable[int],
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    set: Mapping[str, object] | None = None,
+    threads: int | None = None,
+) -> Iterator[tuple[int, list[Frame]]]:
+    """Frames in the given order, each with one `Frame` per LiDAR.
+
+    The next frames are computed by threads of their own while the caller works on this one. The
+    columns of a frame are read-only views that keep it alive; nothing is copied.
+    A scene or LiDAR may be a file; then preset, seed and set apply to it.
+    Raises ConfigError for a wrong file or a frame that the scene does not have, and IoError.
+    """
+    if isinstance(scene, World):
+        if seed is not None or set:
+            raise ValueError("seed and set need a scene file, found a World that is already built")
+        world = scene
+    else:
+        world = load_scene(scene, seed=seed, set=set)
+    units = [x if isinstance(x, Lidar) else load_lidar(x, preset) for x in lidars]
+    count = threads or os.cpu_count() or 1
+    return FrameStream(world, units, list(frames), count)
+
+
+def points(frame: Frame) -> npt.NDArray[np.float32]:
+    """Copy of a frame's points as detectors take them: (n, 4) float32, x y z intensity."""
+    return np.column_stack([frame.xyz, frame.intensity])
+
+
+def scan_pattern(
+    lidar: Lidar | str | Path, frames: range, *, preset: str = "datasheet", seed: int | None = None
+) -> npt.NDArray[np.float64]:
+    """Azimuth, elevation (rad) and time (s) of every ray: (n, 3) float64, in firing order.
+
+    Sensor frame; time since the start of the run; phase 0 unless a seed is given.
+    """
+    unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
+    return unit.pattern(frames.start, frames.stop, seed)
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_yaml(v) for v in value) + "]"
+    return str(value)

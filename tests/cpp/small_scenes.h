@@ -1,0 +1,167 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <stdlib.h>  // NOLINT(modernize-deprecated-headers): mkdtemp is POSIX
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/scene_config.h"
+#include "infrasim/core/errors.h"
+#include "infrasim/core/point_cloud.h"
+#include "infrasim/scene/trajectories.h"
+
+namespace infrasim::testing {
+
+/// A folder of its own, removed with the test.
+class TestFolder {
+ public:
+  TestFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "infrasim_test_XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("no folder " + name);
+    path_ = name;
+  }
+  ~TestFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TestFolder(const TestFolder&) = delete;
+  TestFolder& operator=(const TestFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path write(const std::string& name, std::string_view bytes) const {
+    std::ofstream(path_ / name, std::ios::binary) << bytes;
+    return path_ / name;
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline std::filesystem::path configs() {
+  return std::filesystem::path(INFRASIM_SOURCE_DIR) / "configs";
+}
+
+/// The message of the error that `action` must throw.
+template <class Error = ConfigError, class Action>
+std::string error_of(const Action& action) {
+  try {
+    action();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  ADD_FAILURE() << "no error";
+  return "";
+}
+
+/// The message names the file, the line (and some column), then the key, then says what is allowed.
+inline void expect_message(const std::string& message, const std::filesystem::path& file, int line,
+                           const std::string& key, const std::string& what) {
+  const std::string start = file.string() + ":" + std::to_string(line) + ":";
+  EXPECT_TRUE(message.starts_with(start)) << message << "\n  must start with " << start;
+  EXPECT_NE(message.find(": " + key + ": "), std::string::npos) << message << "\n  key " << key;
+  EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
+}
+
+/// One lane each way along x, mount 6 m above the origin, no vehicles and nothing else.
+inline SceneConfig empty_road() {
+  SceneConfig scene;
+  scene.name = "empty_road";
+  scene.duration_s = 1;
+  scene.detail = Detail::kBox;
+  scene.mounts["pole"];
+  RoadConfig road;
+  road.name = "road";
+  road.start.x_m = -200;
+  road.centreline.push_back({.line_m = 400});
+  scene.roads.push_back(road);
+  TrafficConfig traffic;
+  traffic.vehicles_per_km_lane = 0;
+  traffic.warm_up_s = 0;
+  traffic.class_shares["Car"] = 1;
+  scene.traffic = traffic;
+  return scene;
+}
+
+/// Level ground of 400 x 400 m around the origin.
+inline GroundConfig ground_at(double elevation_m) {
+  GroundConfig ground;
+  ground.elevation_m = elevation_m;
+  ground.outline_m = {{-200, -200}, {200, -200}, {200, 200}, {-200, 200}};
+  return ground;
+}
+
+/// A car of 4.5 x 1.9 x 1.5 m on a road at z = 0.
+inline ObjectState car_on_road(int id, double x, double y, double heading, double speed_m_s = 0) {
+  return {id, Class::kCar, {x, y, 0.75, 4.5, 1.9, 1.5, heading}, speed_m_s};
+}
+
+/// Each vehicle keeps its speed and heading.
+inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int frames) {
+  Trajectories out;
+  for (int k = 0; k <= frames; ++k) {
+    auto& row = out.rows.emplace_back(at_start);
+    for (ObjectState& s : row) {
+      s.box.x += s.speed_m_s * k * kFramePeriod * std::cos(s.box.heading);
+      s.box.y += s.speed_m_s * k * kFramePeriod * std::sin(s.box.heading);
+    }
+  }
+  return out;
+}
+
+/// Spinning unit with evenly spaced channels, fired from the lowest.
+inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
+                              double azimuth_step_deg) {
+  SpinningConfig s;
+  s.azimuth_step_deg = azimuth_step_deg;
+  for (int i = 0; i < channels; ++i)
+    s.channels.table.push_back(
+        {.elevation_deg = lower_deg + i * (upper_deg - lower_deg) / std::max(1, channels - 1)});
+  return {.spinning = s};
+}
+
+/// A LiDAR that keeps every hit up to 200 m, exactly where it is.
+inline LidarConfig plain_lidar(const std::string& name, const PatternConfig& pattern) {
+  LidarConfig lidar;
+  lidar.name = name;
+  lidar.random_phase = false;
+  LidarUnit unit;
+  unit.pattern = pattern;
+  unit.returns.max_range_m = 200;
+  lidar.units.push_back(unit);
+  return lidar;
+}
+
+inline Vec3 point(const PointCloud& cloud, std::size_t i) {
+  return {cloud.xyz[3 * i], cloud.xyz[3 * i + 1], cloud.xyz[3 * i + 2]};
+}
+
+/// Distance of a point to the surface of a box.
+inline double distance_to_surface(const Box3d& box, Vec3 p) {
+  const Vec2 d{p.x - box.x, p.y - box.y}, axis = unit(box.heading);
+  const Vec3 outside{std::abs(dot(axis, d)) - box.dx / 2, std::abs(cross(axis, d)) - box.dy / 2,
+                     std::abs(p.z - box.z) - box.dz / 2};
+  const double depth = std::max({outside.x, outside.y, outside.z});
+  const Vec3 out{std::max(0.0, outside.x), std::max(0.0, outside.y), std::max(0.0, outside.z)};
+  return depth > 0 ? norm(out) : -depth;
+}
+
+inline void expect_equal(const PointCloud& a, const PointCloud& b) {
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_TRUE(a.xyz == b.xyz);
+  EXPECT_TRUE(a.intensity == b.intensity);
+  EXPECT_TRUE(a.time == b.time);
+  EXPECT_TRUE(a.ring == b.ring);
+  EXPECT_TRUE(a.class_id == b.class_id);
+  EXPECT_TRUE(a.object_id == b.object_id);
+}
+
+}  // namespace infrasim::testing
