@@ -53,7 +53,8 @@ wheel:
 	build/wheel-env/bin/pip install -qq -c scripts/constraints.txt build/wheel/*.whl
 	cd / && $(CURDIR)/build/wheel-env/bin/infrasim --version
 	cd / && $(CURDIR)/build/wheel-env/bin/python -c \
-		"import pyinfra, pyinfra._core as c; assert c.version() == pyinfra.__version__, c.version()"
+		"import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
+	ls build/wheel-env/lib/python3*/site-packages/pyinfra/configs
 
 sanitize:
 	@scripts/setup.sh build
@@ -65,9 +66,11 @@ fuzz:
 	@scripts/setup.sh build fuzz
 	cmake --preset fuzz
 	cmake --build --preset fuzz
-	for target in build/fuzz/tests/fuzz/fuzz_*; do \
-		mkdir -p $$target.corpus && \
-		$$target -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ $$target.corpus || exit 1; \
+	@mkdir -p build/fuzz/corpus
+	for name in $$(cd build/fuzz/tests/fuzz && find . -maxdepth 1 -name 'fuzz_*' -type f); do \
+		mkdir -p build/fuzz/corpus/$$name && \
+		build/fuzz/tests/fuzz/$$name -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ \
+			build/fuzz/corpus/$$name || exit 1; \
 	done
 
 clean:

@@ -125,7 +125,9 @@ inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
   for (int i = 0; i < channels; ++i)
     s.channels.table.push_back(
         {.elevation_deg = lower_deg + i * (upper_deg - lower_deg) / std::max(1, channels - 1)});
-  return {.spinning = s};
+  PatternConfig pattern;
+  pattern.spinning = s;
+  return pattern;
 }
 
 /// A LiDAR that keeps every hit up to 200 m, exactly where it is.

@@ -1,9 +1,9 @@
 #include <gtest/gtest.h>
 
-#include <array>
-#include <cstring>
+#include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -112,7 +112,7 @@ TEST(scene_file, defaults_stand_for_absent_keys) {
 TEST(scene_file, an_unknown_key_is_an_error_that_names_the_allowed_ones) {
   expect_scene_error("duration_s: 1", "duration: 1 #!", "duration", "duration_s");
   expect_scene_error("{rain_mm_per_h: 5", "{rain: 5 #!\n", "weather.rain", "rain_mm_per_h");
-  expect_scene_error("- line_m: 200", "- length_m: 200 #!", "roads.0.centreline.0", "line_m");
+  expect_scene_error("width_m: 3.5", "width: 3.5 #!\n", "roads.0.lanes.width", "width_m");
 }
 
 TEST(scene_file, a_key_twice_is_an_error) {
@@ -129,14 +129,15 @@ TEST(scene_file, a_missing_key_is_an_error) {
 TEST(scene_file, a_wrong_type_is_an_error) {
   expect_scene_error("duration_s: 1", "duration_s: long #!", "duration_s", "allowed a number");
   expect_scene_error("duration_s: 1", "duration_s: [1] #!", "duration_s", "found a list");
-  expect_scene_error("duration_s: 1", "duration_s: +-1 #!", "duration_s", "allowed a number");
+  expect_scene_error("duration_s: 1", "duration_s: -+1 #!", "duration_s", "allowed a number");
+  expect_scene_error("x_m: 5,", "x_m: +-5, #!\n", "mounts.pole.x_m", "allowed a number");
   expect_scene_error("each_way: 1", "each_way: 1.5 #!\n", "roads.0.lanes.each_way", "whole number");
   expect_scene_error("fields: false", "fields: no #!", "fields", "allowed true or false");
   expect_scene_error("detail: mid", "detail: medium #!", "detail", "allowed box, low, mid, fine");
   expect_scene_error("seed: 1", "seed: -1 #!", "seed", "whole number");
   expect_scene_error("name: crossing", "name: {a: b} #!", "name", "allowed a text");
   expect_scene_error("roads: [main, side]", "roads: main #!", "junctions.0.roads", "a list");
-  expect_scene_error("[[-200, -200],", "[[-200], #!\n", "outline_m.0", "allowed 2");
+  expect_scene_error("[[-200, -200],", "[[-200], #!\n", "ground.0.outline_m.0", "allowed 2");
   expect_scene_error("aggregation: slices:10", "aggregation: slices:0 #!", "aggregation",
                      "slices:N");
 }
@@ -250,8 +251,402 @@ TEST(scene_file, two_roads_of_one_name_are_an_error) {
 }
 
 TEST(scene_file, a_junction_needs_two_roads_that_cross) {
-  expect_scene_error("start: {x_m: 0, y_m: -100,", "start: {x_m: 500, y_m: -100,", "roads",
-                     "do not cross");
+  expect_scene_error("roads: [main, side]", "roads: [main, main] #!", "roads", "do not cross");
+  expect_scene_error("roads: [main, side]", "roads: [main] #!", "junctions.0.roads", "allowed 2");
+  const TestFolder folder;
+  const auto file = folder.write(
+      "scene.yaml", replaced(kScene, "x_m: 0, y_m: -100", "x_m: 150, y_m: -100"));
+  EXPECT_NE(error_of([&] { build_world(read_scene(file)); }).find("do not cross"),
+            std::string::npos);
+}
+
+TEST(scene_file, an_unknown_class_is_an_error_that_names_the_known_ones) {
+  expect_scene_error("{Car: 0.8,", "{Tram: 0.8, #!\n", "traffic.class_shares", "allowed Car, Van");
+}
+
+TEST(scene_file, shares_of_no_class_are_an_error) {
+  expect_scene_error("{Car: 0.8, Bus: 0.2}", "{Car: 0, Bus: 0} #!", "traffic.class_shares",
+                     "above 0");
+  expect_scene_error("{Car: 0.8, Bus: 0.2}", "{} #!", "traffic.class_shares", "at least one");
+}
+
+TEST(scene_file, has_either_traffic_or_trajectories) {
+  expect_scene_error("traffic:\n  vehicles_per_km_lane: 10",
+                     "trajectories: file.csv\ntraffic:\n  vehicles_per_km_lane: 10 #!", "traffic",
+                     "both");
+  const TestFolder folder;
+  const auto file = folder.write("scene.yaml", kScene.substr(0, kScene.find("traffic:")));
+  expect_message(error_of([&] { read_scene(file); }), file, 1, "traffic", "neither");
+}
+
+TEST(scene_file, has_one_mount) {
+  expect_scene_error("mounts:\n", "mounts:\n  mast: {x_m: 0, y_m: 0, z_m: 9} #!\n", "mounts",
+                     "allowed one");
+  expect_scene_error("mounts:\n  pole: {x_m: 5, y_m: -9, z_m: 6}", "mounts: {} #!", "mounts",
+                     "at least one");
+}
+
+// --- dump and load ----------------------------------------------------------------------------
+
+/// What the text of a scene reads back as.
+std::string loaded_and_dumped(const std::string& text) {
+  const TestFolder folder;
+  return dump_scene(read_scene(folder.write("scene.yaml", text)));
+}
+
+TEST(dump, of_a_scene_reads_back_to_the_same_scene) {
+  const std::string dumped = loaded_and_dumped(kScene);
+  EXPECT_EQ(loaded_and_dumped(dumped), dumped);
+  for (const char* value : {"visibility_m: 500", "each_way: 2", "radius_m: 400", "Bus: 0.2"})
+    EXPECT_NE(dumped.find(value), std::string::npos) << value;
+}
+
+TEST(dump, of_each_committed_scene_reads_back_to_the_same_scene) {
+  int scenes = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(configs() / "scenes")) {
+    SCOPED_TRACE(entry.path());
+    const std::string dumped = dump_scene(read_scene(entry.path()));
+    EXPECT_EQ(loaded_and_dumped(dumped), dumped);
+    ++scenes;
+  }
+  EXPECT_GE(scenes, 3);
+}
+
+TEST(dump, of_each_committed_lidar_and_preset_reads_back_to_the_same_lidar) {
+  int lidars = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(configs() / "lidars")) {
+    if (entry.path().extension() != ".yaml") continue;
+    for (const std::string& preset : preset_names(entry.path())) {
+      SCOPED_TRACE(entry.path().string() + " " + preset);
+      LidarConfig lidar;
+      try {
+        lidar = read_lidar(entry.path(), preset);
+      } catch (const IoError&) {
+        continue;  // its table is the user's to fetch
+      }
+      const TestFolder folder;
+      const std::string dumped = dump_lidar(lidar);
+      EXPECT_EQ(dump_lidar(read_lidar(folder.write("lidar.yaml", dumped), preset)), dumped);
+      ++lidars;
+    }
+  }
+  EXPECT_GE(lidars, 12);
+}
+
+TEST(dump, keeps_any_text_of_a_name) {
+  for (const char* name : {"a: b", "# no comment", "\\", "\"", "'", "~", "true", "1", "ü", " x "}) {
+    SCOPED_TRACE(name);
+    SceneConfig scene = testing::empty_road();
+    scene.name = name;
+    scene.roads.front().name = name;
+    const TestFolder folder;
+    const SceneConfig back = read_scene(folder.write("scene.yaml", dump_scene(scene)));
+    EXPECT_EQ(back.name, name);
+    EXPECT_EQ(back.roads.front().name, name);
+  }
+}
+
+TEST(dump, keeps_any_name_of_a_mount) {
+  for (const char* name : {"a: b", "# no comment", "\"", "{", "~", "- x", " x "}) {
+    SCOPED_TRACE(name);
+    SceneConfig scene = testing::empty_road();
+    scene.mounts = {{name, MountConfig{}}};
+    const TestFolder folder;
+    const SceneConfig back = read_scene(folder.write("scene.yaml", dump_scene(scene)));
+    EXPECT_EQ(back.mounts.begin()->first, name);
+  }
+}
+
+TEST(dump, keeps_every_digit_of_a_number) {
+  for (const double value : {0.1, 1.0 / 3, 1e-300, 123456789.123456, -0.0, 5.0}) {
+    SceneConfig scene = testing::empty_road();
+    scene.mounts["pole"].x_m = value;
+    const TestFolder folder;
+    const SceneConfig back = read_scene(folder.write("scene.yaml", dump_scene(scene)));
+    EXPECT_EQ(back.mounts.at("pole").x_m, value);
+  }
+}
+
+// --- --set KEY=VALUE --------------------------------------------------------------------------
+
+SceneConfig scene_with(const std::vector<std::string>& assignments) {
+  const TestFolder folder;
+  return read_scene(folder.write("scene.yaml", kScene), assignments);
+}
+
+TEST(set_option, overrides_by_dotted_path_and_list_index) {
+  const SceneConfig scene =
+      scene_with({"mounts.pole.z_m=7.5", "roads.1.lanes.each_way=3", "seed=9", "seed=10"});
+  EXPECT_EQ(scene.mounts.at("pole").z_m, 7.5);
+  EXPECT_EQ(scene.mounts.at("pole").x_m, 5);
+  EXPECT_EQ(scene.roads.at(1).lanes.each_way, 3);
+  EXPECT_EQ(scene.roads.at(0).lanes.each_way, 1);
+  EXPECT_EQ(scene.seed, 10U);
+}
+
+TEST(set_option, creates_keys_that_stand_at_their_default) {
+  const SceneConfig scene = scene_with({"labels=all", "roads.0.embankment.foot_elevation_m=-5"});
+  EXPECT_EQ(scene.labels, LabelRule::kAll);
+  EXPECT_EQ(scene.roads.at(0).embankment->foot_elevation_m, -5);
+}
+
+TEST(set_option, takes_lists_and_maps) {
+  const SceneConfig scene = scene_with({"traffic.class_shares={Van: 1}", "buildings=[]"});
+  EXPECT_EQ(scene.traffic->class_shares.size(), 1U);
+  EXPECT_TRUE(scene.buildings.empty());
+}
+
+TEST(set_option, errors_name_the_option_and_the_key) {
+  const auto expect = [](const std::string& assignment, const std::string& key) {
+    const std::string message = error_of([&] { scene_with({assignment}); });
+    EXPECT_TRUE(message.starts_with("--set " + assignment)) << message;
+    EXPECT_NE(message.find(": " + key + ": "), std::string::npos) << message << "\n  key " << key;
+  };
+  expect("durations=1", "durations");
+  expect("mounts.pole.z=1", "mounts.pole.z");
+  expect("duration_s=none", "duration_s");
+  expect("traffic.class_shares={Tram: 1}", "traffic.class_shares");
+  expect("roads.7.name=x", "7");
+  expect("roads.x.name=x", "x");
+  expect("seed.x=1", "x");
+  expect("seed", "(option)");
+  expect("=1", "(option)");
+  expect("seed=[", "(document)");
+  expect("mounts.pole..z_m=1", "mounts.pole.");
+  expect("mounts.pole.tilt.deg=1", "mounts.pole.tilt");
+  expect("roads.0.embankment.run_per_rise=2", "roads.0.embankment.foot_elevation_m");
+}
+
+// --- LiDAR files ------------------------------------------------------------------------------
+
+const std::string kLidar = R"(name: two
+model: Two lines
+price_usd: {low: 1, high: 2, source: nobody, date: "2025"}
+pattern:
+  spinning: {rate_hz: 10, azimuth_step_deg: 0.2}
+presets:
+  even:
+    pattern: {spinning: {channels: {count: 2, upper_deg: 1, lower_deg: -1}}}
+    returns: {max_range_m: 100, range_accuracy_m: 0.02}
+  table:
+    pattern: {spinning: {channels: {file: two.csv}}}
+    returns: {max_range_m: 100, detection: {range_at_10_percent_m: 90}}
+)";
+const std::string kHeader = "channel,elevation_deg,azimuth_offset_deg,fire_time_us\n";
+
+void expect_lidar_error(const std::string& part, const std::string& by, const std::string& key,
+                        const std::string& what) {
+  SCOPED_TRACE(by);
+  const TestFolder folder;
+  const std::string text = replaced(kLidar, part, by);
+  const auto file = folder.write("lidar.yaml", text);
+  expect_message(error_of([&] { read_lidar(file, "even"); }), file, marked_line(text), key, what);
+}
+
+TEST(lidar_file, evenly_spaced_channels_go_from_upper_to_lower) {
+  const TestFolder folder;
+  const LidarConfig lidar = read_lidar(folder.write("lidar.yaml", kLidar), "even");
+  const auto& table = lidar.units.at(0).pattern.spinning->channels.table;
+  ASSERT_EQ(table.size(), 2U);
+  EXPECT_EQ(table[0].elevation_deg, 1);
+  EXPECT_EQ(table[1].elevation_deg, -1);
+  EXPECT_EQ(lidar.preset, "even");
+}
+
+TEST(lidar_file, an_unknown_preset_is_an_error_that_names_the_known_ones) {
+  const TestFolder folder;
+  const auto file = folder.write("lidar.yaml", kLidar);
+  expect_message(error_of([&] { read_lidar(file, "paper"); }), file, 7, "presets",
+                 "'paper', allowed even, table");
+}
+
+TEST(lidar_file, preset_names_come_in_the_order_of_the_file) {
+  const TestFolder folder;
+  EXPECT_EQ(preset_names(folder.write("lidar.yaml", kLidar)),
+            (std::vector<std::string>{"even", "table"}));
+}
+
+TEST(lidar_file, keys_are_checked) {
+  expect_lidar_error("max_range_m: 100, range", "max_range_m: 0, #!\n range",
+                     "returns.max_range_m", "above 0");
+  expect_lidar_error("range_accuracy_m: 0.02", "min_range_m: 100 #!\n", "returns.max_range_m",
+                     "min_range_m");
+  expect_lidar_error("range_accuracy_m: 0.02", "accuracy_m: 0.02 #!\n", "returns.accuracy_m",
+                     "range_accuracy_m");
+  expect_lidar_error("{rate_hz: 10, azi", "{rate_hz: .inf, #!\n azi", "pattern.spinning.rate_hz",
+                     "1000");
+  expect_lidar_error("low: 1, high: 2", "low: 3, high: 2 #!\n", "price_usd.high", "low or more");
+  expect_lidar_error("name: two", "name: a/b #!", "name", "folder");
+  expect_lidar_error("upper_deg: 1, lower_deg: -1", "upper_deg: -1, lower_deg: 1 #!\n",
+                     "pattern.spinning.channels.upper_deg", "above");
+  expect_lidar_error("count: 2, upper", "file: a.csv, count: 2, #!\n upper",
+                     "pattern.spinning.channels.count", "one of");
+  expect_lidar_error("azimuth_step_deg: 0.2}\n",
+                     "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 1}\n",
+                     "pattern.spinning", "one of spinning, wedges, table");
+}
+
+/// What reading channels from a file with this text says.
+void expect_channels_error(const std::string& text, int line, const std::string& key,
+                           const std::string& what) {
+  SCOPED_TRACE(text);
+  const TestFolder folder;
+  const auto file = folder.write("two.csv", text);
+  expect_message(error_of([&] { config::read_channels(file); }), file, line, key, what);
+}
+
+TEST(channel_table, blank_offsets_and_times_are_unpublished_and_read_as_0) {
+  const TestFolder folder;
+  const auto channels = config::read_channels(folder.write("two.csv", kHeader + "1,-1,,\n2,1,3,4\n"));
+  ASSERT_EQ(channels.size(), 2U);
+  EXPECT_EQ(channels[0].elevation_deg, -1);
+  EXPECT_EQ(channels[0].azimuth_offset_deg, 0);
+  EXPECT_EQ(channels[0].fire_time_us, 0);
+  EXPECT_EQ(channels[1].azimuth_offset_deg, 3);
+  EXPECT_EQ(channels[1].fire_time_us, 4);
+}
+
+TEST(channel_table, errors_name_the_line_and_the_column) {
+  expect_channels_error("id,elevation_deg\n1,0\n", 1, "(header)", "allowed 'channel,elevation_deg");
+  expect_channels_error("", 1, "(header)", "allowed 'channel,elevation_deg");
+  expect_channels_error(kHeader, 1, "(rows)", "found none");
+  expect_channels_error(kHeader + "1,0,,\n2,nan,,\n", 3, "elevation_deg", "'nan'");
+  expect_channels_error(kHeader + "1,,0,0\n", 2, "elevation_deg", "''");
+  expect_channels_error(kHeader + "1,91,,\n", 2, "elevation_deg", "-90");
+  expect_channels_error(kHeader + "1,0,0\n", 2, "(row)", "4 columns");
+  expect_channels_error(kHeader + "1,0,0,0,0\n", 2, "(row)", "4 columns");
+  expect_channels_error(kHeader + "1,0,0,-1\n", 2, "fire_time_us", "'-1'");
+}
+
+TEST(channel_table, of_every_committed_file_is_read) {
+  for (const auto& entry : std::filesystem::directory_iterator(configs() / "lidars" / "channels"))
+    EXPECT_GE(config::read_channels(entry.path()).size(), 16U) << entry.path();
+}
+
+TEST(channel_table, a_fire_time_beyond_its_column_is_an_error) {
+  const TestFolder folder;
+  const auto file = folder.write("lidar.yaml", kLidar);
+  folder.write("two.csv", kHeader + "1,0,0,0\n2,1,0,55.5\n");
+  EXPECT_NO_THROW(read_lidar(file, "table"));
+  folder.write("two.csv", kHeader + "1,0,0,0\n2,1,0,55.6\n");  // a column takes 55.56 us
+  const std::string message = error_of([&] { read_lidar(file, "table"); });
+  EXPECT_NE(message.find("fire_time_us: found 55.6, allowed below 55.5"), std::string::npos)
+      << message;
+}
+
+// --- tables of directions ---------------------------------------------------------------------
+
+std::string npy(const std::string& type, const std::string& shape, const std::string& order,
+                const std::string& data) {
+  std::string header =
+      "{'descr': '" + type + "', 'fortran_order': " + order + ", 'shape': " + shape + ", }\n";
+  std::string bytes("\x93NUMPY\x01\x00", 8);
+  bytes += static_cast<char>(header.size());
+  bytes += '\0';
+  return bytes + header + data;
+}
+
+template <class T>
+std::string bytes_of(const std::vector<T>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+
+TEST(direction_table, is_read_from_float32_float64_and_csv) {
+  const TestFolder folder;
+  const std::vector<double> wide{0.5, -0.25, 1, 0};
+  const std::vector<float> narrow{0.5F, -0.25F, 1, 0};
+  write_npy(folder.path() / "a.npy", wide, 2);
+  folder.write("b.npy", npy("<f4", "(2, 2)", "False", bytes_of(narrow)));
+  folder.write("c.csv", "azimuth_rad,elevation_rad\n0.5,-0.25\n1,0\n");
+  for (const char* name : {"a.npy", "b.npy", "c.csv"}) {
+    SCOPED_TRACE(name);
+    const auto rows = config::read_directions(folder.path() / name);
+    ASSERT_EQ(rows.size(), 2U);
+    EXPECT_EQ(rows[0].x, 0.5);
+    EXPECT_EQ(rows[0].y, -0.25);
+    EXPECT_EQ(rows[1].x, 1);
+  }
+}
+
+TEST(direction_table, in_another_layout_is_an_error) {
+  const std::string two_rows = bytes_of(std::vector<double>(4, 0.5));
+  const TestFolder folder;
+  const auto expect = [&](const std::string& bytes, const std::string& what) {
+    SCOPED_TRACE(what);
+    const auto file = folder.write("table.npy", bytes);
+    const std::string message = error_of([&] { config::read_directions(file); });
+    EXPECT_TRUE(message.starts_with(file.string() + ":")) << message;
+    EXPECT_NE(message.find(what), std::string::npos) << message;
+  };
+  expect(npy("<i8", "(2, 2)", "False", two_rows), "found type '<i8'");
+  expect(npy(">f8", "(2, 2)", "False", two_rows), "found type '>f8'");
+  expect(npy("<f8", "(4,)", "False", two_rows), "found shape (4,)");
+  expect(npy("<f8", "(1, 4)", "False", two_rows), "found shape (1, 4)");
+  expect(npy("<f8", "(1, 2, 2)", "False", two_rows), "found shape (1, 2, 2)");
+  expect(npy("<f8", "(2, 2)", "True", two_rows), "Fortran");
+  expect(npy("<f8", "(2, 2)", "False", two_rows.substr(1)), "size");
+  expect(npy("<f8", "(2, 2)", "False", two_rows + "x"), "size");
+  expect(npy("<f8", "(99999999999999999999, 2)", "False", two_rows), "shape");
+  expect(npy("<f8", "(2, 2)", "False", two_rows).substr(0, 40), "truncated");
+  expect("azimuth_rad,elevation_rad\n", "NumPy");
+  expect("", "NumPy");
+  expect(npy("<f8", "(0, 2)", "False", ""), "at least one");
+}
+
+TEST(direction_table, that_is_not_finite_is_an_error_that_names_the_row) {
+  const TestFolder folder;
+  std::vector<double> values{0, 0, 0, std::numeric_limits<double>::quiet_NaN()};
+  const auto file = folder.write("table.npy", npy("<f8", "(2, 2)", "False", bytes_of(values)));
+  EXPECT_NE(error_of([&] { config::read_directions(file); }).find("row 1"), std::string::npos);
+  const auto csv = folder.write("table.csv", "azimuth_rad,elevation_rad\n0,0\n0,nan\n");
+  expect_message(error_of([&] { config::read_directions(csv); }), csv, 3, "elevation_rad", "'nan'");
+}
+
+TEST(direction_table, that_changed_since_a_run_is_an_error) {
+  const TestFolder folder;
+  const auto file = folder.write("lidar.yaml", R"(name: listed
+price_usd: {low: 1, high: 1, source: nobody, date: "2025"}
+pattern: {table: {file: table.csv, rays_per_s: 100}}
+returns: {max_range_m: 10}
+)");
+  folder.write("table.csv", "azimuth_rad,elevation_rad\n0,0\n0,0.1\n");
+  const auto resolved = folder.write("resolved.yaml", dump_lidar(read_lidar(file, "")));
+  EXPECT_NO_THROW(read_lidar(resolved, ""));
+  folder.write("table.csv", "azimuth_rad,elevation_rad\n0,0\n0,0.2\n");
+  EXPECT_NE(error_of([&] { read_lidar(resolved, ""); }).find("digest"), std::string::npos);
+}
+
+// --- bundles ----------------------------------------------------------------------------------
+
+TEST(bundle, adds_prices_and_turns_its_parts) {
+  const TestFolder folder;
+  folder.write("part.yaml", kLidar);
+  const auto file = folder.write("bundle.yaml", R"(name: pair
+bundle:
+  - {lidar: part.yaml, yaw_deg: 35}
+  - {lidar: part.yaml, yaw_deg: -35, pitch_deg: 5}
+)");
+  const LidarConfig lidar = read_lidar(file, "even");
+  ASSERT_EQ(lidar.units.size(), 2U);
+  EXPECT_EQ(lidar.units[0].yaw_deg, 35);
+  EXPECT_EQ(lidar.units[1].pitch_deg, 5);
+  EXPECT_EQ(lidar.price_usd.low, 2);
+  EXPECT_EQ(lidar.price_usd.high, 4);
+}
+
+TEST(bundle, in_a_bundle_is_an_error) {
+  const TestFolder folder;
+  folder.write("part.yaml", kLidar);
+  folder.write("inner.yaml", "name: inner\nbundle:\n  - {lidar: part.yaml}\n");
+  const auto outer = folder.write("outer.yaml", "name: outer\nbundle:\n  - {lidar: inner.yaml}\n");
+  const auto self = folder.write("self.yaml", "name: self\nbundle:\n  - {lidar: self.yaml}\n");
+  for (const auto& file : {outer, self})
+    EXPECT_NE(error_of([&] { read_lidar(file, "even"); }).find("bundle"), std::string::npos);
+}
+
+TEST(bundle, with_a_pattern_of_its_own_is_an_error) {
+  expect_lidar_error("presets:\n", "bundle: [{lidar: part.yaml}] #!\npresets:\n", "bundle",
+                     "bundle alone");
 }
 
 }  // namespace

@@ -206,6 +206,10 @@ SceneConfig read_scene(const std::filesystem::path& file,
   return scene;
 }
 
+SceneConfig parse_scene(const std::string& text, const std::string& name) {
+  return config::read_struct<SceneConfig>(config::parse_tree(text, name));
+}
+
 std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }
 
 }  // namespace infrasim

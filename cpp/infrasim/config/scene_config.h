@@ -164,6 +164,9 @@ struct SceneConfig {
 SceneConfig read_scene(const std::filesystem::path& file,
                        std::span<const std::string> assignments = {});
 
+/// The same from text; `name` stands for the file in messages.
+SceneConfig parse_scene(const std::string& text, const std::string& name);
+
 /// Every key with its value, as YAML that reads back to the same scene.
 std::string dump_scene(const SceneConfig& scene);
 

@@ -12,7 +12,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
 struct Sample {
   float range;
@@ -80,17 +80,17 @@ void fill_unseen(BackgroundModel& model) {
   for (int e = 1; e + 1 < model.elevation_cells; ++e)
     for (int a = 0; a < model.azimuth_cells; ++a) {
       const int cell = e * model.azimuth_cells + a;
-      if (range[cell] != kInf) continue;
-      float farthest = -kInf, lowest = kInf;
+      if (range[cell] != kUnseen) continue;
+      float farthest = -kUnseen, lowest = kUnseen;
       for (int de = -1; de <= 1; ++de)
         for (int da = -1; da <= 1; ++da) {
           const int column = (a + da + model.azimuth_cells) % model.azimuth_cells;
           const int near = (e + de) * model.azimuth_cells + column;
-          if (range[near] == kInf) continue;
+          if (range[near] == kUnseen) continue;
           farthest = std::max(farthest, range[near]);
           lowest = std::min(lowest, height[near]);
         }
-      if (farthest == -kInf) continue;
+      if (farthest == -kUnseen) continue;
       model.range_m[cell] = farthest;
       model.height_m[cell] = lowest;
     }
@@ -111,8 +111,8 @@ BackgroundModel empty_background(const BackgroundGrid& grid) {
   model.azimuth_cells = static_cast<int>(std::lround(360 / grid.azimuth_cell_deg));
   model.elevation_cells = static_cast<int>(std::lround(180 / grid.elevation_cell_deg));
   const auto cells = static_cast<std::size_t>(model.azimuth_cells) * model.elevation_cells;
-  model.range_m.assign(cells, kInf);
-  model.height_m.assign(cells, -kInf);
+  model.range_m.assign(cells, kUnseen);
+  model.height_m.assign(cells, -kUnseen);
   return model;
 }
 

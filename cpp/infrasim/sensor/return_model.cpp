@@ -7,7 +7,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kCarlaAttenuation = 0.004;  // 1/m, CARLA's atmosphere_attenuation_rate
+constexpr float kCarlaAttenuation = 0.004F;  // 1/m, CARLA's atmosphere_attenuation_rate
 
 enum Draw : unsigned { kLoss, kKeep, kDetection, kNoise };
 

@@ -1,10 +1,10 @@
+#include "infrasim/filter/ground.h"
+
 #include <pcl/point_types.h>
 #include <pcl/segmentation/sac_segmentation.h>
 
-#include <algorithm>
 #include <stdexcept>
 
-#include "infrasim/filter/ground.h"
 #include "infrasim/filter/points.h"
 
 namespace infrasim {
@@ -48,6 +48,11 @@ Plane find_plane(std::span<const float> xyz, const GroundPlane& ground) {
 }
 
 }  // namespace
+
+std::vector<int> keep(std::span<const float> xyz, const GroundHeight& ground) {
+  if (!std::isfinite(ground.z_m)) throw std::invalid_argument("ground_height: z must be a number");
+  return keep_if(xyz, [&](Vec3 p) { return p.z > ground.z_m; });
+}
 
 std::vector<int> keep(std::span<const float> xyz, const GroundPlane& ground) {
   if (!(ground.distance_m > 0 && ground.max_tilt_deg > 0 && ground.max_tilt_deg < 90))

@@ -1,0 +1,79 @@
+"""The binary beside this Python, and what the tests of it share."""
+
+import hashlib
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BINARY = Path(sys.executable).with_name("infrasim")
+
+Result = subprocess.CompletedProcess[str]
+Infrasim = Callable[..., Result]
+
+
+@pytest.fixture(scope="session")
+def infrasim() -> Infrasim:
+    """Runs the binary from the repository's root: words and options of `subprocess.run`."""
+
+    def call(*words: object, **options: Any) -> Result:
+        return subprocess.run(
+            [str(BINARY), *map(str, words)],
+            **{"capture_output": True, "text": True, "cwd": ROOT, "timeout": 120} | options,
+        )
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def run_command() -> Callable[..., list[str]]:
+    """The words of a short run on the motorway with traffic that starts at once."""
+
+    def words(*lidars: str, frames: str = "0:4", preset: str = "paper", **options: object):
+        files = [f"configs/lidars/{name}.yaml" for name in lidars or ("helios_16",)]
+        extra = [w for key, value in options.items() for w in (f"--{key}", str(value))]
+        return [
+            *("run", "configs/scenes/highway.yaml", "--preset", preset, "--frames", frames),
+            *("--set", "duration_s=20", "--set", "traffic.warm_up_s=5"),
+            *("--lidar", *files, *extra),
+        ]
+
+    return words
+
+
+@pytest.fixture(scope="session")
+def digests() -> Callable[[Path], dict[str, str]]:
+    """SHA-256 of every file of a data set by its path; times are in summary.csv, so without it."""
+
+    def of(folder: Path) -> dict[str, str]:
+        return {
+            str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file() and path.name != "summary.csv"
+        }
+
+    return of
+
+
+@pytest.fixture
+def pattern(
+    infrasim: Infrasim, tmp_path: Path
+) -> Callable[..., npt.NDArray[np.float64]]:
+    """Azimuth, elevation (rad) and time (s) of a LiDAR's rays, (n, 3)."""
+
+    def rays(lidar: Path | str, *options: object) -> npt.NDArray[np.float64]:
+        file = lidar if isinstance(lidar, Path) else ROOT / f"configs/lidars/{lidar}.yaml"
+        out = tmp_path / "pattern.npy"
+        result = infrasim("pattern", file, "--out", out, *options)
+        assert result.returncode == 0, result.stderr
+        array = np.load(out)
+        assert result.stdout == f"{len(array)} rays\n"
+        return array
+
+    return rays
