@@ -1,6 +1,6 @@
 """What the cheaper models of a scene change: level of detail, aggregation, beam width.
 
-Writes results/fidelity.csv, results/aggregation.csv and results/beam.csv:
+Writes results/fidelity.csv, results/aggregation.csv, results/beam.csv and a picture of one vehicle:
     .venv/bin/python benchmarks/fidelity.py
 """
 
@@ -11,10 +11,15 @@ import tempfile
 import time
 from pathlib import Path
 
+import matplotlib
+import numpy as np
 import pandas as pd
 import yaml
 
 from pyinfra import __version__, sim
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
@@ -126,6 +131,30 @@ def beam_table(frames: range) -> pd.DataFrame:
     return out.reset_index()
 
 
+def aggregation_picture(file: Path, number: int = 300) -> None:
+    """One vehicle from above under the three aggregation modes, with its mid-frame box."""
+    lidar = sim.load_lidar(lidar_file("ruby_plus"), "equal")
+    modes = ("exact", "slices:100", "instant")
+    figure, axes = plt.subplots(len(modes), 1, figsize=(6, 7), sharex=True, layout="constrained")
+    for mode, axis in zip(modes, axes, strict=True):
+        ((_, (frame,)),) = sim.simulate(scene("highway", aggregation=mode), [lidar], [number])
+        rows = frame.objects
+        near = rows[(rows["x"] > 15) & (rows["x"] < 60) & (rows["visibility"] > 0.9)]
+        car = near[np.argmax(near["points"])]
+        xyz = frame.xyz[frame.object_id == car["id"]]
+        axis.scatter(xyz[:, 0] - car["x"], xyz[:, 1] - car["y"], s=2, color="black")
+        axis.add_patch(
+            plt.Rectangle(
+                (-car["dx"] / 2, -car["dy"] / 2), car["dx"], car["dy"], fill=False, color="tab:blue"
+            )
+        )
+        axis.set(title=f"{mode}: {car['points']} points, {car['points_in_box']} in the box")
+        axis.set(aspect="equal", ylabel="y (m)")
+    axes[-1].set_xlabel(f"x (m); {car['speed'] * 3.6:.0f} km/h at {car['distance']:.0f} m")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=90)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=100, help="frames, spread over the run")
@@ -133,6 +162,7 @@ def main() -> None:
     args = parser.parse_args()
     args.out.mkdir(exist_ok=True)
     frames = range(0, 5000, 5000 // args.frames)
+    aggregation_picture(ROOT / "docs" / "pictures" / "aggregation.png")
     command = f"benchmarks/fidelity.py --frames {args.frames}"
     for name, table in (
         ("fidelity", detail_ladder(frames, "equal")),

@@ -21,7 +21,7 @@ struct ObjectRow {
   double distance, visibility;
 };
 
-py::array_t<ObjectRow> object_rows(const Frame& frame) {
+py::array object_rows(const Frame& frame) {
   py::array_t<ObjectRow> rows(static_cast<py::ssize_t>(frame.objects.size()));
   auto out = rows.mutable_unchecked<1>();
   for (std::size_t i = 0; i < frame.objects.size(); ++i) {

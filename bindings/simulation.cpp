@@ -1,6 +1,5 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
-#include <pybind11/stl/filesystem.h>
 
 #include <memory>
 
@@ -27,20 +26,23 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
                              rows.data());
 }
 
-py::tuple mesh_arrays(const World& world, int frame, double share) {
+std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame, double share) {
   const TriangleMesh mesh = frozen_mesh(world, frame, share);
-  return py::make_tuple(
+  return {
       py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},
                          mesh.vertices.data()->data()),
       py::array_t<std::uint32_t>({static_cast<py::ssize_t>(mesh.triangles.size()), py::ssize_t{3}},
-                                 mesh.triangles.data()->data()));
+                                 mesh.triangles.data()->data())};
 }
 
 }  // namespace
 
 void bind_simulation(py::module_& m) {
   py::class_<LidarConfig>(m, "Lidar", "One preset of a LiDAR file.")
-      .def(py::init(&read_lidar), py::arg("file"), py::arg("preset"))
+      .def(py::init([](const std::string& file, const std::string& preset) {
+             return read_lidar(file, preset);
+           }),
+           py::arg("file"), py::arg("preset"))
       .def_readonly("name", &LidarConfig::name)
       .def_readonly("preset", &LidarConfig::preset)
       .def("dump", &dump_lidar, "Every key with its value, as YAML.")
@@ -50,7 +52,7 @@ void bind_simulation(py::module_& m) {
            "sensor frame; phase 0 unless a seed is given.");
 
   py::class_<World>(m, "World", "A scene made ready.")
-      .def(py::init([](const std::filesystem::path& file, const std::vector<std::string>& set) {
+      .def(py::init([](const std::string& file, const std::vector<std::string>& set) {
              const py::gil_scoped_release release;
              return std::make_unique<World>(build_world(read_scene(file, set)));
            }),

@@ -36,12 +36,12 @@ def load_scene(
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
         assignments.append(f"seed={seed}")
-    return World(Path(file), assignments)
+    return World(str(file), assignments)
 
 
 def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
     """One preset of a LiDAR file. Raises ConfigError and IoError."""
-    return Lidar(Path(file), preset)
+    return Lidar(str(file), preset)
 
 
 def simulate(

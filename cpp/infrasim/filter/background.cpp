@@ -22,15 +22,29 @@ struct Sample {
 int cell_of(const BackgroundModel& model, Vec3 p) {
   const double turn = std::atan2(p.y, p.x) / (2 * kPi) + 0.5;
   const double tilt = std::atan2(p.z, std::hypot(p.x, p.y)) / kPi + 0.5;
-  const int a = std::min(static_cast<int>(turn * model.azimuth_cells), model.azimuth_cells - 1);
+  // Cells are centred on multiples of their width, as the beams of a turning sensor mostly are.
+  const int a = static_cast<int>(turn * model.azimuth_cells + 0.5) % model.azimuth_cells;
   const int e = std::min(static_cast<int>(tilt * model.elevation_cells), model.elevation_cells - 1);
   return e * model.azimuth_cells + a;
+}
+
+/// The cell some steps on; around in azimuth, held at the poles.
+int neighbour(const BackgroundModel& model, int cell, int azimuth_step, int elevation_step) {
+  const int n = model.azimuth_cells;
+  const int a = (cell % n + azimuth_step + n) % n;
+  const int e = std::clamp(cell / n + elevation_step, 0, model.elevation_cells - 1);
+  return e * n + a;
 }
 
 /// Samples of all frames, ordered by cell; those of cell c lie in [begin[c], begin[c + 1]).
 struct CellSamples {
   std::vector<std::size_t> begin;
   std::vector<Sample> samples;
+
+  std::size_t count(std::size_t cell) const { return begin[cell + 1] - begin[cell]; }
+  std::span<Sample> of(std::size_t cell) {
+    return std::span(samples).subspan(begin[cell], count(cell));
+  }
 };
 
 template <class Use>
@@ -54,6 +68,17 @@ CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const Backg
   return cells;
 }
 
+/// Returns that a seen cell typically got.
+double typical_count(const CellSamples& cells) {
+  std::vector<std::size_t> counts;
+  for (std::size_t c = 0; c + 1 < cells.begin.size(); ++c)
+    if (cells.count(c) > 0) counts.push_back(cells.count(c));
+  if (counts.empty()) return 0;
+  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
+  std::nth_element(counts.begin(), middle, counts.end());
+  return static_cast<double>(*middle);
+}
+
 /// The value that a share of the samples lies below.
 float quantile(std::span<Sample> samples, double share, float Sample::* value) {
   const auto k = static_cast<std::size_t>(share * static_cast<double>(samples.size() - 1) + 0.5);
@@ -61,70 +86,94 @@ float quantile(std::span<Sample> samples, double share, float Sample::* value) {
   return samples[k].*value;
 }
 
-/// A surface is level if its height explains more of the samples than its range does.
-void learn_cell(BackgroundModel& model, std::size_t cell, std::span<Sample> samples) {
-  const BackgroundGrid& grid = model.grid;
-  const float range = quantile(samples, 1 - grid.far_share, &Sample::range);
-  const float z = quantile(samples, grid.far_share, &Sample::z);
-  const auto near_range = std::ranges::count_if(
-      samples, [&](const Sample& s) { return s.range >= range - grid.range_margin_m; });
-  const auto near_height = std::ranges::count_if(
-      samples, [&](const Sample& s) { return s.z <= z + grid.height_margin_m; });
-  model.range_m[cell] = range;
-  if (z < 0 && near_height > near_range) model.height_m[cell] = z;
+/// The cell's background, still without margins. It is level if its height explains more of the
+/// returns than its range does. Returns seldom enough to be of passing vehicles are none.
+void learn_cell(std::span<Sample> samples, double typical, const BackgroundLearning& learning,
+                float& range_m, float& height_m) {
+  const float range = quantile(samples, 1 - learning.far_share, &Sample::range);
+  const float z = quantile(samples, learning.far_share, &Sample::z);
+  const auto at_range = std::ranges::count_if(
+      samples, [&](const Sample& s) { return s.range >= range - learning.range_margin_m; });
+  const auto at_height = std::ranges::count_if(
+      samples, [&](const Sample& s) { return s.z <= z + learning.height_margin_m; });
+  const bool level = z < 0 && at_height > at_range;
+  const double needed =
+      learning.agreeing_share * std::max(static_cast<double>(samples.size()), typical / 2);
+  if (static_cast<double>(level ? at_height : at_range) < needed) return;
+  range_m = range;
+  if (level) height_m = z;
 }
 
-/// Gives unseen cells the farthest and lowest of their eight neighbours.
+/// Change of range from a cell to the next, as far as both sides agree on it (the minmod limiter).
+float range_change(const BackgroundModel& model, int cell, int azimuth_step, int elevation_step) {
+  const float ahead = model.range_m[neighbour(model, cell, azimuth_step, elevation_step)];
+  const float behind = model.range_m[neighbour(model, cell, -azimuth_step, -elevation_step)];
+  if (ahead == kUnseen || behind == kUnseen) return 0;
+  const float to = ahead - model.range_m[cell], from = model.range_m[cell] - behind;
+  return to * from > 0 ? std::min(std::abs(to), std::abs(from)) : 0;
+}
+
+void add_margins(BackgroundModel& model, const BackgroundLearning& learning) {
+  std::vector<float> bound = model.range_m;
+  for (int c = 0; c < static_cast<int>(bound.size()); ++c) {
+    if (model.range_m[c] == kUnseen) continue;
+    bound[c] -= static_cast<float>(learning.range_margin_m);
+    if (model.height_m[c] == -kUnseen)
+      bound[c] -= range_change(model, c, 1, 0) + range_change(model, c, 0, 1);
+    model.height_m[c] += static_cast<float>(learning.height_margin_m);
+  }
+  model.range_m = std::move(bound);
+}
+
+/// Gives unseen cells the farthest and lowest bounds of their eight neighbours.
 void fill_unseen(BackgroundModel& model) {
   const std::vector<float> range = model.range_m, height = model.height_m;
-  for (int e = 1; e + 1 < model.elevation_cells; ++e)
-    for (int a = 0; a < model.azimuth_cells; ++a) {
-      const int cell = e * model.azimuth_cells + a;
-      if (range[cell] != kUnseen) continue;
-      float farthest = -kUnseen, lowest = kUnseen;
-      for (int de = -1; de <= 1; ++de)
-        for (int da = -1; da <= 1; ++da) {
-          const int column = (a + da + model.azimuth_cells) % model.azimuth_cells;
-          const int near = (e + de) * model.azimuth_cells + column;
-          if (range[near] == kUnseen) continue;
-          farthest = std::max(farthest, range[near]);
-          lowest = std::min(lowest, height[near]);
-        }
-      if (farthest == -kUnseen) continue;
-      model.range_m[cell] = farthest;
-      model.height_m[cell] = lowest;
-    }
+  for (int c = 0; c < static_cast<int>(range.size()); ++c) {
+    if (range[c] != kUnseen) continue;
+    float farthest = -kUnseen, lowest = kUnseen;
+    for (int de = -1; de <= 1; ++de)
+      for (int da = -1; da <= 1; ++da) {
+        const int near = neighbour(model, c, da, de);
+        if (range[near] == kUnseen) continue;
+        farthest = std::max(farthest, range[near]);
+        lowest = std::min(lowest, height[near]);
+      }
+    if (farthest == -kUnseen) continue;
+    model.range_m[c] = farthest;
+    model.height_m[c] = lowest;
+  }
 }
 
-}  // namespace
-
-BackgroundModel empty_background(const BackgroundGrid& grid) {
+BackgroundModel empty_background(const BackgroundLearning& learning) {
   const auto is_cell = [](double cell_deg) { return cell_deg >= 0.05 && cell_deg <= 10; };
-  if (!is_cell(grid.azimuth_cell_deg) || !is_cell(grid.elevation_cell_deg))
+  const auto is_share = [](double share) { return share >= 0 && share <= 0.5; };
+  if (!is_cell(learning.azimuth_cell_deg) || !is_cell(learning.elevation_cell_deg))
     throw std::invalid_argument("background: cells must lie in [0.05, 10] degrees");
-  if (!(grid.range_margin_m >= 0 && grid.height_margin_m >= 0 &&
-        std::isfinite(grid.range_margin_m + grid.height_margin_m)))
+  if (!(learning.range_margin_m >= 0 && learning.height_margin_m >= 0))
     throw std::invalid_argument("background: margins must not be negative");
-  if (!(grid.far_share >= 0 && grid.far_share <= 0.5))
-    throw std::invalid_argument("background: far_share must lie in [0, 0.5]");
-  BackgroundModel model{.grid = grid, .range_m = {}, .height_m = {}};
-  model.azimuth_cells = static_cast<int>(std::lround(360 / grid.azimuth_cell_deg));
-  model.elevation_cells = static_cast<int>(std::lround(180 / grid.elevation_cell_deg));
+  if (!is_share(learning.far_share) || !is_share(learning.agreeing_share))
+    throw std::invalid_argument("background: shares must lie in [0, 0.5]");
+  BackgroundModel model;
+  model.azimuth_cells = static_cast<int>(std::lround(360 / learning.azimuth_cell_deg));
+  model.elevation_cells = static_cast<int>(std::lround(180 / learning.elevation_cell_deg));
   const auto cells = static_cast<std::size_t>(model.azimuth_cells) * model.elevation_cells;
   model.range_m.assign(cells, kUnseen);
   model.height_m.assign(cells, -kUnseen);
   return model;
 }
 
+}  // namespace
+
 BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
-                                 const BackgroundGrid& grid) {
+                                 const BackgroundLearning& learning) {
   if (frames_xyz.empty()) throw std::invalid_argument("background: at least one frame is needed");
-  BackgroundModel model = empty_background(grid);
+  BackgroundModel model = empty_background(learning);
   CellSamples cells = sort_by_cell(frames_xyz, model);
-  for (std::size_t c = 0; c + 1 < cells.begin.size(); ++c) {
-    const std::size_t n = cells.begin[c + 1] - cells.begin[c];
-    if (n > 0) learn_cell(model, c, std::span(cells.samples).subspan(cells.begin[c], n));
-  }
+  const double typical = typical_count(cells);
+  for (std::size_t c = 0; c < model.range_m.size(); ++c)
+    if (cells.count(c) > 0)
+      learn_cell(cells.of(c), typical, learning, model.range_m[c], model.height_m[c]);
+  add_margins(model, learning);
   fill_unseen(model);
   return model;
 }
@@ -132,8 +181,7 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
 std::vector<int> keep(std::span<const float> xyz, const BackgroundModel& model) {
   return keep_if(xyz, [&](Vec3 p) {
     const int cell = cell_of(model, p);
-    return norm(p) < model.range_m[cell] - model.grid.range_margin_m &&
-           p.z > model.height_m[cell] + model.grid.height_margin_m;
+    return norm(p) < model.range_m[cell] && p.z > model.height_m[cell];
   });
 }
 
