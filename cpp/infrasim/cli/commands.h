@@ -16,5 +16,6 @@ void add_run_command(CLI::App& app, CommandResult& result);
 void add_check_command(CLI::App& app);
 void add_pattern_command(CLI::App& app);
 void add_trajectories_command(CLI::App& app);
+void add_filter_command(CLI::App& app);
 
 }  // namespace infrasim::cli

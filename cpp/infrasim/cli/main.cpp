@@ -15,7 +15,18 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 
+/// Says so if the first word is no command: CLI11 only says that one is missing.
+void check_command(CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-' || app.get_subcommand_no_throw(argv[1]) != nullptr) return;
+  std::string names;
+  for (const CLI::App* command : app.get_subcommands({}))
+    names += (names.empty() ? "" : ", ") + command->get_name();
+  throw infrasim::ConfigError("infrasim: found unknown command '" + std::string(argv[1]) +
+                              "', allowed " + names);
+}
+
 int parse(CLI::App& app, int argc, char** argv) {
+  check_command(app, argc, argv);
   try {
     app.parse(argc, argv);
     return 0;
@@ -44,6 +55,7 @@ int main(int argc, char** argv) {
   infrasim::cli::add_check_command(app);
   infrasim::cli::add_pattern_command(app);
   infrasim::cli::add_trajectories_command(app);
+  infrasim::cli::add_filter_command(app);
   try {
     const int code = parse(app, argc, argv);
     return code != 0 ? code : result.exit_code;

@@ -1,0 +1,123 @@
+#include "infrasim/io/cloud_file.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/io/atomic_file.h"
+
+namespace infrasim {
+
+namespace {
+
+template <class T>
+float element(const char* at) {
+  T value;
+  std::memcpy(&value, at, sizeof(T));
+  return static_cast<float>(value);
+}
+
+float element(const CloudField& field, const char* at) {
+  switch (field.type) {
+    case 'F': return field.size == 4 ? element<float>(at) : element<double>(at);
+    case 'I':
+      switch (field.size) {
+        case 1: return element<std::int8_t>(at);
+        case 2: return element<std::int16_t>(at);
+        case 4: return element<std::int32_t>(at);
+        default: return element<std::int64_t>(at);
+      }
+    default:
+      switch (field.size) {
+        case 1: return element<std::uint8_t>(at);
+        case 2: return element<std::uint16_t>(at);
+        case 4: return element<std::uint32_t>(at);
+        default: return element<std::uint64_t>(at);
+      }
+  }
+}
+
+}  // namespace
+
+std::size_t CloudFile::record_size() const {
+  std::size_t size = 0;
+  for (const CloudField& f : fields) size += static_cast<std::size_t>(f.size) * f.count;
+  return size;
+}
+
+std::vector<float> CloudFile::column(std::string_view name) const {
+  const std::size_t stride = record_size();
+  std::size_t offset = 0;
+  for (const CloudField& f : fields) {
+    if (f.name == name) {
+      std::vector<float> values(points);
+      for (std::size_t i = 0; i < points; ++i)
+        values[i] = element(f, records.data() + i * stride + offset);
+      return values;
+    }
+    offset += static_cast<std::size_t>(f.size) * f.count;
+  }
+  return {};
+}
+
+std::vector<float> CloudFile::xyz() const {
+  const auto x = column("x"), y = column("y"), z = column("z");
+  std::vector<float> rows;
+  rows.reserve(3 * points);
+  for (std::size_t i = 0; i < points; ++i) rows.insert(rows.end(), {x[i], y[i], z[i]});
+  return rows;
+}
+
+CloudFile CloudFile::select(std::span<const int> keep) const {
+  CloudFile out{fields, viewpoint, encoding, keep.size(), {}};
+  const std::size_t stride = record_size();
+  out.records.reserve(keep.size() * stride);
+  for (const int k : keep)
+    out.records.append(records, static_cast<std::size_t>(k) * stride, stride);
+  return out;
+}
+
+CloudFile parse_bin(std::string_view bytes, const std::string& name) {
+  constexpr std::size_t kRecord = 16;
+  if (bytes.size() % kRecord != 0)
+    throw ConfigError(name + ":1:1: (size): found " + std::to_string(bytes.size()) +
+                      " bytes, allowed a multiple of 16 (float32 x y z intensity)");
+  CloudFile cloud;
+  for (const char* field : {"x", "y", "z", "intensity"}) cloud.fields.push_back({field});
+  cloud.points = bytes.size() / kRecord;
+  cloud.records = bytes;
+  return cloud;
+}
+
+std::string bin_bytes(const CloudFile& cloud) {
+  const std::vector<float> xyz = cloud.xyz();
+  std::vector<float> intensity = cloud.column("intensity");
+  intensity.resize(cloud.points);
+  std::string bytes(16 * cloud.points, '\0');
+  for (std::size_t i = 0; i < cloud.points; ++i) {
+    std::memcpy(&bytes[16 * i], &xyz[3 * i], 12);
+    std::memcpy(&bytes[16 * i + 12], &intensity[i], 4);
+  }
+  return bytes;
+}
+
+CloudFile read_cloud(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream bytes;
+  if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
+  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
+    throw IoError(file.string() + ": can't be read");
+  return file.extension() == ".pcd" ? parse_pcd(bytes.str(), file.string())
+                                    : parse_bin(bytes.str(), file.string());
+}
+
+void write_cloud(const std::filesystem::path& file, const CloudFile& cloud) {
+  if (file.extension() != ".pcd" && file.extension() != ".bin")
+    throw ConfigError("--out: found '" + file.string() + "', allowed a name that ends in .bin or .pcd");
+  write_file_atomically(file, file.extension() == ".pcd" ? pcd_bytes(cloud) : bin_bytes(cloud));
+}
+
+}  // namespace infrasim

@@ -1,0 +1,327 @@
+// The PCD format, version 0.7 (Point Cloud Library's file format page).
+
+#include <algorithm>
+#include <charconv>
+#include <cstdint>
+#include <cstring>
+#include <sstream>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/io/cloud_file.h"
+#include "infrasim/io/lzf.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr std::size_t kMaxFields = 256;
+constexpr std::size_t kMaxCount = 65536;
+constexpr std::size_t kMaxPoints = std::size_t{1} << 40;
+
+/// Reads a PCD file line by line and says what is wrong where.
+class PcdReader {
+ public:
+  PcdReader(std::string_view bytes, std::string name) : rest_(bytes), name_(std::move(name)) {}
+
+  CloudFile read() {
+    while (!data_seen_) header_line();
+    check_header();
+    if (data_ == "ascii")
+      read_ascii();
+    else if (data_ == "binary")
+      read_binary();
+    else
+      read_compressed();
+    return std::move(cloud_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& key, const std::string& what) const {
+    throw ConfigError(name_ + ":" + std::to_string(line_) + ":1: " + key + ": " + what);
+  }
+
+  std::string_view next_line() {
+    if (rest_.empty()) fail("(end)", "found the end of the file, allowed a PCD header and data");
+    const auto end = std::min(rest_.find('\n'), rest_.size());
+    std::string_view text = rest_.substr(0, end);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    ++line_;
+    if (text.ends_with('\r')) text.remove_suffix(1);
+    return text;
+  }
+
+  static std::vector<std::string> words(std::string_view text) {
+    std::istringstream in{std::string(text)};
+    std::vector<std::string> out;
+    for (std::string word; in >> word;) out.push_back(word);
+    return out;
+  }
+
+  std::size_t whole(const std::string& key, const std::string& word, std::size_t max) const {
+    std::size_t value = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (error != std::errc{} || end != word.data() + word.size() || value > max)
+      fail(key, "found '" + word.substr(0, 40) + "', allowed a whole number up to " +
+                    std::to_string(max));
+    return value;
+  }
+
+  void header_line() {
+    const std::string_view text = next_line();
+    if (text.empty() || text.front() == '#') return;
+    std::vector<std::string> w = words(text.substr(0, 65536));
+    if (w.empty()) return;
+    const std::string key = w.front();
+    w.erase(w.begin());
+    if (key == "FIELDS") return read_fields(w);
+    if (key == "SIZE" || key == "TYPE" || key == "COUNT") return read_columns(key, w);
+    if (key == "VIEWPOINT") {
+      if (w.size() != 7) fail(key, "found " + std::to_string(w.size()) + " values, allowed 7");
+      cloud_.viewpoint = std::string(text.substr(text.find(w.front())));
+      return;
+    }
+    if (w.size() != 1) fail(key, "found " + std::to_string(w.size()) + " values, allowed 1");
+    if (key == "VERSION") {
+      if (w[0] != "0.7" && w[0] != ".7") fail(key, "found '" + w[0] + "', allowed 0.7");
+    } else if (key == "WIDTH") {
+      width_ = whole(key, w[0], kMaxPoints);
+    } else if (key == "HEIGHT") {
+      height_ = whole(key, w[0], kMaxPoints);
+    } else if (key == "POINTS") {
+      cloud_.points = whole(key, w[0], kMaxPoints);
+      points_seen_ = true;
+    } else if (key == "DATA") {
+      read_data_kind(w[0]);
+    } else {
+      fail(key.substr(0, 40), "found an unknown key, allowed VERSION, FIELDS, SIZE, TYPE, COUNT, "
+                              "WIDTH, HEIGHT, VIEWPOINT, POINTS, DATA");
+    }
+  }
+
+  void read_data_kind(const std::string& kind) {
+    if (kind != "ascii" && kind != "binary" && kind != "binary_compressed")
+      fail("DATA", "found '" + kind.substr(0, 40) + "', allowed ascii, binary, binary_compressed");
+    data_ = kind;
+    data_seen_ = true;
+    cloud_.encoding = kind == "ascii"    ? PcdEncoding::kAscii
+                      : kind == "binary" ? PcdEncoding::kBinary
+                                         : PcdEncoding::kBinaryCompressed;
+  }
+
+  void read_fields(const std::vector<std::string>& names) {
+    if (names.empty() || names.size() > kMaxFields || !cloud_.fields.empty())
+      fail("FIELDS", "found " + std::to_string(names.size()) + " names, allowed 1 to 256, once");
+    for (const std::string& name : names) cloud_.fields.push_back({name});
+  }
+
+  void read_columns(const std::string& key, const std::vector<std::string>& values) {
+    if (values.size() != cloud_.fields.size())
+      fail(key, "found " + std::to_string(values.size()) + " values, allowed one per field (" +
+                    std::to_string(cloud_.fields.size()) + ")");
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      CloudField& f = cloud_.fields[i];
+      if (key == "TYPE") {
+        if (values[i] != "F" && values[i] != "I" && values[i] != "U")
+          fail(key, "found '" + values[i].substr(0, 40) + "', allowed F, I, U");
+        f.type = values[i][0];
+      } else if (key == "SIZE") {
+        f.size = static_cast<int>(whole(key, values[i], 8));
+      } else {
+        f.count = static_cast<int>(whole(key, values[i], kMaxCount));
+      }
+    }
+  }
+
+  void check_header() const {
+    for (const CloudField& f : cloud_.fields) {
+      const bool valid = f.size == 8 || f.size == 4 || (f.type != 'F' && (f.size == 1 || f.size == 2));
+      if (!valid || f.count < 1)
+        fail("SIZE", "found field '" + f.name + "' of type " + f.type + " and size " +
+                         std::to_string(f.size) + ", allowed F4 F8 I1 I2 I4 I8 U1 U2 U4 U8");
+    }
+    for (const char* name : {"x", "y", "z"})
+      if (std::ranges::count(cloud_.fields, name, &CloudField::name) != 1)
+        fail("FIELDS", std::string("found no field ") + name + " or several, allowed one");
+    if (!points_seen_) fail("POINTS", "found nothing, required");
+    const bool overflow = height_ != 0 && width_ > kMaxPoints / height_;
+    if (overflow || width_ * height_ != cloud_.points)
+      fail("POINTS", "found " + std::to_string(cloud_.points) + ", allowed WIDTH x HEIGHT = " +
+                         std::to_string(width_) + " x " + std::to_string(height_));
+  }
+
+  /// Bytes that the header promises; checked against what the file holds before anything is
+  /// allocated.
+  std::size_t promised(std::size_t most) const {
+    const std::size_t record = cloud_.record_size();
+    if (cloud_.points > most / record)
+      fail("POINTS", "found " + std::to_string(cloud_.points) + " points of " +
+                         std::to_string(record) + " bytes, more than the file holds");
+    return cloud_.points * record;
+  }
+
+  void read_binary() {
+    const std::size_t size = promised(rest_.size());
+    cloud_.records = rest_.substr(0, size);
+  }
+
+  void read_compressed() {
+    std::uint32_t sizes[2] = {};
+    if (rest_.size() < sizeof(sizes)) fail("DATA", "found no sizes, allowed two uint32");
+    std::memcpy(sizes, rest_.data(), sizeof(sizes));
+    rest_.remove_prefix(sizeof(sizes));
+    constexpr std::size_t kBestRatio = 264;
+    if (sizes[0] > rest_.size() || sizes[1] > sizes[0] * kBestRatio)
+      fail("DATA", "found sizes " + std::to_string(sizes[0]) + " and " + std::to_string(sizes[1]) +
+                       ", more than the file holds");
+    const std::size_t size = promised(sizes[1]);
+    if (size != sizes[1])
+      fail("DATA", "found " + std::to_string(sizes[1]) + " bytes, allowed " + std::to_string(size));
+    const auto columns = lzf_decompress(rest_.substr(0, sizes[0]), size);
+    if (!columns) fail("DATA", "found bytes that are not LZF of the stated size");
+    cloud_.records.resize(size);
+    transpose(*columns, cloud_.records);
+  }
+
+  /// Compressed data holds field after field; records hold point after point.
+  void transpose(const std::string& columns, std::string& records) const {
+    const std::size_t stride = cloud_.record_size();
+    std::size_t offset = 0, from = 0;
+    for (const CloudField& f : cloud_.fields) {
+      const std::size_t width = static_cast<std::size_t>(f.size) * f.count;
+      for (std::size_t i = 0; i < cloud_.points; ++i, from += width)
+        std::memcpy(&records[i * stride + offset], &columns[from], width);
+      offset += width;
+    }
+  }
+
+  void read_ascii() {
+    promised(rest_.size() * 8);  // the shortest value, "0 ", may stand for 8 bytes
+    cloud_.records.reserve(cloud_.points * cloud_.record_size());
+    for (std::size_t i = 0; i < cloud_.points; ++i) {
+      const std::vector<std::string> values = words(next_line());
+      std::size_t k = 0;
+      for (const CloudField& f : cloud_.fields)
+        for (int j = 0; j < f.count; ++j, ++k) {
+          if (k >= values.size()) fail(f.name, "found too few values in a row");
+          append_value(f, values[k]);
+        }
+      if (k != values.size()) fail("(row)", "found too many values in a row");
+    }
+  }
+
+  template <class T>
+  void append_as(const CloudField& field, const std::string& word) {
+    T value{};
+    const char* end = word.data() + word.size();
+    const auto [stop, error] = std::from_chars(word.data(), end, value);
+    if (error != std::errc{} || stop != end)
+      fail(field.name, "found '" + word.substr(0, 40) + "', allowed a number of type " +
+                           field.type + std::to_string(8 * field.size));
+    cloud_.records.append(reinterpret_cast<const char*>(&value), sizeof(T));
+  }
+
+  void append_value(const CloudField& f, const std::string& word) {
+    if (f.type == 'F') return f.size == 4 ? append_as<float>(f, word) : append_as<double>(f, word);
+    const bool is_signed = f.type == 'I';
+    switch (f.size) {
+      case 1: return append_byte(f, word, is_signed);
+      case 2: return is_signed ? append_as<std::int16_t>(f, word) : append_as<std::uint16_t>(f, word);
+      case 4: return is_signed ? append_as<std::int32_t>(f, word) : append_as<std::uint32_t>(f, word);
+      default: return is_signed ? append_as<std::int64_t>(f, word) : append_as<std::uint64_t>(f, word);
+    }
+  }
+
+  void append_byte(const CloudField& f, const std::string& word, bool is_signed) {
+    is_signed ? append_as<signed char>(f, word) : append_as<unsigned char>(f, word);
+  }
+
+  std::string_view rest_;
+  std::string name_;
+  int line_ = 0;
+  CloudFile cloud_;
+  std::string data_;
+  bool data_seen_ = false;
+  bool points_seen_ = false;
+  std::size_t width_ = 0;
+  std::size_t height_ = 1;
+};
+
+template <class T>
+void print_as(const char* at, std::string& out) {
+  T value;
+  std::memcpy(&value, at, sizeof(T));
+  char buffer[32];
+  out.append(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr);
+}
+
+void print_value(const CloudField& f, const char* at, std::string& out) {
+  if (f.type == 'F') return f.size == 4 ? print_as<float>(at, out) : print_as<double>(at, out);
+  const bool is_signed = f.type == 'I';
+  switch (f.size) {
+    case 1: return is_signed ? print_as<signed char>(at, out) : print_as<unsigned char>(at, out);
+    case 2: return is_signed ? print_as<std::int16_t>(at, out) : print_as<std::uint16_t>(at, out);
+    case 4: return is_signed ? print_as<std::int32_t>(at, out) : print_as<std::uint32_t>(at, out);
+    default: return is_signed ? print_as<std::int64_t>(at, out) : print_as<std::uint64_t>(at, out);
+  }
+}
+
+std::string ascii_rows(const CloudFile& cloud) {
+  std::string out;
+  const char* at = cloud.records.data();
+  for (std::size_t i = 0; i < cloud.points; ++i) {
+    const char* separator = "";
+    for (const CloudField& f : cloud.fields)
+      for (int j = 0; j < f.count; ++j, at += f.size) {
+        out += separator;
+        print_value(f, at, out);
+        separator = " ";
+      }
+    out += '\n';
+  }
+  return out;
+}
+
+std::string compressed_columns(const CloudFile& cloud) {
+  std::string columns;
+  columns.reserve(cloud.records.size());
+  const std::size_t stride = cloud.record_size();
+  std::size_t offset = 0;
+  for (const CloudField& f : cloud.fields) {
+    const std::size_t width = static_cast<std::size_t>(f.size) * f.count;
+    for (std::size_t i = 0; i < cloud.points; ++i)
+      columns.append(cloud.records, i * stride + offset, width);
+    offset += width;
+  }
+  const std::string packed = lzf_compress(columns);
+  const std::uint32_t sizes[2] = {static_cast<std::uint32_t>(packed.size()),
+                                  static_cast<std::uint32_t>(columns.size())};
+  return std::string(reinterpret_cast<const char*>(sizes), sizeof(sizes)) + packed;
+}
+
+}  // namespace
+
+CloudFile parse_pcd(std::string_view bytes, const std::string& name) {
+  return PcdReader(bytes, name).read();
+}
+
+std::string pcd_bytes(const CloudFile& cloud) {
+  std::ostringstream header;
+  std::string names, sizes, types, counts;
+  for (const CloudField& f : cloud.fields) {
+    names += " " + f.name;
+    sizes += " " + std::to_string(f.size);
+    types += std::string(" ") + f.type;
+    counts += " " + std::to_string(f.count);
+  }
+  header << "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS" << names << "\nSIZE"
+         << sizes << "\nTYPE" << types << "\nCOUNT" << counts << "\nWIDTH " << cloud.points
+         << "\nHEIGHT 1\nVIEWPOINT " << cloud.viewpoint << "\nPOINTS " << cloud.points << "\nDATA ";
+  switch (cloud.encoding) {
+    case PcdEncoding::kAscii: return header.str() + "ascii\n" + ascii_rows(cloud);
+    case PcdEncoding::kBinary: return header.str() + "binary\n" + cloud.records;
+    case PcdEncoding::kBinaryCompressed: break;
+  }
+  return header.str() + "binary_compressed\n" + compressed_columns(cloud);
+}
+
+}  // namespace infrasim
