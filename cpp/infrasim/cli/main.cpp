@@ -16,11 +16,13 @@ constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 
 /// Says so if the first word is no command: CLI11 only says that one is missing.
-void check_command(CLI::App& app, int argc, char** argv) {
-  if (argc < 2 || argv[1][0] == '-' || app.get_subcommand_no_throw(argv[1]) != nullptr) return;
+void check_command(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
   std::string names;
-  for (const CLI::App* command : app.get_subcommands({}))
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (command->get_name() == argv[1]) return;
     names += (names.empty() ? "" : ", ") + command->get_name();
+  }
   throw infrasim::ConfigError("infrasim: found unknown command '" + std::string(argv[1]) +
                               "', allowed " + names);
 }
