@@ -34,7 +34,8 @@ lint:
 	@$(call configure,dev)
 	.venv/bin/pre-commit run --all-files --show-diff-on-failure
 	.venv/bin/mypy
-	run-clang-tidy-16 -quiet -j 2 -p build/dev '$(CURDIR)/(cpp|bindings)/.*' 
+	$(PYTHON) .venv/bin/run-clang-tidy.py -quiet -hide-progress -p build/dev \
+		-clang-tidy-binary .venv/bin/clang-tidy '$(CURDIR)/(cpp|bindings)/.*'
 
 stubs: build
 	@scripts/setup.sh test

@@ -36,6 +36,8 @@ OBJECT_COLUMNS = (
 )
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 
+_YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times faster where it is
+
 
 class FormatError(ValueError):
     """A file holds something else than its format allows: `file:line: found, allowed`."""
@@ -198,7 +200,7 @@ def read_lidar(lidar_folder: Path) -> Lidar:
     """
     file = lidar_folder / "lidar.yaml"
     try:
-        root = yaml.compose("\n".join(_lines(file)), Loader=yaml.SafeLoader)
+        root = yaml.compose("\n".join(_lines(file)), Loader=_YAML_LOADER)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None

@@ -9,7 +9,6 @@
 #include <thread>
 
 #include "infrasim/config/fields.h"
-#include "infrasim/io/atomic_file.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
 #include "infrasim/sensor/scan_pattern.h"
@@ -183,7 +182,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   }
   std::vector<SummaryRow> rows = session.finish(request.threads);
   if (!request.out.empty() && stop == 0)
-    write_file_atomically(request.out / "summary.csv", summary_csv(rows));
+    replace_file(request.out / "summary.csv", summary_csv(rows));
   return rows;
 }
 

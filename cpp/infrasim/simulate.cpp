@@ -70,8 +70,11 @@ struct Objects {
   std::vector<double> visibility;
 };
 
-bool within(const Box3d& box, double reach) {
-  return std::hypot(box.x, box.y) <= reach + box.dx / 2;
+/// True if some part of the object can be within reach at some time of the frame.
+bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
+  const double travel = std::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
+  const double half_diagonal = std::hypot(middle.dx, middle.dy) / 2;
+  return std::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
 }
 
 }  // namespace
@@ -107,7 +110,7 @@ struct FrameSimulator::Impl {
     objects = {};
     for (const MovingObject& o : world.trajectories.in_frame(k)) {
       const Box3d box = world.frame.to_level(o.at(0.5));
-      if (!within(box, reach)) continue;
+      if (!reachable(o, box, reach)) continue;
       objects.moving.push_back(o);
       objects.placed.push_back({static_cast<int>(body_index(o.object_class)),
                                 world.frame.to_level(o.from), world.frame.to_level(o.to)});
@@ -214,7 +217,7 @@ struct FrameSimulator::Impl {
     frame.cloud = lidar.builder.take(objects.boxes, counts);
     for (std::size_t i = 0; i < objects.moving.size(); ++i) {
       const Box3d& box = objects.boxes[i];
-      if (!within(box, lidar.reach)) continue;
+      if (std::hypot(box.x, box.y) > lidar.reach && counts[i].points == 0) continue;
       const MovingObject& o = objects.moving[i];
       frame.objects.push_back({o.id, o.object_class, box, o.speed_m_s, counts[i].points,
                                counts[i].points_in_box, std::hypot(box.x, box.y),

@@ -12,10 +12,11 @@ namespace {
 
 Trajectories load_trajectories(const SceneConfig& scene) {
   if (scene.traffic) return simulate_traffic(scene);
-  Trajectories trajectories = read_trajectories(scene.trajectories);
+  const std::filesystem::path file = scene.folder / scene.trajectories;
+  Trajectories trajectories = read_trajectories(file);
   const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
   if (trajectories.frames() < frames)
-    throw ConfigError(scene.trajectories + ": t: found " +
+    throw ConfigError(file.string() + ": t: found " +
                       std::to_string(trajectories.frames() * kFramePeriod) +
                       " s, allowed at least the scene's duration_s of " +
                       std::to_string(scene.duration_s));

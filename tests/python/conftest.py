@@ -62,9 +62,7 @@ def digests() -> Callable[[Path], dict[str, str]]:
 
 
 @pytest.fixture
-def pattern(
-    infrasim: Infrasim, tmp_path: Path
-) -> Callable[..., npt.NDArray[np.float64]]:
+def pattern(infrasim: Infrasim, tmp_path: Path) -> Callable[..., npt.NDArray[np.float64]]:
     """Azimuth, elevation (rad) and time (s) of a LiDAR's rays, (n, 3)."""
 
     def rays(lidar: Path | str, *options: object) -> npt.NDArray[np.float64]:

@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "infrasim/cli/commands.h"
@@ -18,7 +19,7 @@ namespace {
 
 struct CheckOptions {
   std::string file;
-  std::string preset = "datasheet";
+  std::optional<std::string> preset;
   std::vector<std::string> assignments;
 };
 
@@ -26,9 +27,12 @@ void check_command(const CheckOptions& o) {
   const config::Tree tree = config::read_tree(o.file);
   if (tree.find("roads") == nullptr && (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
                                         tree.find("presets") != nullptr)) {
-    std::fputs(dump_lidar(read_lidar(o.file, o.preset)).c_str(), stdout);
+    if (!o.assignments.empty())
+      throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
+    std::fputs(dump_lidar(read_lidar(o.file, o.preset.value_or("datasheet"))).c_str(), stdout);
     return;
   }
+  if (o.preset) throw ConfigError("--preset: found a scene file, allowed for LiDARs only");
   const SceneConfig scene = read_scene(o.file, o.assignments);
   build_world(scene);
   std::fputs(dump_scene(scene).c_str(), stdout);
@@ -39,13 +43,13 @@ struct PatternOptions {
   std::string preset = "datasheet";
   std::string frames = "0:1";
   std::string out;
-  std::string seed;
+  std::optional<std::string> seed;
 };
 
 void pattern_command(const PatternOptions& o) {
   const LidarConfig lidar = read_lidar(o.file, o.preset);
   const FrameRange frames = parse_frames(o.frames);
-  const auto seed = o.seed.empty() ? std::nullopt : std::optional(parse_seed(o.seed));
+  const auto seed = o.seed ? std::optional(parse_seed(*o.seed)) : std::nullopt;
   const std::vector<double> rows =
       pattern_table(lidar, frames.first, frames.last, frames.step, seed);
   write_npy(o.out, rows, 3);
@@ -73,7 +77,7 @@ void add_check_command(CLI::App& app) {
                "check configs/scenes/highway.yaml");
   auto o = std::make_shared<CheckOptions>();
   command->add_option("file", o->file, "scene or LiDAR file")->required();
-  command->add_option("--preset", o->preset, "preset of a LiDAR")->capture_default_str();
+  command->add_option("--preset", o->preset, "preset of a LiDAR; else datasheet");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
   command->callback([o] { check_command(*o); });
 }

@@ -15,6 +15,26 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 
+/// The message as one printable line: control bytes and what is not UTF-8 become '?'.
+std::string printable(const std::string& text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[i]);
+    const std::size_t length = lead < 0x80 ? 1 : lead < 0xC2 ? 0 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : lead < 0xF5 ? 4 : 0;
+    bool valid = length > 0 && i + length <= text.size() && lead >= 32 && lead != 127;
+    for (std::size_t k = 1; valid && k < length; ++k)
+      valid = (static_cast<unsigned char>(text[i + k]) & 0xC0) == 0x80;
+    out += valid ? text.substr(i, length) : "?";
+    i += valid ? length : 1;
+  }
+  return out;
+}
+
+int complain(const std::string& text, int code) {
+  std::fprintf(stderr, "%s\n", printable(text).c_str());
+  return code;
+}
+
 /// Says so if the first word is no command: CLI11 only says that one is missing.
 void check_command(const CLI::App& app, int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
@@ -24,7 +44,7 @@ void check_command(const CLI::App& app, int argc, char** argv) {
     names += (names.empty() ? "" : ", ") + command->get_name();
   }
   throw infrasim::ConfigError("infrasim: found unknown command '" + std::string(argv[1]) +
-                              "', allowed " + names);
+                              "', allowed " + names + " (see --help)");
 }
 
 int parse(CLI::App& app, int argc, char** argv) {
@@ -35,8 +55,7 @@ int parse(CLI::App& app, int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     const bool asked_for_help = e.get_exit_code() == 0;
     if (asked_for_help) return app.exit(e);
-    std::fprintf(stderr, "infrasim: %s (see --help)\n", e.what());
-    return kWrong;
+    return complain("infrasim: " + std::string(e.what()) + " (see --help)", kWrong);
   }
 }
 
@@ -60,12 +79,12 @@ int main(int argc, char** argv) {
   infrasim::cli::add_filter_command(app);
   try {
     const int code = parse(app, argc, argv);
+    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+      return complain("standard output: can't be written", kFailed);
     return code != 0 ? code : result.exit_code;
   } catch (const infrasim::ConfigError& e) {
-    std::fprintf(stderr, "%s\n", e.what());
-    return kWrong;
+    return complain(e.what(), kWrong);
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "%s\n", e.what());
-    return kFailed;
+    return complain(e.what(), kFailed);
   }
 }

@@ -5,7 +5,7 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
-#include <span>
+#include <optional>
 #include <thread>
 
 #include "infrasim/cli/commands.h"
@@ -28,12 +28,7 @@ struct Options {
   std::vector<std::string> lidars;
   std::string preset = "datasheet";
   std::string frames = "0:100";
-  std::string out;
-  std::string summary;
-  std::string aggregation;
-  std::string detail;
-  std::string labels;
-  std::string seed;
+  std::optional<std::string> out, summary, aggregation, detail, labels, seed;
   std::vector<std::string> assignments;
   bool fields = false;
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -42,8 +37,8 @@ struct Options {
 /// Options that override a key of the scene of the same name are assignments too.
 std::vector<std::string> assignments(const Options& o) {
   std::vector<std::string> all = o.assignments;
-  const auto add = [&](const char* key, const std::string& value) {
-    if (!value.empty()) all.push_back(std::string(key) + "=" + value);
+  const auto add = [&](const char* key, const std::optional<std::string>& value) {
+    if (value) all.push_back(std::string(key) + "=" + *value);
   };
   add("aggregation", o.aggregation);
   add("detail", o.detail);
@@ -53,13 +48,20 @@ std::vector<std::string> assignments(const Options& o) {
   return all;
 }
 
+/// The path of an option; empty if it was not given, so that an empty word is an error.
+std::string path_of(const char* option, const std::optional<std::string>& value) {
+  if (value && value->empty())
+    throw ConfigError(std::string(option) + ": found an empty path, allowed a file or folder");
+  return value.value_or("");
+}
+
 RunRequest request_of(const Options& o) {
   RunRequest request;
   request.scene = read_scene(o.scene, assignments(o));
   for (const std::string& file : o.lidars) request.lidars.push_back(read_lidar(file, o.preset));
   request.preset = o.preset;
   request.frames = parse_frames(o.frames);
-  request.out = o.out;
+  request.out = path_of("--out", o.out);
   request.threads = o.threads;
   return request;
 }
@@ -92,12 +94,12 @@ void print_table(const std::vector<SummaryRow>& rows) {
 
 int run_command(const Options& o) {
   const RunRequest request = request_of(o);
+  const std::string summary = path_of("--summary", o.summary);
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
   const std::vector<SummaryRow> rows = run(request, g_signal, progress_bar());
   print_table(rows);
-  if (!o.summary.empty())
-    write_file_atomically(o.summary, summary_csv(rows));
+  if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));
   if (g_signal == 0) return 0;
   std::fprintf(stderr, "stopped by signal %d; the same command resumes\n", g_signal.load());
   return 128 + g_signal;

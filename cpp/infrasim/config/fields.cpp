@@ -43,9 +43,18 @@ bool parse_double(const std::string& text, double& value) {
 
 std::string number_text(double value) {
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
-  std::array<char, 32> buffer{};
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-  return {buffer.data(), end};
+  // YAML 1.1 readers take 1e5 for a word, so an exponent appears only where it must, with a point.
+  const double size = std::abs(value);
+  const bool fixed = value == 0 || (size >= 1e-6 && size < 1e15);
+  std::array<char, 64> buffer{};
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
+                                 fixed ? std::chars_format::fixed : std::chars_format::scientific)
+                       .ptr;
+  std::string text(buffer.data(), end);
+  const auto exponent = text.find('e');
+  if (exponent != std::string::npos && text.find('.') == std::string::npos)
+    text.insert(exponent, ".0");
+  return text;
 }
 
 FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {

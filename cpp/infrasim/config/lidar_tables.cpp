@@ -13,6 +13,7 @@ namespace infrasim::config {
 
 namespace {
 
+constexpr double kTurn = 2 * kPi + 1e-5;  // float32 rounds 2 pi up
 constexpr std::size_t kMaxRows = 50'000'000;
 
 std::string read_bytes(const std::filesystem::path& file) {
@@ -62,7 +63,7 @@ double number(const std::filesystem::path& file, int line, const std::string& ke
 std::vector<Vec2> read_directions_csv(const std::filesystem::path& file) {
   std::vector<Vec2> rows;
   for_each_row(file, "azimuth_rad,elevation_rad", [&](int line, const auto& cells) {
-    rows.push_back({number(file, line, "azimuth_rad", cells[0], -2 * kPi, 2 * kPi),
+    rows.push_back({number(file, line, "azimuth_rad", cells[0], -kTurn, kTurn),
                     number(file, line, "elevation_rad", cells[1], -kPi / 2, kPi / 2)});
   });
   return rows;
@@ -115,7 +116,7 @@ std::vector<Vec2> read_directions_npy(const std::filesystem::path& file) {
   };
   for (std::size_t i = 0; i < rows; ++i) {
     out[i] = {value(2 * i), value(2 * i + 1)};
-    if (!(std::abs(out[i].x) <= 2 * kPi) || !(std::abs(out[i].y) <= kPi / 2))
+    if (!(std::abs(out[i].x) <= kTurn) || !(std::abs(out[i].y) <= kPi / 2))
       fail({file.string()}, "row " + std::to_string(i),
            "found a direction that is not finite or out of range, allowed radians");
   }

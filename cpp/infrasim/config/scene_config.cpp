@@ -200,9 +200,7 @@ SceneConfig read_scene(const std::filesystem::path& file,
   config::Tree tree = config::read_tree(file);
   for (const std::string& assignment : assignments) config::override_value(tree, assignment);
   auto scene = config::read_struct<SceneConfig>(tree);
-  // A file named in the scene is relative to the scene.
-  if (!scene.trajectories.empty())
-    scene.trajectories = (file.parent_path() / scene.trajectories).string();
+  scene.folder = file.parent_path();
   return scene;
 }
 

@@ -157,6 +157,7 @@ struct SceneConfig {
   std::vector<JunctionConfig> junctions;
   std::optional<TrafficConfig> traffic;
   std::string trajectories;  ///< a file instead of traffic; relative to the scene file
+  std::filesystem::path folder;  ///< of the scene file; no key
 };
 
 /// Reads a scene file, with `--set KEY=VALUE` assignments on top.

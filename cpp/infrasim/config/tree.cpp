@@ -77,6 +77,7 @@ Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (Tree* found = find_mutable(tree, step)) return *found;
   tree.keys.push_back(step);
   tree.items.emplace_back();
+  tree.items.back().place = {option};
   return tree.items.back();
 }
 
@@ -102,7 +103,10 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
 
 Tree parse_tree(const std::string& text, const std::string& name) {
   try {
-    return Converter{name}.convert(YAML::Load(text));
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.size() > 1)
+      fail(place_of(documents[1].Mark(), name), "(document)", "found a second document, allowed one");
+    return Converter{name}.convert(documents.empty() ? YAML::Node() : documents.front());
   } catch (const YAML::Exception& e) {
     fail(place_of(e.mark, name), "(document)", "found malformed YAML (" + e.msg + ")");
   }
@@ -134,10 +138,12 @@ Tree merged(const Tree& base, const Tree& over) {
 void override_value(Tree& root, const std::string& assignment) {
   const std::string option = "--set " + assignment;
   const auto equals = assignment.find('=');
-  if (equals == std::string::npos || equals == 0)
-    fail({option}, "(option)", "found no '=', allowed KEY=VALUE");
+  const std::string key = assignment.substr(0, equals);
+  if (equals == std::string::npos || key.empty() || key.starts_with('.') || key.ends_with('.') ||
+      key.find("..") != std::string::npos)
+    fail({option}, "(option)", "found '" + assignment + "', allowed KEY=VALUE with a dotted KEY");
   Tree* at = &root;
-  std::istringstream path(assignment.substr(0, equals));
+  std::istringstream path(key);
   for (std::string step; std::getline(path, step, '.');) at = &child(*at, step, option);
   *at = parse_tree(assignment.substr(equals + 1), option);
   at->place = {option};

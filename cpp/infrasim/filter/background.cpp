@@ -68,15 +68,16 @@ CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const Backg
   return cells;
 }
 
-/// Returns that a seen cell typically got.
-double typical_count(const CellSamples& cells) {
-  std::vector<std::size_t> counts;
-  for (std::size_t c = 0; c + 1 < cells.begin.size(); ++c)
-    if (cells.count(c) > 0) counts.push_back(cells.count(c));
-  if (counts.empty()) return 0;
-  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
-  std::nth_element(counts.begin(), middle, counts.end());
-  return static_cast<double>(*middle);
+/// Returns that a cell would get if all its rays had one: the mean of the seen cells up to 5
+/// degrees below it, where the ground is.
+double expected_count(const BackgroundModel& model, const CellSamples& cells, int cell) {
+  const int rows = 5 * model.elevation_cells / 180;
+  std::size_t seen = 0, returns = 0;
+  for (int c = cell; c >= 0 && c > cell - rows * model.azimuth_cells; c -= model.azimuth_cells) {
+    seen += cells.count(c) > 0 ? 1 : 0;
+    returns += cells.count(c);
+  }
+  return static_cast<double>(returns) / static_cast<double>(seen);
 }
 
 /// The value that a share of the samples lies below.
@@ -87,9 +88,9 @@ float quantile(std::span<Sample> samples, double share, float Sample::* value) {
 }
 
 /// The cell's background, still without margins. It is level if its height explains more of the
-/// returns than its range does. Returns seldom enough to be of passing vehicles are none.
-void learn_cell(std::span<Sample> samples, double typical, const BackgroundLearning& learning,
-                float& range_m, float& height_m) {
+/// returns than its range does.
+void learn_cell(std::span<Sample> samples, const BackgroundLearning& learning, float& range_m,
+                float& height_m) {
   const float range = quantile(samples, 1 - learning.far_share, &Sample::range);
   const float z = quantile(samples, learning.far_share, &Sample::z);
   const auto at_range = std::ranges::count_if(
@@ -97,8 +98,7 @@ void learn_cell(std::span<Sample> samples, double typical, const BackgroundLearn
   const auto at_height = std::ranges::count_if(
       samples, [&](const Sample& s) { return s.z <= z + learning.height_margin_m; });
   const bool level = z < 0 && at_height > at_range;
-  const double needed =
-      learning.agreeing_share * std::max(static_cast<double>(samples.size()), typical / 2);
+  const double needed = learning.agreeing_share * static_cast<double>(samples.size());
   if (static_cast<double>(level ? at_height : at_range) < needed) return;
   range_m = range;
   if (level) height_m = z;
@@ -146,13 +146,14 @@ void fill_unseen(BackgroundModel& model) {
 
 BackgroundModel empty_background(const BackgroundLearning& learning) {
   const auto is_cell = [](double cell_deg) { return cell_deg >= 0.05 && cell_deg <= 10; };
-  const auto is_share = [](double share) { return share >= 0 && share <= 0.5; };
+  const auto is_share = [](double share) { return share >= 0 && share <= 1; };
   if (!is_cell(learning.azimuth_cell_deg) || !is_cell(learning.elevation_cell_deg))
     throw std::invalid_argument("background: cells must lie in [0.05, 10] degrees");
   if (!(learning.range_margin_m >= 0 && learning.height_margin_m >= 0))
     throw std::invalid_argument("background: margins must not be negative");
-  if (!is_share(learning.far_share) || !is_share(learning.agreeing_share))
-    throw std::invalid_argument("background: shares must lie in [0, 0.5]");
+  if (!is_share(learning.far_share) || !is_share(learning.agreeing_share) ||
+      !is_share(learning.seen_share))
+    throw std::invalid_argument("background: shares must lie in [0, 1]");
   BackgroundModel model;
   model.azimuth_cells = static_cast<int>(std::lround(360 / learning.azimuth_cell_deg));
   model.elevation_cells = static_cast<int>(std::lround(180 / learning.elevation_cell_deg));
@@ -169,10 +170,12 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
   if (frames_xyz.empty()) throw std::invalid_argument("background: at least one frame is needed");
   BackgroundModel model = empty_background(learning);
   CellSamples cells = sort_by_cell(frames_xyz, model);
-  const double typical = typical_count(cells);
-  for (std::size_t c = 0; c < model.range_m.size(); ++c)
-    if (cells.count(c) > 0)
-      learn_cell(cells.of(c), typical, learning, model.range_m[c], model.height_m[c]);
+  for (int c = 0; c < static_cast<int>(model.range_m.size()); ++c) {
+    // Returns in few frames are those of passing vehicles, in front of nothing.
+    const auto returns = static_cast<double>(cells.count(c));
+    if (returns > 0 && returns >= learning.seen_share * expected_count(model, cells, c))
+      learn_cell(cells.of(c), learning, model.range_m[c], model.height_m[c]);
+  }
   add_margins(model, learning);
   fill_unseen(model);
   return model;

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <span>
@@ -34,6 +35,12 @@ void compare(const std::filesystem::path& file, const std::string& text) {
                 "', this run has '" + new_line.substr(0, 100) + "'");
 }
 
+/// A hidden name beside the file that no other process uses.
+std::filesystem::path process_file(const std::filesystem::path& file) {
+  return file.parent_path() /
+         ("." + file.filename().string() + "." + std::to_string(::getpid()));
+}
+
 }  // namespace
 
 void create_folder(const std::filesystem::path& folder) {
@@ -42,11 +49,19 @@ void create_folder(const std::filesystem::path& folder) {
   if (error) throw IoError(folder.string() + ": can't be created: " + error.message());
 }
 
+void replace_file(const std::filesystem::path& file, const std::string& text) {
+  const auto mine = process_file(file);
+  write_file_atomically(mine, text);
+  if (std::rename(mine.c_str(), file.c_str()) == 0) return;
+  const int failed = errno;
+  ::unlink(mine.c_str());
+  throw IoError(file.string() + ": can't be written: " + std::strerror(failed));
+}
+
 void claim_file(const std::filesystem::path& file, const std::string& text) {
   if (std::filesystem::exists(file)) return compare(file, text);
   // A link fails where a rename would replace the file of a process that was first.
-  const auto mine = file.parent_path() / ("." + file.filename().string() + "." +
-                                          std::to_string(::getpid()));
+  const auto mine = process_file(file);
   write_file_atomically(mine, text);
   const int failed = ::link(mine.c_str(), file.c_str()) == 0 ? 0 : errno;
   ::unlink(mine.c_str());

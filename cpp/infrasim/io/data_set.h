@@ -14,4 +14,8 @@ void create_folder(const std::filesystem::path& folder);
 /// @throws IoError if it can't be written, or is there with another text (names the first line)
 void claim_file(const std::filesystem::path& file, const std::string& text);
 
+/// Writes a file that several processes may write at the same time; the last one stays.
+/// @throws IoError
+void replace_file(const std::filesystem::path& file, const std::string& text);
+
 }  // namespace infrasim

@@ -6,7 +6,7 @@
 #include <map>
 #include <sstream>
 
-#include "infrasim/config/tree.h"
+#include "infrasim/config/fields.h"
 
 namespace infrasim {
 
@@ -93,7 +93,9 @@ class TrajectoryReader {
     ended_ = false;
     const double t = number("t", 0, 1e6);
     ObjectState s;
-    s.id = static_cast<int>(number("id", 0, 2e9));
+    const double id = number("id", 0, 2e9);
+    if (id != std::floor(id)) fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
+    s.id = static_cast<int>(id);
     const std::string_view class_name = cell("class");
     const ObjectClass* found = find_class(class_name);
     if (found == nullptr)
@@ -185,14 +187,22 @@ class TrajectoryReader {
 
 }  // namespace
 
+namespace {
+
+std::string_view without_return(const std::string& line) {
+  return std::string_view(line).substr(0, line.size() - (line.ends_with('\r') ? 1 : 0));
+}
+
+}  // namespace
+
 Trajectories read_trajectories(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in || std::filesystem::is_directory(file)) throw IoError(file.string() + ": can't be read");
   TrajectoryReader reader(file);
   std::string line;
   std::getline(in, line);
-  reader.header(line);
-  while (std::getline(in, line)) reader.row(line);
+  reader.header(without_return(line));
+  while (std::getline(in, line)) reader.row(without_return(line));
   if (in.bad()) throw IoError(file.string() + ": can't be read");
   return reader.take();
 }

@@ -150,7 +150,7 @@ void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
   rays.dx[k] = static_cast<float>(d.x);
   rays.dy[k] = static_cast<float>(d.y);
   rays.dz[k] = static_cast<float>(d.z);
-  rays.time[k] = static_cast<float>(time_s);
+  rays.time[k] = std::max(0.0F, static_cast<float>(time_s));
   rays.ring[k] = ring_[static_cast<std::size_t>(member)];
 }
 
@@ -180,7 +180,8 @@ void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_g
                           positive_fmod(360 * s.rate_hz * phase_s_, 360);
     const auto ca = static_cast<float>(std::cos(-rad(turned)));
     const auto sa = static_cast<float>(std::sin(-rad(turned)));
-    const auto time = static_cast<float>(static_cast<double>(group) / groups_per_s_ - start_s);
+    const auto time = std::max(
+        0.0F, static_cast<float>(static_cast<double>(group) / groups_per_s_ - start_s));
     for (int i = 0; i < group_size_; ++i, ++k) {
       const Laser& laser = lasers_[i];
       const float x = laser.cos_elevation * (ca * laser.cos_shift - sa * laser.sin_shift);

@@ -1,0 +1,8 @@
+"""`python -m pyinfra` is the `pyinfra` command."""
+
+import sys
+
+from pyinfra.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

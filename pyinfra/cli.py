@@ -1,0 +1,106 @@
+"""The `pyinfra` command: one subcommand for each row of COMMANDS.
+
+A command is a module with `add_arguments(parser)`, whose epilog is an example, and
+`run(args) -> exit code`, a thin shell over functions that a notebook can call. It prints its
+results; messages go to stderr. What it raises becomes one line and an exit code here:
+0 done, 1 failed, 2 wrong usage or configuration.
+"""
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+from pyinfra import __version__
+from pyinfra.kitti import FormatError
+
+FAILED = 1
+WRONG = 2
+
+
+@dataclass(frozen=True)
+class Command:
+    """A subcommand; its module is imported when it is the one that was asked for."""
+
+    name: str
+    module: str
+    summary: str
+
+
+COMMANDS = (
+    Command("demo", "pyinfra.hits", "the paper's hit points, a few frames and their pictures"),
+    Command("pictures", "pyinfra.figures", "bird's-eye views of a frame of data sets"),
+    Command("statistics", "pyinfra.statistics", "hits, points per vehicle, quality, patterns"),
+    Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
+    Command("split", "pyinfra.split", "which frames train and which test"),
+)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
+
+
+def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser for a command line; only the subcommand in `words` has its arguments."""
+    parser = _Parser(
+        prog="pyinfra",
+        description="Scanning statistics, detectors, average precision and reports.",
+        epilog="example: pyinfra demo --out out/demo",
+    )
+    parser.add_argument("--version", action="version", version=f"pyinfra {__version__}")
+    parser.add_argument(
+        "--traceback", action="store_true", help="before COMMAND: show where an error comes from"
+    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        sub = commands.add_parser(command.name, help=command.summary)
+        if command.name in words:
+            module = importlib.import_module(command.module)
+            module.add_arguments(sub)
+            sub.set_defaults(run=module.run)
+    return parser
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Runs a command line, that of the process by default; returns the exit code.
+
+    Raises SystemExit for --help, --version and wrong usage.
+    """
+    words = sys.argv[1:] if words is None else words
+    try:
+        args = make_parser(words).parse_args(words)
+        return int(args.run(args))
+    except BrokenPipeError:  # the reader of a pipe has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except KeyboardInterrupt:
+        print("pyinfra: interrupted; the same command resumes", file=sys.stderr)
+        return 130
+    except (OSError, ValueError, RuntimeError, ImportError) as error:
+        if "--traceback" in words:
+            raise
+        print(f"pyinfra: {message_of(error)}", file=sys.stderr)
+        return exit_code_of(error)
+
+
+def exit_code_of(error: Exception) -> int:
+    """2 for a wrong argument or configuration, 1 for anything else; an error may bring its own."""
+    own = getattr(error, "exit_code", None)
+    if isinstance(own, int):
+        return own
+    if isinstance(error, ValueError) and not isinstance(error, FormatError):
+        return WRONG
+    return FAILED
+
+
+def message_of(error: Exception) -> str:
+    """One line, with the path first for an error of the system."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split()) or type(error).__name__

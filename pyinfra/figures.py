@@ -1,0 +1,354 @@
+"""Pictures of frames on disk and of scan patterns.
+
+They can be read in black and white and by the colour-blind: the more points a vehicle has, the
+darker, thicker and more solid its box; the colours follow Okabe and Ito.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Arc, Polygon, Rectangle
+
+from pyinfra import kitti
+from pyinfra.kitti import FloatArray
+
+STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
+DPI = 150
+MARGIN_M = 12.0
+HALF_HEIGHT_M = 32.0  # the least that is drawn above and below the middle of a picture
+
+FRAME_S = 0.1
+CAR_AT_M = 60.0
+# Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high, seen from 6 m up.
+CAR = np.arctan(np.array([[-0.9, -6.0], [0.9, -4.5]]) / CAR_AT_M)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Vehicles with up to `most` points, and how their boxes are drawn."""
+
+    name: str
+    most: float
+    colour: str
+    line: Any
+    width: float
+
+
+QUALITIES = (
+    Quality("missed: 0 points", 0, "#D55E00", (0, (1, 1)), 0.7),
+    Quality("low: 1 to 4", 4, "#E69F00", (0, (3, 1)), 1.2),
+    Quality("medium: 5 to 20", 20, "#0090C8", "-", 1.1),
+    Quality("high: more than 20", np.inf, "#00205B", "-", 1.6),
+)
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a plane that is drawn."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def shape(self) -> tuple[float, float]:
+        return self.x[1] - self.x[0], self.y[1] - self.y[0]
+
+
+FIELD = Window((-40, 40), (-40, 40))  # degrees
+CLOSE_UP = Window((-3, 3), (-8, -2))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What is drawn of one frame of one LiDAR, in its levelled frame."""
+
+    scene: str  # name of the data set's folder
+    lidar: kitti.Lidar
+    points: npt.NDArray[np.float32]  # (n, 4)
+    objects: kitti.Objects
+    roads: pd.DataFrame  # the evaluation region: road, s, x, y, z, heading, half_width
+
+    def counts(self) -> str:
+        return f"{len(self.points):,} points, {self.objects.points.sum():,} on vehicles"
+
+
+def read_view(lidar_folder: Path, frame: int) -> View:
+    """Reads a frame. Raises OSError and what the readers of pyinfra.kitti raise."""
+    lidar = kitti.read_lidar(lidar_folder)
+    return View(
+        scene=lidar_folder.parent.name,
+        lidar=lidar,
+        points=kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame)),
+        objects=kitti.read_objects(kitti.frame_file(lidar_folder, "objects", frame)),
+        roads=_roads(lidar_folder.parent, lidar.T_world_levelled),
+    )
+
+
+def quality(points: int) -> Quality:
+    """The class of a vehicle by the number of its points, as the paper has it."""
+    return next(q for q in QUALITIES if points <= q.most)
+
+
+def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
+    """Writes a sheet of data sets x LiDARs, and a picture of each; returns the files.
+
+    data_sets: the LiDAR folders of each data set. Raises what read_view() raises.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    views = [[read_view(folder, frame) for folder in folders] for folders in data_sets]
+    pictures = {out / "sheet.png": sheet(views)}
+    for folders, row in zip(data_sets, views, strict=True):
+        for folder, view in zip(folders, row, strict=True):
+            pictures[out / f"{view.scene}_{folder.name}.png"] = picture(view)
+    for file, figure in pictures.items():
+        save(figure, file)
+    return list(pictures)
+
+
+def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
+    """Writes the picture of pattern_picture()."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    save(pattern_picture(patterns), file)
+    return file
+
+
+def save(figure: Figure, file: Path) -> None:
+    with mpl.rc_context(STYLE):
+        figure.savefig(file, dpi=DPI)
+
+
+def picture(view: View) -> Figure:
+    """Bird's-eye view of one frame of one LiDAR."""
+    window = region_window(view)
+    width, height = window.shape()
+    low, high = view.lidar.price_usd
+    price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
+    title = f"{view.lidar.model}, US$ {price}, preset {view.lidar.preset}: {view.scene}"
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.5, 8.5 * height / width + 1.0), layout="constrained")
+        axes = figure.subplots()
+        bird_view(axes, view, window, point_size=0.5, headings=True)
+        axes.set_title(f"{title}\n{view.counts()}", loc="left")
+        axes.set_xlabel("x, along the sensor's view (m)")
+        axes.set_ylabel("y (m)")
+        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=5, frameon=False)
+    return figure
+
+
+def sheet(views: Sequence[Sequence[View]]) -> Figure:
+    """One row for each data set, one column for each LiDAR; a row has one window."""
+    windows = [region_window(row[0]) for row in views]
+    columns = max(len(row) for row in views)
+    width = 3.0
+    heights = [width * w.shape()[1] / w.shape()[0] + 0.35 for w in windows]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width * columns + 0.5, sum(heights) + 0.6), layout="constrained")
+        grid = figure.subplots(
+            len(views), columns, squeeze=False, gridspec_kw={"height_ratios": heights}
+        )
+        for axes in grid.flat:
+            axes.set_visible(False)
+        for i, (row, window) in enumerate(zip(views, windows, strict=True)):
+            for axes, view in zip(grid[i], row, strict=False):
+                axes.set_visible(True)
+                bird_view(axes, view, window, point_size=0.15, headings=False)
+                model = f"{view.lidar.model}\n" if i == 0 else ""
+                axes.set_title(f"{model}{view.counts()}", fontsize=8)
+                axes.tick_params(labelsize=6, length=2, labelleft=axes is grid[i, 0])
+            grid[i, 0].set_ylabel(f"{row[0].scene}\ny (m)")
+        for axes in grid[-1]:
+            axes.set_xlabel("x (m)")
+        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=5, frameon=False)
+    return figure
+
+
+def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, headings: bool) -> None:
+    """Points, boxes, evaluation region and field of view of a frame, in the levelled LiDAR frame.
+
+    Points are light grey on the road and darker with height above it, black from 3 m.
+    """
+    for _, road in view.roads.groupby("road", sort=False):
+        axes.add_patch(Polygon(_outline(road), color="#F1EDE4", zorder=0))
+    points = view.points[_inside(view.points[:, :2], window)]
+    height = points[:, 2] - view.roads["z"].mean()
+    grey = np.clip(0.66 - 0.66 * height / 3.0, 0.0, 0.66)
+    order = np.argsort(height)
+    axes.scatter(
+        points[order, 0],
+        points[order, 1],
+        s=point_size,
+        c=grey[order],
+        cmap="gray",
+        vmin=0,
+        vmax=1,
+        linewidths=0,
+        zorder=2,
+    )
+    for box, hits in zip(view.objects.boxes, view.objects.points, strict=True):
+        _draw_box(axes, box, quality(int(hits)), heading=headings)
+    for unit in view.lidar.field_of_view:
+        _draw_field_of_view(axes, unit)
+    axes.plot(0, 0, marker="^", color="black", markersize=5, zorder=5)
+    axes.set_aspect("equal")
+    axes.set_xlim(*window.x)
+    axes.set_ylim(*window.y)
+
+
+def region_window(view: View) -> Window:
+    """What shows the whole evaluation region, and as much to its sides as is needed to see it."""
+    outlines = [_outline(road) for _, road in view.roads.groupby("road", sort=False)]
+    x, y = np.concatenate(outlines).T
+    middle = (y.min() + y.max()) / 2
+    half = max((y.max() - y.min()) / 2 + MARGIN_M, HALF_HEIGHT_M)
+    return Window(
+        (float(x.min() - MARGIN_M), float(x.max() + MARGIN_M)),
+        (float(middle - half), float(middle + half)),
+    )
+
+
+def legend_handles() -> list[Artist]:
+    """The classes of boxes and the sensor."""
+    handles: list[Artist] = [
+        Line2D(
+            [],
+            [],
+            color=q.colour,
+            linestyle=q.line,
+            linewidth=q.width * 1.3,
+            marker="x" if q.most == 0 else None,
+            label=q.name,
+        )
+        for q in QUALITIES
+    ]
+    sensor = Line2D([], [], color="black", marker="^", linestyle="none", label="LiDAR")
+    return [*handles, sensor]
+
+
+def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
+    """Where the rays of each LiDAR go in 0.1 s: the whole field, and a car 60 m ahead.
+
+    patterns: by name, (n, 3) azimuth, elevation (rad), time (s), from 0 s on; all of them count for
+    the mean number of rays on the car.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(2.5 * len(patterns) + 0.3, 5.3), layout="constrained")
+        grid = figure.subplots(2, len(patterns), squeeze=False, sharey="row")
+        for column, (name, rays) in enumerate(patterns.items()):
+            field, close = grid[:, column]
+            frame = np.degrees(rays[rays[:, 2] < FRAME_S, :2])
+            _draw_rays(field, frame, FIELD, 0.12)
+            _draw_rays(close, frame, CLOSE_UP, 5.0)
+            low, high = np.degrees(CAR)
+            size = high - low
+            car = Rectangle(low, *size, fill=False, edgecolor="#D55E00", linewidth=1.6)
+            close.add_patch(car)
+            on_car = ((rays[:, :2] > CAR[0]) & (rays[:, :2] < CAR[1])).all(axis=1)
+            frames = max(1, round(float(rays[:, 2].max()) / FRAME_S))
+            field.set_title(f"{name}\n{len(frame):,} rays in {FRAME_S:g} s")
+            close.set_title(
+                f"on a car's rear at {CAR_AT_M:g} m:\n{on_car.sum() / frames:.0f} rays on average"
+            )
+            close.set_xlabel("azimuth (°)")
+        for axes in grid[:, 0]:
+            axes.set_ylabel("elevation (°)")
+    return figure
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Bird's-eye views of one frame: a picture of each LiDAR, and a sheet."
+    parser.epilog = "example: pyinfra pictures data/highway data/curve --frame 0 --out out/pictures"
+    parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
+    parser.add_argument("--frame", type=int, default=0, help="frame to draw")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the pictures")
+
+
+def run(args: argparse.Namespace) -> int:
+    data_sets = [_lidar_folders(data) for data in args.data]
+    for file in draw_frames(data_sets, args.frame, args.out):
+        print(file)
+    return 0
+
+
+def _lidar_folders(data_set: Path) -> list[Path]:
+    folders = sorted(file.parent for file in data_set.glob("*/lidar.yaml"))
+    if not folders:
+        raise FileNotFoundError(2, "found no LiDAR folder with a lidar.yaml", str(data_set))
+    return folders
+
+
+def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:
+    """The evaluation region in the levelled LiDAR frame."""
+    roads = pd.read_csv(data_set / "roads.csv")
+    x, y = roads["x"] - pose.x, roads["y"] - pose.y
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    return roads.assign(
+        x=cos * x + sin * y,
+        y=cos * y - sin * x,
+        z=roads["z"] - pose.z,
+        heading=roads["heading"] - pose.yaw,
+    )
+
+
+def _outline(road: pd.DataFrame) -> FloatArray:
+    """Both edges of a road as one ring, (2 n, 2)."""
+    left = np.stack([-np.sin(road["heading"]), np.cos(road["heading"])], axis=1)
+    offset = left * road["half_width"].to_numpy()[:, None]
+    centre = road[["x", "y"]].to_numpy()
+    ring: FloatArray = np.concatenate([centre + offset, (centre - offset)[::-1]])
+    return ring
+
+
+def _inside(xy: npt.NDArray[np.float32], window: Window) -> npt.NDArray[np.bool_]:
+    low = (window.x[0], window.y[0])
+    high = (window.x[1], window.y[1])
+    return np.all((xy >= low) & (xy <= high), axis=1)
+
+
+def _draw_box(axes: Axes, box: FloatArray, look: Quality, *, heading: bool) -> None:
+    """The footprint, crossed out if the vehicle was missed; a line leads to its front."""
+    x, y, _, length, width, _, yaw = box
+    centre = np.array([x, y])
+    forward = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
+    left = np.array([-np.sin(yaw), np.cos(yaw)]) * width / 2
+    corners = [forward + left, forward - left, -forward - left, -forward + left]
+    style: dict[str, Any] = {"linewidth": look.width, "linestyle": look.line, "zorder": 3}
+    axes.add_patch(
+        Polygon([centre + c for c in corners], fill=False, edgecolor=look.colour, **style)
+    )
+    ends = [(corners[0], corners[2]), (corners[1], corners[3])] if look.most == 0 else []
+    if heading:
+        ends.append((0 * forward, forward))
+    for start, end in ends:
+        line = np.stack([centre + start, centre + end])
+        axes.plot(line[:, 0], line[:, 1], color=look.colour, linewidth=0.7, zorder=3)
+
+
+def _draw_field_of_view(axes: Axes, unit: kitti.FieldOfView) -> None:
+    """The sides of a field of view that is no full circle, and its longest range."""
+    first, last = (unit.yaw + a for a in unit.azimuth)
+    reach = unit.range_m[1]
+    line: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
+    if last - first < np.radians(359):
+        for angle in (first, last):
+            axes.plot([0, reach * np.cos(angle)], [0, reach * np.sin(angle)], zorder=1, **line)
+    degrees = np.degrees([first, last])
+    axes.add_patch(
+        Arc((0, 0), 2 * reach, 2 * reach, theta1=degrees[0], theta2=degrees[1], zorder=1, **line)
+    )
+
+
+def _draw_rays(axes: Axes, degrees: FloatArray, window: Window, size: float) -> None:
+    axes.scatter(degrees[:, 0], degrees[:, 1], s=size, c="black", linewidths=0)
+    axes.set_aspect("equal")
+    axes.set_xlim(*reversed(window.x))  # azimuth grows to the left, as the sensor sees it
+    axes.set_ylim(*window.y)

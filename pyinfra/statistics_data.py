@@ -1,0 +1,313 @@
+"""The vehicles of a data set as all of its LiDARs saw them, and which of them are compared."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from pyinfra import kitti
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+MIN_VISIBILITY = 0.2
+FULL_CIRCLE_DEG = 359.0
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """T_levelled_sensor: how a sensor leans; a positive pitch looks down. Radians."""
+
+    pitch: float
+    roll: float
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A folder that `infrasim run` wrote: what was simulated, its LiDARs and its frames."""
+
+    folder: Path
+    scene: str
+    preset: str
+    aggregation: str
+    seed: int
+    version: str
+    lidars: tuple[kitti.Lidar, ...]  # by name
+    tilts: tuple[Tilt, ...]  # one per LiDAR
+    frames: tuple[int, ...]  # ascending, the same for every LiDAR
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(lidar.name for lidar in self.lidars)
+
+    @property
+    def period_s(self) -> float:
+        return self.lidars[0].period_s
+
+    def lidar_folder(self, name: str) -> Path:
+        return self.folder / name
+
+    def times(self) -> FloatArray:
+        """Starts of the frames: (f,) seconds since the start of the run."""
+        return np.array(self.frames, dtype=np.float64) * self.period_s
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicles:
+    """Every vehicle of every frame that is in reach of a LiDAR or more: n rows, L LiDARs."""
+
+    lidars: tuple[str, ...]  # L names, the order of the columns below
+    frame: IntArray  # (n,)
+    ids: IntArray  # (n,)
+    centre: FloatArray  # (n, 3) of the box, levelled LiDAR frame, metres
+    distance: FloatArray  # (n,) horizontal, sensor to box centre, metres
+    speed: FloatArray  # (n,) m/s
+    visibility: FloatArray  # (n,) [0, 1]; -1 outside the evaluation region
+    points: IntArray  # (n, L) returns from the vehicle; 0 also beyond the LiDAR's range
+    points_in_box: IntArray  # (n, L) those of them that lie in its box
+    in_angles: BoolArray  # (n, L) centre inside the azimuths and elevations of the LiDAR
+    in_range: BoolArray  # (n, L) centre inside the field of view, range and all
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def select(self, keep: BoolArray) -> "Vehicles":
+        """The rows of a mask (n,)."""
+        return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
+
+    def visible(self) -> BoolArray:
+        """In the evaluation region and not hidden: (n,)."""
+        return self.visibility >= MIN_VISIBILITY
+
+    def common(self) -> BoolArray:
+        """Visible and inside the field of view and range of every LiDAR: (n,)."""
+        return self.visible() & self.in_range.all(axis=1)
+
+    def view(self) -> BoolArray:
+        """As common, whatever the LiDARs' range: (n,)."""
+        return self.visible() & self.in_angles.all(axis=1)
+
+    def column(self, lidar: str) -> int:
+        """Which column of points is a LiDAR's. Raises ValueError if there is none."""
+        return self.lidars.index(lidar)
+
+
+_COLUMNS = (
+    *("frame", "ids", "centre", "distance", "speed", "visibility"),
+    *("points", "points_in_box", "in_angles", "in_range"),
+)
+
+
+def read_data_set(folder: Path) -> DataSet:
+    """What a data set holds, without its frames' contents.
+
+    Raises FileNotFoundError if it is none, kitti.FormatError for a wrong file, and ValueError if
+    it has no LiDAR or no frame, or if the LiDARs have different frames.
+    """
+    top = _mapping(folder / "dataset.yaml")
+    files = sorted(folder.glob("*/lidar.yaml"))
+    if not files:
+        raise ValueError(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
+    frames = [tuple(kitti.frames(file.parent)) for file in files]
+    for file, own in zip(files, frames, strict=True):
+        if own != frames[0]:
+            raise ValueError(
+                f"{folder}: {file.parent.name} has {len(own)} frames and {files[0].parent.name} "
+                f"has {len(frames[0])}, or others; allowed the same frames for every LiDAR"
+            )
+    if not frames[0]:
+        raise ValueError(f"{folder}: found no frame, allowed one or more")
+    return DataSet(
+        folder=folder,
+        scene=_text(top, "name", folder),
+        preset=_text(top, "preset", folder),
+        aggregation=_text(top, "aggregation", folder),
+        seed=int(_text(top, "seed", folder)),
+        version=_text(top, "version", folder),
+        lidars=tuple(kitti.read_lidar(file.parent) for file in files),
+        tilts=tuple(_tilt(file) for file in files),
+        frames=frames[0],
+    )
+
+
+def read_vehicles(data: DataSet, *, above_road: bool = False) -> Vehicles:
+    """All vehicles of all frames, joined by frame and id.
+
+    above_road: count only points above the road's level; raises ValueError if the roads are not
+    level, FileNotFoundError without `fields`. `points_in_box` is not changed by it.
+    """
+    levels = [road_level(data, lidar) for lidar in data.lidars] if above_road else None
+    tables = [
+        _read_objects(data, i, None if levels is None else levels[i])
+        for i in range(len(data.lidars))
+    ]
+    keys = np.concatenate([table.keys for table in tables])
+    unique, first = np.unique(keys, axis=0, return_index=True)
+    rows = [_rows(unique, table.keys) for table in tables]
+    values = np.concatenate([table.values for table in tables])[first]
+    points = np.zeros((2, len(unique), len(tables)), dtype=np.int64)
+    for i, (table, at) in enumerate(zip(tables, rows, strict=True)):
+        points[:, at, i] = table.points.T
+    centre = values[:, :3]
+    views = [
+        field_of_view_mask(lidar, tilt, centre)
+        for lidar, tilt in zip(data.lidars, data.tilts, strict=True)
+    ]
+    return Vehicles(
+        lidars=data.names,
+        frame=unique[:, 0],
+        ids=unique[:, 1],
+        centre=centre,
+        distance=values[:, 3],
+        speed=values[:, 4],
+        visibility=values[:, 5],
+        points=points[0],
+        points_in_box=points[1],
+        in_angles=np.stack([angles for angles, _ in views], axis=1),
+        in_range=np.stack([ranges for _, ranges in views], axis=1),
+    )
+
+
+def field_of_view_mask(
+    lidar: kitti.Lidar, tilt: Tilt, centre: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Which points a LiDAR can see at all, by any of its units.
+
+    centre: (n, 3) levelled frame; returns (n,) inside the angles, and (n,) inside the angles and
+    range (slant, from the sensor) of one unit.
+    """
+    angles = np.zeros(len(centre), dtype=np.bool_)
+    ranges = np.zeros(len(centre), dtype=np.bool_)
+    slant = np.linalg.norm(centre, axis=1)
+    for unit in lidar.field_of_view:
+        turned = centre @ _rotation(0, tilt.pitch, tilt.roll) @ _rotation(unit.yaw, unit.pitch, 0)
+        azimuth = np.arctan2(turned[:, 1], turned[:, 0])
+        elevation = np.arctan2(turned[:, 2], np.hypot(turned[:, 0], turned[:, 1]))
+        low, high = unit.azimuth
+        turn = (azimuth - low) % (2 * math.pi)
+        inside = turn <= (high - low)
+        if high - low >= math.radians(FULL_CIRCLE_DEG):
+            inside = np.ones(len(centre), dtype=np.bool_)
+        inside &= (elevation >= unit.elevation[0]) & (elevation <= unit.elevation[1])
+        angles |= inside
+        ranges |= inside & (slant >= unit.range_m[0]) & (slant <= unit.range_m[1])
+    return angles, ranges
+
+
+def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
+    """z of the roads in the levelled frame, metres. Raises ValueError if they are not level."""
+    file = data.folder / "roads.csv"
+    header = file.read_text(encoding="utf-8").partition("\n")[0].split(",")
+    z = np.loadtxt(file, delimiter=",", skiprows=1, usecols=header.index("z"), ndmin=1)
+    if np.ptp(z) > 0.01:
+        raise ValueError(f"{file}: found roads from z = {z.min():g} to {z.max():g}, allowed level")
+    return float(z.mean()) - lidar.T_world_levelled.z
+
+
+def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -> IntArray:
+    """Returns of each frame: (f,), in the order of data.frames."""
+    folder = data.lidar_folder(lidar.name)
+    if not above_road:
+        sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in data.frames]
+        return np.array(sizes, dtype=np.int64) // 16
+    level = road_level(data, lidar)
+    counts = [
+        np.count_nonzero(kitti.read_points(kitti.frame_file(folder, "velodyne", k))[:, 2] > level)
+        for k in data.frames
+    ]
+    return np.array(counts, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _ObjectTable:
+    """The objects of one LiDAR, all frames after one another."""
+
+    keys: IntArray  # (n, 2) frame, id
+    values: FloatArray  # (n, 6) x y z distance speed visibility
+    points: IntArray  # (n, 2) on the vehicle, in its box
+
+
+def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:
+    folder = data.lidar_folder(data.lidars[lidar].name)
+    keys, values, points = [], [], []
+    for frame in data.frames:
+        k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
+        on_vehicle = k.points if level is None else _points_above(folder, frame, k.ids, level)
+        keys.append(np.stack([np.full(len(k), frame), k.ids], axis=1))
+        values.append(np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility]))
+        points.append(np.stack([on_vehicle, k.points_in_box], axis=1))
+    return _ObjectTable(np.concatenate(keys), np.concatenate(values), np.concatenate(points))
+
+
+def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
+    """Points of each vehicle above a height: (k,)."""
+    points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
+    owner = kitti.read_fields(kitti.frame_file(folder, "fields", frame))["object_id"]
+    if len(owner) != len(points):
+        raise kitti.FormatError(
+            f"{kitti.frame_file(folder, 'fields', frame)}: found {len(owner)} records, "
+            f"allowed one for each of {len(points)} points"
+        )
+    counted = owner[(points[:, 2] > level) & (owner >= 0)]
+    counts = np.bincount(counted, minlength=int(ids.max(initial=0)) + 1)
+    return counts[ids].astype(np.int64)
+
+
+def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
+    """Where each key (m, 2) stands among the sorted ones (n, 2): (m,)."""
+    base = int(sorted_keys[:, 1].max(initial=0)) + 1
+    return np.searchsorted(
+        sorted_keys[:, 0] * base + sorted_keys[:, 1], keys[:, 0] * base + keys[:, 1]
+    ).astype(np.int64)
+
+
+def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
+    """Yaw about z, then pitch about the new y, then roll about the new x: (3, 3)."""
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
+
+
+def _mapping(file: Path) -> dict[str, object]:
+    found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    if not isinstance(found, dict):
+        raise kitti.FormatError(f"{file}:1: found no mapping, allowed keys and values")
+    return found
+
+
+def _text(top: dict[str, object], key: str, folder: Path) -> str:
+    if key not in top:
+        raise kitti.FormatError(f"{folder / 'dataset.yaml'}:1: found no key '{key}', it is needed")
+    return str(top[key])
+
+
+def _tilt(file: Path) -> Tilt:
+    sensor = _mapping(file).get("T_levelled_sensor")
+    if not isinstance(sensor, dict):
+        raise kitti.FormatError(f"{file}:1: found no key 'T_levelled_sensor', it is needed")
+    return Tilt(math.radians(sensor["pitch_deg"]), math.radians(sensor["roll_deg"]))
+
+
+def moving(vehicles: Vehicles, min_speed: float = 1.0) -> BoolArray:
+    """Faster than a speed in m/s: (n,)."""
+    return vehicles.speed > min_speed
+
+
+def same_rows(a: Vehicles, b: Vehicles) -> tuple[BoolArray, BoolArray]:
+    """Masks of the vehicles of the same frame and id in two tables, in the same order."""
+    keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
+    both = keys[0] & keys[1]
+    return _member(a, both), _member(b, both)
+
+
+def _member(table: Vehicles, keys: set[tuple[int, int]]) -> BoolArray:
+    rows = zip(table.frame.tolist(), table.ids.tolist(), strict=True)
+    return np.array([row in keys for row in rows], dtype=np.bool_)

@@ -1,0 +1,250 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "infrasim/core/geometry.h"
+#include "infrasim/core/rng.h"
+#include "infrasim/sensor/return_model.h"
+
+namespace infrasim {
+namespace {
+
+constexpr std::size_t kDraws = 200'000;
+
+ReturnsConfig returns_up_to(double max_range_m) {
+  ReturnsConfig config;
+  config.max_range_m = max_range_m;
+  return config;
+}
+
+HitBatch hits_at(double range, std::size_t n, double cos_incidence = 1) {
+  HitBatch hits;
+  hits.resize(n);
+  hits.range.assign(n, static_cast<float>(range));
+  hits.cos_incidence.assign(n, static_cast<float>(cos_incidence));
+  hits.object.assign(n, -1);
+  return hits;
+}
+
+/// The returns of many hits alike, without those that the caller leaves out.
+ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance = 0.1F,
+                    const WeatherConfig& weather = {}, std::size_t n = kDraws) {
+  const ReturnModel model(config, weather);
+  const Rng rng = Rng::of(1, "lidar", 0);
+  HitBatch hits = hits_at(range, n);
+  for (std::size_t i = 0; i < n; ++i)
+    if (model.loses_at_random() && model.lost_at_random(rng, i)) hits.range[i] = HUGE_VALF;
+  ReturnBatch out;
+  model.apply(rng, 0, hits, std::vector<float>(n, reflectance), out);
+  return out;
+}
+
+double kept(const ReturnsConfig& config, double range, float reflectance = 0.1F,
+            const WeatherConfig& weather = {}) {
+  return static_cast<double>(returns(config, range, reflectance, weather).ray.size()) / kDraws;
+}
+
+/// Five standard deviations of a share of all draws.
+double bound(double share) { return 5 * std::sqrt(share * (1 - share) / kDraws) + 1e-9; }
+
+struct Moments {
+  double mean = 0, deviation = 0;
+};
+Moments moments(const std::vector<float>& values) {
+  double sum = 0, squares = 0;
+  for (const float v : values) sum += v;
+  const double mean = sum / static_cast<double>(values.size());
+  for (const float v : values) squares += (v - mean) * (v - mean);
+  return {mean, std::sqrt(squares / static_cast<double>(values.size()))};
+}
+
+// --- range limits -----------------------------------------------------------------------------
+
+TEST(returns, of_every_hit_within_the_limits_are_kept_as_they_are) {
+  ReturnsConfig config = returns_up_to(100);
+  config.min_range_m = 2;
+  for (const double range : {2.0, 50.0, 100.0}) {
+    const ReturnBatch out = returns(config, range, 0.1F, {}, 100);
+    ASSERT_EQ(out.ray.size(), 100U);
+    EXPECT_EQ(out.range[7], static_cast<float>(range));
+    EXPECT_EQ(out.ray[7], 7U);
+  }
+  EXPECT_EQ(kept(config, 1.999), 0);
+  EXPECT_EQ(kept(config, 100.001), 0);
+  EXPECT_EQ(kept(config, kInf), 0);
+}
+
+// --- CARLA's drop-off -------------------------------------------------------------------------
+
+TEST(drop_off, keeps_the_shares_of_carla) {
+  ReturnsConfig config = returns_up_to(300);
+  config.drop_off.emplace();
+  // 0.55 at random; of these all while exp(-0.004 d) > 0.8, that is to 55.8 m, then 0.5 I + 0.6.
+  for (const double range : {1.0, 30.0, 55.0, 57.0, 80.0, 100.0, 250.0}) {
+    const double intensity = std::exp(-0.004 * range);
+    const double wanted = 0.55 * (intensity > 0.8 ? 1 : 0.5 * intensity + 0.6);
+    EXPECT_NEAR(kept(config, range), wanted, bound(wanted)) << range;
+  }
+}
+
+TEST(drop_off, with_rates_of_0_keeps_everything) {
+  ReturnsConfig config = returns_up_to(300);
+  config.drop_off = DropOffConfig{.general_rate = 0, .intensity_limit = 0.8, .zero_intensity_rate = 0};
+  EXPECT_EQ(kept(config, 250), 1);
+}
+
+TEST(drop_off, the_random_loss_and_the_loss_of_faint_points_are_independent) {
+  ReturnsConfig config = returns_up_to(300);
+  config.drop_off = DropOffConfig{.general_rate = 0.5, .intensity_limit = 0.8, .zero_intensity_rate = 1};
+  const double wanted = 0.5 * std::exp(-0.004 * 173.3) / 0.8;
+  EXPECT_NEAR(kept(config, 173.3), wanted, bound(wanted));
+}
+
+TEST(intensity, without_a_detection_model_falls_as_in_carla) {
+  EXPECT_NEAR(returns(returns_up_to(300), 100, 0.1F, {}, 1).intensity.at(0), std::exp(-0.4), 1e-6);
+}
+
+// --- detection --------------------------------------------------------------------------------
+
+ReturnsConfig detecting(double range_at_10_percent_m) {
+  ReturnsConfig config = returns_up_to(1000);
+  config.detection.emplace().range_at_10_percent_m = range_at_10_percent_m;
+  return config;
+}
+
+TEST(detection, of_a_10_percent_target_at_its_range_is_a_half) {
+  EXPECT_NEAR(kept(detecting(150), 150), 0.5, bound(0.5));
+  EXPECT_GT(kept(detecting(150), 100), 0.999);
+  EXPECT_LT(kept(detecting(150), 250), 0.01);
+}
+
+TEST(detection, reaches_as_the_square_root_of_reflectance) {
+  EXPECT_NEAR(kept(detecting(100), 200, 0.4F), 0.5, bound(0.5));
+}
+
+TEST(detection, falls_with_the_cosine_of_incidence) {
+  const ReturnModel model(detecting(100), {});
+  ReturnBatch out;
+  model.apply(Rng::of(1, "lidar", 0), 0, hits_at(100, kDraws, 0.5),
+              std::vector<float>(kDraws, 0.2F), out);
+  EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
+  EXPECT_NEAR(out.intensity.at(0), 0.1, 1e-6);
+}
+
+TEST(detection, falls_with_range) {
+  double last = 1;
+  for (double range = 60; range < 200; range += 20) {
+    const double share = kept(detecting(100), range);
+    EXPECT_LE(share, last) << range;
+    last = share;
+  }
+}
+
+TEST(detection, more_rain_sees_less_far) {
+  double last = 1;
+  for (const double rain : {0.0, 5.0, 20.0, 80.0}) {
+    WeatherConfig weather;
+    weather.rain_mm_per_h = rain;
+    const double share = kept(detecting(150), 130, 0.1F, weather);
+    EXPECT_LT(share, last) << rain << " mm/h";
+    last = share;
+  }
+}
+
+TEST(detection, denser_fog_sees_less_far) {
+  double last = 1;
+  for (const double visibility : {kInf, 5000.0, 2000.0, 1000.0}) {
+    WeatherConfig weather;
+    weather.visibility_m = visibility;
+    const double share = kept(detecting(150), 130, 0.1F, weather);
+    EXPECT_LT(share, last) << visibility << " m";
+    last = share;
+  }
+}
+
+TEST(detection, in_fog_is_weakened_by_koschmieders_law_both_ways) {
+  // At the visibility a contrast is 5 %, one way; the echo is weakened twice: by 400.
+  WeatherConfig fog;
+  fog.visibility_m = 100;
+  EXPECT_NEAR(kept(detecting(100), 100, 40.F, fog), 0.5, bound(0.5));
+}
+
+TEST(detection, in_rain_is_weakened_by_marshall_and_palmers_law_both_ways) {
+  WeatherConfig rain;
+  rain.rain_mm_per_h = 25;
+  const double alpha = 3.65e-4 * std::pow(25, 0.63);
+  const auto reflectance = static_cast<float>(0.1 * std::exp(2 * alpha * 100));
+  EXPECT_NEAR(kept(detecting(100), 100, reflectance, rain), 0.5, bound(0.5) + 1e-3);
+}
+
+// --- range noise ------------------------------------------------------------------------------
+
+TEST(range_noise, has_the_deviation_of_the_accuracy_and_no_bias) {
+  ReturnsConfig config = returns_up_to(100);
+  config.range_accuracy_m = 0.03;
+  const Moments m = moments(returns(config, 50).range);
+  EXPECT_NEAR(m.mean, 50, 5 * 0.03 / std::sqrt(kDraws));
+  EXPECT_NEAR(m.deviation, 0.03, 5 * 0.03 / std::sqrt(2.0 * kDraws));
+}
+
+TEST(range_noise, falls_with_the_root_of_the_signal_between_the_accuracy_and_a_quarter) {
+  ReturnsConfig config = detecting(200);
+  config.range_accuracy_m = 0.02;
+  for (const double snr : {1.0, 2.0, 4.0, 100.0}) {
+    const double wanted = 0.02 * std::clamp(1 / std::sqrt(2 * snr), 0.25, 1.0);
+    const auto noisy = returns(config, 200, static_cast<float>(0.1 * snr)).range;
+    const double n = static_cast<double>(noisy.size());
+    EXPECT_NEAR(moments(noisy).deviation, wanted, 5 * wanted / std::sqrt(2 * n)) << snr;
+  }
+}
+
+TEST(range_noise, never_makes_a_range_negative) {
+  ReturnsConfig config = returns_up_to(100);
+  config.range_accuracy_m = 1;
+  for (const float range : returns(config, 0.1).range) ASSERT_GE(range, 0);
+}
+
+// --- draws ------------------------------------------------------------------------------------
+
+ReturnsConfig noisy() {
+  ReturnsConfig config = detecting(100);
+  config.range_accuracy_m = 0.03;
+  config.drop_off.emplace();
+  return config;
+}
+
+ReturnBatch some(const Rng& rng, std::uint64_t first, std::size_t n) {
+  ReturnBatch out;
+  ReturnModel(noisy(), {}).apply(rng, first, hits_at(100, n), std::vector<float>(n, 0.1F), out);
+  return out;
+}
+
+TEST(draws, of_a_ray_do_not_depend_on_its_batch) {
+  const Rng rng = Rng::of(1, "lidar", 3);
+  const ReturnBatch whole = some(rng, 0, 1000);
+  ReturnBatch parts = some(rng, 0, 321);
+  const ReturnBatch rest = some(rng, 321, 679);
+  for (std::size_t i = 0; i < rest.ray.size(); ++i) {
+    parts.ray.push_back(rest.ray[i] + 321);
+    parts.range.push_back(rest.range[i]);
+  }
+  EXPECT_GT(whole.ray.size(), 100U);
+  EXPECT_EQ(parts.ray, whole.ray);
+  EXPECT_EQ(parts.range, whole.range);
+}
+
+TEST(draws, depend_on_seed_lidar_and_frame) {
+  const auto rays = [](std::uint64_t seed, const char* name, int frame) {
+    return some(Rng::of(seed, name, frame), 0, 1000).ray;
+  };
+  EXPECT_EQ(rays(1, "lidar", 3), rays(1, "lidar", 3));
+  EXPECT_NE(rays(2, "lidar", 3), rays(1, "lidar", 3));
+  EXPECT_NE(rays(1, "radil", 3), rays(1, "lidar", 3));
+  EXPECT_NE(rays(1, "lidar", 4), rays(1, "lidar", 3));
+}
+
+}  // namespace
+}  // namespace infrasim

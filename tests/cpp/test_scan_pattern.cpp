@@ -1,0 +1,317 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/lidar_tables.h"
+#include "infrasim/core/geometry.h"
+#include "infrasim/scene/trajectories.h"
+#include "infrasim/sensor/pattern_table.h"
+#include "infrasim/sensor/scan_pattern.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::configs;
+using testing::spinning;
+
+const Mat3 kLevel = rotation(0, 0, 0);
+
+/// 16 lines, 2 degrees apart, fired one after the other in the order -15, 1, -13, 3, ...
+PatternConfig vlp16() {
+  SpinningConfig s;
+  s.rate_hz = 10;
+  s.azimuth_step_deg = 0.2;
+  s.channels.table = config::read_channels(configs() / "lidars/channels/velodyne_vlp16.csv");
+  for (std::size_t i = 0; i < s.channels.table.size(); ++i)
+    s.channels.table[i].fire_time_us = 2.304 * static_cast<double>(i);
+  PatternConfig pattern;
+  pattern.spinning = s;
+  return pattern;
+}
+
+PatternConfig avia() {
+  return read_lidar(configs() / "lidars/livox_avia.yaml", "paper").units.front().pattern;
+}
+
+PatternConfig five_directions() {
+  TableConfig table;
+  table.rays_per_s = 1003;
+  table.directions = {{0, 0}, {0.1, 0.2}, {-0.3, 0.1}, {3, -0.4}, {1, 1}};
+  PatternConfig pattern;
+  pattern.table = table;
+  return pattern;
+}
+
+RayRange frame(const ScanPattern& pattern, int k) {
+  return pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
+}
+
+RayBatch rays_of(const ScanPattern& pattern, int k) {
+  RayBatch rays;
+  pattern.generate(frame(pattern, k), k * kFramePeriod, rays);
+  return rays;
+}
+
+double azimuth(const RayBatch& rays, std::size_t i) { return std::atan2(rays.dy[i], rays.dx[i]); }
+double elevation(const RayBatch& rays, std::size_t i) {
+  return std::atan2(rays.dz[i], std::hypot(rays.dx[i], rays.dy[i]));
+}
+
+/// Every kind of pattern, each also with motors that have run for a while.
+struct Named {
+  std::string name;
+  ScanPattern pattern;
+};
+std::vector<Named> all_patterns() {
+  const Mat3 pose = rotation(0.4, -0.2, 0.1);
+  PatternConfig uneven = spinning(5, -10, 10, 0.17);
+  uneven.spinning->rate_hz = 7;
+  return {{"vlp16", ScanPattern(vlp16(), 0, kLevel, 0)},
+          {"vlp16 turned", ScanPattern(vlp16(), 512.3456, pose, 0)},
+          {"uneven", ScanPattern(uneven, 77.7, pose, 0)},
+          {"avia", ScanPattern(avia(), 0, kLevel, 0)},
+          {"avia turned", ScanPattern(avia(), 512.3456, pose, 0)},
+          {"table", ScanPattern(five_directions(), 0.0123, pose, 0)}};
+}
+
+// --- spinning ---------------------------------------------------------------------------------
+
+TEST(spinning_pattern, fires_every_line_at_every_azimuth_step_of_a_turn) {
+  const ScanPattern pattern(vlp16(), 0, kLevel, 0);
+  EXPECT_EQ(pattern.group_size(), 16);
+  EXPECT_EQ(pattern.groups_per_s(), 18000);
+  for (const int k : {0, 7, 4999}) EXPECT_EQ(frame(pattern, k).size(), 16 * 1800) << k;
+}
+
+TEST(spinning_pattern, ring_0_is_the_lowest_line) {
+  const ScanPattern pattern(vlp16(), 0, kLevel, 0);
+  const RayBatch rays = rays_of(pattern, 0);
+  for (std::size_t i = 0; i < 16; ++i)
+    EXPECT_NEAR(deg(elevation(rays, i)), -15 + 2 * rays.ring[i], 1e-4);
+}
+
+TEST(spinning_pattern, rings_start_at_the_first_ring_of_the_unit) {
+  const ScanPattern pattern(vlp16(), 0, kLevel, 64);
+  const RayBatch rays = rays_of(pattern, 0);
+  EXPECT_EQ(*std::ranges::min_element(rays.ring), 64);
+  EXPECT_EQ(*std::ranges::max_element(rays.ring), 79);
+}
+
+TEST(spinning_pattern, turns_clockwise_by_the_azimuth_step_from_column_to_column) {
+  const RayBatch rays = rays_of(ScanPattern(vlp16(), 0, kLevel, 0), 0);
+  EXPECT_NEAR(azimuth(rays, 0), 0, 1e-6);
+  for (std::size_t i = 16; i < rays.size(); ++i)
+    ASSERT_NEAR(wrap_angle(azimuth(rays, i) - azimuth(rays, i - 16)), -rad(0.2), 1e-5);
+}
+
+TEST(spinning_pattern, later_channels_of_a_column_fire_later_and_look_further_round) {
+  const RayBatch rays = rays_of(ScanPattern(vlp16(), 0, kLevel, 0), 0);
+  for (std::size_t i = 0; i < 32; ++i) {
+    const double since = static_cast<double>(i / 16) / 18000 + static_cast<double>(i % 16) * 2.304e-6;
+    EXPECT_NEAR(rays.time[i], since, 1e-8);
+    EXPECT_NEAR(azimuth(rays, i), -2 * kPi * 10 * since, 1e-5);
+  }
+}
+
+TEST(spinning_pattern, azimuth_offsets_are_in_the_sense_of_rotation) {
+  PatternConfig config = spinning(2, -1, 1, 0.2);
+  config.spinning->channels.table[1].azimuth_offset_deg = 5;
+  const RayBatch rays = rays_of(ScanPattern(config, 0, kLevel, 0), 0);
+  EXPECT_NEAR(deg(azimuth(rays, 0)), 0, 1e-4);
+  EXPECT_NEAR(deg(azimuth(rays, 1)), -5, 1e-4);
+}
+
+TEST(spinning_pattern, a_phase_is_a_turn_that_has_been_made) {
+  const RayBatch rays = rays_of(ScanPattern(vlp16(), 0.025, kLevel, 0), 0);
+  EXPECT_NEAR(deg(azimuth(rays, 0)), -90, 1e-4);
+  EXPECT_EQ(rays.time[0], 0);
+}
+
+// --- any pattern ------------------------------------------------------------------------------
+
+TEST(scan_pattern, runs_on_from_frame_to_frame) {
+  for (const auto& [name, pattern] : all_patterns()) {
+    SCOPED_TRACE(name);
+    const RayRange sixth = frame(pattern, 6), seventh = frame(pattern, 7);
+    EXPECT_EQ(sixth.last, seventh.first);
+    const Ray last = pattern.ray(sixth.last - pattern.group_size());
+    const Ray next = pattern.ray(seventh.first);
+    EXPECT_NEAR(next.time_s - last.time_s, 1 / pattern.groups_per_s(), 1e-9);
+    EXPECT_GE(next.time_s, 0.7 - 1e-9);
+    EXPECT_LT(last.time_s, 0.7);
+  }
+}
+
+TEST(scan_pattern, does_not_repeat_where_turns_and_frames_differ) {
+  PatternConfig config = spinning(1, 0, 0, 0.2);
+  config.spinning->rate_hz = 7;
+  const ScanPattern pattern(config, 0, kLevel, 0);
+  EXPECT_NEAR(deg(azimuth(rays_of(pattern, 1), 0)), -0.7 * 360 + 360, 0.21);
+}
+
+TEST(scan_pattern, batches_of_rays_are_the_rays_one_by_one) {
+  for (const auto& [name, pattern] : all_patterns()) {
+    SCOPED_TRACE(name);
+    const bool turned = name != "vlp16" && name != "avia";
+    const Mat3 pose = turned ? rotation(0.4, -0.2, 0.1) : kLevel;
+    for (const int k : {0, 4999}) {
+      const RayRange all = frame(pattern, k);
+      const RayRange range{all.first, std::min(all.last, all.first + 50 * pattern.group_size())};
+      RayBatch rays;
+      pattern.generate(range, k * kFramePeriod, rays);
+      ASSERT_EQ(rays.size(), static_cast<std::size_t>(range.size()));
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        const Ray one = pattern.ray(range.first + static_cast<std::int64_t>(i));
+        const Vec3 d = pose * one.direction;
+        ASSERT_LT(norm(d - Vec3{rays.dx[i], rays.dy[i], rays.dz[i]}), 1e-6) << k << " " << i;
+        ASSERT_NEAR(rays.time[i], one.time_s - k * kFramePeriod, 1e-6);
+        ASSERT_NEAR(norm(one.direction), 1, 1e-9);
+      }
+    }
+  }
+}
+
+TEST(scan_pattern, slices_of_a_frame_have_every_ray_once) {
+  for (const auto& [name, pattern] : all_patterns())
+    for (const int k : {0, 7, 4999}) {
+      SCOPED_TRACE(name + " frame " + std::to_string(k));
+      const RayRange whole = frame(pattern, k);
+      std::int64_t next = whole.first;
+      for (int i = 0; i < 100; ++i) {
+        const RayRange slice = pattern.fired_between((k + i / 100.0) * kFramePeriod,
+                                                     (k + (i + 1) / 100.0) * kFramePeriod);
+        EXPECT_EQ(slice.first, next);
+        EXPECT_GE(slice.size(), 0);
+        next = slice.last;
+      }
+      EXPECT_EQ(next, whole.last);
+      EXPECT_EQ(whole.size() % pattern.group_size(), 0);
+    }
+}
+
+TEST(scan_pattern, fires_within_its_frame) {
+  for (const auto& [name, pattern] : all_patterns())
+    for (const int k : {0, 4999}) {
+      SCOPED_TRACE(name + " frame " + std::to_string(k));
+      const RayBatch rays = rays_of(pattern, k);
+      EXPECT_GE(*std::ranges::min_element(rays.time), -1e-6);
+      // The channels of the last column may fire when the frame is over.
+      EXPECT_LT(*std::ranges::max_element(rays.time), 0.1 + 1 / pattern.groups_per_s());
+    }
+}
+
+TEST(scan_pattern, tiles_hold_every_ray_once) {
+  for (const int channels : {1, 3, 4, 5, 16})
+    for (const int groups : {1, 4, 6, 9}) {
+      const ScanPattern pattern(spinning(channels, -9, 9, 1), 0, kLevel, 0);
+      auto order = pattern.tile_order(groups);
+      std::ranges::sort(order);
+      std::vector<std::uint32_t> wanted(static_cast<std::size_t>(channels) * groups);
+      std::iota(wanted.begin(), wanted.end(), 0U);
+      EXPECT_EQ(order, wanted);
+    }
+}
+
+TEST(scan_pattern, a_tile_is_4_columns_of_4_neighbouring_rings) {
+  const ScanPattern pattern(vlp16(), 0, kLevel, 0);
+  const auto order = pattern.tile_order(8);
+  const RayBatch rays = rays_of(pattern, 0);
+  for (std::size_t first = 0; first < order.size(); first += 16) {
+    std::vector<int> rings, columns;
+    for (std::size_t i = first; i < first + 16; ++i) {
+      rings.push_back(rays.ring[order[i]]);
+      columns.push_back(static_cast<int>(order[i] / 16));
+    }
+    const auto span = [](const std::vector<int>& v) {
+      return *std::ranges::max_element(v) - *std::ranges::min_element(v) + 1;
+    };
+    EXPECT_EQ(span(rings), 4);
+    EXPECT_EQ(span(columns), 4);
+  }
+}
+
+// --- table ------------------------------------------------------------------------------------
+
+TEST(table_pattern, repeats_its_rows_while_time_goes_on) {
+  const ScanPattern pattern(five_directions(), 0, kLevel, 0);
+  for (int i = 0; i < 5; ++i) {
+    const Ray first = pattern.ray(i), later = pattern.ray(i + 5 * 1000);
+    EXPECT_EQ(norm(first.direction - later.direction), 0);
+    EXPECT_NEAR(later.time_s - first.time_s, 5000.0 / 1003, 1e-9);
+  }
+  EXPECT_NEAR(pattern.ray(4).direction.z, std::sin(1), 1e-12);
+  EXPECT_NEAR(pattern.ray(1).direction.y, std::cos(0.2) * std::sin(0.1), 1e-12);
+}
+
+// --- wedges -----------------------------------------------------------------------------------
+
+/// Shares and extent are those of the vendor's scan table, 4 s at 240,000 rays a second.
+TEST(avia_pattern, covers_the_vendors_field_of_view_as_densely) {
+  const ScanPattern pattern(avia(), 0, kLevel, 0);
+  RayBatch rays;
+  double widest = 0, highest = 0;
+  std::vector<double> within{0, 0, 0, 0};
+  const std::vector<double> limits{2.5, 5, 10, 15};
+  double total = 0;
+  for (int k = 0; k < 40; ++k) {
+    pattern.generate(frame(pattern, k), k * kFramePeriod, rays);
+    total += static_cast<double>(rays.size());
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const double e = std::abs(deg(elevation(rays, i)));
+      widest = std::max(widest, std::abs(deg(azimuth(rays, i))));
+      highest = std::max(highest, e);
+      for (std::size_t j = 0; j < limits.size(); ++j) within[j] += e < limits[j];
+    }
+  }
+  EXPECT_EQ(total, 960000);
+  EXPECT_NEAR(widest, 35.31, 0.02);
+  EXPECT_NEAR(highest, 38.59, 0.02);
+  EXPECT_NEAR(100 * within[0] / total, 15.5, 0.3);
+  EXPECT_NEAR(100 * within[1] / total, 27.5, 0.3);
+  EXPECT_NEAR(100 * within[2] / total, 45.9, 0.3);
+  EXPECT_NEAR(100 * within[3] / total, 60.6, 0.3);
+}
+
+TEST(avia_pattern, does_not_repeat_within_its_first_second) {
+  const ScanPattern pattern(avia(), 0, kLevel, 0);
+  const Vec3 start = pattern.ray(0).direction;
+  for (int k = 1; k < 10; ++k)
+    EXPECT_GT(norm(pattern.ray(frame(pattern, k).first).direction - start), 1e-3) << k;
+}
+
+TEST(avia_pattern, its_top_laser_has_the_highest_ring) {
+  const RayBatch rays = rays_of(ScanPattern(avia(), 0, kLevel, 0), 0);
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(rays.ring[i], 5 - i);
+}
+
+TEST(wedge_pattern, without_tilt_leaves_the_light_as_it_is) {
+  PatternConfig config = avia();
+  for (WedgeConfig& wedge : config.wedges->wedges) wedge.angle_deg = 0;
+  const ScanPattern pattern(config, 0, kLevel, 0);
+  EXPECT_NEAR(std::asin(pattern.ray(6000).direction.z), std::atan(1.175 / 30), 1e-12);
+}
+
+// --- start phase ------------------------------------------------------------------------------
+
+TEST(start_phase, is_of_the_seed_and_the_lidar_and_0_where_it_is_off) {
+  LidarConfig lidar = testing::plain_lidar("a", vlp16());
+  EXPECT_EQ(start_phase_s(1, lidar, 0), 0);
+  lidar.random_phase = true;
+  const double phase = start_phase_s(1, lidar, 0);
+  EXPECT_GT(phase, 0);
+  EXPECT_EQ(start_phase_s(1, lidar, 0), phase);
+  EXPECT_NE(start_phase_s(2, lidar, 0), phase);
+  EXPECT_NE(start_phase_s(1, lidar, 1), phase);
+  lidar.name = "b";
+  EXPECT_NE(start_phase_s(1, lidar, 0), phase);
+}
+
+}  // namespace
+}  // namespace infrasim

@@ -1,0 +1,445 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "infrasim/simulate.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::car_on_road;
+using testing::distance_to_surface;
+using testing::empty_road;
+using testing::expect_equal;
+using testing::ground_at;
+using testing::plain_lidar;
+using testing::point;
+using testing::spinning;
+using testing::straight_on;
+
+/// A scene with these vehicles instead of its traffic.
+World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start,
+                 int frames = 10) {
+  World world = build_world(scene);
+  world.trajectories = straight_on(at_start, frames);
+  return world;
+}
+
+Frame frame(const World& world, const LidarConfig& lidar, int k = 0) {
+  FrameSimulator simulator(world, std::array{lidar});
+  return std::move(simulator.simulate(k, {true}).front());
+}
+
+/// Looks 0 to 20 degrees down, finely enough to hit a car often.
+LidarConfig fine_lidar(const std::string& name = "lidar") {
+  return plain_lidar(name, spinning(41, -20, 0, 0.5));
+}
+
+LidarConfig drawing_lidar(const std::string& name) {
+  LidarConfig lidar = fine_lidar(name);
+  lidar.random_phase = true;
+  lidar.units.front().returns.range_accuracy_m = 0.03;
+  lidar.units.front().returns.drop_off.emplace();
+  return lidar;
+}
+
+/// Cars and a bus around the mount; levelled and world frame differ by the mount's pose.
+std::vector<ObjectState> vehicles_around() {
+  ObjectState bus = car_on_road(4, -30, 5.3, kPi, 12);
+  bus.object_class = Class::kBus;
+  bus.box.dx = 11;
+  bus.box.dz = 3.4;
+  bus.box.z = 1.7;
+  return {car_on_road(1, 12, -1.8, 0, 20), car_on_road(2, 25, -1.8, 0, 20),
+          car_on_road(3, 18, 1.8, kPi, 15), bus, car_on_road(7, 60, -1.8, 0.1, 0)};
+}
+
+// --- where points lie -------------------------------------------------------------------------
+
+TEST(frame, range_to_flat_ground_is_height_over_sine) {
+  SceneConfig scene = empty_road();
+  scene.ground.push_back(ground_at(-0.5));
+  const Frame f = frame(world_with(scene, {}), fine_lidar());
+  std::size_t on_road = 0;
+  for (std::size_t i = 0; i < f.cloud.size(); ++i) {
+    const bool road = f.cloud.class_id[i] == static_cast<std::uint16_t>(Class::kRoad);
+    const double depression = rad(20 - 0.5 * f.cloud.ring[i]);
+    EXPECT_NEAR(norm(point(f.cloud, i)), (road ? 6 : 6.5) / std::sin(depression), 1e-3);
+    on_road += road;
+  }
+  EXPECT_GT(on_road, 1000U);
+  EXPECT_GT(f.cloud.size() - on_road, 1000U);
+  EXPECT_EQ(f.rays, 41U * 720U);
+}
+
+TEST(frame, points_of_a_standing_vehicle_lie_on_its_box) {
+  SceneConfig scene = empty_road();
+  scene.mounts["pole"] = {.x_m = 3, .y_m = -7, .z_m = 5, .yaw_deg = 30};
+  const std::vector standing{car_on_road(5, 20, -1.8, 0.2), car_on_road(6, 2, 1.8, kPi)};
+  const Frame f = frame(world_with(scene, standing), fine_lidar());
+  ASSERT_EQ(f.objects.size(), 2U);
+  std::map<int, int> points;
+  for (std::size_t i = 0; i < f.cloud.size(); ++i) {
+    if (f.cloud.object_id[i] < 0) continue;
+    const ObjectRecord& o = f.objects[f.cloud.object_id[i] == 6];
+    EXPECT_LT(distance_to_surface(o.box, point(f.cloud, i)), 1e-3);
+    EXPECT_EQ(f.cloud.class_id[i], static_cast<std::uint16_t>(Class::kCar));
+    ++points[f.cloud.object_id[i]];
+  }
+  for (const ObjectRecord& o : f.objects) {
+    EXPECT_GT(o.points, 30);
+    EXPECT_EQ(o.points, points[o.id]);
+    EXPECT_EQ(o.points_in_box, o.points);
+  }
+}
+
+TEST(frame, boxes_are_those_of_the_world_seen_from_the_mount) {
+  SceneConfig scene = empty_road();
+  scene.mounts["pole"] = {.x_m = 10, .y_m = 5, .z_m = 6, .yaw_deg = 90};
+  const Frame f = frame(world_with(scene, {car_on_road(1, 10, 25, rad(120), 5)}), fine_lidar());
+  const ObjectRecord& o = f.objects.at(0);
+  EXPECT_NEAR(o.box.x, 20 + 0.25 * std::sin(rad(120)), 1e-9);  // mid-frame: 0.05 s on
+  EXPECT_NEAR(o.box.y, -0.25 * std::cos(rad(120)), 1e-9);
+  EXPECT_NEAR(o.box.z, 0.75 - 6, 1e-9);
+  EXPECT_NEAR(o.box.heading, rad(30), 1e-9);
+  EXPECT_NEAR(o.distance, std::hypot(o.box.x, o.box.y), 1e-9);
+  EXPECT_EQ(o.speed_m_s, 5);
+}
+
+TEST(frame, without_vehicles_is_the_same_at_any_time) {
+  const World world = world_with(empty_road(), {});
+  expect_equal(frame(world, fine_lidar(), 0).cloud, frame(world, fine_lidar(), 9).cloud);
+}
+
+TEST(frame, that_the_scene_does_not_have_is_an_error) {
+  const World world = world_with(empty_road(), {});
+  for (const int k : {-1, 10}) testing::error_of([&] { frame(world, fine_lidar(), k); });
+}
+
+// --- motion -----------------------------------------------------------------------------------
+
+/// The box of a vehicle at a point's own firing time.
+Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
+  for (const MovingObject& o : world.trajectories.in_frame(k))
+    if (o.id == cloud.object_id[i]) return world.frame.to_level(o.at(cloud.time[i] / kFramePeriod));
+  ADD_FAILURE() << "no vehicle " << cloud.object_id[i];
+  return {};
+}
+
+TEST(exact_aggregation, points_lie_on_the_vehicle_where_it_is_when_they_are_measured) {
+  const World world = world_with(empty_road(), vehicles_around());
+  const Frame f = frame(world, fine_lidar(), 3);
+  int checked = 0;
+  for (std::size_t i = 0; i < f.cloud.size(); ++i) {
+    if (f.cloud.object_id[i] < 0) continue;
+    EXPECT_LT(distance_to_surface(box_at(world, f.cloud, i, 3), point(f.cloud, i)), 1e-3);
+    ++checked;
+  }
+  EXPECT_GT(checked, 300);
+}
+
+World sliced(const char* aggregation) {
+  SceneConfig scene = empty_road();
+  scene.aggregation = aggregation;
+  return world_with(scene, vehicles_around());
+}
+
+TEST(slices, of_1_ms_put_points_within_1_ms_of_motion_of_the_exact_ones) {
+  const World world = sliced("exact");
+  const Frame exact = frame(world, fine_lidar(), 3);
+  const Frame approximate = frame(sliced("slices:100"), fine_lidar(), 3);
+  std::map<std::pair<int, float>, std::size_t> exact_of_ray;
+  for (std::size_t i = 0; i < exact.cloud.size(); ++i)
+    exact_of_ray[{exact.cloud.ring[i], exact.cloud.time[i]}] = i;
+  int compared = 0, all = 0;
+  for (std::size_t i = 0; i < approximate.cloud.size(); ++i) {
+    const int id = approximate.cloud.object_id[i];
+    if (id < 0) continue;
+    ++all;
+    const Vec3 p = point(approximate.cloud, i);
+    EXPECT_LT(distance_to_surface(box_at(world, approximate.cloud, i, 3), p), 20 * 0.001 + 1e-3);
+    const auto same = exact_of_ray.find({approximate.cloud.ring[i], approximate.cloud.time[i]});
+    if (same == exact_of_ray.end() || exact.cloud.object_id[same->second] != id) continue;
+    ++compared;
+    // The cars ahead drive along the view, so a point moves no more than they do.
+    const bool ahead = id == 2 || id == 7;
+    EXPECT_TRUE(!ahead || norm(point(exact.cloud, same->second) - p) < 20 * 0.001 + 1e-3);
+  }
+  EXPECT_GT(all, 300);
+  EXPECT_GT(compared, 0.98 * all);  // the others are at an outline
+}
+
+TEST(slices, come_in_firing_order_with_every_ray_of_the_frame) {
+  const Frame exact = frame(sliced("exact"), fine_lidar(), 3);
+  const Frame approximate = frame(sliced("slices:7"), fine_lidar(), 3);
+  EXPECT_EQ(exact.rays, approximate.rays);
+  EXPECT_TRUE(std::ranges::is_sorted(approximate.cloud.time));
+  EXPECT_NEAR(static_cast<double>(approximate.cloud.size()),
+              static_cast<double>(exact.cloud.size()), 0.005 * static_cast<double>(exact.cloud.size()));
+}
+
+TEST(instant, puts_all_points_of_a_vehicle_into_its_box) {
+  const Frame f = frame(sliced("instant"), fine_lidar(), 3);
+  int points = 0;
+  for (const ObjectRecord& o : f.objects) {
+    EXPECT_EQ(o.points, o.points_in_box) << o.id;
+    points += o.points;
+  }
+  EXPECT_GT(points, 300);
+}
+
+TEST(exact_aggregation, leaves_points_of_a_moving_vehicle_outside_its_box) {
+  const Frame f = frame(sliced("exact"), fine_lidar(), 3);
+  int outside = 0;
+  for (const ObjectRecord& o : f.objects) {
+    EXPECT_TRUE(o.speed_m_s > 0 || o.points == o.points_in_box);
+    outside += o.points - o.points_in_box;
+  }
+  EXPECT_GT(outside, 10);
+}
+
+TEST(aggregation, of_a_world_that_stands_still_makes_no_difference) {
+  std::vector<ObjectState> standing = vehicles_around();
+  for (ObjectState& s : standing) s.speed_m_s = 0;
+  SceneConfig scene = empty_road();
+  const Frame exact = frame(world_with(scene, standing), fine_lidar(), 2);
+  scene.aggregation = "slices:10";
+  expect_equal(frame(world_with(scene, standing), fine_lidar(), 2).cloud, exact.cloud);
+}
+
+// --- repeatable -------------------------------------------------------------------------------
+
+TEST(frame, of_a_lidar_does_not_depend_on_the_other_lidars) {
+  const World world = world_with(empty_road(), vehicles_around());
+  LidarConfig far = drawing_lidar("far");
+  far.units.front().returns.max_range_m = 300;
+  LidarConfig near = drawing_lidar("near");
+  near.units.front().returns.max_range_m = 50;
+  const std::array lidars{far, drawing_lidar("a"), near, drawing_lidar("b")};
+  FrameSimulator together(world, lidars);
+  const auto frames = together.simulate(4, {true, true, true, true});
+  for (std::size_t i = 0; i < lidars.size(); ++i) {
+    SCOPED_TRACE(lidars.at(i).name);
+    const Frame alone = frame(world, lidars.at(i), 4);
+    expect_equal(frames[i].cloud, alone.cloud);
+    ASSERT_EQ(frames[i].objects.size(), alone.objects.size());
+    for (std::size_t n = 0; n < alone.objects.size(); ++n) {
+      EXPECT_EQ(frames[i].objects[n].points, alone.objects[n].points);
+      EXPECT_EQ(frames[i].objects[n].visibility, alone.objects[n].visibility);
+    }
+  }
+  EXPECT_FALSE(frames[1].cloud.xyz == frames[3].cloud.xyz);
+}
+
+TEST(frame, of_a_lidar_does_not_depend_on_another_that_sees_a_vehicle_come_into_reach) {
+  // Beyond the nearer LiDAR's 50 m at mid-frame, within them at its end.
+  SceneConfig scene = empty_road();
+  scene.mounts["pole"].z_m = 1;
+  const World world = world_with(scene, {car_on_road(1, 50 + 2.25 + 1.6, 0, kPi, 30)}, 1);
+  LidarConfig near = plain_lidar("near", spinning(11, -0.5, 0.5, 0.1));
+  near.units.front().returns.max_range_m = 50;
+  near.units.front().yaw_deg = -20;  // looks along x at the end of its turn
+  LidarConfig far = near;
+  far.name = "far";
+  far.units.front().returns.max_range_m = 200;
+  FrameSimulator together(world, std::array{near, far});
+  const Frame beside = std::move(together.simulate(0, {true, true}).front());
+  const Frame alone = frame(world, near);
+  expect_equal(beside.cloud, alone.cloud);
+  EXPECT_GT(std::ranges::count(alone.cloud.object_id, 1), 5);
+  for (const Frame* f : {&beside, &alone})
+    for (const int id : f->cloud.object_id)
+      EXPECT_TRUE(id < 0 || std::ranges::count(f->objects, id, &ObjectRecord::id) == 1)
+          << "a point on a vehicle that is not in the list";
+}
+
+TEST(frame, does_not_depend_on_the_frames_before_it) {
+  SceneConfig scene = empty_road();
+  scene.duration_s = 5;
+  scene.traffic->vehicles_per_km_lane = 20;
+  const World world = build_world(scene);
+  FrameSimulator one_by_one(world, std::array{drawing_lidar("a")});
+  for (int k = 40; k < 45; ++k) one_by_one.simulate(k, {true});
+  const Frame after = std::move(one_by_one.simulate(45, {true}).front());
+  const Frame alone = frame(world, drawing_lidar("a"), 45);
+  expect_equal(after.cloud, alone.cloud);
+  EXPECT_GT(alone.objects.size(), 3U);
+}
+
+TEST(frame, that_is_not_wanted_stays_empty) {
+  const World world = world_with(empty_road(), vehicles_around());
+  FrameSimulator simulator(world, std::array{fine_lidar("a"), fine_lidar("b")});
+  const auto frames = simulator.simulate(0, {false, true});
+  EXPECT_EQ(frames[0].cloud.size(), 0U);
+  EXPECT_EQ(frames[0].rays, frames[1].rays);
+  EXPECT_GT(frames[1].cloud.size(), 0U);
+}
+
+TEST(frame, of_another_seed_draws_other_returns) {
+  SceneConfig scene = empty_road();
+  const Frame one = frame(world_with(scene, {}), drawing_lidar("a"));
+  scene.seed = 2;
+  EXPECT_NE(frame(world_with(scene, {}), drawing_lidar("a")).cloud.size(), one.cloud.size());
+}
+
+// --- visibility -------------------------------------------------------------------------------
+
+TEST(frame, visibility_is_a_share_within_the_region_and_unknown_outside) {
+  SceneConfig scene = empty_road();
+  scene.region_half_length_m = 40;
+  std::vector<ObjectState> vehicles = vehicles_around();  // the last one is at 60 m
+  vehicles.push_back(car_on_road(9, 20, 12, 0));          // beside the road
+  const Frame f = frame(world_with(scene, vehicles), fine_lidar());
+  ASSERT_EQ(f.objects.size(), 6U);
+  for (const ObjectRecord& o : f.objects) {
+    const bool outside = o.id == 4 || o.id == 7 || o.id == 9;  // the bus is off the road, too
+    if (outside)
+      EXPECT_EQ(o.visibility, -1) << o.id;
+    else
+      EXPECT_TRUE(o.visibility >= 0 && o.visibility <= 1) << o.id << ": " << o.visibility;
+  }
+  EXPECT_EQ(f.objects[0].visibility, 1);
+}
+
+TEST(frame, every_vehicle_in_reach_is_listed_hit_or_not) {
+  LidarConfig lidar = fine_lidar();
+  lidar.units.front().returns.max_range_m = 40;
+  std::vector<ObjectState> vehicles = vehicles_around();  // the last one is at 60 m
+  const Frame f = frame(world_with(empty_road(), vehicles), lidar);
+  std::vector<int> ids;
+  for (const ObjectRecord& o : f.objects) ids.push_back(o.id);
+  EXPECT_EQ(ids, (std::vector<int>{1, 2, 3, 4}));
+}
+
+// --- bundles and mounts -----------------------------------------------------------------------
+
+TEST(bundle, has_the_points_of_its_parts_and_rings_that_go_on) {
+  const World world = world_with(empty_road(), vehicles_around());
+  LidarConfig left = fine_lidar("left"), right = fine_lidar("right");
+  left.units.front().yaw_deg = 30;
+  right.units.front().yaw_deg = -40;
+  right.units.front().pitch_deg = 5;
+  LidarConfig both = left;
+  both.name = "both";
+  both.units.push_back(right.units.front());
+  const Frame whole = frame(world, both, 2);
+  PointCloud parts = frame(world, left, 2).cloud;
+  const PointCloud second = frame(world, right, 2).cloud;
+  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+  append(parts.xyz, second.xyz);
+  append(parts.intensity, second.intensity);
+  append(parts.time, second.time);
+  for (const int ring : second.ring) parts.ring.push_back(static_cast<std::uint16_t>(41 + ring));
+  append(parts.class_id, second.class_id);
+  append(parts.object_id, second.object_id);
+  expect_equal(whole.cloud, parts);
+  EXPECT_EQ(whole.rays, 2U * 41U * 720U);
+}
+
+TEST(mount, that_leans_turns_the_beams_and_leaves_boxes_and_walls_upright) {
+  SceneConfig scene = empty_road();
+  BuildingConfig& wall = scene.buildings.emplace_back();
+  wall.x_m = 40;
+  wall.y_m = 20;
+  wall.width_m = 30;
+  wall.height_m = 20;
+  const LidarConfig lidar = plain_lidar("lidar", spinning(1, 0, 0, 0.2));
+  const Frame level = frame(world_with(scene, vehicles_around()), lidar);
+  scene.mounts["pole"].pitch_deg = 10;
+  scene.mounts["pole"].roll_deg = 4;
+  const Frame leaning = frame(world_with(scene, vehicles_around()), lidar);
+
+  ASSERT_EQ(leaning.objects.size(), level.objects.size());
+  for (std::size_t i = 0; i < level.objects.size(); ++i) {
+    const Box3d &a = leaning.objects[i].box, &b = level.objects[i].box;
+    EXPECT_TRUE(a.x == b.x && a.y == b.y && a.z == b.z && a.heading == b.heading);
+  }
+  // Every beam of the one line lies in a plane through the sensor, turned as the mount leans.
+  const Vec3 normal = rotation(0, rad(10), rad(4)) * Vec3{0, 0, 1};
+  int on_wall = 0, on_road = 0;
+  for (std::size_t i = 0; i < leaning.cloud.size(); ++i) {
+    const Vec3 p = point(leaning.cloud, i);
+    EXPECT_NEAR(dot(p, normal), 0, 1e-3);
+    if (leaning.cloud.class_id[i] == static_cast<std::uint16_t>(Class::kStructure) && p.y > 5.01) {
+      EXPECT_NEAR(p.x, 35, 1e-3);
+      ++on_wall;
+    } else if (leaning.cloud.class_id[i] == static_cast<std::uint16_t>(Class::kRoad)) {
+      EXPECT_NEAR(p.z, -6, 1e-3);
+      ++on_road;
+    }
+  }
+  EXPECT_GT(on_wall, 20);
+  EXPECT_GT(on_road, 20);
+}
+
+TEST(mount, pitched_down_looks_at_the_ground_ahead) {
+  SceneConfig scene = empty_road();
+  scene.mounts["pole"].pitch_deg = 10;
+  const Frame f = frame(world_with(scene, {}), plain_lidar("lidar", spinning(1, 0, 0, 0.2)));
+  double nearest = kInf;
+  for (std::size_t i = 0; i < f.cloud.size(); ++i) {
+    EXPECT_GT(f.cloud.xyz[3 * i], 0);
+    nearest = std::min(nearest, norm(point(f.cloud, i)));
+  }
+  EXPECT_NEAR(nearest, 6 / std::sin(rad(10)), 1e-3);
+}
+
+// --- beams wider than a ray -------------------------------------------------------------------
+
+LidarConfig beam_lidar(double elevation_deg, double vertical_deg) {
+  LidarConfig lidar = plain_lidar("lidar", spinning(1, elevation_deg, elevation_deg, 0.5));
+  lidar.units.front().returns.detection.emplace().range_at_10_percent_m = 1000;
+  lidar.units.front().returns.beam = BeamConfig{.vertical_deg = vertical_deg, .sub_rays = 9};
+  return lidar;
+}
+
+TEST(beam, on_a_wall_is_at_the_walls_range) {
+  SceneConfig scene = empty_road();
+  scene.buildings.emplace_back().x_m = 25;
+  scene.buildings.back().y_m = 20;
+  scene.buildings.back().width_m = 30;
+  scene.buildings.back().height_m = 20;
+  const Frame f = frame(world_with(scene, {}), beam_lidar(1, 0.3));
+  ASSERT_GT(f.cloud.size(), 20U);
+  for (std::size_t i = 0; i < f.cloud.size(); ++i) {
+    const Vec3 p = point(f.cloud, i);
+    EXPECT_TRUE(std::abs(p.x - 20) < 0.01 || p.y < 5.1) << p.x;  // the front, or near its corner
+  }
+}
+
+TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
+  SceneConfig scene = empty_road();
+  BuildingConfig& wall = scene.buildings.emplace_back();
+  wall.x_m = 25;
+  wall.y_m = 20;
+  wall.width_m = 30;
+  wall.height_m = 5.95;  // at 20 m, from 6 m: 0.14 degrees below the horizon
+  const Frame f = frame(world_with(scene, {}), beam_lidar(0.2, 2));  // from -0.8 to 1.2 degrees
+  EXPECT_GT(f.cloud.size(), 20U);
+}
+
+// --- meshes -----------------------------------------------------------------------------------
+
+TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
+  SceneConfig scene = empty_road();
+  scene.mounts["pole"] = {.x_m = 3, .y_m = -7, .z_m = 5, .yaw_deg = 30};
+  const World world = world_with(scene, {car_on_road(1, 20, -1.8, 0.2, 20)});
+  const TriangleMesh mesh = frozen_mesh(world, 2, 0.25);
+  const std::size_t background = world.background.vertices.size();
+  ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
+  EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
+  const Box3d box = world.frame.to_level(world.trajectories.in_frame(2).front().at(0.25));
+  for (std::size_t i = background; i < mesh.vertices.size(); ++i)
+    EXPECT_LT(distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1],
+                                        mesh.vertices[i][2]}), 1e-4);
+}
+
+}  // namespace
+}  // namespace infrasim

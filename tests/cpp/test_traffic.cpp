@@ -1,0 +1,270 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "infrasim/core/geometry.h"
+#include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/static_world.h"
+#include "infrasim/scene/traffic.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::configs;
+using testing::empty_road;
+
+SceneConfig committed(const std::string& name, double duration_s) {
+  SceneConfig scene = read_scene(configs() / "scenes" / (name + ".yaml"));
+  scene.duration_s = duration_s;
+  return scene;
+}
+
+/// Rows of a committed scene over its whole 500 s.
+class committed_traffic : public ::testing::TestWithParam<const char*> {
+ protected:
+  const SceneConfig scene = committed(GetParam(), 500);
+  const Trajectories trajectories = simulate_traffic(scene);
+};
+
+INSTANTIATE_TEST_SUITE_P(scenes, committed_traffic,
+                         ::testing::Values("highway", "crossroad", "curve"),
+                         [](const auto& scene) { return std::string(scene.param); });
+
+double mean_speed(const std::vector<ObjectState>& row) {
+  double sum = 0;
+  for (const ObjectState& s : row) sum += s.speed_m_s;
+  return sum / static_cast<double>(std::max<std::size_t>(1, row.size()));
+}
+
+/// Number of vehicles and mean speed over the rows in [from, to) seconds.
+struct Flow {
+  double vehicles = 0;
+  double speed_m_s = 0;
+};
+Flow flow(const Trajectories& t, int from_s, int to_s) {
+  Flow out;
+  const double n = 10.0 * (to_s - from_s);
+  for (int k = 10 * from_s; k < 10 * to_s; ++k) {
+    out.vehicles += static_cast<double>(t.rows.at(k).size()) / n;
+    out.speed_m_s += mean_speed(t.rows.at(k)) / n;
+  }
+  return out;
+}
+
+bool overlap(const Box3d& a, const Box3d& b) {
+  if (std::hypot(a.x - b.x, a.y - b.y) > (a.dx + a.dy + b.dx + b.dy) / 2) return false;
+  return footprints_overlap(footprint(a), footprint(b));
+}
+
+void expect_no_overlaps(const Trajectories& t) {
+  int overlaps = 0;
+  for (std::size_t k = 0; k < t.rows.size(); k += 5) {
+    const auto& row = t.rows[k];
+    for (std::size_t i = 0; i < row.size(); ++i)
+      for (std::size_t j = i + 1; j < row.size(); ++j)
+        if (overlap(row[i].box, row[j].box) && ++overlaps <= 5)
+          ADD_FAILURE() << "vehicles " << row[i].id << " and " << row[j].id << " at row " << k
+                        << ", x " << row[i].box.x << ", y " << row[i].box.y;
+  }
+  EXPECT_EQ(overlaps, 0);
+}
+
+TEST_P(committed_traffic, no_two_vehicles_are_in_one_place) { expect_no_overlaps(trajectories); }
+
+TEST_P(committed_traffic, no_vehicle_drives_through_what_stands) {
+  const auto standing = standing_footprints(scene);
+  for (std::size_t k = 0; k < trajectories.rows.size(); k += 5)
+    for (const ObjectState& s : trajectories.rows[k])
+      for (const auto& place : standing)
+        ASSERT_FALSE(footprints_overlap(footprint(s.box), place)) << s.id << " at row " << k;
+}
+
+TEST_P(committed_traffic, is_made_of_many_vehicles) {
+  std::set<int> ids;
+  for (const auto& row : trajectories.rows)
+    for (const ObjectState& s : row) ids.insert(s.id);
+  EXPECT_GE(ids.size(), 300U);
+}
+
+TEST_P(committed_traffic, has_the_configured_density) {
+  double lane_km = 0;
+  for (const RoadConfig& road : scene.roads)
+    lane_km += 2 * road.lanes.each_way * centreline(road).length() / 1000;
+  const double wanted = scene.traffic->vehicles_per_km_lane * lane_km;
+  EXPECT_NEAR(flow(trajectories, 0, 500).vehicles, wanted, 0.1 * wanted);
+}
+
+TEST_P(committed_traffic, is_steady_from_the_first_frame) {
+  const Flow first = flow(trajectories, 0, 100), last = flow(trajectories, 400, 500);
+  EXPECT_NEAR(first.vehicles, last.vehicles, 0.15 * last.vehicles);
+  EXPECT_NEAR(first.speed_m_s, last.speed_m_s, 0.15 * last.speed_m_s);
+}
+
+TEST_P(committed_traffic, never_drives_backwards_nor_faster_than_drivers_wish) {
+  const SpeedConfig& speed = scene.traffic->speed;
+  const double fastest = (speed.mean_km_h + 2.5 * speed.std_km_h) / 3.6;
+  for (const auto& row : trajectories.rows)
+    for (const ObjectState& s : row) {
+      ASSERT_GE(s.speed_m_s, 0);
+      ASSERT_LE(s.speed_m_s, 1.01 * fastest);
+    }
+}
+
+/// Calls check(before, after, seconds) for each vehicle and two rows that follow each other.
+template <class Check>
+void for_each_step(const Trajectories& t, const Check& check) {
+  for (int k = 0; k < t.frames(); ++k) {
+    auto before = t.rows[k].begin();
+    for (const ObjectState& after : t.rows[k + 1]) {
+      while (before != t.rows[k].end() && before->id < after.id) ++before;
+      if (before != t.rows[k].end() && before->id == after.id) check(*before, after, 0.1 * k);
+    }
+  }
+}
+
+TEST_P(committed_traffic, moves_as_far_as_its_speed_says) {
+  int wrong = 0;
+  for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
+    const double moved = std::hypot(b.box.x - a.box.x, b.box.y - a.box.y) / kFramePeriod;
+    const double said = (a.speed_m_s + b.speed_m_s) / 2;
+    // A driver beside the lane's centre goes further or less far round a bend.
+    if (std::abs(moved - said) > 0.1 * said + 0.05 && ++wrong <= 5)
+      ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << moved << " m/s, said " << said
+                    << ", x " << a.box.x << ", y " << a.box.y;
+  });
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST_P(committed_traffic, looks_where_it_goes) {
+  int wrong = 0;
+  for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
+    const Vec2 step{b.box.x - a.box.x, b.box.y - a.box.y};
+    if (norm(step) < 0.2) return;
+    const double aside = wrap_angle(std::atan2(step.y, step.x) - a.box.heading);
+    if (std::abs(aside) > rad(15) && ++wrong <= 5)
+      ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << deg(aside) << " deg aside, x "
+                    << a.box.x << ", y " << a.box.y;
+  });
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST_P(committed_traffic, accelerates_as_vehicles_can) {
+  int wrong = 0;
+  for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
+    const double acceleration = (b.speed_m_s - a.speed_m_s) / kFramePeriod;
+    if ((acceleration < -8.01 || acceleration > 3) && ++wrong <= 5)
+      ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << acceleration << " m/s2";
+  });
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST_P(committed_traffic, has_the_configured_mix_of_classes) {
+  std::map<std::string, double> share;
+  std::set<int> ids;
+  for (const auto& row : trajectories.rows)
+    for (const ObjectState& s : row)
+      if (ids.insert(s.id).second) ++share[std::string(class_of(s.object_class).name)];
+  for (const auto& [name, wanted] : scene.traffic->class_shares) {
+    const double n = static_cast<double>(ids.size());
+    EXPECT_NEAR(share[name] / n, wanted, 4 * std::sqrt(wanted * (1 - wanted) / n)) << name;
+  }
+}
+
+TEST(traffic, of_equal_seeds_is_equal_and_of_others_is_not) {
+  SceneConfig scene = committed("crossroad", 20);
+  const std::string once = trajectories_csv(simulate_traffic(scene));
+  EXPECT_EQ(trajectories_csv(simulate_traffic(scene)), once);
+  scene.seed = 2;
+  EXPECT_NE(trajectories_csv(simulate_traffic(scene)), once);
+}
+
+TEST(traffic, of_a_shorter_run_is_the_start_of_a_longer_one) {
+  const std::string longer = trajectories_csv(simulate_traffic(committed("curve", 20)));
+  EXPECT_TRUE(longer.starts_with(trajectories_csv(simulate_traffic(committed("curve", 10)))));
+}
+
+TEST(traffic, drives_on_the_right) {
+  SceneConfig scene = empty_road();
+  scene.traffic->vehicles_per_km_lane = 20;
+  for (const auto& row : simulate_traffic(scene).rows)
+    for (const ObjectState& s : row) EXPECT_LT(s.box.y * std::cos(s.box.heading), 0);
+}
+
+TEST(traffic, stands_on_the_road) {
+  SceneConfig scene = empty_road();
+  scene.roads.front().elevation_m = 3;
+  scene.traffic->vehicles_per_km_lane = 20;
+  const Trajectories t = simulate_traffic(scene);
+  for (const ObjectState& s : t.rows.front())
+    EXPECT_NEAR(s.box.z - s.box.dz / 2, 3, 1e-4);
+}
+
+TEST(traffic, passes_between_the_legs_of_a_gantry_and_beside_a_house) {
+  SceneConfig scene = empty_road();
+  scene.traffic->vehicles_per_km_lane = 20;
+  scene.gantries.emplace_back().road = "road";
+  scene.gantries.back().s_m = 200;
+  scene.buildings.emplace_back().y_m = 8.6;  // 0.1 m from the lane
+  const auto standing = standing_footprints(scene);
+  ASSERT_EQ(standing.size(), 3U);
+  for (const auto& row : simulate_traffic(scene).rows)
+    for (const ObjectState& s : row)
+      for (const auto& place : standing)
+        EXPECT_FALSE(footprints_overlap(footprint(s.box), place)) << s.id;
+}
+
+TEST(crossroad, has_queues_before_its_signals) {
+  const Trajectories t = simulate_traffic(committed("crossroad", 200));
+  double standing = 0, all = 0;
+  for (const auto& row : t.rows)
+    for (const ObjectState& s : row) {
+      standing += s.speed_m_s < 0.1;
+      ++all;
+    }
+  EXPECT_GT(standing / all, 0.1);
+  EXPECT_LT(standing / all, 0.8);
+}
+
+// Seed 10 has a truck that turns right beside a bus that goes straight on, at 271 s.
+TEST(crossroad, no_turning_truck_swings_into_the_lane_beside_it) {
+  SceneConfig scene = committed("crossroad", 280);
+  scene.seed = 10;
+  expect_no_overlaps(simulate_traffic(scene));
+}
+
+TEST(crossroad, no_vehicle_stands_on_the_junction) {
+  const Trajectories t = simulate_traffic(committed("crossroad", 200));
+  for (const auto& row : t.rows)
+    for (const ObjectState& s : row) {
+      const bool inside = std::abs(s.box.x) < 7 && std::abs(s.box.y) < 7;
+      ASSERT_TRUE(!inside || s.speed_m_s > 0.5) << s.id;
+    }
+}
+
+TEST(crossroad, has_vehicles_that_turn_left_and_right_and_go_straight_on) {
+  std::map<int, double> first, last;
+  for (const auto& row : simulate_traffic(committed("crossroad", 300)).rows)
+    for (const ObjectState& s : row) {
+      first.try_emplace(s.id, s.box.heading);
+      last[s.id] = s.box.heading;
+    }
+  int left = 0, right = 0, straight = 0;
+  for (const auto& [id, heading] : last) {
+    const double turned = deg(wrap_angle(heading - first[id]));
+    left += std::abs(turned - 90) < 5;
+    right += std::abs(turned + 90) < 5;
+    straight += std::abs(turned) < 5;
+  }
+  EXPECT_GE(left, 10);
+  EXPECT_GE(right, 10);
+  EXPECT_GT(straight, left + right);
+}
+
+}  // namespace
+}  // namespace infrasim

@@ -1,0 +1,216 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "infrasim/scene/traffic.h"
+#include "infrasim/scene/trajectories.h"
+#include "infrasim/simulate.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::car_on_road;
+using testing::empty_road;
+using testing::error_of;
+using testing::expect_message;
+using testing::TestFolder;
+
+const std::string kHeader = "t,id,class,x,y,z,heading,dx,dy,dz,speed\n";
+
+Trajectories read(const std::string& text) {
+  const TestFolder folder;
+  return read_trajectories(folder.write("file.csv", text));
+}
+
+void expect_error(const std::string& rows, int line, const std::string& key,
+                  const std::string& what) {
+  SCOPED_TRACE(rows);
+  const TestFolder folder;
+  const auto file = folder.write("file.csv", kHeader + rows);
+  expect_message(error_of([&] { read_trajectories(file); }), file, line, key, what);
+}
+
+/// A car's row; everything but time, id and x is usual.
+std::string row(const std::string& t, int id, const std::string& x) {
+  return t + "," + std::to_string(id) + ",Car," + x + ",2,0.75,0.1,4.5,1.9,1.5,10\n";
+}
+
+SceneConfig road_with_traffic(double vehicles_per_km_lane) {
+  SceneConfig scene = empty_road();
+  scene.duration_s = 3;
+  scene.traffic->vehicles_per_km_lane = vehicles_per_km_lane;
+  scene.traffic->warm_up_s = 5;
+  return scene;
+}
+
+// --- the file ---------------------------------------------------------------------------------
+
+TEST(trajectories, written_and_read_are_the_same) {
+  const Trajectories written = simulate_traffic(road_with_traffic(15));
+  const std::string text = trajectories_csv(written);
+  const Trajectories back = read(text);
+  ASSERT_EQ(back.rows.size(), written.rows.size());
+  for (std::size_t k = 0; k < back.rows.size(); ++k) {
+    ASSERT_EQ(back.rows[k].size(), written.rows[k].size());
+    for (std::size_t i = 0; i < back.rows[k].size(); ++i) {
+      const ObjectState &a = written.rows[k][i], &b = back.rows[k][i];
+      EXPECT_EQ(a.id, b.id);
+      EXPECT_EQ(a.object_class, b.object_class);
+      EXPECT_EQ(a.box.x, b.box.x);
+      EXPECT_EQ(a.box.heading, b.box.heading);
+      EXPECT_EQ(a.box.dz, b.box.dz);
+      EXPECT_EQ(a.speed_m_s, b.speed_m_s);
+    }
+  }
+  EXPECT_EQ(trajectories_csv(back), text);
+}
+
+TEST(trajectories, with_moments_without_vehicles_written_and_read_are_the_same) {
+  Trajectories sparse;
+  sparse.rows.resize(4);
+  sparse.rows[0] = sparse.rows[3] = {car_on_road(1, 0, 0, 0)};
+  sparse.rows[3][0].id = 2;
+  EXPECT_EQ(read(trajectories_csv(sparse)).rows.size(), 4U);
+}
+
+TEST(trajectories, give_the_same_frames_from_their_file_as_from_the_traffic) {
+  SceneConfig scene = road_with_traffic(15);
+  const World driven = build_world(scene);
+  const TestFolder folder;
+  scene.trajectories = folder.write("file.csv", trajectories_csv(driven.trajectories)).string();
+  scene.traffic.reset();
+  const World recorded = build_world(scene);
+  const std::array lidars{testing::plain_lidar("lidar", testing::spinning(16, -20, 0, 1))};
+  FrameSimulator a(driven, lidars), b(recorded, lidars);
+  for (const int k : {0, 29}) {
+    const Frame one = a.simulate(k, {true}).front(), other = b.simulate(k, {true}).front();
+    testing::expect_equal(one.cloud, other.cloud);
+    ASSERT_EQ(one.objects.size(), other.objects.size());
+    EXPECT_GT(one.objects.size(), 0U);
+    for (std::size_t i = 0; i < one.objects.size(); ++i) {
+      EXPECT_EQ(one.objects[i].points, other.objects[i].points);
+      EXPECT_EQ(one.objects[i].box.heading, other.objects[i].box.heading);
+    }
+  }
+}
+
+TEST(trajectories, shorter_than_the_scene_are_an_error) {
+  const TestFolder folder;
+  SceneConfig scene = empty_road();
+  scene.traffic.reset();
+  scene.trajectories = folder.write("file.csv", kHeader + row("0", 1, "0") + row("0.1", 1, "1"));
+  EXPECT_NE(error_of([&] { build_world(scene); }).find("duration_s"), std::string::npos);
+}
+
+TEST(trajectories, in_a_scene_file_are_relative_to_it) {
+  const TestFolder folder;
+  SceneConfig scene = empty_road();
+  scene.duration_s = 0.1;
+  scene.traffic.reset();
+  scene.trajectories = "file.csv";
+  folder.write("file.csv", kHeader + row("0", 1, "0") + row("0.1", 1, "1"));
+  const auto file = folder.write("scene.yaml", dump_scene(scene));
+  EXPECT_EQ(build_world(read_scene(file)).trajectories.frames(), 1);
+}
+
+TEST(trajectory_file, rows_out_of_order_are_an_error) {
+  expect_error(row("0", 1, "0") + row("0.1", 1, "1") + row("0", 2, "5"), 4, "t", "before");
+  expect_error(row("0", 2, "0") + row("0", 1, "9") + row("0.1", 1, "9"), 3, "id", "increase");
+  expect_error(row("0", 2, "0") + row("0", 2, "0"), 3, "id", "increase");
+}
+
+TEST(trajectory_file, a_vehicle_that_comes_back_after_a_gap_is_an_error) {
+  const std::string other = row("0.1", 2, "50");
+  expect_error(row("0", 1, "0") + row("0", 2, "50") + other + row("0.2", 1, "2"), 5, "id", "gap");
+}
+
+TEST(trajectory_file, a_jump_or_a_sudden_turn_is_an_error) {
+  expect_error(row("0", 1, "0") + row("0.1", 1, "10.1"), 3, "x", "10 m");
+  expect_error(row("0", 1, "0") + "0.1,1,Car,0,2,0.75,1.2,4.5,1.9,1.5,10\n", 3, "heading", "60");
+  EXPECT_NO_THROW(read(row("0", 1, "0").insert(0, kHeader) + row("0.1", 1, "9.9")));
+}
+
+TEST(trajectory_file, a_heading_may_pass_from_pi_to_minus_pi) {
+  EXPECT_NO_THROW(read(kHeader + "0,1,Car,0,2,0.75,3.1,4.5,1.9,1.5,10\n" +
+                       "0.1,1,Car,0,2,0.75,-3.1,4.5,1.9,1.5,10\n"));
+}
+
+TEST(trajectory_file, a_vehicle_that_changes_its_size_or_class_is_an_error) {
+  expect_error(row("0", 1, "0") + "0.1,1,Car,0,2,0.75,0.1,4.6,1.9,1.5,10\n", 3, "dx", "size");
+  expect_error(row("0", 1, "0") + "0.1,1,Van,0,2,0.75,0.1,4.5,1.9,1.5,10\n", 3, "dx", "class");
+}
+
+TEST(trajectory_file, an_unknown_class_is_an_error_that_names_the_known_ones) {
+  expect_error("0,1,Tram,0,2,0.75,0.1,4.5,1.9,1.5,10\n", 2, "class", "'Tram', allowed Car, Van");
+}
+
+TEST(trajectory_file, too_few_or_too_many_columns_are_an_error) {
+  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5\n", 2, "speed", "allowed 11");
+  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5,10,7\n", 2, "(row)", "more than 11");
+  expect_error("\n", 2, "t", "allowed");
+}
+
+TEST(trajectory_file, what_is_no_number_is_an_error) {
+  for (const char* x : {"nan", "inf", "1e99", "", "1x", " 1"})
+    expect_error(row("0", 1, x), 2, "x", "found '" + std::string(x) + "'");
+  expect_error("0,1.5,Car,0,2,0.75,0.1,4.5,1.9,1.5,10\n", 2, "id", "'1.5'");
+  expect_error("0,-1,Car,0,2,0.75,0.1,4.5,1.9,1.5,10\n", 2, "id", "'-1'");
+  expect_error("0,1,Car,0,2,0.75,0.1,0,1.9,1.5,10\n", 2, "dx", "'0'");
+}
+
+TEST(trajectory_file, starts_at_0_and_steps_by_a_tenth_of_a_second) {
+  expect_error(row("0.1", 1, "0") + row("0.2", 1, "0"), 2, "t", "start");
+  expect_error(row("0", 1, "0") + row("0.2", 1, "0"), 3, "t", "0.1 s");
+  expect_error(row("0", 1, "0") + row("0.05", 1, "0"), 3, "t", "0.1 s");
+  expect_error(row("0", 1, "0"), 2, "t", "two");
+}
+
+TEST(trajectory_file, needs_its_header) {
+  const TestFolder folder;
+  for (const char* text : {"", "t,id\n", "t,id,class,x,y,z,heading,dx,dy,dz\n"}) {
+    const auto file = folder.write("file.csv", text);
+    expect_message(error_of([&] { read_trajectories(file); }), file, 1, "(header)", "t,id,class");
+  }
+  error_of<IoError>([&] { read_trajectories(folder.path() / "none.csv"); });
+}
+
+// --- between rows -----------------------------------------------------------------------------
+
+MovingObject moving(double from_heading, double to_heading) {
+  MovingObject object;
+  object.from = {0, 10, 1, 4.5, 1.9, 1.5, from_heading};
+  object.to = {2, 11, 0, 4.5, 1.9, 1.5, to_heading};
+  return object;
+}
+
+TEST(moving_object, position_is_linear_in_time) {
+  const Box3d box = moving(0, 0).at(0.25);
+  EXPECT_DOUBLE_EQ(box.x, 0.5);
+  EXPECT_DOUBLE_EQ(box.y, 10.25);
+  EXPECT_DOUBLE_EQ(box.z, 0.75);
+  EXPECT_EQ(box.dx, 4.5);
+}
+
+TEST(moving_object, heading_goes_the_short_way) {
+  EXPECT_NEAR(moving(0.1, 0.3).at(0.5).heading, 0.2, 1e-12);
+  EXPECT_NEAR(moving(kPi - 0.1, -kPi + 0.3).at(0.5).heading, -kPi + 0.1, 1e-12);
+  EXPECT_NEAR(moving(-kPi + 0.1, kPi - 0.3).at(0.5).heading, kPi - 0.1, 1e-12);
+}
+
+TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_ends) {
+  Trajectories t;
+  t.rows = {{car_on_road(1, 0, 0, 0, 8), car_on_road(2, 9, 0, 0), car_on_road(4, 30, 0, 0)},
+            {car_on_road(1, 1, 0, 0, 12), car_on_road(3, 20, 0, 0), car_on_road(4, 31, 0, 0)}};
+  const auto objects = t.in_frame(0);
+  ASSERT_EQ(objects.size(), 2U);
+  EXPECT_EQ(objects[0].id, 1);
+  EXPECT_EQ(objects[0].to.x, 1);
+  EXPECT_EQ(objects[0].speed_m_s, 10);
+  EXPECT_EQ(objects[1].id, 4);
+}
+
+}  // namespace
+}  // namespace infrasim

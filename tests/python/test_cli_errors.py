@@ -1,0 +1,609 @@
+"""Wrong input: exit 2, one line that says where, what was found and what is allowed; no output."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+Infrasim = Callable[..., Any]
+
+SCENE = """\
+name: small
+duration_s: 2
+mounts:
+  pole: {x_m: 0, y_m: 0, z_m: 6}
+roads:
+  - name: main
+    start: {x_m: -100, y_m: 0}
+    centreline:
+      - {line_m: 200}
+    lanes: {each_way: 2, width_m: 3.5}
+traffic:
+  vehicles_per_km_lane: 10
+  speed: {mean_km_h: 50, std_km_h: 2}
+  warm_up_s: 1
+  class_shares: {Car: 1}
+"""
+LIDAR = """\
+name: tiny
+model: Tiny
+price_usd: {low: 1, high: 2, source: test, date: "2026-11"}
+pattern:
+  spinning: {rate_hz: 10, azimuth_step_deg: 2, channels: {count: 4, upper_deg: 0, lower_deg: -20}}
+presets:
+  equal:
+    returns: {max_range_m: 100}
+  datasheet:
+    returns: {max_range_m: 80, range_accuracy_m: 0.02, detection: {range_at_10_percent_m: 40}}
+"""
+CHANNELS = """\
+channel,elevation_deg,azimuth_offset_deg,fire_time_us
+0,1,0,0
+1,0,0,1
+2,-1,,
+"""
+TRAJECTORIES = """\
+t,id,class,x,y,z,heading,dx,dy,dz,speed
+0,1,Car,10,2,0.8,0,4,2,1.6,10
+0,2,Car,30,2,0.8,0,4,2,1.6,10
+0.1,1,Car,11,2,0.8,0,4,2,1.6,10
+0.1,2,Car,31,2,0.8,0,4,2,1.6,10
+0.2,1,Car,12,2,0.8,0,4,2,1.6,10
+"""
+
+
+class Site:
+    """A folder with a scene and a LiDAR, and a run of both."""
+
+    def __init__(self, folder: Path, infrasim: Infrasim) -> None:
+        self.folder, self.infrasim = folder, infrasim
+        self.scene, self.lidar, self.out = (folder / n for n in ("scene.yaml", "lidar.yaml", "out"))
+        self.scene.write_text(SCENE)
+        self.lidar.write_text(LIDAR)
+
+    def run(self, *options: object, frames: str = "0:2") -> Any:
+        words = ["run", self.scene, "--lidar", self.lidar, f"--frames={frames}", "--out", self.out]
+        return self.infrasim(*words, *options)
+
+
+@pytest.fixture
+def site(tmp_path: Path, infrasim: Infrasim) -> Site:
+    return Site(tmp_path, infrasim)
+
+
+def assert_one_line(result: Any, site: Site, *words: str, codes: tuple[int, ...] = (2,)) -> None:
+    assert result.returncode in codes, (result.returncode, result.stderr)
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+    assert result.stderr.endswith("\n")
+    for word in words:
+        assert word in result.stderr, result.stderr
+    assert not site.out.exists()
+    hidden = [path for path in site.folder.rglob(".*") if path.is_file()]
+    assert hidden == []
+
+
+def replaced(text: str, old: str, new: str) -> tuple[str, int]:
+    """The text with one thing changed, and the line that has it (from 1)."""
+    assert text.count(old) == 1, old
+    return text.replace(old, new), text[: text.index(old)].count("\n") + 1
+
+
+def test_the_site_itself_is_right(site: Site) -> None:
+    result = site.run()
+    assert result.returncode == 0, result.stderr
+    assert (site.out / "tiny/training/velodyne/000001.bin").is_file()
+
+
+# What is replaced in the scene, by what, at which column, the key, words of the message.
+WRONG_SCENES = {
+    "unknown key": ("each_way: 2", "each_way: 2, colour: 3",
+        "roads.0.lanes.colour", ["unknown key", "allowed each_way"]),
+    "unknown key at the top": ("duration_s: 2", "duration: 2",
+        "duration", ["unknown key", "duration_s"]),
+    "key twice": ("duration_s: 2", "duration_s: 2\nduration_s: 3",
+        "duration_s", ["twice", "allowed once"]),
+    "key missing": (", z_m: 6", "",
+        "mounts.pole.z_m", ["found nothing", "required"]),
+    "word for a number": ("line_m: 200", "line_m: long",
+        "roads.0.centreline.0.line_m", ["'long'", "allowed a number"]),
+    "unit after a number": ("line_m: 200", "line_m: 200 m",
+        "roads.0.centreline.0.line_m", ["'200 m'", "allowed a number"]),
+    "list for a number": ("line_m: 200", "line_m: [200]",
+        "roads.0.centreline.0.line_m", ["a list", "allowed a number"]),
+    "nothing for a number": ("line_m: 200", "line_m:",
+        "roads.0.centreline.0.line_m", ["found nothing", "allowed a number"]),
+    "map for a list": ("      - {line_m: 200}", "      {line_m: 200}",
+        "roads.0.centreline", ["a map", "allowed a list"]),
+    "number for a map": ("{Car: 1}", "1",
+        "traffic.class_shares", ["'1'", "allowed a map"]),
+    "number for a map of keys": ("{mean_km_h: 50, std_km_h: 2}", "50",
+        "traffic.speed", ["'50'", "allowed a map"]),
+    "NaN": ("line_m: 200", "line_m: .nan",
+        "roads.0.centreline.0.line_m", ["'.nan'", "allowed a number"]),
+    "nan": ("x_m: -100", "x_m: nan",
+        "roads.0.start.x_m", ["'nan'", "allowed a number"]),
+    "infinity": ("x_m: -100", "x_m: .inf",
+        "roads.0.start.x_m", [".inf", "allowed"]),
+    "huge number": ("x_m: -100", "x_m: 1e400",
+        "roads.0.start.x_m", ["1e400", "allowed"]),
+    "fraction of a lane": ("each_way: 2", "each_way: 1.5",
+        "roads.0.lanes.each_way", ["'1.5'", "whole number"]),
+    "lane of no width": ("width_m: 3.5", "width_m: 0",
+        "roads.0.lanes.width_m", ["'0'", "allowed 2.5 to 6"]),
+    "lane of negative width": ("width_m: 3.5", "width_m: -3.5",
+        "roads.0.lanes.width_m", ["'-3.5'", "allowed 2.5 to 6"]),
+    "no lanes": ("each_way: 2", "each_way: 0",
+        "roads.0.lanes.each_way", ["'0'", "allowed 1 to 8"]),
+    "empty centreline": ("      - {line_m: 200}", "      []",
+        "roads.0.centreline", ["no entries", "at least one"]),
+    "piece that is no line and no arc": ("line_m: 200", "radius_m: 20",
+        "roads.0.centreline.0.line_m", ["allowed line_m, or"]),
+    "no duration": ("duration_s: 2", "duration_s: 0",
+        "duration_s", ["'0'", "allowed 0.1 to 36000"]),
+    "negative seed": ("duration_s: 2", "seed: -1",
+        "seed", ["'-1'", "whole number"]),
+    "unknown class": ("{Car: 1}", "{Car: 1, Ship: 1}",
+        "traffic.class_shares", ["'Ship'", "allowed Car"]),
+    "shares that are all 0": ("{Car: 1}", "{Car: 0}",
+        "traffic.class_shares", ["a sum of 0"]),
+    "share above 1": ("{Car: 1}", "{Car: 2}",
+        "traffic.class_shares.Car", ["'2'", "allowed 0 to 1"]),
+    "density below 0": ("vehicles_per_km_lane: 10", "vehicles_per_km_lane: -1",
+        "traffic.vehicles_per_km_lane", ["'-1'", "allowed 0 to 100"]),
+    "two mounts": ("z_m: 6}", "z_m: 6}\n  mast: {x_m: 1, y_m: 1, z_m: 6}",
+        "mounts", ["more than one", "allowed one"]),
+    "unknown aggregation": ("duration_s: 2", "aggregation: slices:0",
+        "aggregation", ["'slices:0'", "exact"]),
+    "unknown detail": ("duration_s: 2", "detail: high",
+        "detail", ["'high'", "allowed box, low, mid, fine"]),
+    "labels": ("duration_s: 2", "labels: some",
+        "labels", ["'some'", "allowed hit, all"]),
+    "yes for true": ("duration_s: 2", "fields: yes",
+        "fields", ["'yes'", "true or false"]),
+    "fog that is black": ("duration_s: 2", "weather: {visibility_m: 0}",
+        "weather.visibility_m", ["'0'", "above 0"]),
+    "rain that falls up": ("duration_s: 2", "weather: {rain_mm_per_h: -1}",
+        "weather.rain_mm_per_h", ["'-1'", "allowed 0 to 300"]),
+    "building on a lane": ("duration_s: 2",
+        "buildings:\n  - {x_m: 0, y_m: 4, length_m: 5, width_m: 5, height_m: 9}",
+        "x_m", ["on a lane", "allowed beside"]),
+    "flat building": ("duration_s: 2",
+        "buildings: [{x_m: 0, y_m: 40, length_m: 5, width_m: 5, height_m: 0}]",
+        "buildings.0.height_m", ["'0'", "above 0"]),
+    "barrier on a lane": ("duration_s: 2", "barriers: [{road: main, offset_m: 2}]",
+        "offset_m", ["on a lane"]),
+    "barrier of another road": ("duration_s: 2", "barriers: [{road: other, offset_m: 12}]",
+        "road", ["other"]),
+    "gantry beyond the road": ("duration_s: 2", "gantries: [{road: main, s_m: 300}]",
+        "s_m", ["beyond the road's end"]),
+    "clockwise ground": ("duration_s: 2",
+        "ground: [{elevation_m: 0, outline_m: [[0, 0], [0, 9], [9, 9], [9, 0]]}]",
+        "ground.0.outline_m", ["does not turn left", "counter-clockwise"]),
+    "junction of one road": ("duration_s: 2", "junctions: [{roads: [main]}]",
+        "junctions.0.roads", ["1 names", "allowed 2"]),
+    "traffic and trajectories": ("duration_s: 2", "trajectories: t.csv",
+        "traffic", ["both or neither", "allowed either"]),
+    "name of two lines": ("name: small", "name: \"a\\nb\"",
+        "name", ["control character", "one line"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG_SCENES)
+def test_wrong_scene(case: str, site: Site) -> None:
+    old, new, key, words = WRONG_SCENES[case]
+    text, line = replaced(SCENE, old, new)
+    site.scene.write_text(text)
+    result = site.run()
+    assert_one_line(result, site, f": {key}: ", *words)
+    file, number, column, _ = result.stderr.split(":", 3)
+    assert file == str(site.scene)
+    added = text.count("\n") - SCENE.count("\n")
+    whole = "key missing", "traffic and trajectories"  # stand at the map that lacks them
+    assert case in whole or line - 1 <= int(number) <= line + added + 1
+    assert 1 <= int(column) <= 200
+    check = site.infrasim("check", site.scene)
+    assert (check.returncode, check.stderr) == (2, result.stderr)
+
+
+def test_wrong_scene_is_named_at_line_and_column(site: Site) -> None:
+    text, line = replaced(SCENE, "width_m: 3.5", "width_m: 0")
+    site.scene.write_text(text)
+    column = text.splitlines()[line - 1].index("width_m: 0") + len("width_m: ") + 1
+    expected = f"{site.scene}:{line}:{column}: roads.0.lanes.width_m: found '0', allowed 2.5 to 6\n"
+    assert site.run().stderr == expected
+
+
+WRONG_LIDARS = {
+    "unknown key": ("rate_hz: 10", "rate_hz: 10, colour: red",
+        "pattern.spinning.colour", ["unknown key", "allowed rate_hz"]),
+    "key twice": ("model: Tiny", "model: Tiny\nmodel: Small",
+        "model", ["twice"]),
+    "key missing": ("rate_hz: 10, ", "",
+        "pattern.spinning.rate_hz", ["found nothing", "required"]),
+    "no name": ("name: tiny", "name:",
+        "name", ["found nothing", "allowed a text"]),
+    "name that is a path": ("name: tiny", "name: ../tiny",
+        "name", ["'../tiny'", "can be a folder"]),
+    "price that falls": ("low: 1, high: 2", "low: 3, high: 2",
+        "price_usd.high", ["below low"]),
+    "price without a source": ("source: test, ", "",
+        "price_usd.source", ["found nothing", "required"]),
+    "step of 0": ("azimuth_step_deg: 2", "azimuth_step_deg: 0",
+        "pattern.spinning.azimuth_step_deg", ["'0'", "above 0"]),
+    "rate NaN": ("rate_hz: 10", "rate_hz: .nan",
+        "pattern.spinning.rate_hz", [".nan", "a number"]),
+    "no channels": ("count: 4", "count: 0",
+        "pattern.spinning.channels.count", ["none or several"]),
+    "channels upside down": ("upper_deg: 0", "upper_deg: -30",
+        "pattern.spinning.channels.upper_deg", ["not above lower_deg"]),
+    "two patterns": ("  spinning:", "  table: {file: a.npy, rays_per_s: 1}\n  spinning:",
+        "pattern.spinning", ["none or several"]),
+    "blind everywhere": ("{max_range_m: 80,", "{max_range_m: 80, min_range_m: 80,",
+        "returns.max_range_m", ["not above min_range_m"]),
+    "no range": ("max_range_m: 80", "max_range_m: 0",
+        "returns.max_range_m", ["'0'", "above 0"]),
+    "sigma below 0": ("range_accuracy_m: 0.02", "range_accuracy_m: -0.02",
+        "returns.range_accuracy_m", ["'-0.02'", "allowed 0 to 10"]),
+    "phase that is no choice": ("model: Tiny", "random_phase: 1",
+        "random_phase", ["'1'", "allowed true or false"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG_LIDARS)
+def test_wrong_lidar(case: str, site: Site) -> None:
+    old, new, key, words = WRONG_LIDARS[case]
+    site.lidar.write_text(replaced(LIDAR, old, new)[0])
+    result = site.run()
+    assert_one_line(result, site, f"{site.lidar}:", f": {key}: ", *words)
+    assert result.stderr.split(":")[1].isdigit()
+    check = site.infrasim("check", site.lidar)
+    assert (check.returncode, check.stderr) == (2, result.stderr)
+
+
+def test_unknown_preset_lists_those_there_are(site: Site) -> None:
+    result = site.run("--preset", "best")
+    assert_one_line(result, site, f"{site.lidar}:", "presets: ", "'best'", "equal, datasheet")
+
+
+def test_lidar_given_twice(site: Site) -> None:
+    assert_one_line(site.run("--lidar", site.lidar), site, "--lidar: ", "'tiny' twice", "once")
+
+
+def test_two_lidars_of_one_name(site: Site) -> None:
+    other = shutil.copy(site.lidar, site.folder / "other.yaml")
+    assert_one_line(site.run("--lidar", other), site, "--lidar: ", "'tiny' twice")
+
+
+def test_bundle_of_a_bundle(site: Site) -> None:
+    inner = site.folder / "inner.yaml"
+    inner.write_text("name: inner\nbundle: [{lidar: lidar.yaml}]\n")
+    site.lidar.rename(site.folder / "single.yaml")
+    inner.write_text("name: inner\nbundle: [{lidar: single.yaml}]\n")
+    site.lidar.write_text("name: outer\nbundle: [{lidar: inner.yaml}, {lidar: single.yaml}]\n")
+    assert_one_line(site.run(), site, "bundle: ", "found a bundle in it")
+
+
+def test_bundle_of_itself_ends(site: Site) -> None:
+    site.lidar.write_text("name: outer\nbundle: [{lidar: lidar.yaml}]\n")
+    assert_one_line(site.run(), site, "bundle: ", "found a bundle in it")
+
+
+# Tables
+
+
+def with_channels(site: Site, table: str) -> Path:
+    file = site.folder / "channels.csv"
+    file.write_text(table)
+    text, _ = replaced(LIDAR, "{count: 4, upper_deg: 0, lower_deg: -20}", "{file: channels.csv}")
+    site.lidar.write_text(text)
+    return file
+
+
+def test_the_channel_table_itself_is_right(site: Site) -> None:
+    with_channels(site, CHANNELS)
+    assert site.run().returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "words"),
+    [
+        ("1,0,0,1", "1,nan,0,1", 3, "elevation_deg", ["'nan'", "-90"]),
+        ("1,0,0,1", "1,,0,1", 3, "elevation_deg", ["''"]),
+        ("1,0,0,1", "1,91,0,1", 3, "elevation_deg", ["'91'"]),
+        ("1,0,0,1", "1,0,inf,1", 3, "azimuth_offset_deg", ["'inf'"]),
+        ("1,0,0,1", "1,0,0,-1", 3, "fire_time_us", ["'-1'"]),
+        ("1,0,0,1", "1,0,0", 3, "(row)", ["'1,0,0'", "4 columns"]),
+        ("1,0,0,1", "1,0,0,1,5", 3, "(row)", ["4 columns"]),
+        ("1,0,0,1", "1,x,0,1", 3, "elevation_deg", ["'x'"]),
+        ("channel,elevation", "channel,angle", 1, "(header)", ["allowed 'channel,elevation_deg"]),
+    ],
+)
+def test_wrong_channel_table(
+    old: str, new: str, line: int, key: str, words: list[str], site: Site
+) -> None:
+    file = with_channels(site, replaced(CHANNELS, old, new)[0])
+    assert_one_line(site.run(), site, f"{file}:{line}:1: {key}: ", "found", "allowed", *words)
+
+
+def test_channel_table_without_rows(site: Site) -> None:
+    file = with_channels(site, CHANNELS.splitlines()[0] + "\n")
+    assert_one_line(site.run(), site, f"{file}:", "found none")
+
+
+def test_fire_time_longer_than_its_column(site: Site) -> None:
+    with_channels(site, CHANNELS.replace("1,0,0,1", "1,0,0,600"))  # a column takes 555.6 us
+    assert_one_line(site.run(), site, "fire_time_us: ", "600", "allowed below 555.5")
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (np.zeros((4, 3)), ["(4, 3)"]),
+        (np.zeros((4, 2), np.int32), ["<i4"]),
+        (np.asfortranarray(np.zeros((4, 2))), ["Fortran"]),
+        (np.zeros((0, 2)), ["none"]),
+        (np.array([[0, 0], [np.nan, 0]]), ["row 1"]),
+        (np.array([[0, 0], [0, 2.0]]), ["row 1"]),
+    ],
+)
+def test_wrong_table_pattern(array: Any, words: list[str], site: Site) -> None:
+    np.save(site.folder / "table.npy", array)
+    old = LIDAR.splitlines()[4]
+    new = "  table: {file: table.npy, rays_per_s: 1000}"
+    site.lidar.write_text(replaced(LIDAR, old, new)[0])
+    assert_one_line(site.run(), site, "table.npy", *words)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\x93NUMPY", b"not numpy at all", b"\x93NUMPY\x01\x00\xff\xff{}"]
+)
+def test_file_that_is_no_table(content: bytes, site: Site) -> None:
+    (site.folder / "table.npy").write_bytes(content)
+    new = "  table: {file: table.npy, rays_per_s: 1000}"
+    site.lidar.write_text(replaced(LIDAR, LIDAR.splitlines()[4], new)[0])
+    assert_one_line(site.run(), site, "table.npy", "found")
+
+
+# Trajectory files
+
+
+def with_trajectories(site: Site, table: str) -> Path:
+    file = site.folder / "recorded.csv"
+    file.write_text(table)
+    text = SCENE[: SCENE.index("traffic:")] + "trajectories: recorded.csv\n"
+    site.scene.write_text(text.replace("duration_s: 2", "duration_s: 0.2"))
+    return file
+
+
+def test_the_trajectory_file_itself_is_right(site: Site) -> None:
+    with_trajectories(site, TRAJECTORIES)
+    result = site.run()
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "words"),
+    [
+        ("0.1,2,Car,31", "0,2,Car,31", 5, "t", ["before the row above"]),
+        ("0.2,1,Car,12", "0.3,1,Car,12", 6, "t", ["more than 0.1 s"]),
+        ("0.2,1,Car,12", "0.15,1,Car,12", 6, "t", ["multiple of 0.1 s"]),
+        ("0.1,1,Car,11", "0.1,3,Car,11", 5, "id", ["do not increase"]),
+        ("0.1,1,Car,11", "0.1,1,Car,21", 4, "x", ["jump of more than 10 m"]),
+        ("0.1,1,Car,11,2,0.8,0", "0.1,1,Car,11,2,0.8,2", 4, "heading", ["60 degrees"]),
+        ("0.1,1,Car,11,2,0.8,0,4", "0.1,1,Car,11,2,0.8,0,5", 4, "dx", ["changes its size"]),
+        ("0.1,1,Car,11", "0.1,1,Van,11", 4, "dx", ["changes its size or class"]),
+        ("0.1,1,Car,11", "0.1,1,Ship,11", 4, "class", ["'Ship'", "allowed Car"]),
+        ("0.1,1,Car,11", "0.1,1,Car,nan", 4, "x", ["'nan'", "allowed a number"]),
+        ("0.1,1,Car,11", "0.1,1.5,Car,11", 4, "id", ["1.5", "whole"]),
+        ("0.1,1,Car,11,", "0.1,1,Car,", 4, "speed", ["no more columns"]),
+        ("12,2,0.8,0,4,2,1.6,10", "12,2,0.8,0,4,2,1.6,10,5", 6, "(row)", ["more than 11"]),
+        ("t,id,class", "t,name,class", 1, "(header)", ["allowed 't,id,class"]),
+    ],
+)
+def test_wrong_trajectory_file(
+    old: str, new: str, line: int, key: str, words: list[str], site: Site
+) -> None:
+    file = with_trajectories(site, replaced(TRAJECTORIES, old, new)[0])
+    result = site.run()
+    assert_one_line(result, site, f"{file}:{line}:", f": {key}: ", "found", *words)
+
+
+def test_trajectory_file_that_is_too_short(site: Site) -> None:
+    with_trajectories(site, TRAJECTORIES)
+    site.scene.write_text(site.scene.read_text().replace("0.2", "3"))
+    assert_one_line(site.run(), site, "recorded.csv", "found 0.2", "at least", "3")
+
+
+def test_vehicle_that_comes_again_after_a_gap(site: Site) -> None:
+    file = with_trajectories(site, TRAJECTORIES + "0.3,2,Car,33,2,0.8,0,4,2,1.6,10\n")
+    assert_one_line(site.run(), site, f"{file}:7:", "id: ", "again after a gap")
+
+
+# Options
+
+
+@pytest.mark.parametrize(
+    "frames",
+    ["5", "a:b", "0:0", "3:1", "-1:2", "0:2:0", "0:2:-1", "0:2:1:1", "0:2x", "0.5:2", "0:1e3",
+     "0:21", "0:99999999999", "0:2\n"],
+)  # fmt: skip
+def test_wrong_frames(frames: str, site: Site) -> None:
+    assert_one_line(site.run(frames=frames), site, "--frames: found ", "allowed A:B")
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("nonsense", ["no '='", "KEY=VALUE"]),
+        ("=3", ["KEY=VALUE"]),
+        ("nonsense=3", ["nonsense: ", "unknown key"]),
+        ("traffic.nonsense=3", ["traffic.nonsense: ", "unknown key"]),
+        ("duration_s=long", ["duration_s: ", "'long'", "allowed a number"]),
+        ("duration_s=-1", ["duration_s: ", "'-1'", "allowed 0.1"]),
+        ("duration_s=", ["duration_s: ", "found nothing", "allowed a number"]),
+        ("roads.7.name=x", ["7: ", "no such list entry"]),
+        ("roads.x.name=x", ["x: ", "no such list entry"]),
+        ("duration_s.x=1", ["x: ", "plain value"]),
+        ("traffic=[1", ["malformed YAML"]),
+        ("roads.0.lanes.width_m=0", ["roads.0.lanes.width_m: ", "'0'"]),
+        ("traffic..warm_up_s=3", ["unknown key"]),
+        ("traffic.warm_up_s.=3", ["plain value"]),
+        ("nonsense.deep=3", ["nonsense: ", "unknown key"]),
+    ],
+)
+def test_wrong_assignment(assignment: str, words: list[str], site: Site) -> None:
+    assert_one_line(site.run("--set", assignment), site, f"--set {assignment}", *words)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--colour", "red"], ["--colour"]),
+        (["--threads", "0"], ["--threads", "1", "1024"]),
+        (["--threads", "many"], ["--threads", "many"]),
+        (["--seed", "-1"], ["seed", "'-1'", "whole number"]),
+        (["--seed", "1.5"], ["seed", "'1.5'", "whole number"]),
+        (["--seed", "99999999999999999999"], ["seed", "whole number"]),
+        (["--aggregation", "slices"], ["aggregation", "'slices'", "exact"]),
+        (["--aggregation", "slices:0"], ["aggregation", "'slices:0'"]),
+        (["--aggregation", "slices:-3"], ["aggregation", "'slices:-3'"]),
+        (["--detail", "high"], ["detail", "'high'", "allowed box, low, mid, fine"]),
+        (["--labels", "none"], ["labels", "'none'", "allowed hit, all"]),
+        (["--preset"], ["--preset"]),
+    ],
+)
+def test_wrong_option(options: list[str], words: list[str], site: Site) -> None:
+    assert_one_line(site.run(*options), site, *words)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [[], ["fly"], ["run"], ["run", "configs/scenes/highway.yaml"], ["check"], ["pattern"],
+     ["pattern", "configs/lidars/livox_avia.yaml"], ["trajectories", "configs/scenes/curve.yaml"]],
+    ids=" ".join,
+)  # fmt: skip
+def test_incomplete_command(words: list[str], site: Site) -> None:
+    assert_one_line(site.infrasim(*words), site, "infrasim: ", "--help")
+
+
+@pytest.mark.parametrize("option", ["--out", "--summary", "--seed", "--aggregation", "--frames"])
+def test_empty_option_is_not_as_good_as_none(option: str, site: Site) -> None:
+    """As a shell variable that is not set gives: `--out "$DIR"`."""
+    words = ["run", site.scene, "--lidar", site.lidar, "--set", "duration_s=10"]
+    assert_one_line(site.infrasim(*words, option, ""), site, option.lstrip("-"))
+
+
+def test_options_that_do_not_apply_are_not_ignored(site: Site) -> None:
+    result = site.infrasim("check", site.lidar, "--set", "model=Other")
+    assert_one_line(result, site, "--set")
+
+
+# Files that are no YAML at all
+
+
+@pytest.mark.parametrize("option", ["scene", "lidar"])
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", ["(document): ", "found nothing", "allowed a map"]),
+        (b"# only a comment\n", ["(document): ", "found nothing"]),
+        (b"just words", ["(document): ", "allowed a map"]),
+        (b"- a\n- b\n", ["(document): ", "a list", "allowed a map"]),
+        (b"name: [1, 2\nroads: {", ["malformed YAML"]),
+        (b"name: 'a\n", []),
+        (b"a:\n\tb: 1\n", ["malformed YAML"]),
+        (b"name: *nobody\n", ["malformed YAML"]),
+        (bytes(range(256)) * 16, []),
+        (b"\x00" * 4096, []),
+        (b"\x7fELF\x02\x01\x01" + b"\x00" * 100, []),
+        (b"\xff\xfe\x00n", []),
+        (b"[" * 100_000, []),
+        (b"{a: " * 100_000, []),
+        (b"- " * 100_000, []),
+        (b"name: x\n---\nname: y\n", []),
+    ],
+    ids=["empty", "comment", "words", "list", "open", "quote", "tab", "alias", "bytes", "zeros",
+         "elf", "utf16", "brackets", "braces", "dashes", "two documents"],
+)  # fmt: skip
+def test_file_that_is_no_configuration(
+    option: str, content: bytes, words: list[str], site: Site
+) -> None:
+    file = site.scene if option == "scene" else site.lidar
+    file.write_bytes(content)
+    assert_one_line(site.run(), site, str(file), *words)
+
+
+@pytest.mark.parametrize("option", ["scene", "lidar"])
+def test_second_document_in_a_file_is_not_left_out_silently(option: str, site: Site) -> None:
+    file = site.scene if option == "scene" else site.lidar
+    file.write_text(f"{file.read_text()}---\n{file.read_text()}")
+    assert_one_line(site.run(), site, f"{file}:")
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["\x1b[31mred", "ä" * 40 + "a" * 40, "a" + "ä" * 80, "a\rb"],
+    ids=["escape", "even", "odd", "return"],
+)
+def test_message_is_printable_whatever_was_found(value: str, site: Site) -> None:
+    """It reaches terminals and logs: no control characters, no half of a letter."""
+    quoted = value.replace("\x1b", r"\e").replace("\r", r"\r")
+    site.scene.write_text(SCENE.replace("line_m: 200", f'line_m: "{quoted}"'))
+    result = site.run()
+    assert_one_line(result, site, "roads.0.centreline.0.line_m: found")
+    assert result.stderr.rstrip("\n").isprintable()
+
+
+def test_aliases_that_grow_without_end(site: Site) -> None:
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    site.scene.write_text("\n".join(lines))
+    assert_one_line(site.run(), site, f"{site.scene}:")
+
+
+@pytest.mark.parametrize("option", ["scene", "lidar"])
+def test_directory_for_a_file(option: str, site: Site) -> None:
+    file = site.scene if option == "scene" else site.lidar
+    file.unlink()
+    file.mkdir()
+    assert_one_line(site.run(), site, str(file), "can't be read", codes=(1, 2))
+
+
+@pytest.mark.parametrize("option", ["scene", "lidar"])
+def test_file_that_is_not_there(option: str, site: Site) -> None:
+    file = site.scene if option == "scene" else site.lidar
+    file.unlink()
+    assert_one_line(site.run(), site, str(file), "can't be read", codes=(1, 2))
+
+
+@pytest.mark.parametrize("kind", ["channels", "trajectories"])
+def test_directory_for_a_table(kind: str, site: Site) -> None:
+    file = (with_channels if kind == "channels" else with_trajectories)(site, "")
+    file.unlink()
+    file.mkdir()
+    assert_one_line(site.run(), site, str(file), "can't be read", codes=(1, 2))
+
+
+def test_lidar_for_a_scene_and_scene_for_a_lidar(site: Site) -> None:
+    site.scene.write_text(LIDAR)
+    site.lidar.write_text(SCENE)
+    assert_one_line(site.run(), site, str(site.scene), "mounts: found nothing, required")
+    site.scene.write_text(SCENE)
+    assert_one_line(site.run(), site, str(site.lidar), "found an incomplete LiDAR")
+
+
+def test_messages_of_pattern_and_trajectories_are_one_line_too(site: Site) -> None:
+    out = ["--out", site.out]
+    site.scene.write_text(SCENE.replace("width_m: 3.5", "width_m: 0"))
+    site.lidar.write_text(LIDAR.replace("rate_hz: 10", "rate_hz: 0"))
+    assert_one_line(site.infrasim("trajectories", site.scene, *out), site, "width_m: found '0'")
+    assert_one_line(site.infrasim("pattern", site.lidar, *out), site, "rate_hz: found '0'")
+    site.lidar.write_text(LIDAR)
+    result = site.infrasim("pattern", site.lidar, "--frames", "9", *out)
+    assert_one_line(result, site, "--frames: found '9'")

@@ -1,0 +1,359 @@
+"""Full disks, foreign folders, signals and kills: a frame exists whole or not at all."""
+
+import os
+import random
+import resource
+import secrets
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BINARY = Path(sys.executable).with_name("infrasim")
+COMPANIONS = {"label_2": "txt", "calib": "txt", "objects": "csv", "fields": "bin"}
+LIDARS = ["helios_16", "livox_avia"]
+FRAMES = 150
+
+Infrasim = Callable[..., Any]
+Words = Callable[..., list[str]]
+Digests = Callable[[Path], dict[str, str]]
+
+
+def assert_frames_are_whole(folder: Path, reference: Path) -> int:
+    """Each .bin has its companions, all as an undisturbed run wrote them; returns their number."""
+    bins = sorted(folder.glob("*/training/velodyne/[0-9]*.bin"))
+    for bin_file in bins:
+        whole = reference / bin_file.relative_to(folder)
+        assert bin_file.stat().st_size == whole.stat().st_size, bin_file
+        for kind, ending in COMPANIONS.items():
+            companion = bin_file.parents[1] / kind / f"{bin_file.stem}.{ending}"
+            whole = reference / companion.relative_to(folder)
+            assert companion.stat().st_size == whole.stat().st_size, companion
+    return len(bins)
+
+
+def assert_one_line(result: Any, *words: str) -> None:
+    assert result.returncode == 1, (result.returncode, result.stderr)
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+    for word in words:
+        assert word in result.stderr, result.stderr
+
+
+def temporary_files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob(".*") if path.is_file())
+
+
+@pytest.fixture(scope="module")
+def long_command(run_command: Words) -> Words:
+    """Some seconds of work for one thread."""
+
+    def words(out: Path) -> list[str]:
+        return [*run_command(*LIDARS, frames=f"0:{FRAMES}", threads=1, out=out), "--fields"]
+
+    return words
+
+
+@pytest.fixture(scope="module")
+def undisturbed(
+    infrasim: Infrasim, long_command: Words, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    out = tmp_path_factory.mktemp("undisturbed") / "out"
+    result = infrasim(*long_command(out))
+    assert result.returncode == 0, result.stderr
+    assert temporary_files(out) == []
+    return out
+
+
+# Disks and folders
+
+
+def limited(size: int) -> Callable[[], None]:
+    """For a child: no file may grow beyond this many bytes."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+def short(*lidars: str) -> list[str]:
+    """A run whose trajectories.csv is small."""
+    files = [f"configs/lidars/{name}.yaml" for name in lidars]
+    return ["--lidar", *files, "--set", "duration_s=1", "--set", "traffic.warm_up_s=1"]
+
+
+def test_file_that_may_not_grow_ends_the_run_with_whole_frames(
+    infrasim: Infrasim, digests: Digests, tmp_path: Path
+) -> None:
+    words = ["run", "configs/scenes/highway.yaml", "--preset", "paper", "--frames", "0:4"]
+    words += [*short("helios_16", "ruby_plus"), "--fields", "--threads", "1"]
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    assert infrasim(*words, "--out", whole).returncode == 0
+    sizes = {p: p.stat().st_size for p in whole.rglob("*") if p.is_file()}
+    limit = 200_000  # between a .bin of the two
+    assert max(s for p, s in sizes.items() if "ruby_plus" not in str(p)) < limit
+    result = infrasim(*words, "--out", out, preexec_fn=limited(limit))
+    assert_one_line(result, str(out / "ruby_plus"), "can't be written", "File too large")
+    assert assert_frames_are_whole(out, whole) == 1
+    assert temporary_files(out) == []
+    assert infrasim(*words, "--out", out).returncode == 0
+    assert digests(out) == digests(whole)
+
+
+@pytest.mark.parametrize("limit", [0, 100, 1000, 5000])
+def test_run_that_can_not_claim_its_folder_leaves_no_half_file(
+    limit: int, infrasim: Infrasim, tmp_path: Path, run_command: Words, digests: Digests
+) -> None:
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    result = infrasim(*run_command(frames="0:1", out=out), preexec_fn=limited(limit))
+    assert_one_line(result, str(out), "can't be written", "File too large")
+    assert infrasim(*run_command(frames="0:1", out=whole)).returncode == 0
+    assert digests(out).items() <= digests(whole).items()
+    assert infrasim(*run_command(frames="0:1", out=out)).returncode == 0
+    assert digests(out) == digests(whole)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 2 MB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(words, capture_output=True).returncode != 0:
+        pytest.skip("a file system of its own needs root and the right to mount")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_full_disk_ends_the_run_with_whole_frames(
+    small_disk: Path, infrasim: Infrasim, long_command: Words, undisturbed: Path
+) -> None:
+    out = small_disk / "out"
+    result = infrasim(*long_command(out))
+    assert_one_line(result, str(out), "can't be written", "No space left")
+    frames = assert_frames_are_whole(out, undisturbed)
+    assert 0 < frames < 2 * FRAMES
+    assert temporary_files(out) == []
+    again = infrasim(*long_command(out))
+    assert_one_line(again, str(out), "No space left")
+    assert assert_frames_are_whole(out, undisturbed) >= frames
+
+
+@pytest.mark.parametrize("words", [["check", "configs/scenes/highway.yaml"], ["run"]])
+def test_results_that_can_not_be_printed_are_an_error(words: list[str], run_command: Words) -> None:
+    words = run_command(frames="0:1") if words == ["run"] else words
+    with Path("/dev/full").open("w") as full:
+        result = subprocess.run(
+            [str(BINARY), *words], cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert_one_line(result)
+
+
+def test_folder_without_the_right_to_write(infrasim: Infrasim, run_command: Words) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o555)
+        other_user = {"user": "nobody", "group": "nogroup", "extra_groups": []}
+        options = other_user if os.geteuid() == 0 else {}
+        result = infrasim(*run_command(out=folder / "out"), **options)
+        assert_one_line(result, str(folder / "out"), "can't be created", "Permission denied")
+        folder.chmod(0o755)
+        (folder / "out").mkdir(mode=0o555)
+        (folder / "out").chmod(0o555)
+        result = infrasim(*run_command(out=folder / "out"), **options)
+        assert_one_line(result, str(folder / "out"), "Permission denied")
+        assert list((folder / "out").iterdir()) == []
+
+
+def test_file_where_a_folder_should_be(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    assert_one_line(infrasim(*run_command(out=file)), str(file), "can't be")
+    assert_one_line(infrasim(*run_command(out=file / "below")), str(file), "can't be")
+    assert file.read_text() == "mine"
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "helios_16").write_text("mine")
+    assert_one_line(infrasim(*run_command(out=out)), str(out / "helios_16"), "can't be")
+
+
+@pytest.mark.parametrize("command", ["run", "pattern", "trajectories"])
+def test_single_file_that_can_not_be_written(
+    command: str, infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    file = tmp_path / "nowhere/file"
+    words = {
+        "run": run_command(summary=file),
+        "pattern": ["pattern", "configs/lidars/helios_16.yaml", "--out", file],
+        "trajectories": [
+            *("trajectories", "configs/scenes/highway.yaml", "--out", file),
+            *("--set", "duration_s=1"),
+        ],
+    }
+    assert_one_line(infrasim(*words[command]), str(file), "can't be written", "No such file")
+
+
+# Folders of another run
+
+
+@pytest.fixture(scope="module")
+def finished(
+    infrasim: Infrasim, run_command: Words, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    out = tmp_path_factory.mktemp("finished") / "out"
+    assert infrasim(*run_command(frames="0:2", out=out)).returncode == 0
+    return out
+
+
+@pytest.mark.parametrize(
+    ("options", "differs"),
+    [
+        (["--seed", "2"], ["seed: 1", "seed: 2"]),
+        (["--aggregation", "slices:5"], ['aggregation: "exact"', 'aggregation: "slices:5"']),
+        (["--detail", "box"], ["detail: low", "detail: box"]),
+        (["--labels", "all"], ["labels: hit", "labels: all"]),
+        (["--fields"], ["fields: false", "fields: true"]),
+        (["--set", "traffic.warm_up_s=6"], ["warm_up_s: 5", "warm_up_s: 6"]),
+        (["--set", "mounts.pole.z_m=7"], ["z_m: 6", "z_m: 7"]),
+    ],
+)
+def test_folder_of_another_configuration(
+    options: list[str],
+    differs: list[str],
+    finished: Path,
+    infrasim: Infrasim,
+    run_command: Words,
+    digests: Digests,
+) -> None:
+    before = digests(finished)
+    result = infrasim(*run_command(frames="0:4", out=finished), *options)
+    assert_one_line(result, f"{finished}/dataset.yaml:", "another run", *differs)
+    assert digests(finished) == before
+
+
+def test_folder_of_another_preset(
+    finished: Path, infrasim: Infrasim, run_command: Words, digests: Digests
+) -> None:
+    before = digests(finished)
+    result = infrasim(*run_command(frames="0:4", preset="equal", out=finished))
+    assert_one_line(result, f"{finished}/dataset.yaml:", 'preset: "paper"', 'preset: "equal"')
+    assert digests(finished) == before
+
+
+@pytest.mark.parametrize(
+    "file", ["dataset.yaml", "trajectories.csv", "roads.csv", "helios_16/lidar.yaml"]
+)
+def test_folder_whose_files_are_of_another_version_or_source(
+    file: str, finished: Path, infrasim: Infrasim, run_command: Words, digests: Digests
+) -> None:
+    old = (finished / file).read_text()
+    lines = old.splitlines(keepends=True)
+    version = next((i for i, line in enumerate(lines) if line.startswith("version")), 3)
+    lines[version] = 'version: "0.0.1"\n'
+    (finished / file).write_text("".join(lines))
+    before = digests(finished)
+    try:
+        result = infrasim(*run_command(frames="0:4", out=finished))
+        assert_one_line(result, f"{finished / file}:{version + 1}: ", "another run", '"0.0.1"')
+        assert digests(finished) == before
+    finally:
+        (finished / file).write_text(old)
+
+
+def test_folder_takes_more_frames_and_more_lidars_of_the_same_run(
+    infrasim: Infrasim, run_command: Words, digests: Digests, tmp_path: Path
+) -> None:
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    assert infrasim(*run_command("helios_16", frames="0:1", out=out)).returncode == 0
+    assert infrasim(*run_command("livox_avia", frames="1:3", out=out)).returncode == 0
+    assert infrasim(*run_command(*LIDARS, frames="0:3", out=out)).returncode == 0
+    assert infrasim(*run_command(*LIDARS, frames="0:3", out=whole)).returncode == 0
+    assert digests(out) == digests(whole)
+
+
+# Signals
+
+
+def start(words: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [str(BINARY), *words], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for_frames(folder: Path, count: int) -> None:
+    end = time.monotonic() + 60
+    while len(list(folder.glob("*/training/velodyne/[0-9]*.bin"))) < count:
+        assert time.monotonic() < end, "no frames"
+        time.sleep(0.002)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signal_stops_after_the_frame_and_the_same_command_resumes(
+    number: signal.Signals,
+    code: int,
+    infrasim: Infrasim,
+    long_command: Words,
+    undisturbed: Path,
+    digests: Digests,
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "out"
+    process = start(long_command(out))
+    wait_for_frames(out, 20)
+    process.send_signal(number)
+    sent = time.monotonic()
+    _, message = process.communicate(timeout=60)
+    assert time.monotonic() - sent < 2
+    assert process.returncode == code
+    assert len(message.splitlines()) == 1, message
+    assert "resume" in message
+    assert 20 <= assert_frames_are_whole(out, undisturbed) < 2 * FRAMES
+    assert temporary_files(out) == []
+    assert not (out / "summary.csv").exists()
+    assert infrasim(*long_command(out)).returncode == 0
+    assert digests(out) == digests(undisturbed)
+
+
+@pytest.mark.slow
+def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
+    infrasim: Infrasim,
+    long_command: Words,
+    undisturbed: Path,
+    digests: Digests,
+    tmp_path: Path,
+    record_property: Callable[..., None],
+) -> None:
+    seed = int(os.environ.get("FAULTS_SEED", secrets.randbits(32)))
+    print(f"FAULTS_SEED={seed}")
+    moments = random.Random(seed)
+    out = tmp_path / "out"
+    frames = 0
+    for attempt in range(20):
+        process = start(long_command(out))
+        # Every third falls while the folder is claimed or the first frame begins.
+        if attempt % 3:
+            wait_for_frames(out, frames + 1)
+        end = time.monotonic() + moments.uniform(0, 0.15)
+        while time.monotonic() < end:
+            assert_frames_are_whole(out, undisturbed)  # what a reader sees meanwhile
+        process.kill()
+        process.communicate(timeout=60)
+        assert process.returncode == -signal.SIGKILL, "it ended before: raise FRAMES"
+        now = assert_frames_are_whole(out, undisturbed)
+        assert now >= frames
+        frames = now
+    print(f"{frames} of {2 * FRAMES} frames after 20 kills")
+    assert 0 < frames < 2 * FRAMES
+    result = infrasim(*long_command(out))
+    assert result.returncode == 0, result.stderr
+    left = temporary_files(out)
+    record_property("temporary_files_left", len(left))
+    print("temporary files left:", *(path.relative_to(out) for path in left))
+    assert not [path for path in left if "training" in path.parts]
+    mine = {k: v for k, v in digests(out).items() if not Path(k).name.startswith(".")}
+    assert mine == digests(undisturbed)
