@@ -127,7 +127,7 @@ def _mean_clipped(start: FloatArray, end: FloatArray, limit: FloatArray) -> Floa
     above = np.maximum(last, limit) - np.maximum(first, limit)
     moment = limit * (above - below) + (high - low) * (high + low) / 2
     span = last - first
-    return np.where(span > 0, np.divide(moment, span, where=span > 0, out=low), low)
+    return np.asarray(np.divide(moment, span, out=low, where=span > 0))
 
 
 def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ darker, thicker and more solid its box; the colours follow Okabe and Ito.
 """
 
 import argparse
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,14 +19,18 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Arc, Polygon, Rectangle
+from matplotlib.patches import Arc, Patch, Polygon, Rectangle
+from PIL import Image
 
 from pyinfra import kitti
 from pyinfra.kitti import FloatArray
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
+REGION_COLOUR = "#F1EDE4"
+VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
 MARGIN_M = 12.0
+DARKEST_M = 3.0
 HALF_HEIGHT_M = 32.0  # the least that is drawn above and below the middle of a picture
 
 FRAME_S = 0.1
@@ -106,13 +111,12 @@ def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> l
     """
     out.mkdir(parents=True, exist_ok=True)
     views = [[read_view(folder, frame) for folder in folders] for folders in data_sets]
-    pictures = {out / "sheet.png": sheet(views)}
-    for folders, row in zip(data_sets, views, strict=True):
-        for folder, view in zip(folders, row, strict=True):
-            pictures[out / f"{view.scene}_{folder.name}.png"] = picture(view)
-    for file, figure in pictures.items():
-        save(figure, file)
-    return list(pictures)
+    files = [out / "sheet.png"]
+    save(sheet(views), files[0])
+    for view in (view for row in views for view in row):
+        files.append(out / f"{view.scene}_{view.lidar.name}.png")
+        save(picture(view), files[-1])
+    return files
 
 
 def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
@@ -122,9 +126,13 @@ def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
     return file
 
 
-def save(figure: Figure, file: Path) -> None:
-    with mpl.rc_context(STYLE):
-        figure.savefig(file, dpi=DPI)
+def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
+    """Writes a .png of at most 64 colours, which takes a third of the room."""
+    with mpl.rc_context(STYLE), io.BytesIO() as png:
+        figure.savefig(png, format="png", dpi=dpi)
+        with Image.open(png) as image:
+            few = image.convert("RGB").quantize(64, dither=Image.Dither.NONE)
+    few.save(file, optimize=True)
 
 
 def picture(view: View) -> Figure:
@@ -137,11 +145,11 @@ def picture(view: View) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.5, 8.5 * height / width + 1.0), layout="constrained")
         axes = figure.subplots()
-        bird_view(axes, view, window, point_size=0.5, headings=True)
+        bird_view(axes, view, window, point_size=0.75, headings=True)
         axes.set_title(f"{title}\n{view.counts()}", loc="left")
         axes.set_xlabel("x, along the sensor's view (m)")
         axes.set_ylabel("y (m)")
-        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=5, frameon=False)
+        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
@@ -161,39 +169,33 @@ def sheet(views: Sequence[Sequence[View]]) -> Figure:
         for i, (row, window) in enumerate(zip(views, windows, strict=True)):
             for axes, view in zip(grid[i], row, strict=False):
                 axes.set_visible(True)
-                bird_view(axes, view, window, point_size=0.15, headings=False)
+                bird_view(axes, view, window, point_size=0.4, headings=False)
                 model = f"{view.lidar.model}\n" if i == 0 else ""
                 axes.set_title(f"{model}{view.counts()}", fontsize=8)
                 axes.tick_params(labelsize=6, length=2, labelleft=axes is grid[i, 0])
             grid[i, 0].set_ylabel(f"{row[0].scene}\ny (m)")
         for axes in grid[-1]:
             axes.set_xlabel("x (m)")
-        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=5, frameon=False)
+        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=7, frameon=False)
     return figure
 
 
 def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, headings: bool) -> None:
     """Points, boxes, evaluation region and field of view of a frame, in the levelled LiDAR frame.
 
-    Points are light grey on the road and darker with height above it, black from 3 m.
+    Points are light grey on the road and darker with height above it, black from DARKEST_M on.
     """
     for _, road in view.roads.groupby("road", sort=False):
-        axes.add_patch(Polygon(_outline(road), color="#F1EDE4", zorder=0))
+        axes.add_patch(Polygon(_outline(road), color=REGION_COLOUR, zorder=0))
     points = view.points[_inside(view.points[:, :2], window)]
     height = points[:, 2] - view.roads["z"].mean()
-    grey = np.clip(0.66 - 0.66 * height / 3.0, 0.0, 0.66)
-    order = np.argsort(height)
-    axes.scatter(
-        points[order, 0],
-        points[order, 1],
-        s=point_size,
-        c=grey[order],
-        cmap="gray",
-        vmin=0,
-        vmax=1,
-        linewidths=0,
-        zorder=2,
-    )
+    grey = np.clip(np.round(0.65 - 0.65 * height / DARKEST_M, 1), 0.0, 0.65)
+    for level in np.unique(grey)[::-1]:  # high points last, on top
+        here = points[grey == level]
+        style: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
+        axes.plot(
+            here[:, 0], here[:, 1], markersize=point_size, color=str(level), zorder=2, **style
+        )
     for box, hits in zip(view.objects.boxes, view.objects.points, strict=True):
         _draw_box(axes, box, quality(int(hits)), heading=headings)
     for unit in view.lidar.field_of_view:
@@ -217,7 +219,7 @@ def region_window(view: View) -> Window:
 
 
 def legend_handles() -> list[Artist]:
-    """The classes of boxes and the sensor."""
+    """The classes of boxes, and what else is drawn."""
     handles: list[Artist] = [
         Line2D(
             [],
@@ -231,7 +233,8 @@ def legend_handles() -> list[Artist]:
         for q in QUALITIES
     ]
     sensor = Line2D([], [], color="black", marker="^", linestyle="none", label="LiDAR")
-    return [*handles, sensor]
+    view = Line2D([], [], **VIEW_LINE, label="field of view, range")
+    return [*handles, sensor, view, Patch(color=REGION_COLOUR, label="evaluation region")]
 
 
 def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
@@ -246,8 +249,8 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
         for column, (name, rays) in enumerate(patterns.items()):
             field, close = grid[:, column]
             frame = np.degrees(rays[rays[:, 2] < FRAME_S, :2])
-            _draw_rays(field, frame, FIELD, 0.12)
-            _draw_rays(close, frame, CLOSE_UP, 5.0)
+            _draw_rays(field, frame, FIELD, 0.35)
+            _draw_rays(close, frame, CLOSE_UP, 2.3)
             low, high = np.degrees(CAR)
             size = high - low
             car = Rectangle(low, *size, fill=False, edgecolor="#D55E00", linewidth=1.6)
@@ -308,10 +311,10 @@ def _outline(road: pd.DataFrame) -> FloatArray:
     return ring
 
 
-def _inside(xy: npt.NDArray[np.float32], window: Window) -> npt.NDArray[np.bool_]:
+def _inside(xy: npt.NDArray[np.floating], window: Window) -> npt.NDArray[np.bool_]:
     low = (window.x[0], window.y[0])
     high = (window.x[1], window.y[1])
-    return np.all((xy >= low) & (xy <= high), axis=1)
+    return np.asarray(((xy >= low) & (xy <= high)).all(axis=1))
 
 
 def _draw_box(axes: Axes, box: FloatArray, look: Quality, *, heading: bool) -> None:
@@ -337,18 +340,34 @@ def _draw_field_of_view(axes: Axes, unit: kitti.FieldOfView) -> None:
     """The sides of a field of view that is no full circle, and its longest range."""
     first, last = (unit.yaw + a for a in unit.azimuth)
     reach = unit.range_m[1]
-    line: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
     if last - first < np.radians(359):
         for angle in (first, last):
-            axes.plot([0, reach * np.cos(angle)], [0, reach * np.sin(angle)], zorder=1, **line)
+            axes.plot([0, reach * np.cos(angle)], [0, reach * np.sin(angle)], zorder=1, **VIEW_LINE)
     degrees = np.degrees([first, last])
     axes.add_patch(
-        Arc((0, 0), 2 * reach, 2 * reach, theta1=degrees[0], theta2=degrees[1], zorder=1, **line)
+        Arc(
+            (0, 0),
+            2 * reach,
+            2 * reach,
+            theta1=degrees[0],
+            theta2=degrees[1],
+            zorder=1,
+            **VIEW_LINE,
+        )
     )
 
 
 def _draw_rays(axes: Axes, degrees: FloatArray, window: Window, size: float) -> None:
-    axes.scatter(degrees[:, 0], degrees[:, 1], s=size, c="black", linewidths=0)
+    seen = degrees[_inside(degrees, window)]
+    axes.plot(
+        seen[:, 0],
+        seen[:, 1],
+        linestyle="none",
+        marker="o",
+        markersize=size,
+        color="black",
+        markeredgewidth=0,
+    )
     axes.set_aspect("equal")
     axes.set_xlim(*reversed(window.x))  # azimuth grows to the left, as the sensor sees it
     axes.set_ylim(*window.y)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import _launch
+from pyinfra import _launch, kitti
 from pyinfra.kitti import FloatArray
 
 SCENES = ("highway", "crossroad", "curve")
@@ -25,7 +25,7 @@ LIDARS = ("livox_avia", "helios_16", "pandar_64", "ruby_plus")
 FLAT = "flat"
 PRESET = "paper"
 FRAMES = "0:5000:25"
-PATTERN_FRAMES = "0:100"
+PATTERN_FRAMES = "0:20"
 SUMMARY_COLUMNS = ("lidar", "frames", "hits_per_frame")
 
 Say = Callable[[str], object]
@@ -244,7 +244,10 @@ def run(args: argparse.Namespace) -> int:
     data_sets = [[out / "data" / scene / lidar for lidar in LIDARS] for scene in SCENES]
     frame = int(args.frames.split(":")[0])
     pictures = figures.draw_frames(data_sets, frame, out / "pictures")
-    patterns = {name: scan_pattern(lidar_file(name), PATTERN_FRAMES) for name in LIDARS}
+    patterns = {
+        kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name), PATTERN_FRAMES)
+        for folder in data_sets[0]
+    }
     pictures.append(figures.draw_patterns(patterns, out / "pictures/patterns.png"))
     say("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")

@@ -73,10 +73,10 @@ install_python_packages() {
   for group in "$@"; do
     [[ $state != "$(cat ".venv/.setup-$group" 2>/dev/null)" ]] || continue
     [[ -e .venv/.setup ]] && .venv/bin/python -c '' || make_environment
-    mapfile -t wanted < <(requirements "$group")
-    if [[ ${#wanted[@]} -gt 0 ]]; then
+    wanted=$(requirements "$group")
+    if [[ $wanted ]]; then
       echo "setup: installing the Python packages of '$group'"
-      pip_install "${wanted[@]}"
+      pip_install -r /dev/stdin <<<"$wanted"
     fi
     echo "$state" >".venv/.setup-$group"
   done

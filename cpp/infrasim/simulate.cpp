@@ -5,6 +5,7 @@
 #include <map>
 
 #include "infrasim/aggregate/frame_builder.h"
+#include "infrasim/scene_filters.h"
 #include "infrasim/sensor/beam.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/reflectance.h"
@@ -37,6 +38,7 @@ struct Lidar {
   std::vector<Unit> units;
   double reach = 0;
   FrameBuilder builder;
+  std::vector<FilterStep> filters;
 };
 
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
@@ -104,6 +106,17 @@ struct FrameSimulator::Impl {
       lidars.push_back(make_lidar(world.scene, config));
       reach = std::max(reach, lidars.back().reach);
     }
+    for (Lidar& lidar : lidars)
+      lidar.filters = make_filters(world.scene.filters, [&](int k) { return empty_frame(lidar, k); });
+  }
+
+  /// Points of one frame without any vehicle.
+  std::vector<float> empty_frame(Lidar& lidar, int k) {
+    objects = {};
+    raycaster.place({}, kFramePeriod);
+    lidar.builder.start();
+    cast_slice(k, WorldSlice{}, lidar);
+    return {lidar.builder.xyz().begin(), lidar.builder.xyz().end()};
   }
 
   void place_objects(int k) {
@@ -214,6 +227,8 @@ struct FrameSimulator::Impl {
   Frame finish(Lidar& lidar) const {
     Frame frame;
     std::vector<PointCount> counts;
+    if (!lidar.filters.empty())
+      lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz()));
     frame.cloud = lidar.builder.take(objects.boxes, counts);
     for (std::size_t i = 0; i < objects.moving.size(); ++i) {
       const Box3d& box = objects.boxes[i];
@@ -235,21 +250,22 @@ FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
   Impl& m = *impl_;
   check_frame(m.world, k);
+  std::vector<Frame> frames(m.lidars.size());
   std::vector<double> seconds(m.lidars.size());
+  const auto timed = [&](std::size_t i, const auto& work) {
+    const auto start = std::chrono::steady_clock::now();
+    work();
+    seconds[i] += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
   if (std::ranges::find(wanted, true) != wanted.end()) m.place_objects(k);
   for (Lidar& lidar : m.lidars) lidar.builder.start();
   for (const WorldSlice& slice : world_slices(m.aggregation)) {
     if (slice.frozen) m.freeze_objects(slice.middle());
-    for (std::size_t i = 0; i < m.lidars.size(); ++i) {
-      if (!wanted[i]) continue;
-      const auto start = std::chrono::steady_clock::now();
-      m.cast_slice(k, slice, m.lidars[i]);
-      seconds[i] += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    }
+    for (std::size_t i = 0; i < m.lidars.size(); ++i)
+      if (wanted[i]) timed(i, [&] { m.cast_slice(k, slice, m.lidars[i]); });
   }
-  std::vector<Frame> frames(m.lidars.size());
   for (std::size_t i = 0; i < m.lidars.size(); ++i) {
-    if (wanted[i]) frames[i] = m.finish(m.lidars[i]);
+    if (wanted[i]) timed(i, [&] { frames[i] = m.finish(m.lidars[i]); });
     frames[i].rays = m.rays_in_frame(k, m.lidars[i]);
     frames[i].seconds = seconds[i];
   }

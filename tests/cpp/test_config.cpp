@@ -76,7 +76,8 @@ std::string replaced(std::string text, const std::string& part, const std::strin
 int marked_line(const std::string& text) {
   const auto mark = text.find("#!");
   if (mark == std::string::npos) throw std::logic_error("no line is marked");
-  return 1 + static_cast<int>(std::count(text.begin(), text.begin() + static_cast<long>(mark), '\n'));
+  return 1 +
+         static_cast<int>(std::count(text.begin(), text.begin() + static_cast<long>(mark), '\n'));
 }
 
 /// With `part` replaced, the scene is wrong on the line that ends in `#!`.
@@ -254,8 +255,8 @@ TEST(scene_file, a_junction_needs_two_roads_that_cross) {
   expect_scene_error("roads: [main, side]", "roads: [main, main] #!", "roads", "do not cross");
   expect_scene_error("roads: [main, side]", "roads: [main] #!", "junctions.0.roads", "allowed 2");
   const TestFolder folder;
-  const auto file = folder.write(
-      "scene.yaml", replaced(kScene, "x_m: 0, y_m: -100", "x_m: 150, y_m: -100"));
+  const auto file =
+      folder.write("scene.yaml", replaced(kScene, "x_m: 0, y_m: -100", "x_m: 150, y_m: -100"));
   EXPECT_NE(error_of([&] { build_world(read_scene(file)); }).find("do not cross"),
             std::string::npos);
 }
@@ -412,7 +413,7 @@ TEST(set_option, errors_name_the_option_and_the_key) {
   expect("seed", "(option)");
   expect("=1", "(option)");
   expect("seed=[", "(document)");
-  expect("mounts.pole..z_m=1", "mounts.pole.");
+  expect("mounts.pole..z_m=1", "(option)");
   expect("mounts.pole.tilt.deg=1", "mounts.pole.tilt");
   expect("roads.0.embankment.run_per_rise=2", "roads.0.embankment.foot_elevation_m");
 }
@@ -467,8 +468,8 @@ TEST(lidar_file, preset_names_come_in_the_order_of_the_file) {
 }
 
 TEST(lidar_file, keys_are_checked) {
-  expect_lidar_error("max_range_m: 100, range", "max_range_m: 0, #!\n range",
-                     "returns.max_range_m", "above 0");
+  expect_lidar_error("max_range_m: 100, range", "max_range_m: 0, #!\n range", "returns.max_range_m",
+                     "above 0");
   expect_lidar_error("range_accuracy_m: 0.02", "min_range_m: 100 #!\n", "returns.max_range_m",
                      "min_range_m");
   expect_lidar_error("range_accuracy_m: 0.02", "accuracy_m: 0.02 #!\n", "returns.accuracy_m",
@@ -497,7 +498,8 @@ void expect_channels_error(const std::string& text, int line, const std::string&
 
 TEST(channel_table, blank_offsets_and_times_are_unpublished_and_read_as_0) {
   const TestFolder folder;
-  const auto channels = config::read_channels(folder.write("two.csv", kHeader + "1,-1,,\n2,1,3,4\n"));
+  const auto channels =
+      config::read_channels(folder.write("two.csv", kHeader + "1,-1,,\n2,1,3,4\n"));
   ASSERT_EQ(channels.size(), 2U);
   EXPECT_EQ(channels[0].elevation_deg, -1);
   EXPECT_EQ(channels[0].azimuth_offset_deg, 0);

@@ -142,17 +142,26 @@ TEST(objects_file, written_and_read_is_the_same) {
   const std::vector<ObjectRecord> objects = small_frame().objects;
   const auto lines = split(objects_csv(objects), '\n');
   ASSERT_EQ(lines.size(), 3U);
-  EXPECT_EQ(lines[0], "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility");
+  EXPECT_EQ(lines[0],
+            "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility");
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const ObjectRecord& o = objects[i];
     const auto cells = split(lines[i + 1], ',');
     ASSERT_EQ(cells.size(), 14U);
     EXPECT_EQ(std::stoi(cells[0]), o.id);
     EXPECT_EQ(find_class(cells[1])->id, o.object_class);
-    const double values[] = {o.box.x,       o.box.y,     o.box.z,
-                             o.box.dx,      o.box.dy,    o.box.dz,
-                             o.box.heading, o.speed_m_s, static_cast<double>(o.points),
-                             static_cast<double>(o.points_in_box), o.distance, o.visibility};
+    const double values[] = {o.box.x,
+                             o.box.y,
+                             o.box.z,
+                             o.box.dx,
+                             o.box.dy,
+                             o.box.dz,
+                             o.box.heading,
+                             o.speed_m_s,
+                             static_cast<double>(o.points),
+                             static_cast<double>(o.points_in_box),
+                             o.distance,
+                             o.visibility};
     for (std::size_t c = 0; c < 12; ++c) EXPECT_NEAR(std::stod(cells[c + 2]), values[c], 1e-4);
   }
 }

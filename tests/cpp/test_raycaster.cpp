@@ -131,12 +131,11 @@ OracleHit oracle(const World& world, Vec3 d, double u) {
   for (std::size_t i = 0; i < world.placed.size(); ++i) {
     const auto& [body, from, to] = world.placed[i];
     const double heading = from.heading + u * wrap_angle(to.heading - from.heading);
-    const Vec3 centre = Vec3{from.x, from.y, from.z} +
-                        u * (Vec3{to.x, to.y, to.z} - Vec3{from.x, from.y, from.z});
+    const Vec3 centre =
+        Vec3{from.x, from.y, from.z} + u * (Vec3{to.x, to.y, to.z} - Vec3{from.x, from.y, from.z});
     const Mat3 turn = rotation(heading, 0, 0);
-    meet(world.meshes[body], static_cast<int>(i), [&](Vec3 p) {
-      return centre + turn * Vec3{from.dx * p.x, from.dy * p.y, from.dz * p.z};
-    });
+    meet(world.meshes[body], static_cast<int>(i),
+         [&](Vec3 p) { return centre + turn * Vec3{from.dx * p.x, from.dy * p.y, from.dz * p.z}; });
   }
   return best;
 }
@@ -148,8 +147,8 @@ bool agree(const OracleHit& truth, double range, int object) {
 
 /// True if the ray passes an edge: a turn by 1e-5 rad makes the hit the one that was found.
 bool grazes(const World& world, Vec3 d, double u, double range, int object) {
-  for (const Vec3 shift : {Vec3{1e-5, 0, 0}, Vec3{-1e-5, 0, 0}, Vec3{0, 1e-5, 0},
-                           Vec3{0, -1e-5, 0}, Vec3{0, 0, 1e-5}, Vec3{0, 0, -1e-5}}) {
+  for (const Vec3 shift : {Vec3{1e-5, 0, 0}, Vec3{-1e-5, 0, 0}, Vec3{0, 1e-5, 0}, Vec3{0, -1e-5, 0},
+                           Vec3{0, 0, 1e-5}, Vec3{0, 0, -1e-5}}) {
     const OracleHit near = oracle(world, d + shift, u);
     if (std::isinf(near.range) == std::isinf(range) && near.object == object) return true;
   }
@@ -173,8 +172,13 @@ World random_world(std::mt19937& random) {
   world.background = triangles(background);
   for (int i = 0; i < 8; ++i) {
     const double azimuth = uniform(-kPi, kPi), distance = uniform(8, 30);
-    const Box3d from{distance * std::cos(azimuth), distance * std::sin(azimuth), uniform(-6, 1),
-                     uniform(2, 14), uniform(1, 3), uniform(1, 4), uniform(-kPi, kPi)};
+    const Box3d from{distance * std::cos(azimuth),
+                     distance * std::sin(azimuth),
+                     uniform(-6, 1),
+                     uniform(2, 14),
+                     uniform(1, 3),
+                     uniform(1, 4),
+                     uniform(-kPi, kPi)};
     Box3d to = from;
     to.x += uniform(-4, 4);
     to.y += uniform(-4, 4);
@@ -271,8 +275,8 @@ TEST(raycaster, a_wall_at_10_m_is_at_10_m) {
 }
 
 TEST(raycaster, a_hit_on_the_background_has_the_class_of_its_triangle) {
-  const TriangleMesh two = triangles({{{{10, 0, 0}, {10, -5, 5}, {10, -5, -5}}},
-                                      {{{10, 0, 0}, {10, 5, 5}, {10, 5, -5}}}});
+  const TriangleMesh two = triangles(
+      {{{{10, 0, 0}, {10, -5, 5}, {10, -5, -5}}}, {{{10, 0, 0}, {10, 5, 5}, {10, 5, -5}}}});
   EXPECT_EQ(shoot(two, {}, direction(-0.2, 0)).class_id, 0);
   EXPECT_EQ(shoot(two, {}, direction(0.2, 0)).class_id, 1);
 }
@@ -402,8 +406,8 @@ TEST(visibility, of_a_lone_body_is_1_wherever_it_stands) {
   for (const double azimuth : {0.0, 1.0, 3.1, -3.1, -1.6})
     for (const double distance : {5.0, 30.0, 200.0})
       for (int body = 0; body < 7; ++body) {
-        const Box3d box{distance * std::cos(azimuth), distance * std::sin(azimuth), -5, 4.5, 2, 1.5,
-                        0.3};
+        const Box3d box{
+            distance * std::cos(azimuth), distance * std::sin(azimuth), -5, 4.5, 2, 1.5, 0.3};
         EXPECT_EQ(visibility({}, {still(box, body)}), 1) << azimuth << " " << distance;
       }
 }

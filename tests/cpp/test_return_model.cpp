@@ -92,13 +92,15 @@ TEST(drop_off, keeps_the_shares_of_carla) {
 
 TEST(drop_off, with_rates_of_0_keeps_everything) {
   ReturnsConfig config = returns_up_to(300);
-  config.drop_off = DropOffConfig{.general_rate = 0, .intensity_limit = 0.8, .zero_intensity_rate = 0};
+  config.drop_off =
+      DropOffConfig{.general_rate = 0, .intensity_limit = 0.8, .zero_intensity_rate = 0};
   EXPECT_EQ(kept(config, 250), 1);
 }
 
 TEST(drop_off, the_random_loss_and_the_loss_of_faint_points_are_independent) {
   ReturnsConfig config = returns_up_to(300);
-  config.drop_off = DropOffConfig{.general_rate = 0.5, .intensity_limit = 0.8, .zero_intensity_rate = 1};
+  config.drop_off =
+      DropOffConfig{.general_rate = 0.5, .intensity_limit = 0.8, .zero_intensity_rate = 1};
   const double wanted = 0.5 * std::exp(-0.004 * 173.3) / 0.8;
   EXPECT_NEAR(kept(config, 173.3), wanted, bound(wanted));
 }

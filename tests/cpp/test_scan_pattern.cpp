@@ -114,7 +114,8 @@ TEST(spinning_pattern, turns_clockwise_by_the_azimuth_step_from_column_to_column
 TEST(spinning_pattern, later_channels_of_a_column_fire_later_and_look_further_round) {
   const RayBatch rays = rays_of(ScanPattern(vlp16(), 0, kLevel, 0), 0);
   for (std::size_t i = 0; i < 32; ++i) {
-    const double since = static_cast<double>(i / 16) / 18000 + static_cast<double>(i % 16) * 2.304e-6;
+    const double since =
+        static_cast<double>(i / 16) / 18000 + static_cast<double>(i % 16) * 2.304e-6;
     EXPECT_NEAR(rays.time[i], since, 1e-8);
     EXPECT_NEAR(azimuth(rays, i), -2 * kPi * 10 * since, 1e-5);
   }

@@ -182,7 +182,8 @@ TEST(slices, come_in_firing_order_with_every_ray_of_the_frame) {
   EXPECT_EQ(exact.rays, approximate.rays);
   EXPECT_TRUE(std::ranges::is_sorted(approximate.cloud.time));
   EXPECT_NEAR(static_cast<double>(approximate.cloud.size()),
-              static_cast<double>(exact.cloud.size()), 0.005 * static_cast<double>(exact.cloud.size()));
+              static_cast<double>(exact.cloud.size()),
+              0.005 * static_cast<double>(exact.cloud.size()));
 }
 
 TEST(instant, puts_all_points_of_a_vehicle_into_its_box) {
@@ -332,7 +333,9 @@ TEST(bundle, has_the_points_of_its_parts_and_rings_that_go_on) {
   const Frame whole = frame(world, both, 2);
   PointCloud parts = frame(world, left, 2).cloud;
   const PointCloud second = frame(world, right, 2).cloud;
-  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+  const auto append = [](auto& to, const auto& from) {
+    to.insert(to.end(), from.begin(), from.end());
+  };
   append(parts.xyz, second.xyz);
   append(parts.intensity, second.intensity);
   append(parts.time, second.time);
@@ -437,8 +440,9 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
   const Box3d box = world.frame.to_level(world.trajectories.in_frame(2).front().at(0.25));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)
-    EXPECT_LT(distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1],
-                                        mesh.vertices[i][2]}), 1e-4);
+    EXPECT_LT(
+        distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1], mesh.vertices[i][2]}),
+        1e-4);
 }
 
 }  // namespace

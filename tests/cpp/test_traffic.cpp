@@ -201,8 +201,7 @@ TEST(traffic, stands_on_the_road) {
   scene.roads.front().elevation_m = 3;
   scene.traffic->vehicles_per_km_lane = 20;
   const Trajectories t = simulate_traffic(scene);
-  for (const ObjectState& s : t.rows.front())
-    EXPECT_NEAR(s.box.z - s.box.dz / 2, 3, 1e-4);
+  for (const ObjectState& s : t.rows.front()) EXPECT_NEAR(s.box.z - s.box.dz / 2, 3, 1e-4);
 }
 
 TEST(traffic, passes_between_the_legs_of_a_gantry_and_beside_a_house) {

@@ -48,6 +48,20 @@ void FrameBuilder::add(const Return& r, std::int32_t object_id) {
   object_[size_++] = r.object;
 }
 
+void FrameBuilder::keep(std::span<const int> rows) {
+  size_ = 0;
+  for (const int row : rows) {
+    const auto from = static_cast<std::size_t>(row);
+    std::copy_n(&scratch_.xyz[3 * from], 3, &scratch_.xyz[3 * size_]);
+    scratch_.intensity[size_] = scratch_.intensity[from];
+    scratch_.time[size_] = scratch_.time[from];
+    scratch_.ring[size_] = scratch_.ring[from];
+    scratch_.class_id[size_] = scratch_.class_id[from];
+    scratch_.object_id[size_] = scratch_.object_id[from];
+    object_[size_++] = object_[from];
+  }
+}
+
 PointCloud FrameBuilder::take(const std::vector<Box3d>& boxes,
                               std::vector<PointCount>& counts) const {
   std::vector<std::pair<double, double>> turns;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "infrasim/core/aggregation.h"
@@ -44,6 +45,10 @@ class FrameBuilder {
   /// @param object_id id of the object, -1 for background
   void add(const Return& r, std::int32_t object_id);
   std::size_t size() const { return size_; }
+  /// Row-major points so far.
+  std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }
+  /// Drops all but the given rows, which must increase.
+  void keep(std::span<const int> rows);
   /// The points, and per object index those it got. A point counts as inside the object's own box
   /// up to 1 cm outside of it.
   PointCloud take(const std::vector<Box3d>& boxes, std::vector<PointCount>& counts) const;

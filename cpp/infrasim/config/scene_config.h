@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "infrasim/config/tree.h"
+#include "infrasim/core/filter_steps.h"
 #include "infrasim/core/geometry.h"
 
 // The scene file, key by key. Units are in the names; world frame, z up.
@@ -138,6 +139,24 @@ struct WeatherConfig {
   double visibility_m = kInf;
 };
 
+/// A background model learnt from frames of the scene without vehicles.
+struct BackgroundFilter {
+  int frames = 20;
+  BackgroundLearning learning;
+};
+
+/// One step that thins out the points of every frame; exactly one of its members is set.
+struct FilterConfig {
+  std::optional<CropBox> crop_box;
+  std::optional<CropPolygon> crop_polygon;
+  std::optional<CropRange> crop_range;
+  std::optional<CropFieldOfView> crop_field_of_view;
+  std::optional<GroundHeight> ground_height;
+  std::optional<GroundPlane> ground_plane;
+  std::optional<GroundMorphological> ground_morphological;
+  std::optional<BackgroundFilter> background;
+};
+
 struct SceneConfig {
   std::string name;
   std::uint64_t seed = 1;
@@ -155,6 +174,7 @@ struct SceneConfig {
   std::vector<BarrierConfig> barriers;
   std::vector<GantryConfig> gantries;
   std::vector<JunctionConfig> junctions;
+  std::vector<FilterConfig> filters;
   std::optional<TrafficConfig> traffic;
   std::string trajectories;  ///< a file instead of traffic; relative to the scene file
   std::filesystem::path folder;  ///< of the scene file; no key

@@ -81,7 +81,7 @@ double expected_count(const BackgroundModel& model, const CellSamples& cells, in
 }
 
 /// The value that a share of the samples lies below.
-float quantile(std::span<Sample> samples, double share, float Sample::* value) {
+float quantile(std::span<Sample> samples, double share, float Sample::*value) {
   const auto k = static_cast<std::size_t>(share * static_cast<double>(samples.size() - 1) + 0.5);
   std::ranges::nth_element(samples, samples.begin() + static_cast<std::ptrdiff_t>(k), {}, value);
   return samples[k].*value;

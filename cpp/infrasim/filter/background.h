@@ -5,23 +5,9 @@
 #include <string_view>
 #include <vector>
 
-namespace infrasim {
+#include "infrasim/core/filter_steps.h"
 
-/// How a background is learned. Cells are about as large as the step between beams.
-struct BackgroundLearning {
-  double azimuth_cell_deg = 0.2;
-  double elevation_cell_deg = 0.2;
-  double range_margin_m = 0.3;    ///< closer than this before the background is still background
-  double height_margin_m = 0.15;  ///< the same above a level surface
-  /// A cell's background is the farthest of its returns but for this share: it is found even if
-  /// vehicles hide it in most frames (a queue at a red light), and stray echoes do not move it.
-  double far_share = 0.1;
-  /// There is a background if at least this share of a cell's returns agrees on it and the cell got
-  /// at least this share of the returns of the cells below it. Where beams see passing vehicles and
-  /// else nothing (the sky, ground out of reach) neither holds.
-  double agreeing_share = 0.2;
-  double seen_share = 0.5;
-};
+namespace infrasim {
 
 /// The static scene as one fixed sensor sees it: two bounds for each cell of azimuth and elevation.
 /// It needs no beam table, so it serves any scan pattern.
@@ -49,8 +35,9 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
 /// @return indices of the points to keep, in increasing order; never NaN or infinite ones
 std::vector<int> keep(std::span<const float> xyz, const BackgroundModel& model);
 
-/// A model as bytes: the text line "infrasim-background 1", two int32 with the numbers of cells of
-/// azimuth and elevation, then range_m and height_m as float32, elevation-major; little-endian.
+/// A model as bytes: the text line "infrasim-background 1"; int32 cells of azimuth, cells of
+/// elevation, first stored row and number of rows of elevation; range_m and height_m of these rows
+/// as float32. Little-endian; rows that are not stored have no background.
 std::string background_to_bytes(const BackgroundModel& model);
 
 /// True if bytes begin as a background model does.

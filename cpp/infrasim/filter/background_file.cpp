@@ -1,9 +1,9 @@
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 
 #include "infrasim/core/errors.h"
 #include "infrasim/filter/background.h"
@@ -15,55 +15,77 @@ static_assert(std::endian::native == std::endian::little);
 namespace {
 
 constexpr std::string_view kMagic = "infrasim-background 1\n";
-using CellCounts = std::array<std::int32_t, 2>;
-constexpr std::size_t kData = kMagic.size() + sizeof(CellCounts);
+constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
-std::vector<float> floats_at(std::string_view bytes, std::size_t begin, std::size_t count) {
-  std::vector<float> out(count);
-  std::memcpy(out.data(), bytes.data() + begin, count * sizeof(float));
-  return out;
+/// Rows of elevation that hold a background; the others are not stored.
+struct Header {
+  std::int32_t azimuth_cells, elevation_cells, first_row, rows;
+};
+constexpr std::size_t kData = kMagic.size() + sizeof(Header);
+
+Header header_of(const BackgroundModel& model) {
+  const auto seen = [](float range) { return range != kUnseen; };
+  const auto& r = model.range_m;
+  const auto first = std::ranges::find_if(r, seen) - r.begin();
+  const auto after = r.rend() - std::find_if(r.rbegin(), r.rend(), seen);
+  if (after <= first) return {model.azimuth_cells, model.elevation_cells, 0, 0};
+  const auto first_row = static_cast<std::int32_t>(first / model.azimuth_cells);
+  const auto last_row = static_cast<std::int32_t>((after - 1) / model.azimuth_cells);
+  return {model.azimuth_cells, model.elevation_cells, first_row, last_row - first_row + 1};
 }
 
-bool has_nan(const std::vector<float>& values) {
-  return std::ranges::any_of(values, [](float v) { return std::isnan(v); });
+[[noreturn]] void fail(const std::string& name, std::size_t byte, const std::string& message) {
+  throw ConfigError(name + ": byte " + std::to_string(byte) + ": " + message);
+}
+
+Header read_header(std::string_view bytes, const std::string& name) {
+  if (!is_background(bytes))
+    fail(name, 0, "found another kind of file, allowed a background model");
+  if (bytes.size() < kData) fail(name, bytes.size(), "found the end of the file, allowed a header");
+  Header h;
+  std::memcpy(&h, bytes.data() + kMagic.size(), sizeof h);
+  const auto is_count = [](std::int32_t n) { return n >= 1 && n <= 7200; };
+  if (!is_count(h.azimuth_cells) || !is_count(h.elevation_cells))
+    fail(name, kMagic.size(),
+         "found " + std::to_string(h.azimuth_cells) + " x " + std::to_string(h.elevation_cells) +
+             " cells, allowed 1 to 7200 each way");
+  if (h.first_row < 0 || h.rows < 0 || h.first_row > h.elevation_cells - h.rows)
+    fail(name, kMagic.size() + 8, "found rows outside the cells");
+  const std::size_t expected = std::size_t{2} * h.rows * h.azimuth_cells * sizeof(float);
+  if (bytes.size() - kData != expected)
+    fail(name, kData,
+         "found " + std::to_string(bytes.size() - kData) + " bytes of cells, allowed " +
+             std::to_string(expected));
+  return h;
 }
 
 }  // namespace
 
 std::string background_to_bytes(const BackgroundModel& model) {
+  const Header h = header_of(model);
   std::string bytes(kMagic);
-  const auto append = [&](const void* data, std::size_t size) {
-    bytes.append(static_cast<const char*>(data), size);
-  };
-  const CellCounts counts{model.azimuth_cells, model.elevation_cells};
-  append(counts.data(), sizeof counts);
-  append(model.range_m.data(), model.range_m.size() * sizeof(float));
-  append(model.height_m.data(), model.height_m.size() * sizeof(float));
+  bytes.append(reinterpret_cast<const char*>(&h), sizeof h);
+  for (const auto* values : {&model.range_m, &model.height_m})
+    bytes.append(reinterpret_cast<const char*>(values->data() + h.first_row * h.azimuth_cells),
+                 static_cast<std::size_t>(h.rows) * h.azimuth_cells * sizeof(float));
   return bytes;
 }
 
 bool is_background(std::string_view bytes) { return bytes.starts_with(kMagic); }
 
 BackgroundModel background_from_bytes(std::string_view bytes, const std::string& name) {
-  const auto fail = [&](std::size_t byte, const std::string& message) {
-    return ConfigError(name + ": byte " + std::to_string(byte) + ": " + message);
-  };
-  if (!is_background(bytes)) throw fail(0, "not a background model of this version");
-  if (bytes.size() < kData) throw fail(bytes.size(), "the file ends inside the header");
-  CellCounts counts;
-  std::memcpy(counts.data(), bytes.data() + kMagic.size(), sizeof counts);
-  const auto [azimuth_cells, elevation_cells] = counts;
-  if (std::min(azimuth_cells, elevation_cells) < 1 || std::max(azimuth_cells, elevation_cells) > 7200)
-    throw fail(kMagic.size(), "found " + std::to_string(azimuth_cells) + " x " +
-                                  std::to_string(elevation_cells) +
-                                  " cells, allowed is 1 to 7200 each way");
-  const std::size_t cells = static_cast<std::size_t>(azimuth_cells) * elevation_cells;
-  if (bytes.size() - kData != cells * 2 * sizeof(float))
-    throw fail(kData, "found " + std::to_string(bytes.size() - kData) + " bytes of cells, allowed is " +
-                          std::to_string(cells * 2 * sizeof(float)));
-  BackgroundModel model{azimuth_cells, elevation_cells, floats_at(bytes, kData, cells),
-                        floats_at(bytes, kData + cells * sizeof(float), cells)};
-  if (has_nan(model.range_m) || has_nan(model.height_m)) throw fail(kData, "found a NaN, allowed are numbers");
+  const Header h = read_header(bytes, name);
+  const std::size_t cells = static_cast<std::size_t>(h.azimuth_cells) * h.elevation_cells;
+  BackgroundModel model{h.azimuth_cells, h.elevation_cells, std::vector<float>(cells, kUnseen),
+                        std::vector<float>(cells, -kUnseen)};
+  const std::size_t size = static_cast<std::size_t>(h.rows) * h.azimuth_cells * sizeof(float);
+  std::size_t from = kData;
+  for (auto* values : {&model.range_m, &model.height_m}) {
+    std::memcpy(values->data() + h.first_row * h.azimuth_cells, bytes.data() + from, size);
+    if (std::ranges::any_of(*values, [](float v) { return std::isnan(v); }))
+      fail(name, from, "found a NaN, allowed are numbers");
+    from += size;
+  }
   return model;
 }
 

@@ -60,9 +60,8 @@ std::vector<int> keep(std::span<const float> xyz, const GroundPlane& ground) {
         "ground_plane: the distance must be positive and the tilt within (0, 90) degrees");
   const Plane plane = find_plane(xyz, ground);
   if (norm(plane.normal) == 0) return keep_if(xyz, [](Vec3) { return true; });
-  return keep_if(xyz, [&](Vec3 p) {
-    return std::abs(dot(plane.normal, p) + plane.d) > ground.distance_m;
-  });
+  return keep_if(
+      xyz, [&](Vec3 p) { return std::abs(dot(plane.normal, p) + plane.d) > ground.distance_m; });
 }
 
 }  // namespace infrasim

@@ -164,9 +164,8 @@ std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& gro
   }
   fill_map(grids);
   open_windows(grids.map, static_cast<int>(std::lround(ground.window_m / 2 / ground.cell_m)));
-  return keep_if(xyz, [&](Vec3 p) {
-    return !judged(p) || p.z - grids.on_map(p) > ground.height_m;
-  });
+  return keep_if(xyz,
+                 [&](Vec3 p) { return !judged(p) || p.z - grids.on_map(p) > ground.height_m; });
 }
 
 }  // namespace infrasim
