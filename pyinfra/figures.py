@@ -17,6 +17,8 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Polygon, Rectangle
@@ -99,11 +101,6 @@ def read_view(lidar_folder: Path, frame: int) -> View:
     )
 
 
-def quality(points: int) -> Quality:
-    """The class of a vehicle by the number of its points, as the paper has it."""
-    return next(q for q in QUALITIES if points <= q.most)
-
-
 def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
     """Writes a sheet of data sets x LiDARs, and a picture of each; returns the files.
 
@@ -127,11 +124,11 @@ def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
 
 
 def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
-    """Writes a .png of at most 64 colours, which takes a third of the room."""
+    """Writes a .png of the few colours that the pictures here have, which makes it small."""
     with mpl.rc_context(STYLE), io.BytesIO() as png:
         figure.savefig(png, format="png", dpi=dpi)
         with Image.open(png) as image:
-            few = image.convert("RGB").quantize(64, dither=Image.Dither.NONE)
+            few = image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE)
     few.save(file, optimize=True)
 
 
@@ -196,8 +193,9 @@ def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, head
         axes.plot(
             here[:, 0], here[:, 1], markersize=point_size, color=str(level), zorder=2, **style
         )
-    for box, hits in zip(view.objects.boxes, view.objects.points, strict=True):
-        _draw_box(axes, box, quality(int(hits)), heading=headings)
+    classes = np.searchsorted([q.most for q in QUALITIES], view.objects.points)
+    for i, look in enumerate(QUALITIES):
+        _draw_boxes(axes, view.objects.boxes[classes == i], look, headings=headings)
     for unit in view.lidar.field_of_view:
         _draw_field_of_view(axes, unit)
     axes.plot(0, 0, marker="^", color="black", markersize=5, zorder=5)
@@ -289,6 +287,17 @@ def _lidar_folders(data_set: Path) -> list[Path]:
     return folders
 
 
+def _palette() -> Image.Image:
+    """Greys, the colour of the region, and those of the boxes in steps to white."""
+    greys = np.repeat(np.linspace(0, 1, 32)[:, None], 3, axis=1)
+    boxes = np.array([to_rgb(look.colour) for look in QUALITIES])
+    steps = [1 - share * (1 - boxes) for share in (1.0, 0.8, 0.6, 0.4)]
+    colours = np.concatenate([greys, [to_rgb(REGION_COLOUR)], *steps])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.rint(255 * colours).astype(np.uint8).tobytes())
+    return palette
+
+
 def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:
     """The evaluation region in the levelled LiDAR frame."""
     roads = pd.read_csv(data_set / "roads.csv")
@@ -317,23 +326,21 @@ def _inside(xy: npt.NDArray[np.floating], window: Window) -> npt.NDArray[np.bool
     return np.asarray(((xy >= low) & (xy <= high)).all(axis=1))
 
 
-def _draw_box(axes: Axes, box: FloatArray, look: Quality, *, heading: bool) -> None:
-    """The footprint, crossed out if the vehicle was missed; a line leads to its front."""
-    x, y, _, length, width, _, yaw = box
-    centre = np.array([x, y])
-    forward = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
-    left = np.array([-np.sin(yaw), np.cos(yaw)]) * width / 2
-    corners = [forward + left, forward - left, -forward - left, -forward + left]
-    style: dict[str, Any] = {"linewidth": look.width, "linestyle": look.line, "zorder": 3}
-    axes.add_patch(
-        Polygon([centre + c for c in corners], fill=False, edgecolor=look.colour, **style)
+def _draw_boxes(axes: Axes, boxes: FloatArray, look: Quality, *, headings: bool) -> None:
+    """The footprints, crossed out if the vehicles were missed; a line leads to each front."""
+    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+    forward = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
+    left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2
+    a, b = boxes[:, :2] + forward, boxes[:, :2] - forward
+    corners = np.stack([a + left, a - left, b - left, b + left], axis=1)  # (k, 4, 2)
+    style: dict[str, Any] = {"linewidths": look.width, "linestyles": [look.line], "zorder": 3}
+    axes.add_collection(
+        PolyCollection(list(corners), facecolors="none", edgecolors=look.colour, **style)
     )
-    ends = [(corners[0], corners[2]), (corners[1], corners[3])] if look.most == 0 else []
-    if heading:
-        ends.append((0 * forward, forward))
-    for start, end in ends:
-        line = np.stack([centre + start, centre + end])
-        axes.plot(line[:, 0], line[:, 1], color=look.colour, linewidth=0.7, zorder=3)
+    lines = [*corners[:, ::2], *corners[:, 1::2]] if look.most == 0 else []
+    if headings:
+        lines += [*np.stack([boxes[:, :2], a], axis=1)]
+    axes.add_collection(LineCollection(lines, colors=look.colour, linewidths=0.7, zorder=3))
 
 
 def _draw_field_of_view(axes: Axes, unit: kitti.FieldOfView) -> None:

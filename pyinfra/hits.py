@@ -25,6 +25,7 @@ LIDARS = ("livox_avia", "helios_16", "pandar_64", "ruby_plus")
 FLAT = "flat"
 PRESET = "paper"
 FRAMES = "0:5000:25"
+ANOTHER_RUN = "holds another run"  # the binary's words for a folder of another configuration
 PATTERN_FRAMES = "0:20"
 SUMMARY_COLUMNS = ("lidar", "frames", "hits_per_frame")
 
@@ -233,15 +234,22 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out
     lidars = [lidar_file(name) for name in LIDARS]
     scenes = [scene_file(name) for name in SCENES]
+    data = [out / "data" / name for name in SCENES]
+    for scene, folder in zip(scenes, data, strict=True):
+        say(f"frames {args.frames} of {scene.stem}")
+        try:
+            simulate(scene, lidars, args.frames, folder)
+        except SimulatorError as error:
+            if ANOTHER_RUN not in str(error):
+                raise
+            advice = f"remove {folder} or choose another --out"
+            raise SimulatorError(f"{error}; {advice}", error.exit_code) from None
     table = hit_table(scenes, lidars, cache=out / "summaries", say=say)
     write_table(table, out / "hit_points.csv")
     print(table_text(table), flush=True)
 
-    for scene in scenes:
-        say(f"frames {args.frames} of {scene.stem}")
-        simulate(scene, lidars, args.frames, out / "data" / scene.stem)
     say("pictures")
-    data_sets = [[out / "data" / scene / lidar for lidar in LIDARS] for scene in SCENES]
+    data_sets = [[folder / lidar for lidar in LIDARS] for folder in data]
     frame = int(args.frames.split(":")[0])
     pictures = figures.draw_frames(data_sets, frame, out / "pictures")
     patterns = {

@@ -60,11 +60,17 @@ pip_install() {
 
 make_environment() {
   "$(find_python)" -m venv --clear .venv
-  # The source tree is importable, and its binary on the PATH, without installing the package.
+  # The source tree is importable without installing the package.
   pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/infrasim.pth"
-  ln -s ../../build/dev/cpp/infrasim .venv/bin/infrasim
   .venv/bin/python -m pip install -qq -c $constraints pip
   touch .venv/.setup
+}
+
+# The commands of the source tree, beside its Python.
+link_commands() {
+  ln -sfn ../../build/dev/cpp/infrasim .venv/bin/infrasim
+  printf '#!/bin/sh\nexec "${0%%/*}/python" -P -m pyinfra "$@"\n' >.venv/bin/pyinfra
+  chmod +x .venv/bin/pyinfra
 }
 
 install_python_packages() {
@@ -84,3 +90,4 @@ install_python_packages() {
 
 install_system_packages "$@"
 install_python_packages "$@"
+link_commands

@@ -170,7 +170,7 @@ struct FrameSimulator::Impl {
   /// Names the rays worth casting, near ones together: not those that look over everything there
   /// is, nor those whose return is lost whatever they hit.
   void select(Unit& unit, const Rng& rng, std::uint64_t first, std::int64_t groups) {
-    const float highest_dz = raycaster.top() < 0 ? 0 : 1;
+    const float highest_dz = raycaster.top() < 0 && !unit.beam ? 0 : 1;
     selected.clear();
     for (const std::uint32_t i : unit.order(groups)) {
       if (rays.dz[i] > highest_dz) continue;

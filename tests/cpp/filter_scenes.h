@@ -24,8 +24,8 @@ struct Scene {
 /// Points with their truth.
 struct LabelledCloud {
   std::vector<float> xyz;
-  std::vector<int> object;            ///< index into vehicles; -1 ground, -2 building
-  std::vector<double> above_road_m;   ///< height over the road
+  std::vector<int> object;           ///< index into vehicles; -1 ground, -2 building
+  std::vector<double> above_road_m;  ///< height over the road
   std::size_t size() const { return object.size(); }
 };
 
@@ -112,9 +112,9 @@ inline std::vector<Vec3> rosette_directions(std::int64_t frame) {
 }
 
 /// Vehicles of mixed sizes in lanes centred at `lanes_y`, moved on by `shift_m`; `spacing_m` apart.
-inline std::vector<Box3d> traffic(std::span<const double> lanes_y, double spacing_m,
-                                  double shift_m, double grade = 0) {
-  const double sizes[][3] = {{4.5, 1.8, 1.5}, {12, 2.5, 3.8}, {4.2, 1.7, 1.4}, {2.2, 0.8, 1.5},
+inline std::vector<Box3d> traffic(std::span<const double> lanes_y, double spacing_m, double shift_m,
+                                  double grade = 0) {
+  const double sizes[][3] = {{4.5, 1.8, 1.5}, {12, 2.5, 3.8},  {4.2, 1.7, 1.4}, {2.2, 0.8, 1.5},
                              {5.4, 2.0, 2.3}, {4.8, 1.9, 1.6}, {11, 2.55, 3.2}, {4.0, 1.7, 1.5}};
   std::vector<Box3d> out;
   std::uint64_t serial = 0;

@@ -163,7 +163,7 @@ TEST(trajectory_file, what_is_no_number_is_an_error) {
 
 TEST(trajectory_file, starts_at_0_and_steps_by_a_tenth_of_a_second) {
   expect_error(row("0.1", 1, "0") + row("0.2", 1, "0"), 2, "t", "start");
-  expect_error(row("0", 1, "0") + row("0.2", 1, "0"), 3, "t", "0.1 s");
+  expect_error(row("0", 1, "0") + row("0.2", 1, "0"), 3, "id", "0.1 s");
   expect_error(row("0", 1, "0") + row("0.05", 1, "0"), 3, "t", "0.1 s");
   expect_error(row("0", 1, "0"), 2, "t", "two");
 }

@@ -33,7 +33,8 @@ bool parse_double(const std::string& text, double& value) {
     value = kInf;
     return true;
   }
-  const char* begin = text.data() + (text.starts_with('+') ? 1 : 0);
+  const bool plus = text.starts_with('+') && !text.starts_with("+-");
+  const char* begin = text.data() + (plus ? 1 : 0);
   const char* end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(begin, end, value);
   return error == std::errc{} && stop == end && !text.empty() && std::isfinite(value);
@@ -150,13 +151,25 @@ std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
   fail(tree.place, key, found(tree) + ", allowed " + join(names));
 }
 
-void FieldWriter::write(const std::string& value) {
-  text_ += " \"";
-  for (const char c : value) {
-    if (c == '"' || c == '\\') text_ += '\\';
-    text_ += c;
+/// True if the word needs no quotes.
+bool FieldWriter::plain(const std::string& key) {
+  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  return !key.empty() && letter(key.front()) && std::ranges::all_of(key, [&](char c) {
+    return letter(c) || (c >= '0' && c <= '9') || c == '_';
+  });
+}
+
+std::string FieldWriter::quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
   }
-  text_ += '"';
+  return out + '"';
+}
+
+void FieldWriter::write(const std::string& value) {
+  text_ += " " + quoted(value);
 }
 
 void FieldWriter::append_entry(const std::string& entry) {

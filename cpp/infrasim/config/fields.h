@@ -173,11 +173,13 @@ class FieldWriter {
     if (map.empty()) text_ += " {}";
     indent_ += 2;
     for (auto& [key, value] : map) {
-      line(key);
+      line(plain(key) ? key : quoted(key));
       write(value);
     }
     indent_ -= 2;
   }
+  static bool plain(const std::string& key);
+  static std::string quoted(const std::string& text);
   void append_entry(const std::string& entry);
 
   std::string text_;

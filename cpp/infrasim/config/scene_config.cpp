@@ -71,11 +71,16 @@ void visit(Fields& f, GroundConfig& c) {
   f.field("elevation_m", c.elevation_m, "world z of the terrain", required(between(-1e3, 1e4)));
   f.field("outline_m", c.outline_m, "convex outline, counter-clockwise", required());
   f.check(c.outline_m.size() >= 3, "outline_m", "found fewer than 3 corners");
+  double turned = 0;
+  bool left = true;
   for (std::size_t i = 0, n = c.outline_m.size(); i < n; ++i) {
     const Vec2 a = c.outline_m[i], b = c.outline_m[(i + 1) % n], d = c.outline_m[(i + 2) % n];
-    f.check(cross(b - a, d - b) > 0, "outline_m",
-            "found a corner that does not turn left, allowed a convex outline, counter-clockwise");
+    left = left && cross(b - a, d - b) > 0;
+    turned += std::atan2(cross(b - a, d - b), dot(b - a, d - b));
   }
+  f.check(left && turned < 3 * kPi, "outline_m",
+          "found corners that do not turn left once round, allowed a convex outline, "
+          "counter-clockwise");
 }
 
 template <class Fields>

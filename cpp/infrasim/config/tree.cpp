@@ -17,14 +17,18 @@ Place place_of(const YAML::Mark& mark, const std::string& name) {
   return {name, mark.line + 1, mark.column + 1};
 }
 
+constexpr int kMaxDepth = 64;  // an alias may stand for what holds it
+
 struct Converter {
   const std::string& name;
   std::size_t nodes = 0;
+  int depth = 0;
 
   Tree convert(const YAML::Node& node) {
     Tree tree;
     tree.place = place_of(node.Mark(), name);
-    if (++nodes > kMaxNodes) fail(tree.place, "(document)", "more than 1000000 values");
+    if (++nodes > kMaxNodes) fail(tree.place, "(document)", "found more than 1000000 values");
+    if (++depth > kMaxDepth) fail(tree.place, "(document)", "found more than 64 levels");
     switch (node.Type()) {
       case YAML::NodeType::Undefined:
       case YAML::NodeType::Null: break;
@@ -38,6 +42,7 @@ struct Converter {
         break;
       case YAML::NodeType::Map: convert_map(node, tree); break;
     }
+    --depth;
     return tree;
   }
 

@@ -71,7 +71,7 @@ CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const Backg
 /// Returns that a cell would get if all its rays had one: the mean of the seen cells up to 5
 /// degrees below it, where the ground is.
 double expected_count(const BackgroundModel& model, const CellSamples& cells, int cell) {
-  const int rows = 5 * model.elevation_cells / 180;
+  const int rows = std::max(1, 5 * model.elevation_cells / 180);
   std::size_t seen = 0, returns = 0;
   for (int c = cell; c >= 0 && c > cell - rows * model.azimuth_cells; c -= model.azimuth_cells) {
     seen += cells.count(c) > 0 ? 1 : 0;

@@ -1,5 +1,6 @@
 #include "infrasim/filter/ground.h"
 
+#include <pcl/console/print.h>
 #include <pcl/point_types.h>
 #include <pcl/segmentation/sac_segmentation.h>
 
@@ -29,6 +30,9 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
 }
 
 Plane find_plane(std::span<const float> xyz, const GroundPlane& ground) {
+  // PCL prints when it finds none, which is no fault here; its level of printing is a global.
+  static const bool quiet = (pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS), true);
+  static_cast<void>(quiet);
   const auto cloud = fit_points(xyz);
   if (cloud->size() < 3) return {};
   pcl::SACSegmentation<pcl::PointXYZ> search(/*random=*/false);

@@ -147,7 +147,12 @@ void connect_arms(LaneNetwork& network, int junction, const std::vector<Arm>& ar
 
 LaneNetwork build_lane_network(const SceneConfig& scene) {
   std::vector<RoadLine> roads;
-  for (const RoadConfig& road : scene.roads) roads.push_back({&road, centreline(road), {}});
+  for (const RoadConfig& road : scene.roads) {
+    for (const RoadLine& other : roads)
+      if (other.config->name == road.name)
+        config::fail(road.place, "name", "found a second road '" + road.name + "', allowed one");
+    roads.push_back({&road, centreline(road), {}});
+  }
   for (std::size_t i = 0; i < scene.junctions.size(); ++i)
     cut_roads(scene.junctions[i], static_cast<int>(i), roads);
 

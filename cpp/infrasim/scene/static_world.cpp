@@ -112,17 +112,6 @@ void add_barrier(MeshBuilder& mesh, const SceneConfig& scene, const BarrierConfi
   mesh.strip(curve, left, high, right, high, Class::kStructure);
 }
 
-void check_barrier(const SceneConfig& scene, const BarrierConfig& barrier) {
-  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
-  if (barrier.from_m >= std::min(barrier.to_m, centreline(road).length()))
-    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end");
-  const double near = std::abs(barrier.offset_m) - barrier.width_m / 2;
-  const double far = std::abs(barrier.offset_m) + barrier.width_m / 2;
-  if (far > road.lanes.median_m / 2 && near < lanes_half_width(road.lanes))
-    config::fail(barrier.place, "offset_m",
-                 "found a barrier on a lane, allowed the median or outside the lanes");
-}
-
 std::vector<Upright> uprights(const SceneConfig& scene) {
   std::vector<Upright> out;
   for (const BuildingConfig& b : scene.buildings)
@@ -150,15 +139,37 @@ std::vector<Upright> uprights(const SceneConfig& scene) {
   return out;
 }
 
-/// True if the footprint reaches into the lane's width anywhere along it.
-bool stands_on(const std::array<Vec2, 4>& standing, const Lane& lane) {
-  constexpr double kStep = 2;
-  for (double s = 0; s < lane.curve.length(); s += kStep) {
-    const CurvePoint p = lane.curve.at(std::min(s + kStep / 2, lane.curve.length()));
-    const Box3d cell{p.position.x, p.position.y, 0, kStep, lane.width_m, 0, p.heading};
-    if (footprints_overlap(standing, footprint(cell))) return true;
-  }
+constexpr double kStep = 2;  // m, of the cells that checks cut lanes and barriers into
+
+/// True if the box reaches into the width of a lane anywhere along it.
+bool stands_on_lane(const Box3d& box, const LaneNetwork& network) {
+  const auto standing = footprint(box);
+  for (const Lane& lane : network.lanes)
+    for (double s = 0; s < lane.curve.length(); s += kStep) {
+      const CurvePoint p = lane.curve.at(std::min(s + kStep / 2, lane.curve.length()));
+      const double apart = norm(p.position - Vec2{box.x, box.y});
+      if (apart > (box.dx + box.dy + kStep + lane.width_m) / 2) continue;
+      const Box3d cell{p.position.x, p.position.y, 0, kStep, lane.width_m, 0, p.heading};
+      if (footprints_overlap(standing, footprint(cell))) return true;
+    }
   return false;
+}
+
+void check_barrier(const SceneConfig& scene, const LaneNetwork& network,
+                   const BarrierConfig& barrier) {
+  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
+  const Curve line = centreline(road);
+  const double to = std::min(barrier.to_m, line.length());
+  if (barrier.from_m >= to)
+    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end");
+  for (double s = barrier.from_m; s < to; s += kStep) {
+    const CurvePoint p = line.at(std::min(s + kStep / 2, to));
+    const Vec2 centre = p.position + barrier.offset_m * unit(p.heading + kPi / 2);
+    const double length = std::min(kStep, to - s);
+    if (stands_on_lane({centre.x, centre.y, 0, length, barrier.width_m, 0, p.heading}, network))
+      config::fail(barrier.place, "offset_m",
+                   "found a barrier on a lane, allowed the median or outside the lanes");
+  }
 }
 
 }  // namespace
@@ -185,13 +196,12 @@ TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame
   for (const GroundConfig& ground : scene.ground)
     mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
   for (const BarrierConfig& barrier : scene.barriers) {
-    check_barrier(scene, barrier);
+    check_barrier(scene, network, barrier);
     add_barrier(mesh, scene, barrier);
   }
   for (const Upright& upright : uprights(scene)) {
-    for (const Lane& lane : network.lanes)
-      if (!upright.hangs && stands_on(footprint(upright.box), lane))
-        config::fail(upright.place, "x_m", "found it on a lane, allowed beside the lanes");
+    if (!upright.hangs && stands_on_lane(upright.box, network))
+      config::fail(upright.place, "x_m", "found it on a lane, allowed beside the lanes");
     mesh.box(upright.box, Class::kStructure);
   }
   return mesh.take();

@@ -18,7 +18,7 @@ constexpr double kStandstillGap = 2.0;  // m
 constexpr double kCommitBraking = 3.0;  // m/s2: who would need more at a red signal drives on
 constexpr double kLookahead = 100;      // m
 constexpr double kTailClear = 10;       // m into a junction until a turning tail frees the lane
-constexpr double kLongestTurner = 7;    // m; longer vehicles go straight on
+constexpr double kLongestTurner = 6;    // m; longer vehicles go straight on
 constexpr double kMaxLateral = 0.3;     // m, constant offset of a driver from the lane's centre
 
 struct Vehicle {

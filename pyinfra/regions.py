@@ -1,0 +1,160 @@
+"""Where along which road something is, the evaluation region, and the windows of distance.
+
+Roads are the polylines of `roads.csv` in the world frame: one point a metre, s = 0 at the foot of
+the sensor. A place is inside the region if it lies within the width of a road and between the first
+and the last s of its file.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra.kitti import FormatError, WorldPose
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+WINDOW_M = 20.0  # length of a window along its road
+WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
+_CHUNK = 20_000
+ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
+
+
+@dataclass(frozen=True, eq=False)
+class Road:
+    """Centreline of a road within the region; world frame, metres, radians."""
+
+    name: str
+    s: FloatArray  # (n,) rising
+    xy: FloatArray  # (n, 2)
+    heading: FloatArray  # (n,)
+    half_width: FloatArray  # (n,)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where n points are: the nearest of the roads that hold them, and the station along it."""
+
+    road: IntArray  # (n,) index into the roads; -1 outside of the region
+    s: FloatArray  # (n,) metres; nan outside
+
+    @property
+    def inside(self) -> BoolArray:
+        return self.road >= 0
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of a road: s in [middle - 10 m, middle + 10 m)."""
+
+    road: int
+    middle: float
+
+    def holds(self, places: Places) -> BoolArray:
+        """(n,) bool: which of the places lie in it."""
+        ahead = places.s - self.middle
+        return (places.road == self.road) & (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
+
+
+def read_roads(file: Path) -> list[Road]:
+    """Roads of a data set, in the order of the file. Raises FormatError with file and line."""
+    with file.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    if not rows or rows[0] != ROAD_COLUMNS:
+        found = ",".join(rows[0]) if rows else ""
+        raise FormatError(f"{file}:1: found '{found}', allowed '{','.join(ROAD_COLUMNS)}'")
+    points: dict[str, list[list[float]]] = {}
+    for line, row in enumerate(rows[1:], start=2):
+        try:
+            values = [float(word) for word in row[1:]]
+        except ValueError:
+            values = []
+        if len(values) != len(ROAD_COLUMNS) - 1 or not np.isfinite(values).all():
+            raise FormatError(f"{file}:{line}: found '{','.join(row)}', allowed a name, 6 numbers")
+        points.setdefault(row[0], []).append(values)
+    return [_road(name, np.array(values), file) for name, values in points.items()]
+
+
+def _road(name: str, values: FloatArray, file: Path) -> Road:
+    if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
+        raise FormatError(f"{file}: road {name}: found s that does not rise, allowed rising s")
+    return Road(name, values[:, 0], values[:, 1:3], values[:, 4], values[:, 5])
+
+
+def to_world(points: FloatArray, pose: WorldPose) -> FloatArray:
+    """Points (n, 2 or more) of a levelled frame as x y (n, 2) of the world."""
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    x, y = points[:, 0], points[:, 1]
+    return np.stack([pose.x + cos * x - sin * y, pose.y + sin * x + cos * y], axis=1)
+
+
+def locate(points: FloatArray, roads: list[Road]) -> Places:
+    """Places of points (n, 2) in the world frame."""
+    nearest = np.full(len(points), np.inf)
+    places = Places(np.full(len(points), -1), np.full(len(points), np.nan))
+    for index, road in enumerate(roads):
+        for start in range(0, len(points), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            s, aside, half_width = _project(points[part], road)
+            inside = (s >= road.s[0]) & (s <= road.s[-1]) & (aside <= half_width)
+            better = inside & (aside < nearest[part])
+            nearest[part][better] = aside[better]
+            places.road[part][better] = index
+            places.s[part][better] = s[better]
+    return places
+
+
+def by_distance(points: FloatArray) -> Places:
+    """Places along one nameless road that leads away from the sensor: s is the distance.
+
+    points: (n, 2 or more), levelled frame; nothing is outside.
+    """
+    return Places(np.zeros(len(points), dtype=np.int64), np.hypot(points[:, 0], points[:, 1]))
+
+
+def road_windows(roads: list[Road]) -> list[Window]:
+    """Windows of 20 m whose middles are the multiples of 5 m on each road, its ends included."""
+    windows = []
+    for index, road in enumerate(roads):
+        first = np.ceil(road.s[0] / WINDOW_STEP_M - 1e-9)
+        last = np.floor(road.s[-1] / WINDOW_STEP_M + 1e-9)
+        middles = WINDOW_STEP_M * np.arange(first, last + 1)
+        windows += [Window(index, float(middle)) for middle in middles]
+    return windows
+
+
+def distance_windows(farthest: float) -> list[Window]:
+    """Windows of 20 m every 5 m from the sensor until the farthest object is in one."""
+    middles = np.arange(WINDOW_M / 2, max(farthest, 0) + WINDOW_M / 2, WINDOW_STEP_M)
+    return [Window(0, float(middle)) for middle in middles]
+
+
+def _project(points: FloatArray, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Station, distance from the centreline and half width there, (n,) each.
+
+    The first and the last piece of the centreline go on straight, so that s tells what is beyond.
+    """
+    base = road.xy[0]
+    line, points = road.xy - base, points - base
+    # |p - v|^2 without |p|^2, which is the same for all v.
+    nearest = ((line**2).sum(1) - 2 * points @ line.T).argmin(1)
+    best_s = np.full(len(points), np.nan)
+    best = np.full(len(points), np.inf)
+    for first in (nearest - 1, nearest):
+        piece = np.clip(first, 0, len(line) - 2)
+        step = line[piece + 1] - line[piece]
+        t = ((points - line[piece]) * step).sum(1) / (step**2).sum(1)
+        t = np.maximum(t, np.where(piece == 0, -np.inf, 0))
+        t = np.minimum(t, np.where(piece == len(line) - 2, np.inf, 1))
+        gap = points - line[piece] - t[:, None] * step
+        aside = np.hypot(gap[:, 0], gap[:, 1])
+        s = road.s[piece] + t * (road.s[piece + 1] - road.s[piece])
+        best_s = np.where(aside < best, s, best_s)
+        best = np.minimum(aside, best)
+    return best_s, best, np.interp(best_s, road.s, road.half_width)
