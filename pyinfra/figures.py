@@ -5,6 +5,7 @@ darker, thicker and more solid its box; the colours follow Okabe and Ito.
 """
 
 import argparse
+import errno
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -283,7 +284,7 @@ def run(args: argparse.Namespace) -> int:
 def _lidar_folders(data_set: Path) -> list[Path]:
     folders = sorted(file.parent for file in data_set.glob("*/lidar.yaml"))
     if not folders:
-        raise FileNotFoundError(2, "found no LiDAR folder with a lidar.yaml", str(data_set))
+        raise FileNotFoundError(errno.ENOENT, "found no LiDAR folder with a lidar.yaml", str(data_set))
     return folders
 
 

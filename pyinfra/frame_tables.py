@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn, Protocol, TypeVar
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -64,14 +64,6 @@ class Predictions:
         return replace(self, **{name: column[keep] for name, column in vars(self).items()})
 
 
-class _Table(Protocol):
-    @property
-    def frame(self) -> IntArray: ...
-
-
-T = TypeVar("T", bound=_Table)
-
-
 def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     """The objects of the frames, or the labels if the folder has no objects.
 
@@ -94,7 +86,7 @@ def read_predictions(files: Sequence[Path | None]) -> Predictions:
     return _joined(files, _predictions, Predictions)
 
 
-def _joined(
+def _joined[T: (Vehicles, Predictions)](
     files: Sequence[Path | None],
     read: Callable[[Sequence[Path], IntArray], T],
     table: type[T],
@@ -113,23 +105,25 @@ def _joined(
 def _objects(files: Sequence[Path], frames: IntArray) -> Vehicles:
     texts = _texts(files)
     header = ",".join(kitti.OBJECT_COLUMNS)
-    rows = [line.split(",") for text in texts for line in text[1:]]
+    # The class to the front, so that numbers follow each other.
+    cells = (line.split(",") for text in texts for line in text[1:])
+    rows = [[*row[1:2], *row[:1], *row[2:]] for row in cells]
     known = all(text and text[0] == header for text in texts)
-    values = _numbers(rows, len(kitti.OBJECT_COLUMNS), 2) if known else None
-    if values is None or (values[:, 3:6] <= 0).any() or (values[:, 8:10] < 0).any():
+    values = _numbers(rows, len(kitti.OBJECT_COLUMNS), 1) if known else None
+    if values is None or (values[:, 4:7] <= 0).any() or (values[:, 9] < 0).any():
         _fail(files, kitti.read_objects)
     return Vehicles(
         frame=np.repeat(frames, [len(text) - 1 for text in texts]),
-        ids=np.array([row[0] for row in rows], dtype=np.int64),
-        names=np.array([row[1] for row in rows], dtype=np.str_),
-        boxes=values[:, :7],
-        points=values[:, 8].astype(np.int64),
-        visibility=values[:, 11],
+        ids=values[:, 0].astype(np.int64),
+        names=np.array([row[0] for row in rows], dtype=np.str_),
+        boxes=values[:, 1:8],
+        points=values[:, 9].astype(np.int64),
+        visibility=values[:, 12],
     )
 
 
 def _labels(files: Sequence[Path], frames: IntArray) -> Vehicles:
-    frame, _, names, boxes, values = _kitti(files, frames, scores=False)
+    frame, _, names, boxes, _ = _kitti(files, frames, scores=False)
     n = len(frame)
     return Vehicles(
         frame=frame,

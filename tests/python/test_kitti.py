@@ -1,0 +1,271 @@
+"""Frames on disk: what the simulator writes is what is read, and wrong files are named by line."""
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyinfra import kitti
+from pyinfra.kitti import FormatError
+
+HEADER = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
+VEHICLE = "7,Car,10.5,-2,-5.2,4.5,1.8,1.6,0.25,16.5,12,9,10.7,0.75"
+LABEL = "Car 0.00 0 0.1 0 0 50 50 1.6 1.8 4.5 2 6 10 -1.570796"
+LIDAR = """\
+name: "two"
+model: "Two Units"
+preset: "paper"
+price_total_usd: {low: 100, high: 200.5}
+period_s: 0.1
+T_world_levelled: {x_m: 1, y_m: -2, z_m: 6, yaw_deg: 90}
+T_levelled_sensor: {pitch_deg: 5, roll_deg: 0}
+field_of_view:
+  - {yaw_deg: 45, pitch_deg: 0, azimuth_deg: [-35, 35], elevation_deg: [-38, 38], range_m: [1, .inf]}
+  - {yaw_deg: -45, pitch_deg: 10, azimuth_deg: [-35, 35], elevation_deg: [-38, 38], range_m: [1, 2]}
+"""
+
+
+@pytest.fixture(scope="module")
+def data_set(
+    infrasim: Callable[..., object],
+    run_command: Callable[..., list[str]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Two frames of two LiDARs, with fields."""
+    out = tmp_path_factory.mktemp("kitti") / "highway"
+    command = run_command("helios_16", "livox_avia", frames="3:6:2", out=out)
+    infrasim(*command, "--fields", check=True)
+    return out
+
+
+def written(folder: Path, text: str | bytes, name: str = "file") -> Path:
+    file = folder / name
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def lidar_folder(folder: Path, text: str) -> Path:
+    written(folder, text, "lidar.yaml")
+    return folder
+
+
+@pytest.mark.parametrize("lidar", ["helios_16", "livox_avia"])
+def test_all_parts_of_a_simulated_frame_agree(data_set: Path, lidar: str) -> None:
+    folder = data_set / lidar
+    assert kitti.frames(folder) == [3, 5]
+    for frame in kitti.frames(folder):
+        points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
+        fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
+        objects = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
+        labels = kitti.read_labels(kitti.frame_file(folder, "label_2", frame))
+        assert points.shape == (len(fields), 4)
+        assert points.dtype == np.float32
+        assert 0 <= fields["time_s"].min()
+        assert fields["time_s"].max() < 0.1001
+
+        counted = [int((fields["object_id"] == i).sum()) for i in objects.ids]
+        assert objects.points.tolist() == counted
+        assert sum(counted) > 0
+
+        hit = objects.points > 0
+        assert labels.names.tolist() == objects.names[hit].tolist()
+        np.testing.assert_allclose(labels.boxes[:, :6], objects.boxes[hit, :6], atol=2e-4)
+        turn = labels.boxes[:, 6] - objects.boxes[hit, 6]
+        np.testing.assert_allclose(np.cos(turn), 1, atol=1e-9)
+
+
+def test_points_counted_in_a_box_lie_in_it(data_set: Path) -> None:
+    folder = data_set / "livox_avia"
+    points = kitti.read_points(kitti.frame_file(folder, "velodyne", 3))
+    fields = kitti.read_fields(kitti.frame_file(folder, "fields", 3))
+    objects = kitti.read_objects(kitti.frame_file(folder, "objects", 3))
+    for box, own_id, expected in zip(
+        objects.boxes, objects.ids, objects.points_in_box, strict=True
+    ):
+        from_centre = points[fields["object_id"] == own_id, :3] - box[:3]
+        cos, sin = np.cos(box[6]), np.sin(box[6])
+        along = from_centre @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+        inside = (np.abs(along) <= box[3:6] / 2 + 0.01).all(axis=1)
+        assert abs(int(inside.sum()) - expected) <= 1  # a point on the face, in 4 decimals
+
+
+def test_lidar_of_a_run_is_what_its_files_say(data_set: Path) -> None:
+    avia = kitti.read_lidar(data_set / "livox_avia")
+    assert (avia.name, avia.preset, avia.price_usd) == ("livox_avia", "paper", (2079, 2079))
+    assert avia.T_world_levelled == kitti.WorldPose(x=0, y=0, z=6, yaw=0)
+    (view,) = avia.field_of_view
+    assert view.range_m == (0, 260)
+    assert math.degrees(view.azimuth[1]) == pytest.approx(35.3, abs=0.1)
+    (spinning,) = kitti.read_lidar(data_set / "helios_16").field_of_view
+    assert math.degrees(spinning.azimuth[1] - spinning.azimuth[0]) > 359
+
+
+def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
+    lidar = kitti.read_lidar(lidar_folder(tmp_path, LIDAR))
+    assert lidar.T_world_levelled == kitti.WorldPose(1, -2, 6, math.pi / 2)
+    assert lidar.price_usd == (100, 200.5)
+    assert [unit.yaw for unit in lidar.field_of_view] == [math.pi / 4, -math.pi / 4]
+    assert lidar.field_of_view[0].range_m == (1, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("z_m: 6", "z_m: high", "lidar.yaml:6: T_world_levelled.z_m: found 'high', allowed a num"),
+        ("z_m: 6, ", "", "lidar.yaml:6: T_world_levelled: found no key 'z_m'"),
+        ("[1, 2]", "[2, 1]", r"lidar.yaml:10: field_of_view[1].range_m: found [2.0, 1.0]"),
+        ("[1, 2]", "2", "lidar.yaml:10: field_of_view[1].range_m: found no list"),
+        ('name: "two"', "name: [two]", "lidar.yaml:1: name: found a collection"),
+        ("period_s: 0.1\n", "", "found no key 'period_s'"),
+        ("{low: 100", "{low: 100}}", "lidar.yaml:4: is not YAML"),
+        (LIDAR, "", "lidar.yaml:1: found no mapping"),
+    ],
+)
+def test_wrong_lidar_file_is_named_by_line_and_key(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    assert old in LIDAR
+    with pytest.raises(FormatError, match=re.escape(message)):
+        kitti.read_lidar(lidar_folder(tmp_path, LIDAR.replace(old, new)))
+
+
+def test_a_frame_exists_if_its_bin_does(tmp_path: Path) -> None:
+    velodyne = tmp_path / "training/velodyne"
+    velodyne.mkdir(parents=True)
+    for name in ("000010.bin", "000002.bin", ".000003.bin.tmp", "000004.txt", "notes.bin"):
+        (velodyne / name).touch()
+    assert kitti.frames(tmp_path) == [2, 10]
+
+
+def test_folder_without_frames_is_an_error_and_not_empty(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        kitti.frames(tmp_path)
+
+
+def test_points_are_little_endian_float32(tmp_path: Path) -> None:
+    rows = np.array([[1, 2, 3, 0.5], [-4, 5, -6, 1]], dtype="<f4")
+    read = kitti.read_points(written(tmp_path, rows.tobytes()))
+    assert read.tolist() == rows.tolist()
+    assert kitti.read_points(written(tmp_path, b"")).shape == (0, 4)
+
+
+def test_cut_file_is_an_error_with_its_size(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="found 31 bytes, allowed a multiple of 16"):
+        kitti.read_points(written(tmp_path, bytes(31)))
+    with pytest.raises(FormatError, match="found 13 bytes, allowed a multiple of 12"):
+        kitti.read_fields(written(tmp_path, bytes(13)))
+
+
+def test_point_that_is_not_finite_is_an_error(tmp_path: Path) -> None:
+    rows = np.zeros((3, 4), dtype="<f4")
+    rows[1, 2] = np.nan
+    with pytest.raises(FormatError, match="point 1: found .*allowed finite"):
+        kitti.read_points(written(tmp_path, rows.tobytes()))
+
+
+def test_fields_are_packed_records(tmp_path: Path) -> None:
+    record = np.array([(0.05, 127, 3, -1)], dtype=kitti.FIELDS)
+    assert record.nbytes == 12
+    read = kitti.read_fields(written(tmp_path, record.tobytes()))
+    assert (read["ring"][0], read["class"][0], read["object_id"][0]) == (127, 3, -1)
+
+
+def test_objects_are_read_by_column(tmp_path: Path) -> None:
+    objects = kitti.read_objects(written(tmp_path, f"{HEADER}\n{VEHICLE}\n"))
+    assert len(objects) == 1
+    assert objects.names.tolist() == ["Car"]
+    assert objects.boxes.tolist() == [[10.5, -2, -5.2, 4.5, 1.8, 1.6, 0.25]]
+    assert (objects.ids[0], objects.points[0], objects.points_in_box[0]) == (7, 12, 9)
+    assert (objects.speed[0], objects.distance[0], objects.visibility[0]) == (16.5, 10.7, 0.75)
+
+
+def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
+    objects = kitti.read_objects(written(tmp_path, HEADER + "\n"))
+    assert len(objects) == 0
+    assert objects.boxes.shape == (0, 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", ":1: found '', allowed 'id,class"),
+        (f"{HEADER},more\n", ":1: found 'id,class"),
+        (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: found 2 columns, allowed 14"),
+        (f"{HEADER}\n{VEHICLE}\n\n", ":3: found 1 columns, allowed 14"),
+        (f"{HEADER}\n{VEHICLE.replace('10.5', 'ten')}", ":2: x: found 'ten', allowed a number"),
+        (f"{HEADER}\n{VEHICLE.replace('10.5', 'nan')}", ":2: x: found nan, allowed a finite"),
+        (f"{HEADER}\n{VEHICLE.replace('4.5', '-4.5')}", ":2: dx: found -4.5, allowed more than 0"),
+        (f"{HEADER}\n{VEHICLE.replace('12', '-1')}", ":2: points: found -1, allowed a whole num"),
+        (f"{HEADER}\n{VEHICLE.replace('12', '1.5')}", ":2: points: found 1.5, allowed a whole"),
+        (f"{HEADER}\n{VEHICLE.replace('0.75', '1.5')}", ":2: visibility: found 1.5, allowed 0 to"),
+        (f"{HEADER}\n{VEHICLE.replace('Car', '')}", ":2: class: found nothing, allowed a name"),
+    ],
+)
+def test_wrong_objects_file_is_named_by_line_and_column(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    with pytest.raises(FormatError, match=re.escape(f"file{message}")):
+        kitti.read_objects(written(tmp_path, text))
+
+
+def test_label_becomes_a_box_around_its_centre(tmp_path: Path) -> None:
+    labels = kitti.read_labels(written(tmp_path, LABEL + "\n"))
+    # 10 m ahead, 2 m to the right, bottom 6 m below the sensor; rotation_y -90 degrees looks ahead.
+    np.testing.assert_allclose(labels.boxes, [[10, -2, -5.2, 4.5, 1.8, 1.6, 0]], atol=1e-6)
+    assert labels.names.tolist() == ["Car"]
+    assert labels.scores is None
+
+
+@pytest.mark.parametrize("heading", [-3.0, -1.0, 0.0, 0.5, 2.0, 3.1])
+def test_heading_survives_the_camera_frame(tmp_path: Path, heading: float) -> None:
+    line = LABEL.replace("-1.570796", f"{-heading - math.pi / 2:.6f}")
+    assert kitti.read_labels(written(tmp_path, line)).boxes[0, 6] == pytest.approx(heading)
+
+
+def test_predictions_have_a_score_and_labels_have_none(tmp_path: Path) -> None:
+    file = written(tmp_path, f"{LABEL} 0.9\n{LABEL} 0.25\n")
+    scores = kitti.read_labels(file, scores=True).scores
+    assert scores is not None
+    assert scores.tolist() == [0.9, 0.25]
+    with pytest.raises(FormatError, match=r"file:1: found 16 columns, allowed 15"):
+        kitti.read_labels(file)
+    with pytest.raises(FormatError, match=r"file:1: found 15 columns, allowed 16"):
+        kitti.read_labels(written(tmp_path, LABEL), scores=True)
+
+
+def test_dont_care_regions_are_left_out(tmp_path: Path) -> None:
+    region = "DontCare -1 -1 -10 500 160 520 180 -1 -1 -1 -1000 -1000 -1000 -10"
+    labels = kitti.read_labels(written(tmp_path, f"{region}\n{LABEL}\n"))
+    assert labels.names.tolist() == ["Car"]
+
+
+def test_empty_label_file_is_a_frame_without_objects(tmp_path: Path) -> None:
+    labels = kitti.read_labels(written(tmp_path, ""), scores=True)
+    assert labels.boxes.shape == (0, 7)
+    assert labels.scores is not None
+    assert len(labels.scores) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"{LABEL}\n{LABEL.replace(' 10 ', ' far ')}\n", ":2: z: found 'far', allowed a number"),
+        (LABEL.replace("1.6 1.8", "1.6 0"), ":1: w: found 0, allowed more than 0"),
+        (LABEL.replace(" 10 ", " inf "), ":1: z: found inf, allowed a finite number"),
+        (b"Car \xff", ": found byte 4 that is not UTF-8"),
+    ],
+)
+def test_wrong_label_file_is_named_by_line_and_column(
+    tmp_path: Path, text: str | bytes, message: str
+) -> None:
+    with pytest.raises(FormatError, match=re.escape(f"file{message}")):
+        kitti.read_labels(written(tmp_path, text))
+
+
+def test_missing_file_is_an_error_of_the_system(tmp_path: Path) -> None:
+    for read in (kitti.read_points, kitti.read_objects, kitti.read_labels):
+        with pytest.raises(FileNotFoundError):
+            read(tmp_path / "none")
