@@ -28,7 +28,8 @@ const World& world(const std::vector<std::string>& assignments) {
   const std::lock_guard lock(mutex);
   const auto it = worlds.find(assignments);
   if (it != worlds.end()) return it->second;
-  return worlds.emplace(assignments, build_world(read_scene(configs("scenes/highway.yaml"), assignments)))
+  return worlds
+      .emplace(assignments, build_world(read_scene(configs("scenes/highway.yaml"), assignments)))
       .first->second;
 }
 
@@ -52,7 +53,8 @@ std::vector<std::string> with(const std::vector<std::string>& more) {
 /// The scene of one frame, built by hand: static triangles and moving instances.
 class BareScene {
  public:
-  BareScene(const World& w, int k) : device_(rtcNewDevice("threads=1")), scene_(rtcNewScene(device_)) {
+  BareScene(const World& w, int k)
+      : device_(rtcNewDevice("threads=1")), scene_(rtcNewScene(device_)) {
     rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     for (const TriangleMesh& mesh : w.bodies) bodies_.push_back(mesh_scene(mesh));
     bodies_.push_back(mesh_scene(w.background));

@@ -181,8 +181,10 @@ def main() -> None:
         version=__version__,
         machine=machine,
     ).to_csv(args.out, index=False)
-    print(f"peak of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MB",
-          file=sys.stderr)
+    print(
+        f"peak of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MB",
+        file=sys.stderr,
+    )
 
 
 if __name__ == "__main__":
