@@ -26,14 +26,13 @@ py::array object_rows(const Frame& frame) {
   auto out = rows.mutable_unchecked<1>();
   for (std::size_t i = 0; i < frame.objects.size(); ++i) {
     const ObjectRecord& o = frame.objects[i];
-    out(static_cast<py::ssize_t>(i)) = {
-        o.id,         static_cast<std::uint16_t>(o.object_class),
-        o.box.x,      o.box.y,
-        o.box.z,      o.box.dx,
-        o.box.dy,     o.box.dz,
-        o.box.heading, o.speed_m_s,
-        o.points,     o.points_in_box,
-        o.distance,   o.visibility};
+    out(static_cast<py::ssize_t>(i)) = {o.id,          static_cast<std::uint16_t>(o.object_class),
+                                        o.box.x,       o.box.y,
+                                        o.box.z,       o.box.dx,
+                                        o.box.dy,      o.box.dz,
+                                        o.box.heading, o.speed_m_s,
+                                        o.points,      o.points_in_box,
+                                        o.distance,    o.visibility};
   }
   return rows;
 }

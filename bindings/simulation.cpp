@@ -26,7 +26,8 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
                              rows.data());
 }
 
-std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame, double share) {
+std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame,
+                                                                      double share) {
   const TriangleMesh mesh = frozen_mesh(world, frame, share);
   return {
       py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},
@@ -57,16 +58,18 @@ void bind_simulation(py::module_& m) {
              return std::make_unique<World>(build_world(read_scene(file, set)));
            }),
            py::arg("file"), py::arg("assignments") = std::vector<std::string>{})
-      .def("dump", [](const World& w) { return dump_scene(w.scene); },
-           "Every key with its value, as YAML.")
-      .def_property_readonly("frames", [](const World& w) { return w.trajectories.frames(); },
-                             "Frames of 0.1 s in the scene's duration.")
+      .def(
+          "dump", [](const World& w) { return dump_scene(w.scene); },
+          "Every key with its value, as YAML.")
+      .def_property_readonly(
+          "frames", [](const World& w) { return w.trajectories.frames(); },
+          "Frames of 0.1 s in the scene's duration.")
       .def("mesh", &mesh_arrays, py::arg("frame"), py::arg("share") = 0.5,
            "All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; "
            "levelled frame.");
 
-  py::class_<FrameStream>(
-      m, "FrameStream", "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")
+  py::class_<FrameStream>(m, "FrameStream",
+                          "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")
       .def(py::init<const World&, std::vector<LidarConfig>, std::vector<int>, int>(),
            py::arg("world"), py::arg("lidars"), py::arg("frames"), py::arg("threads"),
            py::keep_alive<1, 2>(), py::call_guard<py::gil_scoped_release>())

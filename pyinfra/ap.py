@@ -79,7 +79,7 @@ def average_precision(
     weights: (draws, blocks) whole numbers; left out, one draw of every block once.
     """
     count, first = (10, 0) if recalls == 11 else (recalls, 1)
-    return 100 * precision_at_recalls(ranking, count, first, weights).mean(axis=1)
+    return np.asarray(100 * precision_at_recalls(ranking, count, first, weights).mean(axis=1))
 
 
 def precision_at_recalls(
@@ -116,7 +116,8 @@ def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -
         picked = np.take_along_axis(padded, at, axis=1)
         return np.maximum.accumulate(picked[:, ::-1], axis=1)[:, ::-1]
 
-    return 100 * _over_draws(ranking, weights, KITTI_SAMPLES, sampled)[:, 1:].mean(axis=1)
+    precision = _over_draws(ranking, weights, KITTI_SAMPLES, sampled)
+    return np.asarray(100 * precision[:, 1:].mean(axis=1))
 
 
 def _kitti_hits(total: IntArray, objects: IntArray) -> IntArray:

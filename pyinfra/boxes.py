@@ -105,7 +105,7 @@ def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     smaller = np.minimum(a[:, 3] * a[:, 4], b[:, 3] * b[:, 4])
     size = np.maximum(a[:, 3:5], b[:, 3:5]).max(1)
     area[area <= _ROUNDING * size * size] = 0  # boxes that only touch
-    return np.minimum(area, smaller)
+    return np.asarray(np.minimum(area, smaller))
 
 
 def _corners_seen_from(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:

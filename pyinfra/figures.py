@@ -284,7 +284,9 @@ def run(args: argparse.Namespace) -> int:
 def _lidar_folders(data_set: Path) -> list[Path]:
     folders = sorted(file.parent for file in data_set.glob("*/lidar.yaml"))
     if not folders:
-        raise FileNotFoundError(errno.ENOENT, "found no LiDAR folder with a lidar.yaml", str(data_set))
+        raise FileNotFoundError(
+            errno.ENOENT, "found no LiDAR folder with a lidar.yaml", str(data_set)
+        )
     return folders
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +64,9 @@ class Predictions:
         return replace(self, **{name: column[keep] for name, column in vars(self).items()})
 
 
+Table = TypeVar("Table", Vehicles, Predictions)
+
+
 def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     """The objects of the frames, or the labels if the folder has no objects.
 
@@ -86,11 +89,11 @@ def read_predictions(files: Sequence[Path | None]) -> Predictions:
     return _joined(files, _predictions, Predictions)
 
 
-def _joined[T: (Vehicles, Predictions)](
+def _joined(
     files: Sequence[Path | None],
-    read: Callable[[Sequence[Path], IntArray], T],
-    table: type[T],
-) -> T:
+    read: Callable[[Sequence[Path], IntArray], Table],
+    table: type[Table],
+) -> Table:
     """The groups' tables after one another; `read` is given the files and their frames."""
     present = [(i, file) for i, file in enumerate(files) if file is not None]
     parts = []

@@ -59,7 +59,8 @@ class Window:
     def holds(self, places: Places) -> BoolArray:
         """(n,) bool: which of the places lie in it."""
         ahead = places.s - self.middle
-        return (places.road == self.road) & (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
+        near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
+        return np.asarray(near & (places.road == self.road))
 
 
 def read_roads(file: Path) -> list[Road]:

@@ -24,7 +24,9 @@ struct FrameStream::Impl {
   std::vector<std::jthread> threads;  // last: joined before the rest goes
 
   Impl(const World& w, std::vector<LidarConfig> l, std::vector<int> n, int thread_count)
-      : world(w), lidars(std::move(l)), numbers(std::move(n)),
+      : world(w),
+        lidars(std::move(l)),
+        numbers(std::move(n)),
         ahead(2 * static_cast<std::size_t>(thread_count)) {
     for (int i = 0; i < thread_count; ++i) threads.emplace_back([this] { work(); });
   }

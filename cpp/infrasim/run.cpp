@@ -4,8 +4,8 @@
 #include <fstream>
 #include <mutex>
 #include <set>
-#include <sstream>
 #include <span>
+#include <sstream>
 #include <thread>
 
 #include "infrasim/config/fields.h"
@@ -24,8 +24,8 @@ void check(const RunRequest& request) {
   const FrameRange& f = request.frames;
   if (f.first < 0 || f.step < 1 || f.last <= f.first || f.last > frames)
     throw ConfigError("--frames: found " + std::to_string(f.first) + ":" + std::to_string(f.last) +
-                      ":" + std::to_string(f.step) + ", allowed A:B[:STEP] within 0:" +
-                      std::to_string(frames));
+                      ":" + std::to_string(f.step) +
+                      ", allowed A:B[:STEP] within 0:" + std::to_string(frames));
   std::set<std::string> names;
   for (const LidarConfig& lidar : request.lidars)
     if (!names.insert(lidar.name).second)
@@ -52,8 +52,7 @@ std::string lidar_text(const RunRequest& request, const LidarConfig& lidar) {
        << ", roll_deg: " << n(mount.roll_deg) << "}\n";
   text << "field_of_view:\n";
   for (const LidarUnit& unit : lidar.units) {
-    const FieldOfView fov =
-        field_of_view(ScanPattern(unit.pattern, 0, rotation(0, 0, 0), 0));
+    const FieldOfView fov = field_of_view(ScanPattern(unit.pattern, 0, rotation(0, 0, 0), 0));
     const auto two = [&](double v) { return n(std::round(v * 100) / 100); };
     text << "  - {yaw_deg: " << n(unit.yaw_deg) << ", pitch_deg: " << n(unit.pitch_deg)
          << ", azimuth_deg: [" << two(fov.azimuth_min_deg) << ", " << two(fov.azimuth_max_deg)

@@ -16,7 +16,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kChunkRays = 4096;     // rays worked on at once: they stay in the first-level cache
+constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
 
 /// One optical unit, ready to fire.
 struct Unit {
@@ -24,7 +24,7 @@ struct Unit {
   ReturnModel returns;
   std::optional<Beam> beam;
   float max_range;
-  std::string stream;  ///< name of its random numbers
+  std::string stream;                                              ///< name of its random numbers
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
 
   std::span<const std::uint32_t> order(std::int64_t groups) {
@@ -50,13 +50,13 @@ Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
     const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
                       rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
     const double phase = start_phase_s(scene.seed, config, i);
-    lidar.units.push_back({ScanPattern(unit.pattern, phase, pose, first_ring),
-                           ReturnModel(unit.returns, scene.weather),
-                           unit.returns.beam ? std::optional<Beam>(Beam(*unit.returns.beam, pose))
-                                             : std::nullopt,
-                           static_cast<float>(unit.returns.max_range_m),
-                           stream_name(config, i),
-                           {}});
+    lidar.units.push_back(
+        {ScanPattern(unit.pattern, phase, pose, first_ring),
+         ReturnModel(unit.returns, scene.weather),
+         unit.returns.beam ? std::optional<Beam>(Beam(*unit.returns.beam, pose)) : std::nullopt,
+         static_cast<float>(unit.returns.max_range_m),
+         stream_name(config, i),
+         {}});
     first_ring += lidar.units.back().pattern.group_size();
     lidar.reach = std::max(lidar.reach, unit.returns.max_range_m);
   }
@@ -99,15 +99,14 @@ struct FrameSimulator::Impl {
   std::vector<float> sub_reflectance;
 
   Impl(const World& w, std::span<const LidarConfig> configs)
-      : world(w),
-        aggregation(*parse_aggregation(w.scene.aggregation)),
-        raycaster(*w.meshes) {
+      : world(w), aggregation(*parse_aggregation(w.scene.aggregation)), raycaster(*w.meshes) {
     for (const LidarConfig& config : configs) {
       lidars.push_back(make_lidar(world.scene, config));
       reach = std::max(reach, lidars.back().reach);
     }
     for (Lidar& lidar : lidars)
-      lidar.filters = make_filters(world.scene.filters, [&](int k) { return empty_frame(lidar, k); });
+      lidar.filters =
+          make_filters(world.scene.filters, [&](int k) { return empty_frame(lidar, k); });
   }
 
   /// Points of one frame without any vehicle.
@@ -199,21 +198,22 @@ struct FrameSimulator::Impl {
   void look_up_reflectance(const HitBatch& batch, std::vector<float>& out) const {
     out.resize(batch.size());
     for (std::size_t i = 0; i < batch.size(); ++i)
-      out[i] = batch.object[i] >= 0
-                   ? objects.reflectance[static_cast<std::size_t>(batch.object[i])]
-                   : background_reflectance(static_cast<Class>(batch.class_id[i]));
+      out[i] = batch.object[i] >= 0 ? objects.reflectance[static_cast<std::size_t>(batch.object[i])]
+                                    : background_reflectance(static_cast<Class>(batch.class_id[i]));
   }
 
   void collect(FrameBuilder& builder) const {
     for (std::size_t n = 0; n < returns.ray.size(); ++n) {
       const std::uint32_t i = returns.ray[n];
       const std::int32_t object = hits.object[i];
-      const MovingObject* hit = object < 0 ? nullptr : &objects.moving[static_cast<std::size_t>(object)];
-      builder.add({rays.dx[i], rays.dy[i], rays.dz[i], returns.range[n], returns.intensity[n],
-                   rays.time[i], rays.ring[i],
-                   hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : hits.class_id[i],
-                   object},
-                  hit != nullptr ? hit->id : -1);
+      const MovingObject* hit =
+          object < 0 ? nullptr : &objects.moving[static_cast<std::size_t>(object)];
+      builder.add(
+          {rays.dx[i], rays.dy[i], rays.dz[i], returns.range[n], returns.intensity[n], rays.time[i],
+           rays.ring[i],
+           hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : hits.class_id[i],
+           object},
+          hit != nullptr ? hit->id : -1);
     }
   }
 
@@ -227,8 +227,7 @@ struct FrameSimulator::Impl {
   Frame finish(Lidar& lidar) const {
     Frame frame;
     std::vector<PointCount> counts;
-    if (!lidar.filters.empty())
-      lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz()));
+    if (!lidar.filters.empty()) lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz()));
     frame.cloud = lidar.builder.take(objects.boxes, counts);
     for (std::size_t i = 0; i < objects.moving.size(); ++i) {
       const Box3d& box = objects.boxes[i];

@@ -16,10 +16,9 @@ Trajectories load_trajectories(const SceneConfig& scene) {
   Trajectories trajectories = read_trajectories(file);
   const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
   if (trajectories.frames() < frames)
-    throw ConfigError(file.string() + ": t: found " +
-                      std::to_string(trajectories.frames() * kFramePeriod) +
-                      " s, allowed at least the scene's duration_s of " +
-                      std::to_string(scene.duration_s));
+    throw ConfigError(
+        file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
+        " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
   trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
   return trajectories;
 }
@@ -27,8 +26,8 @@ Trajectories load_trajectories(const SceneConfig& scene) {
 }  // namespace
 
 std::size_t body_index(Class object_class) {
-  return static_cast<std::size_t>(std::ranges::find(kObjectClasses, object_class, &ObjectClass::id) -
-                                  kObjectClasses.begin());
+  return static_cast<std::size_t>(
+      std::ranges::find(kObjectClasses, object_class, &ObjectClass::id) - kObjectClasses.begin());
 }
 
 World build_world(const SceneConfig& scene) {
@@ -38,8 +37,13 @@ World build_world(const SceneConfig& scene) {
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
-  return {scene, frame, EvaluationRegion(scene), load_trajectories(scene), std::move(background),
-          std::move(bodies), std::move(meshes)};
+  return {scene,
+          frame,
+          EvaluationRegion(scene),
+          load_trajectories(scene),
+          std::move(background),
+          std::move(bodies),
+          std::move(meshes)};
 }
 
 void check_frame(const World& world, int k) {

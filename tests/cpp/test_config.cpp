@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <limits>
 #include <stdexcept>
@@ -177,6 +179,18 @@ TEST(scene_file, a_second_document_is_not_dropped_silently) {
   const TestFolder folder;
   const auto file = folder.write("scene.yaml", kScene + "---\nfields: true\n");
   error_of([&] { read_scene(file); });
+}
+
+TEST(scene_file, punctuation_after_its_content_is_an_error_and_no_endless_loop) {
+  for (const char* text : {",", "{name: a} , b"})
+    EXPECT_EXIT(
+        {
+          ::alarm(2);
+          error_of([&] { config::parse_tree(text, "text"); });
+          std::_Exit(::testing::Test::HasFailure());
+        },
+        ::testing::ExitedWithCode(0), "")
+        << text;
 }
 
 TEST(scene_file, aliases_that_multiply_without_end_are_an_error) {

@@ -150,7 +150,7 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
     for name in names:
         with Image.open(tmp_path / "out" / name) as image:
             colours = image.convert("RGB").getcolors() or []
-            assert min(image.size) > 300
+            assert min(image.size) > 200
         seen = {colour for _, colour in colours}
         assert (0, 32, 91) in seen, "no box of a vehicle with many points"  # 00205B
         assert (213, 94, 0) in seen, "no crossed-out box of a missed vehicle"  # D55E00
@@ -235,4 +235,4 @@ def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
             text=True,
             cwd=tmp_path,
         )
-    assert done.stderr == ""
+    assert (done.returncode, done.stderr) == (1, "")

@@ -23,8 +23,8 @@ period_s: 0.1
 T_world_levelled: {x_m: 1, y_m: -2, z_m: 6, yaw_deg: 90}
 T_levelled_sensor: {pitch_deg: 5, roll_deg: 0}
 field_of_view:
-  - {yaw_deg: 45, pitch_deg: 0, azimuth_deg: [-35, 35], elevation_deg: [-38, 38], range_m: [1, .inf]}
-  - {yaw_deg: -45, pitch_deg: 10, azimuth_deg: [-35, 35], elevation_deg: [-38, 38], range_m: [1, 2]}
+  - {yaw_deg: 45, pitch_deg: 0, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, .inf]}
+  - {yaw_deg: -45, pitch_deg: 10, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, 2]}
 """
 
 
@@ -63,7 +63,7 @@ def test_all_parts_of_a_simulated_frame_agree(data_set: Path, lidar: str) -> Non
         labels = kitti.read_labels(kitti.frame_file(folder, "label_2", frame))
         assert points.shape == (len(fields), 4)
         assert points.dtype == np.float32
-        assert 0 <= fields["time_s"].min()
+        assert fields["time_s"].min() >= 0
         assert fields["time_s"].max() < 0.1001
 
         counted = [int((fields["object_id"] == i).sum()) for i in objects.ids]
@@ -162,7 +162,7 @@ def test_cut_file_is_an_error_with_its_size(tmp_path: Path) -> None:
 def test_point_that_is_not_finite_is_an_error(tmp_path: Path) -> None:
     rows = np.zeros((3, 4), dtype="<f4")
     rows[1, 2] = np.nan
-    with pytest.raises(FormatError, match="point 1: found .*allowed finite"):
+    with pytest.raises(FormatError, match=r"point 1: found .*allowed finite"):
         kitti.read_points(written(tmp_path, rows.tobytes()))
 
 
@@ -222,7 +222,9 @@ def test_label_becomes_a_box_around_its_centre(tmp_path: Path) -> None:
 @pytest.mark.parametrize("heading", [-3.0, -1.0, 0.0, 0.5, 2.0, 3.1])
 def test_heading_survives_the_camera_frame(tmp_path: Path, heading: float) -> None:
     line = LABEL.replace("-1.570796", f"{-heading - math.pi / 2:.6f}")
-    assert kitti.read_labels(written(tmp_path, line)).boxes[0, 6] == pytest.approx(heading)
+    assert kitti.read_labels(written(tmp_path, line)).boxes[0, 6] == pytest.approx(
+        heading, abs=1e-6
+    )
 
 
 def test_predictions_have_a_score_and_labels_have_none(tmp_path: Path) -> None:

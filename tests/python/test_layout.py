@@ -71,6 +71,13 @@ def test_pointops_know_nothing_of_the_simulator() -> None:
         assert not any(name.startswith("infrasim/") for name in includes(path)), path
 
 
+@pytest.mark.parametrize("folder", ["cpp", "bindings", "tests/cpp", "tests/fuzz", "benchmarks"])
+def test_every_source_is_built(folder: str) -> None:
+    listed = re.findall(r"[\w/]+\.cpp", (ROOT / folder / "CMakeLists.txt").read_text())
+    files = (ROOT / folder).rglob("*.cpp")
+    assert {str(path.relative_to(ROOT / folder)) for path in files} - set(listed) == set()
+
+
 def imports(path: Path) -> Iterator[str]:
     """Full names of the modules, and of the names in them, that a file of pyinfra imports."""
     package = path.relative_to(ROOT).parent.parts

@@ -54,7 +54,7 @@ class FrameBuilder {
   PointCloud take(const std::vector<Box3d>& boxes, std::vector<PointCount>& counts) const;
 
  private:
-  PointCloud scratch_;              // kept at its largest size from frame to frame
+  PointCloud scratch_;  // kept at its largest size from frame to frame
   std::vector<std::int32_t> object_;
   std::size_t size_ = 0;
 };

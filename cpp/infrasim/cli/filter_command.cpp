@@ -51,6 +51,9 @@ std::vector<FilterStep> steps_of(const Options& o) {
   if (const auto& b = o.crop_box; !b.empty())
     steps.emplace_back(CropBox{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}});
   if (const auto& p = o.crop_polygon; !p.empty()) {
+    if (p.size() % 2 != 0)
+      throw ConfigError("--crop-polygon: found " + std::to_string(p.size()) +
+                        " numbers, allowed an even count: x,y,x,y,...");
     CropPolygon polygon;
     for (std::size_t i = 0; i + 1 < p.size(); i += 2) polygon.outline_m.push_back({p[i], p[i + 1]});
     steps.emplace_back(polygon);
@@ -58,15 +61,15 @@ std::vector<FilterStep> steps_of(const Options& o) {
   if (!o.range.empty()) steps.emplace_back(CropRange{o.range[0], o.range[1]});
   if (const auto& f = o.field_of_view; !f.empty())
     steps.emplace_back(CropFieldOfView{f[0], f[1], f[2], f[3]});
+  if (o.ground_morphological) steps.emplace_back(GroundMorphological{});
+  if (o.ground_plane) steps.emplace_back(GroundPlane{.distance_m = *o.ground_plane});
+  if (o.below_z) steps.emplace_back(GroundHeight{*o.below_z});
   if (!o.background.empty()) {
     steps.emplace_back(background_of(o.background));
     if (!o.save_background.empty())
       write_file_atomically(o.save_background,
                             background_to_bytes(std::get<BackgroundModel>(steps.back())));
   }
-  if (o.ground_morphological) steps.emplace_back(GroundMorphological{});
-  if (o.ground_plane) steps.emplace_back(GroundPlane{.distance_m = *o.ground_plane});
-  if (o.below_z) steps.emplace_back(GroundHeight{*o.below_z});
   return steps;
 }
 
@@ -91,9 +94,10 @@ void filter_command(const Options& o) {
 
 void add_filter_command(CLI::App& app) {
   auto* command = app.add_subcommand(
-      "filter", "Crop a cloud, remove its ground or its background; steps run in this order.\n"
-                "Example: infrasim filter 000000.bin --out vehicles.pcd --range 1,100 "
-                "--ground-morphological");
+      "filter",
+      "Crop a cloud, remove its ground or its background; steps run in this order.\n"
+      "Example: infrasim filter 000000.bin --out vehicles.pcd --range 1,100 "
+      "--ground-morphological");
   auto o = std::make_shared<Options>();
   command->add_option("in", o->in, ".bin (KITTI) or .pcd file")->required();
   command->add_option("--out", o->out, ".bin or .pcd file")->required();
@@ -107,14 +111,16 @@ void add_filter_command(CLI::App& app) {
   command->add_option("--fov", o->field_of_view, "azimuth min,max,elevation min,max (deg)")
       ->delimiter(',')
       ->expected(4);
+  auto* opening = command->add_flag("--ground-morphological", o->ground_morphological,
+                                    "remove roads, slopes and terrain");
+  // Each needs the ground: after one, the other would take roofs for it.
+  command->add_option("--ground-plane", o->ground_plane, "remove what is this close to a plane (m)")
+      ->excludes(opening);
+  command->add_option("--below-z", o->below_z, "remove what is not above this height (m)");
   auto* background = command->add_option("--background", o->background,
                                          "a saved model, or frames of the sensor to learn from");
   command->add_option("--save-background", o->save_background, "write the learnt model")
       ->needs(background);
-  command->add_flag("--ground-morphological", o->ground_morphological,
-                    "remove roads, slopes and terrain");
-  command->add_option("--ground-plane", o->ground_plane, "remove one plane, this thick (m)");
-  command->add_option("--below-z", o->below_z, "remove what is not above this height (m)");
   command->add_option("--pcd", o->encoding, "ascii, binary or binary_compressed")
       ->check(CLI::IsMember({"ascii", "binary", "binary_compressed"}));
   command->callback([o] { filter_command(*o); });

@@ -25,8 +25,9 @@ struct CheckOptions {
 
 void check_command(const CheckOptions& o) {
   const config::Tree tree = config::read_tree(o.file);
-  if (tree.find("roads") == nullptr && (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
-                                        tree.find("presets") != nullptr)) {
+  if (tree.find("roads") == nullptr &&
+      (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
+       tree.find("presets") != nullptr)) {
     if (!o.assignments.empty())
       throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
     std::fputs(dump_lidar(read_lidar(o.file, o.preset.value_or("datasheet"))).c_str(), stdout);
@@ -73,8 +74,9 @@ void trajectories_command(const TrajectoriesOptions& o) {
 
 void add_check_command(CLI::App& app) {
   auto* command = app.add_subcommand(
-      "check", "Check a scene or LiDAR file and print it with every default.\nExample: infrasim "
-               "check configs/scenes/highway.yaml");
+      "check",
+      "Check a scene or LiDAR file and print it with every default.\nExample: infrasim "
+      "check configs/scenes/highway.yaml");
   auto o = std::make_shared<CheckOptions>();
   command->add_option("file", o->file, "scene or LiDAR file")->required();
   command->add_option("--preset", o->preset, "preset of a LiDAR; else datasheet");
@@ -84,9 +86,10 @@ void add_check_command(CLI::App& app) {
 
 void add_pattern_command(CLI::App& app) {
   auto* command = app.add_subcommand(
-      "pattern", "Write azimuth, elevation (rad) and time (s) of every ray as .npy (n, 3).\n"
-                 "Example: infrasim pattern configs/lidars/livox_avia.yaml --frames 0:40 --out "
-                 "avia.npy");
+      "pattern",
+      "Write azimuth, elevation (rad) and time (s) of every ray as .npy (n, 3).\n"
+      "Example: infrasim pattern configs/lidars/livox_avia.yaml --frames 0:40 --out "
+      "avia.npy");
   auto o = std::make_shared<PatternOptions>();
   command->add_option("lidar", o->file, "LiDAR file")->required();
   command->add_option("--preset", o->preset, "preset of the LiDAR")->capture_default_str();
@@ -97,9 +100,10 @@ void add_pattern_command(CLI::App& app) {
 }
 
 void add_trajectories_command(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "trajectories", "Write the vehicles of a scene as .csv, 10 rows a second.\nExample: "
-                      "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
+  auto* command =
+      app.add_subcommand("trajectories",
+                         "Write the vehicles of a scene as .csv, 10 rows a second.\nExample: "
+                         "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
   auto o = std::make_shared<TrajectoriesOptions>();
   command->add_option("scene", o->scene, "scene file")->required();
   command->add_option("--out", o->out, ".csv file")->required();

@@ -20,7 +20,12 @@ std::string printable(const std::string& text) {
   std::string out;
   for (std::size_t i = 0; i < text.size();) {
     const auto lead = static_cast<unsigned char>(text[i]);
-    const std::size_t length = lead < 0x80 ? 1 : lead < 0xC2 ? 0 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : lead < 0xF5 ? 4 : 0;
+    const std::size_t length = lead < 0x80   ? 1
+                               : lead < 0xC2 ? 0
+                               : lead < 0xE0 ? 2
+                               : lead < 0xF0 ? 3
+                               : lead < 0xF5 ? 4
+                                             : 0;
     bool valid = length > 0 && i + length <= text.size() && lead >= 32 && lead != 127;
     for (std::size_t k = 1; valid && k < length; ++k)
       valid = (static_cast<unsigned char>(text[i + k]) & 0xC0) == 0x80;
@@ -66,9 +71,10 @@ int main(int argc, char** argv) {
   mallopt(M_MMAP_THRESHOLD, 1 << 28);
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of its write
-  CLI::App app("Simulates roadside LiDARs.\nExample: infrasim run configs/scenes/highway.yaml "
-               "--lidar configs/lidars/livox_avia.yaml --frames 0:10 --out data/highway",
-               "infrasim");
+  CLI::App app(
+      "Simulates roadside LiDARs.\nExample: infrasim run configs/scenes/highway.yaml "
+      "--lidar configs/lidars/livox_avia.yaml --frames 0:10 --out data/highway",
+      "infrasim");
   app.set_version_flag("--version", "infrasim " + std::string(infrasim::version()));
   app.require_subcommand(1);
   infrasim::cli::CommandResult result;

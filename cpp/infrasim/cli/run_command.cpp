@@ -120,7 +120,8 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
   command->add_option("--out", o->out, "data set folder; without it nothing is written");
   command->add_option("--summary", o->summary, "also write the summary to this file");
-  command->add_option("--threads", o->threads, "frames computed at a time")->capture_default_str()
+  command->add_option("--threads", o->threads, "frames computed at a time")
+      ->capture_default_str()
       ->check(CLI::Range(1, 1024));
   command->add_option("--seed", o->seed, "overrides the scene's seed");
   command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");

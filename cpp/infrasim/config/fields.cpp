@@ -14,10 +14,14 @@ std::string join(std::span<const char* const> names) {
 
 std::string found(const Tree& tree) {
   switch (tree.kind) {
-    case Tree::Kind::kNull: return "found nothing";
-    case Tree::Kind::kSequence: return "found a list";
-    case Tree::Kind::kMap: return "found a map";
-    case Tree::Kind::kScalar: break;
+    case Tree::Kind::kNull:
+      return "found nothing";
+    case Tree::Kind::kSequence:
+      return "found a list";
+    case Tree::Kind::kMap:
+      return "found a map";
+    case Tree::Kind::kScalar:
+      break;
   }
   return "found '" + tree.scalar.substr(0, 60) + "'";
 }
@@ -107,8 +111,7 @@ void FieldReader::read(const Tree& tree, const std::string& key, double& value, 
 void FieldReader::read(const Tree& tree, const std::string& key, int& value, const Rule& rule) {
   double number = 0;
   read(tree, key, number, rule);
-  if (number != std::floor(number))
-    fail(tree.place, key, found(tree) + ", allowed a whole number");
+  if (number != std::floor(number)) fail(tree.place, key, found(tree) + ", allowed a whole number");
   value = static_cast<int>(number);
 }
 
@@ -168,9 +171,7 @@ std::string FieldWriter::quoted(const std::string& text) {
   return out + '"';
 }
 
-void FieldWriter::write(const std::string& value) {
-  text_ += " " + quoted(value);
-}
+void FieldWriter::write(const std::string& value) { text_ += " " + quoted(value); }
 
 void FieldWriter::append_entry(const std::string& entry) {
   std::string prefix = "\n" + std::string(indent_ + 2, ' ') + "- ";

@@ -39,8 +39,7 @@ inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
 std::string number_text(double value);
 
 template <class T>
-concept Struct =
-    std::is_class_v<T> && !std::is_same_v<T, std::string> && !std::is_same_v<T, Vec2>;
+concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> && !std::is_same_v<T, Vec2>;
 
 class FieldReader {
  public:
@@ -132,17 +131,13 @@ class FieldWriter {
   std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }
 
  private:
-  void line(const std::string& key) {
-    text_ += "\n" + std::string(indent_, ' ') + key + ":";
-  }
+  void line(const std::string& key) { text_ += "\n" + std::string(indent_, ' ') + key + ":"; }
   void write(double value) { text_ += " " + number_text(value); }
   void write(int value) { text_ += " " + std::to_string(value); }
   void write(std::uint64_t value) { text_ += " " + std::to_string(value); }
   void write(bool value) { text_ += value ? " true" : " false"; }
   void write(const std::string& value);
-  void write(const Vec2& v) {
-    text_ += " [" + number_text(v.x) + ", " + number_text(v.y) + "]";
-  }
+  void write(const Vec2& v) { text_ += " [" + number_text(v.x) + ", " + number_text(v.y) + "]"; }
   template <class E>
     requires std::is_enum_v<E>
   void write(E value) {

@@ -83,8 +83,7 @@ void visit(Fields& f, PatternConfig& c) {
 template <class Fields>
 void visit(Fields& f, DropOffConfig& c) {
   f.field("general_rate", c.general_rate, "share lost at random", required(between(0, 1)));
-  f.field("intensity_limit", c.intensity_limit, "kept above this intensity",
-          required(positive(1)));
+  f.field("intensity_limit", c.intensity_limit, "kept above this intensity", required(positive(1)));
   f.field("zero_intensity_rate", c.zero_intensity_rate, "share lost at intensity 0",
           required(between(0, 1)));
 }
@@ -182,8 +181,7 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
   if (chosen == nullptr) {
     std::string names;
     for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
-    config::fail(presets->place, "presets",
-                 "found no preset '" + preset + "', allowed " + names);
+    config::fail(presets->place, "presets", "found no preset '" + preset + "', allowed " + names);
   }
   config::Tree over = *chosen;
   config::Tree out = config::merged(tree, over);
@@ -270,7 +268,7 @@ std::vector<std::string> preset_names(const std::filesystem::path& file) {
 }
 
 std::string dump_lidar(const LidarConfig& lidar) {
-  LidarFile keys{lidar.name, lidar.model, std::nullopt, lidar.random_phase, std::nullopt,
+  LidarFile keys{lidar.name,   lidar.model, std::nullopt, lidar.random_phase, std::nullopt,
                  std::nullopt, {}};
   if (lidar.units.size() == 1) {
     keys.price_usd = lidar.price_usd;

@@ -60,7 +60,7 @@ struct WedgesConfig {
 struct TableConfig {
   std::string file;
   double rays_per_s = 0;
-  std::string digest;  ///< of the directions
+  std::string digest;            ///< of the directions
   std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
 };
 

@@ -99,8 +99,7 @@ std::vector<Vec2> read_directions_npy(const std::filesystem::path& file) {
   if (type != "'<f4'" && type != "'<f8'") reject("found type " + type);
   if (npy_entry(header, "fortran_order") != "False") reject("found Fortran order");
   std::size_t rows = 0;
-  const auto [end, error] =
-      std::from_chars(shape.data() + 1, shape.data() + shape.size(), rows);
+  const auto [end, error] = std::from_chars(shape.data() + 1, shape.data() + shape.size(), rows);
   if (shape.empty() || error != std::errc{} ||
       std::string(end, shape.data() + shape.size()) != ", 2)" || rows > kMaxRows)
     reject("found shape " + shape);
@@ -133,10 +132,9 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
   };
   for_each_row(file, "channel,elevation_deg,azimuth_offset_deg,fire_time_us",
                [&](int line, const auto& cells) {
-                 channels.push_back(
-                     {number(file, line, "elevation_deg", cells[1], -90, 90),
-                      optional(line, "azimuth_offset_deg", cells[2], -180, 180),
-                      optional(line, "fire_time_us", cells[3], 0, 1e6)});
+                 channels.push_back({number(file, line, "elevation_deg", cells[1], -90, 90),
+                                     optional(line, "azimuth_offset_deg", cells[2], -180, 180),
+                                     optional(line, "fire_time_us", cells[3], 0, 1e6)});
                });
   if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "found none, allowed 1 to 65535");
   return channels;

@@ -143,8 +143,12 @@ void visit(Fields& f, TrafficConfig& c) {
   f.field("vehicles_per_km_lane", c.vehicles_per_km_lane, "density", required(between(0, 100)));
   f.field("speed", c.speed, "desired speeds", required());
   f.field("warm_up_s", c.warm_up_s, "driven before frame 0", between(0, 1e4));
-  f.field("class_shares", c.class_shares, "weight of each object class",
-          [] { auto rule = at_least_one(); rule.min = 0; rule.max = 1; return rule; }());
+  f.field("class_shares", c.class_shares, "weight of each object class", [] {
+    auto rule = at_least_one();
+    rule.min = 0;
+    rule.max = 1;
+    return rule;
+  }());
   double sum = 0;
   for (const auto& [name, share] : c.class_shares) {
     f.check(find_class(name) != nullptr, "class_shares",
@@ -247,10 +251,10 @@ void visit(Fields& f, FilterConfig& c) {
   f.field("ground_plane", c.ground_plane, "remove one plane");
   f.field("ground_morphological", c.ground_morphological, "remove roads, slopes and terrain");
   f.field("background", c.background, "remove what stands without vehicles too");
-  const int steps = c.crop_box.has_value() + c.crop_polygon.has_value() +
-                    c.crop_range.has_value() + c.crop_field_of_view.has_value() +
-                    c.ground_height.has_value() + c.ground_plane.has_value() +
-                    c.ground_morphological.has_value() + c.background.has_value();
+  const int steps = c.crop_box.has_value() + c.crop_polygon.has_value() + c.crop_range.has_value() +
+                    c.crop_field_of_view.has_value() + c.ground_height.has_value() +
+                    c.ground_plane.has_value() + c.ground_morphological.has_value() +
+                    c.background.has_value();
   f.check(steps == 1, "crop_box", "found none or several steps, allowed one per entry");
 }
 

@@ -176,7 +176,7 @@ struct SceneConfig {
   std::vector<JunctionConfig> junctions;
   std::vector<FilterConfig> filters;
   std::optional<TrafficConfig> traffic;
-  std::string trajectories;  ///< a file instead of traffic; relative to the scene file
+  std::string trajectories;      ///< a file instead of traffic; relative to the scene file
   std::filesystem::path folder;  ///< of the scene file; no key
 };
 

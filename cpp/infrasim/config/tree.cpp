@@ -31,7 +31,8 @@ struct Converter {
     if (++depth > kMaxDepth) fail(tree.place, "(document)", "found more than 64 levels");
     switch (node.Type()) {
       case YAML::NodeType::Undefined:
-      case YAML::NodeType::Null: break;
+      case YAML::NodeType::Null:
+        break;
       case YAML::NodeType::Scalar:
         tree.kind = Tree::Kind::kScalar;
         tree.scalar = node.Scalar();
@@ -40,7 +41,9 @@ struct Converter {
         tree.kind = Tree::Kind::kSequence;
         for (const auto& item : node) tree.items.push_back(convert(item));
         break;
-      case YAML::NodeType::Map: convert_map(node, tree); break;
+      case YAML::NodeType::Map:
+        convert_map(node, tree);
+        break;
     }
     --depth;
     return tree;
@@ -95,8 +98,7 @@ const Tree* Tree::find(std::string_view key) const {
 
 std::string message(const Place& place, std::string_view key, std::string_view what) {
   std::string text = place.file;
-  if (place.line > 0)
-    text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
+  if (place.line > 0) text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
   text += ": " + std::string(key) + ": " + std::string(what);
   std::ranges::replace(text, '\n', ' ');
   return text;
@@ -110,7 +112,8 @@ Tree parse_tree(const std::string& text, const std::string& name) {
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAll(text);
     if (documents.size() > 1)
-      fail(place_of(documents[1].Mark(), name), "(document)", "found a second document, allowed one");
+      fail(place_of(documents[1].Mark(), name), "(document)",
+           "found a second document, allowed one");
     return Converter{name}.convert(documents.empty() ? YAML::Node() : documents.front());
   } catch (const YAML::Exception& e) {
     fail(place_of(e.mark, name), "(document)", "found malformed YAML (" + e.msg + ")");

@@ -14,10 +14,10 @@ struct ObjectRecord {
   Class object_class = Class::kCar;
   Box3d box;
   double speed_m_s = 0;
-  int points = 0;         ///< points that lie on it
-  int points_in_box = 0;  ///< those of them inside its box, which shows it at mid-frame
-  double distance = 0;    ///< horizontal, sensor to box centre, metres
-  double visibility = -1; ///< share that nothing hides, [0, 1]; -1 outside the evaluation region
+  int points = 0;          ///< points that lie on it
+  int points_in_box = 0;   ///< those of them inside its box, which shows it at mid-frame
+  double distance = 0;     ///< horizontal, sensor to box centre, metres
+  double visibility = -1;  ///< share that nothing hides, [0, 1]; -1 outside the evaluation region
 };
 
 /// What one LiDAR gives for one frame.

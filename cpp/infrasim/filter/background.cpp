@@ -23,7 +23,7 @@ int cell_of(const BackgroundModel& model, Vec3 p) {
   const double turn = std::atan2(p.y, p.x) / (2 * kPi) + 0.5;
   const double tilt = std::atan2(p.z, std::hypot(p.x, p.y)) / kPi + 0.5;
   // Cells are centred on multiples of their width, as the beams of a turning sensor mostly are.
-  const int a = static_cast<int>(turn * model.azimuth_cells + 0.5) % model.azimuth_cells;
+  const int a = static_cast<int>(std::lround(turn * model.azimuth_cells)) % model.azimuth_cells;
   const int e = std::min(static_cast<int>(tilt * model.elevation_cells), model.elevation_cells - 1);
   return e * model.azimuth_cells + a;
 }
@@ -81,8 +81,9 @@ double expected_count(const BackgroundModel& model, const CellSamples& cells, in
 }
 
 /// The value that a share of the samples lies below.
-float quantile(std::span<Sample> samples, double share, float Sample::*value) {
-  const auto k = static_cast<std::size_t>(share * static_cast<double>(samples.size() - 1) + 0.5);
+float quantile(std::span<Sample> samples, double share, float Sample::* value) {
+  const auto k =
+      static_cast<std::size_t>(std::lround(share * static_cast<double>(samples.size() - 1)));
   std::ranges::nth_element(samples, samples.begin() + static_cast<std::ptrdiff_t>(k), {}, value);
   return samples[k].*value;
 }

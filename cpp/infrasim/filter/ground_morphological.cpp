@@ -40,7 +40,10 @@ struct GroundGrids {
         map(2 * cells_out, 2 * cells_out),
         rays(static_cast<int>(std::ceil(360 / ground.azimuth_cell_deg)), cells_out) {}
 
-  double centre(int cell) const { return (cell + 0.5 - map.rows / 2) * cell_m; }
+  double centre(int cell) const {
+    const int middle = map.rows / 2;
+    return (cell - middle + 0.5) * cell_m;
+  }
   float& on_map(Vec3 p) {
     return map.at(static_cast<int>(std::floor(p.x / cell_m)) + map.rows / 2,
                   static_cast<int>(std::floor(p.y / cell_m)) + map.rows / 2);

@@ -22,20 +22,29 @@ float element(const char* at) {
 
 float element(const CloudField& field, const char* at) {
   switch (field.type) {
-    case 'F': return field.size == 4 ? element<float>(at) : element<double>(at);
+    case 'F':
+      return field.size == 4 ? element<float>(at) : element<double>(at);
     case 'I':
       switch (field.size) {
-        case 1: return element<std::int8_t>(at);
-        case 2: return element<std::int16_t>(at);
-        case 4: return element<std::int32_t>(at);
-        default: return element<std::int64_t>(at);
+        case 1:
+          return element<std::int8_t>(at);
+        case 2:
+          return element<std::int16_t>(at);
+        case 4:
+          return element<std::int32_t>(at);
+        default:
+          return element<std::int64_t>(at);
       }
     default:
       switch (field.size) {
-        case 1: return element<std::uint8_t>(at);
-        case 2: return element<std::uint16_t>(at);
-        case 4: return element<std::uint32_t>(at);
-        default: return element<std::uint64_t>(at);
+        case 1:
+          return element<std::uint8_t>(at);
+        case 2:
+          return element<std::uint16_t>(at);
+        case 4:
+          return element<std::uint32_t>(at);
+        default:
+          return element<std::uint64_t>(at);
       }
   }
 }
@@ -104,20 +113,27 @@ std::string bin_bytes(const CloudFile& cloud) {
   return bytes;
 }
 
+namespace {
+
+bool is_pcd(const std::filesystem::path& file) {
+  if (file.extension() == ".pcd" || file.extension() == ".bin") return file.extension() == ".pcd";
+  throw ConfigError("found '" + file.string() + "', allowed a name that ends in .bin or .pcd");
+}
+
+}  // namespace
+
 CloudFile read_cloud(const std::filesystem::path& file) {
+  const bool pcd = is_pcd(file);
   std::ifstream in(file, std::ios::binary);
   std::ostringstream bytes;
   if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
   if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
     throw IoError(file.string() + ": can't be read");
-  return file.extension() == ".pcd" ? parse_pcd(bytes.str(), file.string())
-                                    : parse_bin(bytes.str(), file.string());
+  return pcd ? parse_pcd(bytes.str(), file.string()) : parse_bin(bytes.str(), file.string());
 }
 
 void write_cloud(const std::filesystem::path& file, const CloudFile& cloud) {
-  if (file.extension() != ".pcd" && file.extension() != ".bin")
-    throw ConfigError("--out: found '" + file.string() + "', allowed a name that ends in .bin or .pcd");
-  write_file_atomically(file, file.extension() == ".pcd" ? pcd_bytes(cloud) : bin_bytes(cloud));
+  write_file_atomically(file, is_pcd(file) ? pcd_bytes(cloud) : bin_bytes(cloud));
 }
 
 }  // namespace infrasim

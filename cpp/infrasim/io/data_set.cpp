@@ -37,8 +37,7 @@ void compare(const std::filesystem::path& file, const std::string& text) {
 
 /// A hidden name beside the file that no other process uses.
 std::filesystem::path process_file(const std::filesystem::path& file) {
-  return file.parent_path() /
-         ("." + file.filename().string() + "." + std::to_string(::getpid()));
+  return file.parent_path() / ("." + file.filename().string() + "." + std::to_string(::getpid()));
 }
 
 }  // namespace

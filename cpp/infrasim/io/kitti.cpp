@@ -22,8 +22,8 @@ namespace {
 template <class... Args>
 void append(std::string& text, const char* format, Args... args) {
   std::array<char, 320> line{};
-  text.append(line.data(), static_cast<std::size_t>(
-                               std::snprintf(line.data(), line.size(), format, args...)));
+  text.append(line.data(),
+              static_cast<std::size_t>(std::snprintf(line.data(), line.size(), format, args...)));
 }
 
 int occluded(double visibility) {
@@ -130,8 +130,7 @@ void write_frame(const std::filesystem::path& lidar_folder, int frame, const Fra
                  bool all_labels, bool fields) {
   const auto training = lidar_folder / "training";
   const std::string name = frame_name(frame);
-  write_file_atomically(training / "objects" / (name + ".csv"),
-                        objects_csv(data.objects));
+  write_file_atomically(training / "objects" / (name + ".csv"), objects_csv(data.objects));
   write_file_atomically(training / "label_2" / (name + ".txt"),
                         label_text(data.objects, all_labels));
   static const std::string kCalib = calib_text();

@@ -7,8 +7,8 @@
 
 #include "infrasim/core/frame.h"
 
-// The KITTI object layout, with `objects` and `fields` beside it. The camera frame exists only here:
-// x right, y down, z forward, at the sensor.
+// The KITTI object layout, with `objects` and `fields` beside it. The camera frame exists only
+// here: x right, y down, z forward, at the sensor.
 
 namespace infrasim {
 

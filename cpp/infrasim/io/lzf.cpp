@@ -31,7 +31,9 @@ void put_reference(std::size_t length, std::size_t distance, std::string& out) {
 }
 
 std::size_t hash3(std::string_view bytes, std::size_t i) {
-  const auto at = [&](std::size_t k) { return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[i + k])); };
+  const auto at = [&](std::size_t k) {
+    return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[i + k]));
+  };
   return ((at(0) << 16 | at(1) << 8 | at(2)) * 2654435761U) >> (32 - kHashBits);
 }
 
@@ -68,7 +70,9 @@ std::optional<std::string> lzf_decompress(std::string_view bytes, std::size_t si
   std::string out;
   out.reserve(std::min(size, bytes.size() * kMaxLength));
   std::size_t i = 0;
-  const auto next = [&] { return static_cast<std::size_t>(static_cast<unsigned char>(bytes[i++])); };
+  const auto next = [&] {
+    return static_cast<std::size_t>(static_cast<unsigned char>(bytes[i++]));
+  };
   while (i < bytes.size()) {
     const std::size_t control = next();
     if (control < kMaxLiterals) {

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <sstream>
 
 #include "infrasim/core/errors.h"
@@ -73,11 +74,17 @@ class PcdReader {
     if (w.empty()) return;
     const std::string key = w.front();
     w.erase(w.begin());
+    if (std::ranges::count(keys_, key) > 0) fail(key.substr(0, 40), "found twice, allowed once");
+    keys_.push_back(key);
     if (key == "FIELDS") return read_fields(w);
     if (key == "SIZE" || key == "TYPE" || key == "COUNT") return read_columns(key, w);
     if (key == "VIEWPOINT") {
       if (w.size() != 7) fail(key, "found " + std::to_string(w.size()) + " values, allowed 7");
-      cloud_.viewpoint = std::string(text.substr(text.find(w.front())));
+      cloud_.viewpoint.clear();
+      for (const std::string& word : w) {
+        number<double>(key, word, "a number");
+        cloud_.viewpoint += (cloud_.viewpoint.empty() ? "" : " ") + word;
+      }
       return;
     }
     if (w.size() != 1) fail(key, "found " + std::to_string(w.size()) + " values, allowed 1");
@@ -93,8 +100,9 @@ class PcdReader {
     } else if (key == "DATA") {
       read_data_kind(w[0]);
     } else {
-      fail(key.substr(0, 40), "found an unknown key, allowed VERSION, FIELDS, SIZE, TYPE, COUNT, "
-                              "WIDTH, HEIGHT, VIEWPOINT, POINTS, DATA");
+      fail(key.substr(0, 40),
+           "found an unknown key, allowed VERSION, FIELDS, SIZE, TYPE, COUNT, "
+           "WIDTH, HEIGHT, VIEWPOINT, POINTS, DATA");
     }
   }
 
@@ -134,7 +142,8 @@ class PcdReader {
 
   void check_header() const {
     for (const CloudField& f : cloud_.fields) {
-      const bool valid = f.size == 8 || f.size == 4 || (f.type != 'F' && (f.size == 1 || f.size == 2));
+      const bool valid =
+          f.size == 8 || f.size == 4 || (f.type != 'F' && (f.size == 1 || f.size == 2));
       if (!valid || f.count < 1)
         fail("SIZE", "found field '" + f.name + "' of type " + f.type + " and size " +
                          std::to_string(f.size) + ", allowed F4 F8 I1 I2 I4 I8 U1 U2 U4 U8");
@@ -159,8 +168,16 @@ class PcdReader {
     return cloud_.points * record;
   }
 
+  /// Data beyond what the header promises would be lost without a word.
+  void require_end(std::size_t size) const {
+    if (rest_.size() > size)
+      fail("POINTS", "found " + std::to_string(rest_.size() - size) +
+                         " bytes more than the header promises, allowed none");
+  }
+
   void read_binary() {
     const std::size_t size = promised(rest_.size());
+    require_end(size);
     cloud_.records = rest_.substr(0, size);
   }
 
@@ -176,7 +193,8 @@ class PcdReader {
     const std::size_t size = promised(sizes[1]);
     if (size != sizes[1])
       fail("DATA", "found " + std::to_string(sizes[1]) + " bytes, allowed " + std::to_string(size));
-    const auto columns = lzf_decompress(rest_.substr(0, sizes[0]), size);
+    require_end(sizes[0]);
+    const auto columns = lzf_decompress(rest_, size);
     if (!columns) fail("DATA", "found bytes that are not LZF of the stated size");
     cloud_.records.resize(size);
     transpose(*columns, cloud_.records);
@@ -207,16 +225,23 @@ class PcdReader {
         }
       if (k != values.size()) fail("(row)", "found too many values in a row");
     }
+    if (rest_.find_first_not_of(" \t\r\n") != rest_.npos) require_end(0);
   }
 
   template <class T>
-  void append_as(const CloudField& field, const std::string& word) {
+  T number(const std::string& key, const std::string& word, const std::string& allowed) const {
     T value{};
     const char* end = word.data() + word.size();
     const auto [stop, error] = std::from_chars(word.data(), end, value);
     if (error != std::errc{} || stop != end)
-      fail(field.name, "found '" + word.substr(0, 40) + "', allowed a number of type " +
-                           field.type + std::to_string(8 * field.size));
+      fail(key, "found '" + word.substr(0, 40) + "', allowed " + allowed);
+    return value;
+  }
+
+  template <class T>
+  void append_as(const CloudField& field, const std::string& word) {
+    const std::string type = field.type + std::to_string(8 * field.size);
+    const T value = number<T>(field.name, word, "a number of type " + type);
     cloud_.records.append(reinterpret_cast<const char*>(&value), sizeof(T));
   }
 
@@ -224,10 +249,14 @@ class PcdReader {
     if (f.type == 'F') return f.size == 4 ? append_as<float>(f, word) : append_as<double>(f, word);
     const bool is_signed = f.type == 'I';
     switch (f.size) {
-      case 1: return append_byte(f, word, is_signed);
-      case 2: return is_signed ? append_as<std::int16_t>(f, word) : append_as<std::uint16_t>(f, word);
-      case 4: return is_signed ? append_as<std::int32_t>(f, word) : append_as<std::uint32_t>(f, word);
-      default: return is_signed ? append_as<std::int64_t>(f, word) : append_as<std::uint64_t>(f, word);
+      case 1:
+        return append_byte(f, word, is_signed);
+      case 2:
+        return is_signed ? append_as<std::int16_t>(f, word) : append_as<std::uint16_t>(f, word);
+      case 4:
+        return is_signed ? append_as<std::int32_t>(f, word) : append_as<std::uint32_t>(f, word);
+      default:
+        return is_signed ? append_as<std::int64_t>(f, word) : append_as<std::uint64_t>(f, word);
     }
   }
 
@@ -239,6 +268,7 @@ class PcdReader {
   std::string name_;
   int line_ = 0;
   CloudFile cloud_;
+  std::vector<std::string> keys_;
   std::string data_;
   bool data_seen_ = false;
   bool points_seen_ = false;
@@ -258,10 +288,14 @@ void print_value(const CloudField& f, const char* at, std::string& out) {
   if (f.type == 'F') return f.size == 4 ? print_as<float>(at, out) : print_as<double>(at, out);
   const bool is_signed = f.type == 'I';
   switch (f.size) {
-    case 1: return is_signed ? print_as<signed char>(at, out) : print_as<unsigned char>(at, out);
-    case 2: return is_signed ? print_as<std::int16_t>(at, out) : print_as<std::uint16_t>(at, out);
-    case 4: return is_signed ? print_as<std::int32_t>(at, out) : print_as<std::uint32_t>(at, out);
-    default: return is_signed ? print_as<std::int64_t>(at, out) : print_as<std::uint64_t>(at, out);
+    case 1:
+      return is_signed ? print_as<signed char>(at, out) : print_as<unsigned char>(at, out);
+    case 2:
+      return is_signed ? print_as<std::int16_t>(at, out) : print_as<std::uint16_t>(at, out);
+    case 4:
+      return is_signed ? print_as<std::int32_t>(at, out) : print_as<std::uint32_t>(at, out);
+    default:
+      return is_signed ? print_as<std::int64_t>(at, out) : print_as<std::uint64_t>(at, out);
   }
 }
 
@@ -292,6 +326,9 @@ std::string compressed_columns(const CloudFile& cloud) {
       columns.append(cloud.records, i * stride + offset, width);
     offset += width;
   }
+  if (columns.size() > std::numeric_limits<std::uint32_t>::max() / 2)
+    throw ConfigError("binary_compressed: found " + std::to_string(columns.size()) +
+                      " bytes of points, allowed up to 2 GiB");
   const std::string packed = lzf_compress(columns);
   const std::uint32_t sizes[2] = {static_cast<std::uint32_t>(packed.size()),
                                   static_cast<std::uint32_t>(columns.size())};
@@ -317,9 +354,12 @@ std::string pcd_bytes(const CloudFile& cloud) {
          << sizes << "\nTYPE" << types << "\nCOUNT" << counts << "\nWIDTH " << cloud.points
          << "\nHEIGHT 1\nVIEWPOINT " << cloud.viewpoint << "\nPOINTS " << cloud.points << "\nDATA ";
   switch (cloud.encoding) {
-    case PcdEncoding::kAscii: return header.str() + "ascii\n" + ascii_rows(cloud);
-    case PcdEncoding::kBinary: return header.str() + "binary\n" + cloud.records;
-    case PcdEncoding::kBinaryCompressed: break;
+    case PcdEncoding::kAscii:
+      return header.str() + "ascii\n" + ascii_rows(cloud);
+    case PcdEncoding::kBinary:
+      return header.str() + "binary\n" + cloud.records;
+    case PcdEncoding::kBinaryCompressed:
+      break;
   }
   return header.str() + "binary_compressed\n" + compressed_columns(cloud);
 }

@@ -44,7 +44,8 @@ SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh) {
                                            3 * sizeof(float), mesh.vertices.size());
   void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                             3 * sizeof(std::uint32_t), mesh.triangles.size());
-  std::copy_n(mesh.vertices.front().data(), 3 * mesh.vertices.size(), static_cast<float*>(vertices));
+  std::copy_n(mesh.vertices.front().data(), 3 * mesh.vertices.size(),
+              static_cast<float*>(vertices));
   std::copy_n(mesh.triangles.front().data(), 3 * mesh.triangles.size(),
               static_cast<std::uint32_t*>(triangles));
   rtcCommitGeometry(geometry);
@@ -61,8 +62,8 @@ RTCQuaternionDecomposition decomposition(const Box3d& box, double heading) {
                                      static_cast<float>(box.dz));
   rtcQuaternionDecompositionSetQuaternion(&q, static_cast<float>(std::cos(heading / 2)), 0, 0,
                                           static_cast<float>(std::sin(heading / 2)));
-  rtcQuaternionDecompositionSetTranslation(&q, static_cast<float>(box.x),
-                                           static_cast<float>(box.y), static_cast<float>(box.z));
+  rtcQuaternionDecompositionSetTranslation(&q, static_cast<float>(box.x), static_cast<float>(box.y),
+                                           static_cast<float>(box.z));
   return q;
 }
 
@@ -76,8 +77,7 @@ struct Packet {
   }
 
   /// Rays from the origin; lanes from `count` on are masked off.
-  void fill(const RayBatch& rays, const std::uint32_t* order, std::size_t count,
-            float time_scale) {
+  void fill(const RayBatch& rays, const std::uint32_t* order, std::size_t count, float time_scale) {
     for (std::size_t i = 0; i < kWidth; ++i) {
       const std::uint32_t k = order[i < count ? i : 0];
       valid[i] = i < count ? -1 : 0;
@@ -134,8 +134,7 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
   rtcSetDeviceErrorFunction(impl_->device, on_error, nullptr);
   impl_->background_class = background.class_id;
   for (const auto& vertex : background.vertices) impl_->top = std::max(impl_->top, vertex[2]);
-  for (const TriangleMesh& body : bodies)
-    impl_->bodies.push_back(mesh_scene(impl_->device, body));
+  for (const TriangleMesh& body : bodies) impl_->bodies.push_back(mesh_scene(impl_->device, body));
   impl_->bodies.push_back(mesh_scene(impl_->device, background));
 }
 
@@ -186,8 +185,8 @@ struct Raycaster::Impl {
       const bool background = instance == placed.size();
       hits.object[k] = background ? -1 : static_cast<std::int32_t>(instance);
       hits.class_id[k] = background ? library.background_class[hit.primID[i]] : 0;
-      hits.cos_incidence[k] = cos_incidence(i, background ? nullptr : &frames[instance],
-                                            rays.dx[k], rays.dy[k], rays.dz[k]);
+      hits.cos_incidence[k] = cos_incidence(i, background ? nullptr : &frames[instance], rays.dx[k],
+                                            rays.dy[k], rays.dz[k]);
     }
   }
 
@@ -253,7 +252,7 @@ struct Raycaster::Impl {
       for (int j = 0; j < kGrid; ++j) {
         const double azimuth = centre + right + (left - right) * (i + 0.5) / kGrid;
         const double elevation = down + (up - down) * (j + 0.5) / kGrid;
-        const auto k = static_cast<std::size_t>(i * kGrid + j);
+        const auto k = static_cast<std::size_t>(i) * kGrid + static_cast<std::size_t>(j);
         probe.dx[k] = static_cast<float>(std::cos(elevation) * std::cos(azimuth));
         probe.dy[k] = static_cast<float>(std::cos(elevation) * std::sin(azimuth));
         probe.dz[k] = static_cast<float>(std::sin(elevation));
@@ -262,8 +261,7 @@ struct Raycaster::Impl {
   }
 };
 
-Raycaster::Raycaster(const MeshLibrary& library)
-    : impl_(std::make_unique<Impl>(*library.impl_)) {}
+Raycaster::Raycaster(const MeshLibrary& library) : impl_(std::make_unique<Impl>(*library.impl_)) {}
 
 Raycaster::~Raycaster() = default;
 
@@ -278,8 +276,7 @@ void Raycaster::place(std::span<const PlacedBody> bodies, double period_s) {
     const PlacedBody& b = bodies[i];
     m.attach(m.library.bodies[b.body].get(), static_cast<unsigned>(i), &b);
     m.top = std::max(m.top, static_cast<float>(std::max(b.from.z, b.to.z) + b.from.dz / 2));
-    const double heading =
-        b.from.heading + wrap_angle(b.to.heading - b.from.heading) / 2;
+    const double heading = b.from.heading + wrap_angle(b.to.heading - b.from.heading) / 2;
     m.frames.push_back({static_cast<float>(std::cos(heading)),
                         static_cast<float>(std::sin(heading)), static_cast<float>(1 / b.from.dx),
                         static_cast<float>(1 / b.from.dy), static_cast<float>(1 / b.from.dz)});
@@ -308,7 +305,7 @@ void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order,
 
 double Raycaster::visibility(std::size_t placed) {
   static constexpr auto kOrder = [] {
-    std::array<std::uint32_t, static_cast<std::size_t>(kGrid* kGrid)> order{};
+    std::array<std::uint32_t, static_cast<std::size_t>(kGrid * kGrid)> order{};
     std::iota(order.begin(), order.end(), 0U);
     return order;
   }();

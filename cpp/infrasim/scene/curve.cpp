@@ -7,8 +7,7 @@ namespace infrasim {
 Curve::Curve(std::vector<CurvePoint> samples) : samples_(std::move(samples)) {
   s_.reserve(samples_.size());
   for (std::size_t i = 0; i < samples_.size(); ++i)
-    s_.push_back(i == 0 ? 0
-                        : s_.back() + norm(samples_[i].position - samples_[i - 1].position));
+    s_.push_back(i == 0 ? 0 : s_.back() + norm(samples_[i].position - samples_[i - 1].position));
 }
 
 std::size_t Curve::segment_at(double s) const {
@@ -84,8 +83,7 @@ void append_arc(std::vector<CurvePoint>& samples, double radius, double angle) {
 }  // namespace
 
 Curve centreline(const RoadConfig& road) {
-  std::vector<CurvePoint> samples{
-      {{road.start.x_m, road.start.y_m}, rad(road.start.heading_deg)}};
+  std::vector<CurvePoint> samples{{{road.start.x_m, road.start.y_m}, rad(road.start.heading_deg)}};
   for (const CentrelinePiece& piece : road.centreline) {
     if (piece.line_m > 0)
       append_line(samples, piece.line_m);
@@ -106,8 +104,8 @@ Curve turn(const CurvePoint& from, const CurvePoint& to) {
     const double u = static_cast<double>(i) / kSteps, v = 1 - u;
     const Vec2 position = v * v * v * from.position + 3 * u * v * v * p1 + 3 * u * u * v * p2 +
                           u * u * u * to.position;
-    const Vec2 slope = v * v * (p1 - from.position) + 2 * u * v * (p2 - p1) +
-                       u * u * (to.position - p2);
+    const Vec2 slope =
+        v * v * (p1 - from.position) + 2 * u * v * (p2 - p1) + u * u * (to.position - p2);
     samples.push_back({position, std::atan2(slope.y, slope.x)});
   }
   return Curve(std::move(samples));

@@ -15,7 +15,7 @@ double carriageway_half_width(const LanesConfig& lanes) {
 
 namespace {
 
-constexpr double kStopLineGap = 3;        // between the crossing road's edge and the stop line
+constexpr double kStopLineGap = 3;          // between the crossing road's edge and the stop line
 constexpr double kLateralAcceleration = 2;  // m/s2 that drivers accept in a turn
 
 /// The part of a road that a junction takes.
@@ -163,8 +163,7 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
     add_direction(network, road, road.curve, false, arms);
     add_direction(network, road, road.curve.reversed(), true, arms);
   }
-  for (std::size_t i = 0; i < arms.size(); ++i)
-    connect_arms(network, static_cast<int>(i), arms[i]);
+  for (std::size_t i = 0; i < arms.size(); ++i) connect_arms(network, static_cast<int>(i), arms[i]);
   return network;
 }
 

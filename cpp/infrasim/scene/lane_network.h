@@ -15,11 +15,11 @@ struct Lane {
   double elevation_m = 0;
   double width_m = 3.5;
   double speed_limit_m_s = kInf;
-  bool entry = false;      ///< vehicles appear at its start
-  int approach = -1;       ///< signal that stands at its end; -1: none
-  int junction = -1;       ///< of a connecting lane
+  bool entry = false;  ///< vehicles appear at its start
+  int approach = -1;   ///< signal that stands at its end; -1: none
+  int junction = -1;   ///< of a connecting lane
   Turn turn = Turn::kStraight;
-  std::vector<int> next;   ///< lanes that follow
+  std::vector<int> next;  ///< lanes that follow
 };
 
 /// One signal: an arm of a junction.

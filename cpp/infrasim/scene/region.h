@@ -23,8 +23,8 @@ class EvaluationRegion {
  private:
   struct Road {
     std::string name;
-    Curve along;       ///< runs with the view
-    double foot;       ///< station of the sensor's foot on `along`
+    Curve along;  ///< runs with the view
+    double foot;  ///< station of the sensor's foot on `along`
     double elevation;
     double half_width;
   };

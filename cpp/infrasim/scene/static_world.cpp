@@ -127,9 +127,9 @@ std::vector<Upright> uprights(const SceneConfig& scene) {
     const double z = road.elevation_m;
     for (const double side : {leg, -leg}) {
       const Vec2 p = foot.position + side * unit(foot.heading + kPi / 2);
-      out.push_back({{p.x, p.y, z + g.clearance_m / 2, kLegWidth, kLegWidth, g.clearance_m,
-                      foot.heading},
-                     g.place});
+      out.push_back(
+          {{p.x, p.y, z + g.clearance_m / 2, kLegWidth, kLegWidth, g.clearance_m, foot.heading},
+           g.place});
     }
     out.push_back({{foot.position.x, foot.position.y, z + g.clearance_m + kBeamHeight / 2,
                     kLegWidth, 2 * leg + kLegWidth, kBeamHeight, foot.heading},

@@ -10,16 +10,16 @@ namespace infrasim {
 namespace {
 
 // Intelligent Driver Model, usual values for mixed traffic (Treiber, Kesting 2013, table 11.2).
-constexpr double kAcceleration = 1.5;   // m/s2
-constexpr double kBraking = 2.0;        // m/s2, comfortable
-constexpr double kHardestBraking = 8.0; // m/s2
-constexpr double kTimeGap = 1.2;        // s
-constexpr double kStandstillGap = 2.0;  // m
-constexpr double kCommitBraking = 3.0;  // m/s2: who would need more at a red signal drives on
-constexpr double kLookahead = 100;      // m
-constexpr double kTailClear = 10;       // m into a junction until a turning tail frees the lane
-constexpr double kLongestTurner = 6;    // m; longer vehicles go straight on
-constexpr double kMaxLateral = 0.3;     // m, constant offset of a driver from the lane's centre
+constexpr double kAcceleration = 1.5;    // m/s2
+constexpr double kBraking = 2.0;         // m/s2, comfortable
+constexpr double kHardestBraking = 8.0;  // m/s2
+constexpr double kTimeGap = 1.2;         // s
+constexpr double kStandstillGap = 2.0;   // m
+constexpr double kCommitBraking = 3.0;   // m/s2: who would need more at a red signal drives on
+constexpr double kLookahead = 100;       // m
+constexpr double kTailClear = 10;        // m into a junction until a turning tail frees the lane
+constexpr double kLongestTurner = 6;     // m; longer vehicles go straight on
+constexpr double kMaxLateral = 0.3;      // m, constant offset of a driver from the lane's centre
 
 struct Vehicle {
   int id = 0;
@@ -45,7 +45,8 @@ double idm_acceleration(double speed, double desired, const Leader& leader) {
   const double ratio = speed / desired;
   double acceleration = 1 - ratio * ratio * ratio * ratio;
   if (leader.gap < kLookahead) {
-    const double closing = speed * (speed - leader.speed) / (2 * std::sqrt(kAcceleration * kBraking));
+    const double closing =
+        speed * (speed - leader.speed) / (2 * std::sqrt(kAcceleration * kBraking));
     const double wanted = kStandstillGap + std::max(0.0, speed * kTimeGap + closing);
     const double squeeze = wanted / std::max(leader.gap, 0.1);
     acceleration -= squeeze * squeeze;
@@ -159,7 +160,8 @@ class Traffic {
   /// Puts the vehicles that wait for an entry where the last one ahead leaves room.
   void spawn() {
     for (std::size_t n = waiting_; n > 0; --n) {
-      const int lane = entries_[rng_.at(1'000'000'000ULL + spawn_draws_++).bits(0) % entries_.size()];
+      const int lane =
+          entries_[rng_.at(1'000'000'000ULL + spawn_draws_++).bits(0) % entries_.size()];
       Vehicle v = new_vehicle(lane);
       v.s = v.dx / 2;
       v.speed = v.desired_speed;
@@ -301,7 +303,8 @@ class Traffic {
       if (signal.green && signal.since >= timing.green_s) {
         signal.green = false;
         signal.since = 0;
-      } else if (!signal.green && signal.since >= timing.all_red_s && is_clear(static_cast<int>(j))) {
+      } else if (!signal.green && signal.since >= timing.all_red_s &&
+                 is_clear(static_cast<int>(j))) {
         signal.green = true;
         signal.since = 0;
         signal.current = (signal.current + 1) % signal.approaches.size();
@@ -325,7 +328,8 @@ class Traffic {
     const Lane& lane = lane_of(v);
     const CurvePoint p = lane.curve.at(v.s);
     const Vec2 xy = p.position + v.lateral * unit(p.heading + kPi / 2);
-    return rounded({v.id, v.object_class->id,
+    return rounded({v.id,
+                    v.object_class->id,
                     {xy.x, xy.y, lane.elevation_m + v.dz / 2, v.dx, v.dy, v.dz, p.heading},
                     v.speed});
   }

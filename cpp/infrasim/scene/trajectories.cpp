@@ -13,8 +13,8 @@ namespace infrasim {
 namespace {
 
 constexpr char kHeader[] = "t,id,class,x,y,z,heading,dx,dy,dz,speed";
-constexpr double kMaxStep = 10;           // m in 0.1 s: 360 km/h
-constexpr double kMaxTurn = kPi / 3;      // rad in 0.1 s
+constexpr double kMaxStep = 10;       // m in 0.1 s: 360 km/h
+constexpr double kMaxTurn = kPi / 3;  // rad in 0.1 s
 constexpr double kMetreDigits = 1e4;
 constexpr double kRadianDigits = 1e6;
 
@@ -39,8 +39,8 @@ std::vector<MovingObject> Trajectories::in_frame(int k) const {
     while (to != after.end() && to->id < from.id) ++to;
     if (to == after.end()) break;
     if (to->id == from.id)
-      objects.push_back({from.id, from.object_class, from.box, to->box,
-                         (from.speed_m_s + to->speed_m_s) / 2});
+      objects.push_back(
+          {from.id, from.object_class, from.box, to->box, (from.speed_m_s + to->speed_m_s) / 2});
   }
   return objects;
 }
@@ -67,7 +67,8 @@ std::string trajectories_csv(const Trajectories& trajectories) {
       append(s.id, ',');
       text += class_of(s.object_class).name;
       text += ',';
-      for (const double v : {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
+      for (const double v :
+           {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
         append(v, ',');
       append(s.speed_m_s, '\n');
     }
@@ -83,7 +84,8 @@ class TrajectoryReader {
 
   void header(std::string_view line) {
     if (line != kHeader)
-      fail("(header)", "found '" + std::string(line.substr(0, 80)) + "', allowed '" + kHeader + "'");
+      fail("(header)",
+           "found '" + std::string(line.substr(0, 80)) + "', allowed '" + kHeader + "'");
   }
 
   void row(std::string_view line) {
@@ -94,7 +96,8 @@ class TrajectoryReader {
     const double t = number("t", 0, 1e5);
     ObjectState s;
     const double id = number("id", 0, 2e9);
-    if (id != std::floor(id)) fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
+    if (id != std::floor(id))
+      fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
     s.id = static_cast<int>(id);
     const std::string_view class_name = cell("class");
     const ObjectClass* found = find_class(class_name);
@@ -164,7 +167,9 @@ class TrajectoryReader {
     const auto it = last_.find(s.id);
     if (it == last_.end()) return;
     const auto& [last_step, before] = it->second;
-    if (last_step + 1 != step) fail("id", "found vehicle " + std::to_string(s.id) + " again after a gap, allowed steps of 0.1 s");
+    if (last_step + 1 != step)
+      fail("id",
+           "found vehicle " + std::to_string(s.id) + " again after a gap, allowed steps of 0.1 s");
     const Box3d &a = before.box, &b = s.box;
     if (norm(Vec3{b.x - a.x, b.y - a.y, b.z - a.z}) > kMaxStep)
       fail("x", "found a jump of more than 10 m in 0.1 s");

@@ -28,20 +28,27 @@ constexpr Station kVan[] = {{-.50, .96, .94}, {-.47, 1, 1.0}, {.16, 1, 1.0},
 constexpr Station kTruck[] = {{-.50, 1, 1.0},  {.18, 1, 1.0},   {.20, .94, .84},
                               {.44, .94, .82}, {.49, .94, .50}, {.50, .92, .46}};
 constexpr Station kBus[] = {{-.50, .97, .95}, {-.48, 1, 1.0}, {.46, 1, 1.0}, {.50, .95, .90}};
-constexpr Station kRider[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22, .80, .92}, {-.02, 1, 1.0},
-                              {.08, .86, .88},  {.20, .96, .64},  {.34, .30, .56},  {.50, .22, .36}};
-constexpr Station kPerson[] = {{-.50, .40, .80}, {-.25, .9, .95}, {0, 1, 1.0},
-                               {.25, .9, .95},   {.50, .40, .80}};
+constexpr Station kRider[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22, .80, .92},
+                              {-.02, 1, 1.0},   {.08, .86, .88},  {.20, .96, .64},
+                              {.34, .30, .56},  {.50, .22, .36}};
+constexpr Station kPerson[] = {
+    {-.50, .40, .80}, {-.25, .9, .95}, {0, 1, 1.0}, {.25, .9, .95}, {.50, .40, .80}};
 
 Profile profile_of(Class object_class) {
   switch (object_class) {
-    case Class::kVan: return {kVan, .50, .84};
-    case Class::kTruck: return {kTruck, 1, 1};
-    case Class::kBus: return {kBus, .50, .94};
+    case Class::kVan:
+      return {kVan, .50, .84};
+    case Class::kTruck:
+      return {kTruck, 1, 1};
+    case Class::kBus:
+      return {kBus, .50, .94};
     case Class::kMotorcycle:
-    case Class::kCyclist: return {kRider, .60, .55};
-    case Class::kPedestrian: return {kPerson, .70, .50};
-    default: return {kCar, .58, .76};
+    case Class::kCyclist:
+      return {kRider, .60, .55};
+    case Class::kPedestrian:
+      return {kPerson, .70, .50};
+    default:
+      return {kCar, .58, .76};
   }
 }
 
@@ -52,9 +59,12 @@ struct Resolution {
 
 Resolution resolution_of(Detail detail) {
   switch (detail) {
-    case Detail::kMid: return {1, 3};
-    case Detail::kFine: return {9, 10};
-    default: return {0, 1};
+    case Detail::kMid:
+      return {1, 3};
+    case Detail::kFine:
+      return {9, 10};
+    default:
+      return {0, 1};
   }
 }
 
@@ -108,8 +118,7 @@ class Loft {
 
  private:
   void vertex(double x, double y, double z) {
-    mesh_.vertices.push_back(
-        {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)});
+    mesh_.vertices.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)});
   }
   void triangle(std::size_t a, std::size_t b, std::size_t c) {
     mesh_.triangles.push_back({static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b),

@@ -22,8 +22,7 @@ Beam::Beam(const BeamConfig& config, const Mat3& unit_pose) {
   axis_ = unit_pose * (vertical ? Vec3{0, 0, 1} : Vec3{0, 1, 0});
   const double width = rad(std::max(config.vertical_deg, config.horizontal_deg));
   for (int i = 0; i < config.sub_rays; ++i)
-    offsets_.push_back(
-        static_cast<float>(std::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
+    offsets_.push_back(static_cast<float>(std::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
 }
 
 void Beam::expand(const RayBatch& rays, RayBatch& sub_rays) const {

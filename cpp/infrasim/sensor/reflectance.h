@@ -9,9 +9,12 @@ namespace infrasim {
 /// dark (0.15); grass 0.51; concrete 0.3 to 0.4 (the last nominal).
 constexpr float background_reflectance(Class material) {
   switch (material) {
-    case Class::kRoad: return 0.20F;
-    case Class::kTerrain: return 0.51F;
-    default: return 0.35F;
+    case Class::kRoad:
+      return 0.20F;
+    case Class::kTerrain:
+      return 0.51F;
+    default:
+      return 0.35F;
   }
 }
 

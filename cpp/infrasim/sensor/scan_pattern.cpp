@@ -29,7 +29,8 @@ Vec3 through(const WedgeConfig& wedge, Vec3 tilted, Vec3 d) {
 }
 
 /// Normals of the tilted faces at one time.
-void turn_wedges(const std::vector<WedgeConfig>& wedges, double time_s, std::vector<Vec3>& normals) {
+void turn_wedges(const std::vector<WedgeConfig>& wedges, double time_s,
+                 std::vector<Vec3>& normals) {
   normals.clear();
   for (const WedgeConfig& wedge : wedges) {
     const double phi = 2 * kPi * std::fmod(wedge.rpm / 60 * time_s, 1.0) + rad(wedge.phase_deg);
@@ -102,9 +103,8 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
   const SpinningConfig& s = *config_.spinning;
   const Channel& c = s.channels.table[member];
   const double fire_time = c.fire_time_us * 1e-6;
-  const double turned_deg =
-      positive_fmod(static_cast<double>(group) * s.azimuth_step_deg, 360) +
-      360 * s.rate_hz * (fire_time + phase_s_) + c.azimuth_offset_deg;
+  const double turned_deg = positive_fmod(static_cast<double>(group) * s.azimuth_step_deg, 360) +
+                            360 * s.rate_hz * (fire_time + phase_s_) + c.azimuth_offset_deg;
   const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
   return {{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
            std::sin(elevation)},
@@ -154,8 +154,8 @@ void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
   rays.ring[k] = ring_[static_cast<std::size_t>(member)];
 }
 
-void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_group,
-                                 double start_s, RayBatch& rays) const {
+void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
+                                 RayBatch& rays) const {
   const std::vector<WedgeConfig>& wedges = config_.wedges->wedges;
   std::vector<Vec3> normals;
   std::size_t k = 0;
@@ -180,8 +180,8 @@ void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_g
                           positive_fmod(360 * s.rate_hz * phase_s_, 360);
     const auto ca = static_cast<float>(std::cos(-rad(turned)));
     const auto sa = static_cast<float>(std::sin(-rad(turned)));
-    const auto time = std::max(
-        0.0F, static_cast<float>(static_cast<double>(group) / groups_per_s_ - start_s));
+    const auto time =
+        std::max(0.0F, static_cast<float>(static_cast<double>(group) / groups_per_s_ - start_s));
     for (int i = 0; i < group_size_; ++i, ++k) {
       const Laser& laser = lasers_[i];
       const float x = laser.cos_elevation * (ca * laser.cos_shift - sa * laser.sin_shift);

@@ -65,8 +65,8 @@ class ScanPattern {
   Mat3 pose_exact_;
   int group_size_ = 1;
   double groups_per_s_ = 0;
-  std::vector<std::uint16_t> ring_;           ///< of each member of a group
-  std::vector<std::uint32_t> member_of_ring_; ///< its inverse
+  std::vector<std::uint16_t> ring_;            ///< of each member of a group
+  std::vector<std::uint32_t> member_of_ring_;  ///< its inverse
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };

@@ -1,0 +1,224 @@
+"""Predictions held against the vehicles of a LiDAR's frames: what is right, wrong and ignored.
+
+Every vehicle in reach takes part in the matching. One that is not counted (another ground truth, or
+outside the evaluation region) and the prediction that took it are ignored. A prediction that took
+none is wrong, unless its centre lies outside the region or, for `common`, outside the common field
+of view: then it is ignored too. So a vehicle at the border is judged with the box that found it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import ap
+from pyinfra.frame_tables import Predictions, Vehicles
+from pyinfra.ground_truth import GroundTruth, Set
+from pyinfra.matching import (
+    LEAST_OVERLAP,
+    TIE,
+    Metric,
+    Pairs,
+    best_overlap,
+    in_order,
+    match,
+    overlapping_pairs,
+    reaches,
+)
+from pyinfra.regions import Places, Window
+from pyinfra.statistics_intervals import Blocks, time_blocks
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+# definition: 40 recalls. r11: 11 recalls. kitti: the devkit's sampling and strict threshold.
+Protocol = Literal["definition", "r11", "kitti"]
+PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+CAUSES = ("ghost", "duplicate", "localisation")
+VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle")
+LEAST_BLOCKS_WITH_OBJECTS = 5  # a quantity whose objects are in fewer has no interval
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is evaluated; of each list the first one is primary."""
+
+    classes: Mapping[str, tuple[str, ...]] = field(
+        default_factory=lambda: {"vehicle": VEHICLE_TYPES}
+    )  # by name: the KITTI types that count
+    ground_truths: tuple[Set, ...] = ("captured", "all")
+    ious: tuple[float, ...] = (0.5,)
+    protocols: tuple[Protocol, ...] = ("definition",)
+    metrics: tuple[Metric, ...] = ("bev",)
+    min_score: float = 0.1
+    min_points: int = 1  # of a vehicle that is captured
+    min_objects: int = 20  # of an area that counts
+    cut_first: bool = False  # also match within each window alone
+    draws: int = 200
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
+            if not getattr(self, name):
+                raise ValueError(f"{name}: found none, allowed one or more")
+        if not all(0.1 <= iou < 1 for iou in self.ious):
+            raise ValueError(f"iou: found {min(self.ious):g}, allowed 0.1 to below 1")
+        if not 0 <= self.min_score <= 1 or self.draws < 1 or self.min_points < 1:
+            raise ValueError(
+                "found a setting out of range, allowed score 0-1, draws and points > 0"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """Vehicles and predictions of one class, and which of them overlap."""
+
+    truth: GroundTruth
+    vehicles: Vehicles
+    predictions: Predictions
+    blocks: Blocks
+    metric: Metric
+
+    @cached_property
+    def vehicle_places(self) -> Places:
+        return self.truth.places(self.vehicles.boxes)
+
+    @cached_property
+    def prediction_places(self) -> Places:
+        return self.truth.places(self.predictions.boxes)
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """In the order of matching."""
+        v, p = self.vehicles, self.predictions
+        pairs = overlapping_pairs(p.frame, p.boxes, v.frame, v.boxes, self.metric)
+        return in_order(pairs, p.scores, p.boxes, v.boxes)
+
+    @cached_property
+    def best_overlap(self) -> FloatArray:
+        return best_overlap(self.pairs, len(self.predictions))
+
+    def match(self, iou: float, *, strict: bool, within: Window | None = None) -> IntArray:
+        """The vehicle that each prediction took, -1 for none; within: cut to a window first."""
+        pairs = self.pairs
+        if within is not None:
+            v, p = within.holds(self.vehicle_places), within.holds(self.prediction_places)
+            pairs = pairs.select(v[pairs.vehicle] & p[pairs.prediction])
+        return match(pairs, len(self.predictions), len(self.vehicles), iou, strict=strict)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What became of every prediction and vehicle under one ground truth and threshold."""
+
+    contest: Contest
+    took: IntArray  # (p,) vehicle, -1 for none
+    counted: BoolArray  # (v,) vehicles to be found
+    hit: BoolArray  # (p,) right
+    wrong: BoolArray  # (p,) the rest is ignored
+
+    @property
+    def objects(self) -> int:
+        return int(np.count_nonzero(self.counted))
+
+    def ranking(self, window: Window | None = None) -> ap.Ranking:
+        """All, or what belongs to a window: hits and misses with their vehicle, others alone."""
+        contest, hit, wrong, counted = self.contest, self.hit, self.wrong, self.counted
+        if window is not None:
+            in_window = window.holds(contest.vehicle_places)
+            counted = counted & in_window
+            hit = hit.copy()
+            hit[hit] = in_window[self.took[hit]]
+            wrong = wrong & window.holds(contest.prediction_places)
+        use = np.flatnonzero(hit | wrong)
+        return ap.rank(
+            contest.predictions.scores[use],
+            hit[use],
+            self.per_block(contest.vehicles.frame[counted]),
+            contest.blocks.block[contest.predictions.frame[use]],
+        )
+
+    @property
+    def weights(self) -> IntArray:
+        """How often each draw takes each block: (draws, blocks); no draws with few blocks."""
+        return self.contest.blocks.draws.astype(np.int64)
+
+    def per_block(self, frame: IntArray) -> IntArray:
+        """How many of the frames (n,) are in each block."""
+        blocks = self.contest.blocks
+        return np.bincount(blocks.block[frame], minlength=blocks.draws.shape[1]).astype(np.int64)
+
+
+def contest(
+    truth: GroundTruth, predictions: Predictions, name: str, settings: Settings, metric: Metric
+) -> Contest:
+    """The vehicles and predictions of a class, these from the lowest score on that counts.
+
+    A prediction may be named by one of the class's types or by the class itself.
+    """
+    types = settings.classes[name]
+    is_vehicle = np.isin(truth.vehicles.names, types)
+    named = np.isin(predictions.names, (*types, name))
+    return Contest(
+        truth=truth,
+        vehicles=truth.vehicles.select(is_vehicle),
+        predictions=predictions.select(named & (predictions.scores >= settings.min_score)),
+        blocks=blocks_of(truth, settings),
+        metric=metric,
+    )
+
+
+def blocks_of(truth: GroundTruth, settings: Settings) -> Blocks:
+    """Blocks of 5 s of time; fewer than 10 give no interval."""
+    frames = np.array(truth.frames, dtype=np.int64)
+    return time_blocks(frames, truth.period_s, draws=settings.draws, seed=settings.seed)
+
+
+def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Verdict:
+    """Counts under a ground truth what Contest.match() found."""
+    counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
+    matched = took >= 0
+    wrong = ~matched & contest.prediction_places.inside
+    if which == "common":
+        wrong &= contest.truth.in_common_view(contest.predictions.boxes)
+    hit = matched.copy()
+    hit[matched] = counted[took[matched]]
+    return Verdict(contest, took, counted, hit, wrong)
+
+
+def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:
+    """AP of each draw; of the frames as they are without weights."""
+    if protocol == "kitti":
+        return ap.kitti_average_precision(ranking, weights)
+    return ap.average_precision(ranking, 11 if protocol == "r11" else 40, weights)
+
+
+def interval(draws: FloatArray, objects: IntArray) -> tuple[float, float]:
+    """Middle 95 % of the draws (d,) that are defined.
+
+    objects: (blocks,), what the quantity rests on; (nan, nan) if they are in fewer than 5 blocks.
+    """
+    defined = draws[~np.isnan(draws)]
+    if len(defined) == 0 or np.count_nonzero(objects) < LEAST_BLOCKS_WITH_OBJECTS:
+        return float("nan"), float("nan")
+    low, high = np.percentile(defined, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def causes(verdict: Verdict, iou: float, *, strict: bool) -> npt.NDArray[np.str_]:
+    """Why each wrong prediction is wrong, (wrong ones,).
+
+    duplicate: another took the vehicle that it overlaps enough; localisation: it overlaps one by
+    0.1 or more, but not enough; ghost: no vehicle is there.
+    """
+    best = verdict.contest.best_overlap[verdict.wrong]
+    names = np.full(len(best), "ghost", dtype="<U12")
+    names[best >= LEAST_OVERLAP - TIE] = "localisation"
+    names[reaches(best, iou, strict=strict)] = "duplicate"
+    return names

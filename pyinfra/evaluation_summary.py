@@ -1,0 +1,69 @@
+"""What is said of an evaluation: warnings about its results, and the summary on the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from pyinfra.evaluation import Settings, blocks_of
+from pyinfra.evaluation_tables import HIGH_QUALITY
+from pyinfra.ground_truth import GroundTruth
+from pyinfra.prediction_checks import Finding
+from pyinfra.statistics_intervals import MIN_BLOCKS
+
+if TYPE_CHECKING:
+    from pyinfra.evaluate import Evaluation
+
+KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
+
+
+def warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
+    """Warnings about the results themselves."""
+    found = []
+    if len(blocks_of(truth, settings).draws) == 0:
+        text = f"fewer than {MIN_BLOCKS} blocks of 5 s with frames: no intervals"
+        found.append(("few-blocks", text))
+    for row in table.itertuples():
+        what = f"{row.ground_truth}, IoU {row.iou:g}, {row.protocol}"
+        if math.isnan(row.ap):
+            found.append(("no-objects", f"{what}: no vehicle to be found, so AP is undefined"))
+        elif row.ap == 0:
+            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} vehicles"
+            found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
+        elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
+            cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
+            text = f"{what}: {row.objects} vehicles: the devkit's AP cannot pass {cap:g}"
+            found.append(("kitti-cap", text))
+    return [Finding("warning", name, text) for name, text in found]
+
+
+def summary(evaluation: Evaluation) -> str:
+    """AP, areas and causes of false positives as lines of text."""
+    lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
+    head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'protocol':<15}{'AP':>6}  "
+    lines.append(f"{head}{'95 % interval':<16}{'objects':>8}{'predictions':>12}")
+    lines += [
+        f"{row['class']:<12}{row.ground_truth:<14}{row.iou:>5g} {row.protocol:<15}{row.ap:>6.2f}  "
+        f"{_span(row.ap_low, row.ap_high):<16}{row.objects:>8}{row.predictions:>12}"
+        for _, row in evaluation.ap.iterrows()
+    ]
+    lines.append(f"high-quality areas (AP > {HIGH_QUALITY:g}), undecided ones included")
+    lines += [
+        f"{row.road:<12}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} {row.p_hqda:>15.1f}"
+        f" %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
+        for _, row in evaluation.areas.iterrows()
+    ]
+    for which, rows in evaluation.false_positives.groupby("ground_truth", sort=False):
+        causes = zip(rows["cause"], rows["count"], strict=True)
+        listed = ", ".join(f"{count} {cause}" for cause, count in causes)
+        lines.append(f"false positives, {which}: {listed}")
+    if "difference" in evaluation.distance_ap:
+        worst = evaluation.distance_ap.difference.abs().max()
+        lines.append(f"cutting before matching changes the AP of a window by up to {worst:.2f}")
+    return "\n".join(lines)
+
+
+def _span(low: float, high: float) -> str:
+    return "no interval" if math.isnan(low) else f"{low:.2f} to {high:.2f}"

@@ -1,0 +1,226 @@
+"""Tables of an evaluation. AP and shares are 0 to 100; low and high end the 95 % interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyinfra import ap
+from pyinfra.evaluation import (
+    CAUSES,
+    Contest,
+    Protocol,
+    Verdict,
+    causes,
+    interval,
+    judge,
+    precision,
+)
+from pyinfra.ground_truth import Set
+from pyinfra.regions import Window
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+HIGH_QUALITY = 85.0  # an area above this AP is of high quality
+PR_RECALLS = 100
+AP_COLUMNS = "class ground_truth iou protocol ap ap_low ap_high objects predictions frames".split()
+# Of an area: high or low with its whole interval, else undecided; few: not enough objects.
+QUALITIES = ("high", "undecided", "low", "few")
+
+
+def ap_row(verdict: Verdict, iou: float, protocol: Protocol) -> dict[str, Any]:
+    """AP over all frames, without the columns that name the class and the ground truth."""
+    ranking = verdict.ranking()
+    value, low, high = _ap_with_interval(verdict, ranking, protocol)[:3]
+    metric = verdict.contest.metric
+    return {
+        "iou": iou,
+        "protocol": protocol if metric == "bev" else f"{protocol}-{metric}",
+        "ap": value,
+        "ap_low": low,
+        "ap_high": high,
+        "objects": verdict.objects,
+        "predictions": len(ranking.block),
+        "frames": len(verdict.contest.truth.frames),
+    }
+
+
+def pr_table(verdict: Verdict) -> pd.DataFrame:
+    """Highest precision at or beyond the recalls 0.01 .. 1, 0 where they are not reached.
+
+    score: of the operating point at which the recall is reached.
+    """
+    ranking = verdict.ranking()
+    recalls = np.arange(1, PR_RECALLS + 1)
+    value = ap.precision_at_recalls(ranking, PR_RECALLS)[0]
+    draws = ap.precision_at_recalls(ranking, PR_RECALLS, weights=verdict.weights)
+    ends = [interval(column, ranking.objects) for column in draws.T]
+    needed = -(-recalls * verdict.objects // PR_RECALLS)
+    at = np.searchsorted(ranking.hits_upto, needed)
+    score = np.append(ranking.scores, np.nan)[at]
+    low, high = np.array(ends).T
+    columns = {"precision": value, "precision_low": low, "precision_high": high, "score": score}
+    return pd.DataFrame({"recall": recalls / PR_RECALLS, **columns})
+
+
+def distance_table(verdict: Verdict, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
+    """AP of each window by the definition, and its draws (windows, draws)."""
+    contest = verdict.contest
+    roads = [road.name for road in contest.truth.roads] or ["distance"]
+    rows, draws = [], []
+    for window in contest.truth.windows():
+        ranking = verdict.ranking(window)
+        value, low, high, drawn = _ap_with_interval(verdict, ranking, "definition")
+        row = {
+            "road": roads[window.road],
+            "s": window.middle,
+            "ap": value,
+            "ap_low": low,
+            "ap_high": high,
+            "objects": int(ranking.objects.sum()),
+            "predictions": len(ranking.block),
+        }
+        row["quality"] = area_quality(row, min_objects)
+        rows.append(row)
+        draws.append(drawn)
+    return pd.DataFrame(rows), np.array(draws)
+
+
+def cut_first_ap(
+    contest: Contest, which: Set, iou: float, min_points: int, windows: Sequence[Window]
+) -> list[float]:
+    """AP of each window when what lies outside is cut away before matching."""
+    values = []
+    for window in windows:
+        took = contest.match(iou, strict=False, within=window)
+        alone = judge(contest, which, took, min_points)
+        values.append(float(ap.average_precision(alone.ranking(window))[0]))
+    return values
+
+
+def area_quality(row: dict[str, Any], min_objects: int) -> str:
+    """Which of QUALITIES an area has."""
+    if row["objects"] < min_objects:
+        return "few"
+    if math.isnan(row["ap_low"]) or row["ap_low"] <= HIGH_QUALITY < row["ap_high"]:
+        return "undecided"
+    return "high" if row["ap"] > HIGH_QUALITY else "low"
+
+
+def area_table(distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
+    """High-quality areas of each road, and of all roads (road `all`) if there are several.
+
+    n_tda: areas with enough objects; n_hqda: those of them with an AP above 85, decided or not;
+    undecided: those of them whose interval holds 85, or that have none.
+    """
+    names = list(dict.fromkeys(distance.road))
+    groups = [("all", np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
+    groups += [(name, (distance.road == name).to_numpy()) for name in names]
+    return pd.DataFrame([{"road": name, **_areas(distance[at], draws[at])} for name, at in groups])
+
+
+def _areas(distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
+    counts = (distance.quality != "few").to_numpy()
+    total = int(counts.sum())
+    high = int((distance.ap[counts] > HIGH_QUALITY).sum())
+    known = ~np.isnan(draws[counts])
+    defined = known.sum(0)
+    share = np.full(draws.shape[1], np.nan)
+    above = (draws[counts] > HIGH_QUALITY).sum(0)
+    np.divide(100.0 * above, defined, out=share, where=defined > 0)
+    share = share[~np.isnan(share)]
+    low, top = np.percentile(share, [2.5, 97.5]) if len(share) > 0 else (math.nan, math.nan)
+    return {
+        "n_tda": total,
+        "n_hqda": high,
+        "p_hqda": 100 * high / total if total > 0 else math.nan,
+        "p_low": float(low),
+        "p_high": float(top),
+        "undecided": int((distance.quality == "undecided").sum()),
+        "objects": int(distance.objects.sum()),
+    }
+
+
+def error_table(verdict: Verdict) -> pd.DataFrame:
+    """Errors of the boxes that hit, prediction less vehicle, in the vehicle's own directions.
+
+    ahead, left, up: of the centre; heading: to the nearer of the two ways along the vehicle;
+    reversed: share of boxes that point the other way. The interval is that of mean_absolute.
+    """
+    contest = verdict.contest
+    p = contest.predictions.boxes[verdict.hit]
+    v = contest.vehicles.boxes[verdict.took[verdict.hit]]
+    dx, dy = p[:, 0] - v[:, 0], p[:, 1] - v[:, 1]
+    cos, sin = np.cos(v[:, 6]), np.sin(v[:, 6])
+    turn = np.degrees(p[:, 6] - v[:, 6])
+    away = (turn + 180) % 360 - 180
+    errors = {
+        "horizontal": ("m", np.hypot(dx, dy)),
+        "ahead": ("m", cos * dx + sin * dy),
+        "left": ("m", cos * dy - sin * dx),
+        "up": ("m", p[:, 2] - v[:, 2]),
+        "length": ("m", p[:, 3] - v[:, 3]),
+        "width": ("m", p[:, 4] - v[:, 4]),
+        "height": ("m", p[:, 5] - v[:, 5]),
+        "heading": ("deg", (turn + 90) % 180 - 90),
+        "reversed": ("percent", 100.0 * (np.abs(away) > 90)),
+    }
+    block = contest.blocks.block[contest.predictions.frame[verdict.hit]]
+    return pd.DataFrame(
+        [
+            {"error": name, "unit": unit, **_error(verdict, values, block)}
+            for name, (unit, values) in errors.items()
+        ]
+    )
+
+
+def _error(verdict: Verdict, values: FloatArray, block: IntArray) -> dict[str, Any]:
+    weights = verdict.weights
+    sums = np.bincount(block, np.abs(values), minlength=weights.shape[1])
+    counts = np.bincount(block, minlength=weights.shape[1])
+    low, high = interval(_ratio(weights @ sums, weights @ counts), counts)
+    absolute = np.abs(values)
+    some = len(values) > 0
+    return {
+        "mean": values.mean() if some else math.nan,
+        "mean_absolute": absolute.mean() if some else math.nan,
+        "low": low,
+        "high": high,
+        "absolute_95_percent": np.percentile(absolute, 95) if some else math.nan,
+        "objects": len(values),
+    }
+
+
+def false_positive_table(verdict: Verdict, iou: float, *, strict: bool) -> pd.DataFrame:
+    """Wrong predictions by cause; share: of the wrong ones, in percent."""
+    names = causes(verdict, iou, strict=strict)
+    contest, weights = verdict.contest, verdict.weights
+    block = contest.blocks.block[contest.predictions.frame[verdict.wrong]]
+    total = np.bincount(block, minlength=weights.shape[1])
+    rows = []
+    for cause in CAUSES:
+        own = np.bincount(block[names == cause], minlength=weights.shape[1])
+        count = int(own.sum())
+        low, high = interval(100 * _ratio(weights @ own, weights @ total), total)
+        share = 100 * count / len(names) if len(names) > 0 else math.nan
+        rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
+def _ratio(above: npt.NDArray[Any], below: npt.NDArray[Any]) -> FloatArray:
+    out = np.full(above.shape, np.nan)
+    return np.asarray(np.divide(above, below, out=out, where=below > 0))
+
+
+def _ap_with_interval(
+    verdict: Verdict, ranking: ap.Ranking, protocol: Protocol
+) -> tuple[float, float, float, FloatArray]:
+    value = float(precision(ranking, protocol, None)[0])
+    draws = precision(ranking, protocol, verdict.weights)
+    return value, *interval(draws, ranking.objects), draws

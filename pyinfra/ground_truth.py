@@ -1,0 +1,158 @@
+"""The vehicles to be found in the frames of one LiDAR, and which of them count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import kitti, regions
+from pyinfra.frame_tables import Vehicles, read_vehicles
+from pyinfra.kitti import FormatError
+from pyinfra.regions import Places, Road, Window
+from pyinfra.statistics_data import MIN_VISIBILITY, Tilt, _tilt, field_of_view_mask
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+# captured: at least some points of this LiDAR (the paper). common: inside the field of view and
+# range of every LiDAR of the data set, and visible. all: visible. Each inside the region.
+Set = Literal["captured", "common", "all"]
+SETS: tuple[Set, ...] = get_args(Set)
+
+PERIOD_S = 0.1  # of a folder without lidar.yaml
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTruth:
+    """What is known of the frames of one LiDAR."""
+
+    folder: Path
+    name: str
+    period_s: float
+    frames: tuple[int, ...]  # ascending; `vehicles.frame` counts along them
+    vehicles: Vehicles  # every one in reach, counted or not
+    has_objects: bool  # False: the vehicles are the labels, and only `captured` can be told
+    lidar: kitti.Lidar | None  # None without lidar.yaml
+    neighbours: tuple[tuple[kitti.Lidar, Tilt], ...]  # every LiDAR of the data set
+    roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
+
+    def places(self, boxes: FloatArray) -> Places:
+        """Where boxes (n, 7) of the levelled LiDAR frame lie."""
+        if not self.roads or self.lidar is None:
+            return regions.by_distance(boxes)
+        return regions.locate(
+            regions.to_world(boxes, self.lidar.T_world_levelled), list(self.roads)
+        )
+
+    def windows(self) -> list[Window]:
+        """The windows of distance: along the roads, or away from the sensor without roads."""
+        if self.roads:
+            return regions.road_windows(list(self.roads))
+        distance = np.hypot(self.vehicles.boxes[:, 0], self.vehicles.boxes[:, 1])
+        return regions.distance_windows(float(distance.max(initial=0)))
+
+    def counted(self, which: Set, vehicles: Vehicles, places: Places, min_points: int) -> BoolArray:
+        """Which of some vehicles (n,), with their places, are to be found.
+
+        Raises ValueError for a set that this folder cannot tell.
+        """
+        if which == "captured":
+            return places.inside & (vehicles.points >= min_points)
+        if not self.has_objects:
+            raise ValueError(f"{self.folder}: found no objects, allowed ground truth: captured")
+        visible = places.inside & (vehicles.visibility >= MIN_VISIBILITY)
+        return visible & self.in_common_view(vehicles.boxes) if which == "common" else visible
+
+    def in_common_view(self, boxes: FloatArray) -> BoolArray:
+        """Centres (n,) inside the field of view and range of every LiDAR of the data set."""
+        seen = np.ones(len(boxes), dtype=np.bool_)
+        for lidar, tilt in self.neighbours:
+            seen &= field_of_view_mask(lidar, tilt, boxes[:, :3])[1]
+        return seen
+
+
+def read_ground_truth(
+    folder: Path, frames: Sequence[int] | None = None, *, beyond_range: bool = False
+) -> GroundTruth:
+    """Reads the frames of a folder in the KITTI layout: of a run of `infrasim`, or any other.
+
+    frames: those to read, `frame_numbers(folder)` if left out. beyond_range: with the vehicles of
+    the region that this LiDAR does not reach but another one of the data set does.
+    Raises FileNotFoundError, FormatError with file and line, and ValueError without any frame.
+    """
+    frames = sorted(frame_numbers(folder) if frames is None else frames)
+    if not frames:
+        raise ValueError(f"{folder}: found no frame to evaluate, allowed one or more")
+    has_lidar = (folder / "lidar.yaml").is_file()
+    lidar = kitti.read_lidar(folder) if has_lidar else None
+    files = sorted(folder.parent.glob("*/lidar.yaml")) if has_lidar else []
+    neighbours = tuple((kitti.read_lidar(file.parent), _tilt(file)) for file in files)
+    vehicles = read_vehicles(folder, frames)
+    has_objects = (folder / "training/objects").is_dir()
+    if beyond_range and has_objects and lidar is not None:
+        farthest = max((_reach(other), other.name) for other, _ in neighbours)
+        if farthest[0] > _reach(lidar):
+            others = read_vehicles(folder.parent / farthest[1], frames)
+            vehicles = _with_unreached(vehicles, others)
+    roads = folder.parent / "roads.csv"
+    return GroundTruth(
+        folder=folder,
+        name=lidar.name if lidar else folder.name,
+        period_s=lidar.period_s if lidar else PERIOD_S,
+        frames=tuple(frames),
+        vehicles=vehicles,
+        has_objects=has_objects,
+        lidar=lidar,
+        neighbours=neighbours,
+        roads=tuple(regions.read_roads(roads)) if lidar and roads.is_file() else (),
+    )
+
+
+def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
+    """Frames of a folder, ascending.
+
+    split: those of ImageSets/SPLIT.txt; left out, those of val.txt if there is one, else all; `all`
+    is all. Raises FileNotFoundError, and FormatError with file and line.
+    """
+    training = folder / "training"
+    if (training / "velodyne").is_dir():
+        present = kitti.frames(folder)
+    elif (training / "label_2").is_dir():
+        stems = (file.stem for file in (training / "label_2").glob("*.txt"))
+        present = sorted(int(stem) for stem in stems if stem.isdigit())
+    else:
+        raise FileNotFoundError(2, "No training/velodyne or training/label_2 in it", str(folder))
+    if split == "all" or (split is None and not (folder / "ImageSets/val.txt").is_file()):
+        return present
+    return _split(folder / f"ImageSets/{split or 'val'}.txt", set(present))
+
+
+def _split(file: Path, present: set[int]) -> list[int]:
+    frames = []
+    for line, word in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
+        if not word.strip().isdecimal() or int(word) not in present:
+            raise FormatError(f"{file}:{line}: found '{word}', allowed a frame of the folder")
+        frames.append(int(word))
+    return sorted(frames)
+
+
+def _reach(lidar: kitti.Lidar) -> float:
+    return max(unit.range_m[1] for unit in lidar.field_of_view)
+
+
+def _with_unreached(own: Vehicles, others: Vehicles) -> Vehicles:
+    """Own vehicles, and those of the region that only the others have; these with 0 points."""
+    base = 1 + max(own.ids.max(initial=0), others.ids.max(initial=0))
+    new = ~np.isin(others.frame * base + others.ids, own.frame * base + own.ids)
+    extra = others.select(new & (others.visibility >= 0))
+    columns = {name: np.concatenate([vars(own)[name], vars(extra)[name]]) for name in vars(own)}
+    columns["points"][len(own) :] = 0
+    joined = Vehicles(**columns)
+    order = np.argsort(joined.frame, kind="stable")
+    return Vehicles(**{name: column[order] for name, column in vars(joined).items()})
