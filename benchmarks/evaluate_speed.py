@@ -1,0 +1,275 @@
+"""Exactness and speed of the evaluation, on one core.
+
+Writes results/evaluation.csv:
+    .venv/bin/python benchmarks/evaluate_speed.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import shapely
+
+from pyinfra import boxes, kitti, matching
+
+ROOT = Path(__file__).resolve().parent.parent
+FloatArray = npt.NDArray[np.float64]
+Row = tuple[str, float, str]
+OBJECTS, PREDICTIONS = 20, 30
+LIDAR = """name: "speed"
+model: "made up"
+preset: "none"
+price_total_usd: {low: 1, high: 1}
+period_s: 0.1
+T_world_levelled: {x_m: 0, y_m: 0, z_m: 6, yaw_deg: 0}
+T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}
+field_of_view:
+  - {yaw_deg: 0, pitch_deg: 0, azimuth_deg: [-180, 180], elevation_deg: [-30, 15], range_m: [0, 200]}
+"""
+
+
+def random_boxes(random: np.random.Generator, n: int) -> FloatArray:
+    low = [-3, -3, -1, 0.5, 0.5, 1, -4]
+    high = [3, 3, 1, 12, 3, 4, 4]
+    return random.uniform(low, high, (n, 7))
+
+
+def box_pairs(random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """50,000 random pairs and 50,000 degenerate ones: equal, touching, nearly equal, on a grid."""
+    a, b = random_boxes(random, 50_000), random_boxes(random, 50_000)
+    parts = [(a, b)]
+    for share, quarters in itertools.product(
+        [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0), (1 / 3, 0)], [0, 1, 2, 4]
+    ):
+        one = random_boxes(random, 1250)
+        two = one.copy()
+        cos, sin = np.cos(one[:, 6]), np.sin(one[:, 6])
+        ahead, left = share[0] * one[:, 3], share[1] * one[:, 4]
+        two[:, 0] += cos * ahead - sin * left
+        two[:, 1] += sin * ahead + cos * left
+        two[:, 6] += quarters * math.pi / 2
+        parts.append((one, two))
+    for exponent in range(-16, -3):
+        one = random_boxes(random, 1000)
+        parts.append((one, one + random.uniform(-1, 1, (1000, 7)) * 10.0**exponent))
+    grid = np.round(random_boxes(random, 7000) * 2) / 2
+    grid[:, 3:6] = np.maximum(grid[:, 3:6], 0.5)
+    grid[:, 6] = np.round(grid[:, 6] / (math.pi / 4)) * (math.pi / 4)
+    parts.append((grid, grid[random.permutation(7000)]))
+    first, second = zip(*parts, strict=True)
+    return np.concatenate(first), np.concatenate(second)
+
+
+def corners(box: FloatArray) -> FloatArray:
+    """(n, 7) to (n, 4, 2)."""
+    u = np.array([0.5, 0.5, -0.5, -0.5]) * box[:, 3, None]
+    v = np.array([-0.5, 0.5, 0.5, -0.5]) * box[:, 4, None]
+    cos, sin = np.cos(box[:, 6, None]), np.sin(box[:, 6, None])
+    x, y = box[:, 0, None] + cos * u - sin * v, box[:, 1, None] + sin * u + cos * v
+    return np.stack([x, y], axis=2)
+
+
+def shapely_iou(a: FloatArray, b: FloatArray) -> FloatArray:
+    one, two = shapely.polygons(corners(a)), shapely.polygons(corners(b))
+    shared = shapely.area(shapely.intersection(one, two))
+    return np.asarray(shared / (shapely.area(one) + shapely.area(two) - shared))
+
+
+def exact_iou(a: FloatArray, b: FloatArray) -> float:
+    """Of two boxes (7,), by clipping in rational arithmetic; the judge where the two disagree."""
+    one, two = (
+        [(Fraction(float(x)), Fraction(float(y))) for x, y in corners(box[None])[0]]
+        for box in (a, b)
+    )
+    clipped = list(one)
+    for (ax, ay), (bx, by) in itertools.pairwise([*two, two[0]]):
+        side = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in clipped]
+        kept = []
+        for k, (x, y) in enumerate(clipped):
+            px, py = clipped[k - 1]
+            if (side[k - 1] >= 0) != (side[k] >= 0):
+                t = side[k - 1] / (side[k - 1] - side[k])
+                kept.append((px + t * (x - px), py + t * (y - py)))
+            if side[k] >= 0:
+                kept.append((x, y))
+        clipped = kept
+    areas = [
+        sum((p[k - 1][0] * p[k][1] - p[k][0] * p[k - 1][1] for k in range(len(p))), Fraction(0)) / 2
+        for p in (clipped, one, two)
+    ]
+    return float(areas[0] / (areas[1] + areas[2] - areas[0]))
+
+
+def exactness(random: np.random.Generator) -> list[Row]:
+    a, b = box_pairs(random)
+    ours, theirs = boxes.pair_bev_iou(a, b), shapely_iou(a, b)
+    apart = np.flatnonzero(np.abs(ours - theirs) > 1e-9)
+    true = np.array([exact_iou(a[i], b[i]) for i in apart])
+    agree = np.delete(np.abs(ours - theirs), apart)
+    return [
+        ("pairs of boxes, random and degenerate", len(a), "pairs"),
+        ("IoU: largest difference from shapely where within 1e-9", agree.max(), ""),
+        ("IoU: pairs where shapely is more than 1e-9 off", len(apart), "pairs"),
+        (
+            "IoU: largest error on those, rational arithmetic",
+            np.abs(ours[apart] - true).max(initial=0),
+            "",
+        ),
+        ("IoU: largest error of shapely on those", np.abs(theirs[apart] - true).max(initial=0), ""),
+    ]
+
+
+def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Vehicles on 8 lanes, predictions (most of them noisy vehicles) and their scores."""
+    n = OBJECTS
+    lane = random.integers(0, 8, n)
+    x, y = random.uniform(-100, 100, n), 3.5 * lane - 12.25
+    z = np.full(n, -5.2)
+    truth = np.stack([x, y, z, *(np.full(n, v) for v in (4.5, 1.8, 1.5, 0.0))], axis=1)
+    spread = np.array([0.3, 0.15, 0.1, 0.3, 0.1, 0.1, 0.05])
+    found = (
+        np.concatenate([truth, truth])[:PREDICTIONS] + random.normal(size=(PREDICTIONS, 7)) * spread
+    )
+    ghosts = np.arange(PREDICTIONS) >= 24
+    found[ghosts, :2] = random.uniform([-100, -14], [100, 14], (int(ghosts.sum()), 2))
+    scores = np.where(
+        np.arange(PREDICTIONS) < OBJECTS,
+        random.uniform(0.2, 1, PREDICTIONS),
+        random.uniform(0.1, 0.6, PREDICTIONS),
+    )
+    return truth, found, scores
+
+
+def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tuple[Path, Path]:
+    """A LiDAR's folder and predictions as files; the clouds are empty."""
+    lidar, predictions = folder / "speed", folder / "predictions"
+    for part in ("velodyne", "objects"):
+        (lidar / "training" / part).mkdir(parents=True)
+    predictions.mkdir()
+    (lidar / "lidar.yaml").write_text(LIDAR)
+    rows = "".join(f"road,{s},{s},0,0,0,14\n" for s in range(-100, 101))
+    (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
+    for k in range(frames):
+        truth, found, scores = frame(random)
+        lines = [",".join(kitti.OBJECT_COLUMNS)]
+        for i, box in enumerate(truth):
+            numbers = ",".join(f"{value:.4f}" for value in box)
+            points = int(random.integers(0, 50))
+            distance = math.hypot(box[0], box[1])
+            lines.append(f"{i},Car,{numbers},15.0000,{points},{points},{distance:.4f},0.9000")
+        kitti.frame_file(lidar, "objects", k).write_text("\n".join(lines) + "\n")
+        kitti.frame_file(lidar, "velodyne", k).touch()
+        (predictions / f"{k:06d}.txt").write_text("".join(map(result_line, found, scores)))
+    return lidar, predictions
+
+
+def result_line(box: FloatArray, score: float) -> str:
+    x, y, z, length, width, height, heading = box
+    place = f"{-y:.4f} {height / 2 - z:.4f} {x:.4f} {-heading - math.pi / 2:.6f}"
+    return f"Car 0 0 0 0 0 50 50 {height:.4f} {width:.4f} {length:.4f} {place} {score:.4f}\n"
+
+
+def evaluation(frames: int, random: np.random.Generator, *options: str) -> tuple[float, float]:
+    """Seconds and peak MB of a whole `pyinfra evaluate`, Python's start and all."""
+    with tempfile.TemporaryDirectory() as name:
+        lidar, predictions = write_data_set(Path(name), frames, random)
+        command = [sys.executable, "/tmp/ev.py", "evaluate", "--gt", str(lidar)]
+        command += ["--pred", str(predictions), "--out", f"{name}/out", *options]
+        start = time.perf_counter()
+        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
+        _, status, usage = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - start
+        if status != 0:
+            raise RuntimeError(f"{' '.join(command)}: exit status {status}")
+    return seconds, peak_mb(usage)
+
+
+def peak_mb(usage: resource.struct_rusage) -> float:
+    return usage.ru_maxrss / 1024
+
+
+def whole_rows(random: np.random.Generator) -> list[Row]:
+    rows: list[Row] = []
+    for frames in (1250, 2500, 5000):
+        seconds, peak = evaluation(frames, random, "--no-figures")
+        rows.append((f"whole evaluation of {frames} frames", seconds, "s"))
+        rows.append((f"peak memory, {frames} frames", peak, "MB"))
+    rows.append(("the same with figures, 5000 frames", evaluation(5000, random)[0], "s"))
+    return rows
+
+
+def matching_rows(random: np.random.Generator, frames: int) -> list[Row]:
+    """Our IoU and matching against shapely for every pair of each frame and the same greed."""
+    data = [frame(random) for _ in range(frames)]
+    ours, fast = timed(lambda: match_ours(data))
+    theirs, slow = timed(lambda: [match_shapely(*one) for one in data])
+    if ours != sum(theirs):
+        raise RuntimeError(f"found {ours} matches, shapely {sum(theirs)}")
+    return [
+        ("IoU and matching", 1e6 * fast / frames, "us/frame"),
+        ("shapely loop over all pairs", 1e6 * slow / frames, "us/frame"),
+        ("shapely loop / IoU and matching", slow / fast, "times"),
+    ]
+
+
+def match_ours(data: list[tuple[FloatArray, FloatArray, FloatArray]]) -> int:
+    truth, found, scores = (np.concatenate(column) for column in zip(*data, strict=True))
+    of_truth = np.repeat(np.arange(len(data)), OBJECTS)
+    of_found = np.repeat(np.arange(len(data)), PREDICTIONS)
+    pairs = matching.overlapping_pairs(of_found, found, of_truth, truth)
+    pairs = matching.in_order(pairs, scores, found, truth)
+    return int((matching.match(pairs, len(found), len(truth), 0.5) >= 0).sum())
+
+
+def match_shapely(truth: FloatArray, found: FloatArray, scores: FloatArray) -> int:
+    vehicles = [shapely.Polygon(c) for c in corners(truth)]
+    predictions = [shapely.Polygon(c) for c in corners(found)]
+    taken: set[int] = set()
+    for p in np.argsort(-scores):
+        best, at = 0.0, -1
+        for v, vehicle in enumerate(vehicles):
+            shared = predictions[p].intersection(vehicle).area
+            iou = shared / (predictions[p].area + vehicle.area - shared)
+            if iou > best and v not in taken:
+                best, at = iou, v
+        if best >= 0.5:
+            taken.add(at)
+    return len(taken)
+
+
+def timed(work: Callable[[], object]) -> tuple[object, float]:
+    start = time.perf_counter()
+    result = work()
+    return result, time.perf_counter() - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "evaluation.csv")
+    parser.add_argument("--frames", type=int, default=200, help="of the shapely loop")
+    args = parser.parse_args()
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    random = np.random.default_rng(1)
+    rows = [*exactness(random), *matching_rows(random, args.frames), *whole_rows(random)]
+    table = pd.DataFrame(rows, columns=["what", "value", "unit"])
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(args.out, index=False, float_format="%.4g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
