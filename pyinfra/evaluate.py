@@ -10,55 +10,20 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
+import numpy as np
 
 from pyinfra import cli
-from pyinfra.evaluation import (
-    PROTOCOLS,
-    VEHICLE_TYPES,
-    Contest,
-    Settings,
-    contest,
-    judge,
-)
-from pyinfra.evaluation_summary import summary, warnings
-from pyinfra.evaluation_tables import (
-    AP_COLUMNS,
-    ap_row,
-    area_table,
-    cut_first_ap,
-    distance_table,
-    error_table,
-    false_positive_table,
-    pr_table,
-)
-from pyinfra.frame_tables import Predictions, read_predictions
-from pyinfra.ground_truth import SETS, GroundTruth, frame_numbers, read_ground_truth
+from pyinfra.evaluation import PROTOCOLS, VEHICLE_TYPES, Settings
+from pyinfra.evaluation_result import Evaluation, evaluate_tables
+from pyinfra.evaluation_summary import summary
+from pyinfra.frame_tables import read_predictions
+from pyinfra.ground_truth import SETS, frame_numbers, read_ground_truth
 from pyinfra.matching import Metric
-from pyinfra.prediction_checks import Finding, check_predictions, find_files
+from pyinfra.prediction_checks import check_predictions, find_files
 
 METRICS: tuple[Metric, ...] = ("bev", "3d")
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """The tables of one LiDAR's predictions, named as their files, and what was found amiss."""
-
-    truth: GroundTruth
-    ap: pd.DataFrame
-    pr_curve: pd.DataFrame
-    distance_ap: pd.DataFrame
-    areas: pd.DataFrame
-    errors: pd.DataFrame
-    false_positives: pd.DataFrame
-    findings: tuple[Finding, ...]
-
-    def tables(self) -> dict[str, pd.DataFrame]:
-        names = "ap pr_curve distance_ap areas errors false_positives".split()
-        return {name: getattr(self, name) for name in names}
 
 
 def evaluate(
@@ -83,7 +48,7 @@ def evaluate(
     truth = read_ground_truth(gt, chosen, beyond_range="all" in settings.ground_truths)
     predictions = read_predictions(found.files)
     types = [t for name, own in settings.classes.items() for t in (*own, name)]
-    of_types = truth.vehicles.select(pd.Series(truth.vehicles.names).isin(types).to_numpy())
+    of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
     findings = [
         *found.findings,
         *check_predictions(predictions, found.files, of_types, types, settings.min_score),
@@ -95,79 +60,6 @@ def default_settings(gt: Path) -> Settings:
     """`all` can only be told with objects."""
     has_objects = (gt / "training/objects").is_dir()
     return Settings() if has_objects else Settings(ground_truths=("captured",))
-
-
-def evaluate_tables(
-    truth: GroundTruth,
-    predictions: Predictions,
-    settings: Settings,
-    findings: Sequence[Finding] = (),
-) -> Evaluation:
-    """Evaluates predictions that were read; predictions.frame counts along truth.frames."""
-    contests = {
-        (name, metric): contest(truth, predictions, name, settings, metric)
-        for name in settings.classes
-        for metric in settings.metrics
-    }
-    table = pd.DataFrame(_ap_rows(contests, settings), columns=AP_COLUMNS)
-    first = next(iter(contests.values()))
-    parts = _primary_tables(first, settings)
-    parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
-    found = (*findings, *warnings(table, truth, settings))
-    return Evaluation(truth=truth, ap=table, findings=found, **parts)
-
-
-def _ap_rows(
-    contests: dict[tuple[str, Metric], Contest], settings: Settings
-) -> list[dict[str, object]]:
-    """The primary row first, then by class, metric, ground truth, threshold and protocol."""
-    rows = []
-    for (name, _), one in contests.items():
-        took = {
-            (iou, strict): one.match(iou, strict=strict)
-            for iou in settings.ious
-            for strict in {protocol == "kitti" for protocol in settings.protocols}
-        }
-        for which in settings.ground_truths:
-            for iou in settings.ious:
-                for protocol in settings.protocols:
-                    matched = took[iou, protocol == "kitti"]
-                    verdict = judge(one, which, matched, settings.min_points)
-                    row = ap_row(verdict, iou, protocol)
-                    rows.append({"class": name, "ground_truth": which, **row})
-    return rows
-
-
-def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]:
-    """The other tables: first class, metric and threshold, by the definition, each ground truth."""
-    iou = settings.ious[0]
-    took = one.match(iou, strict=False)
-    tables: dict[str, list[pd.DataFrame]] = {}
-    for which in settings.ground_truths:
-        verdict = judge(one, which, took, settings.min_points)
-        distance, draws = distance_table(verdict, settings.min_objects)
-        if settings.cut_first:
-            windows = one.truth.windows()
-            cut = cut_first_ap(one, which, iou, settings.min_points, windows)
-            distance["ap_cut_first"] = cut
-            distance["difference"] = distance.ap_cut_first - distance.ap
-        for name, rows in {
-            "pr_curve": pr_table(verdict),
-            "distance_ap": distance,
-            "areas": area_table(distance, draws),
-            "errors": error_table(verdict),
-            "false_positives": false_positive_table(verdict, iou, strict=False),
-        }.items():
-            rows.insert(0, "ground_truth", which)
-            tables.setdefault(name, []).append(rows)
-    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
-
-
-def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.DataFrame:
-    rows.insert(0, "lidar", truth.name)
-    rows.insert(1, "class", next(iter(settings.classes)))
-    rows.insert(3, "iou", settings.ious[0])
-    return rows
 
 
 def write(evaluation: Evaluation, out: Path, *, figures: bool = True) -> list[Path]:

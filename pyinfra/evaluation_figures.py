@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -18,12 +18,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
+from pyinfra.evaluation_result import Evaluation
 from pyinfra.evaluation_tables import HIGH_QUALITY
 from pyinfra.regions import WINDOW_M, WINDOW_STEP_M, Road
 from pyinfra.statistics_figures import LINES, MARKERS, STYLE, save
-
-if TYPE_CHECKING:
-    from pyinfra.evaluate import Evaluation
 
 LOOKS: dict[str, dict[str, Any]] = {
     "high": {"facecolor": "#00204d", "hatch": ""},
@@ -82,7 +80,8 @@ def distance_ap(table: pd.DataFrame) -> Figure:
                 if "ap_cut_first" in part:
                     ax.plot(part.s, part.ap_cut_first, "k:", label="cut before matching")
             ax.axhline(HIGH_QUALITY, color="black", linewidth=0.8, linestyle=(0, (8, 4)))
-            ax.set(ylim=(0, 102), xlabel=f"s, middle of {WINDOW_M:g} m (m)", ylabel="AP")
+            ends = (float(table.s.min()), float(table.s.max()))
+            ax.set(xlim=ends, ylim=(0, 102), xlabel=f"s, middle of {WINDOW_M:g} m (m)", ylabel="AP")
         return _legend(figure)
 
 

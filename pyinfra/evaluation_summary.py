@@ -1,42 +1,11 @@
-"""What is said of an evaluation: warnings about its results, and the summary on the terminal."""
+"""The summary of an evaluation on the terminal."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-import pandas as pd
-
-from pyinfra.evaluation import Settings, blocks_of
+from pyinfra.evaluation_result import Evaluation
 from pyinfra.evaluation_tables import HIGH_QUALITY
-from pyinfra.ground_truth import GroundTruth
-from pyinfra.prediction_checks import Finding
-from pyinfra.statistics_intervals import MIN_BLOCKS
-
-if TYPE_CHECKING:
-    from pyinfra.evaluate import Evaluation
-
-KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
-
-
-def warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
-    """Warnings about the results themselves."""
-    found = []
-    if len(blocks_of(truth, settings).draws) == 0:
-        text = f"fewer than {MIN_BLOCKS} blocks of 5 s with frames: no intervals"
-        found.append(("few-blocks", text))
-    for row in table.itertuples():
-        what = f"{row.ground_truth}, IoU {row.iou:g}, {row.protocol}"
-        if math.isnan(row.ap):
-            found.append(("no-objects", f"{what}: no vehicle to be found, so AP is undefined"))
-        elif row.ap == 0:
-            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} vehicles"
-            found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
-        elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
-            cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
-            text = f"{what}: {row.objects} vehicles: the devkit's AP cannot pass {cap:g}"
-            found.append(("kitti-cap", text))
-    return [Finding("warning", name, text) for name, text in found]
 
 
 def summary(evaluation: Evaluation) -> str:

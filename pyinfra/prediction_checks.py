@@ -80,7 +80,8 @@ def find_files(
             f"{_and_more(unknown)}, allowed {min(known)} to {max(known)}"
         )
     findings = []
-    odd = [file for file in present if file not in by_frame.values()]
+    named = set(by_frame.values())
+    odd = [file for file in present if file not in named]
     if odd:
         text = f"{odd[0]}{_and_more(odd)}: not named as a frame (six digits), left out"
         findings.append(Finding("warning", "other-files", text))

@@ -265,6 +265,27 @@ TEST(scene_file, two_roads_of_one_name_are_an_error) {
   EXPECT_NE(error_of([&] { build_world(read_scene(file)); }).find("main"), std::string::npos);
 }
 
+TEST(scene_file, a_bend_tighter_than_the_road_is_wide_is_an_error) {
+  const TestFolder folder;
+  const auto file = folder.write("scene.yaml", replaced(kScene, "radius_m: 400", "radius_m: 5"));
+  EXPECT_NE(error_of([&] { build_world(read_scene(file)); }).find("radius_m"), std::string::npos);
+}
+
+TEST(scene_file, a_roads_name_is_refused_or_keeps_the_seven_columns_of_roads_csv) {
+  for (const std::string& name : {std::string("a,b"), std::string(300, 'x')}) {
+    SceneConfig scene = testing::empty_road();
+    scene.roads.front().name = name;
+    std::string csv;
+    try {
+      csv = build_world(parse_scene(dump_scene(scene), "scene")).region.roads_csv();
+    } catch (const ConfigError&) {
+      continue;
+    }
+    EXPECT_EQ(std::ranges::count(csv, ','), 6 * std::ranges::count(csv, '\n')) << name;
+    EXPECT_GT(std::ranges::count(csv, '\n'), 100) << name;
+  }
+}
+
 TEST(scene_file, a_junction_needs_two_roads_that_cross) {
   expect_scene_error("roads: [main, side]", "roads: [main, main] #!", "roads", "do not cross");
   expect_scene_error("roads: [main, side]", "roads: [main] #!", "junctions.0.roads", "allowed 2");

@@ -184,7 +184,7 @@ WRONG_SCENES = {
         "s_m", ["beyond the road's end"]),
     "clockwise ground": ("duration_s: 2",
         "ground: [{elevation_m: 0, outline_m: [[0, 0], [0, 9], [9, 9], [9, 0]]}]",
-        "ground.0.outline_m", ["does not turn left", "counter-clockwise"]),
+        "ground.0.outline_m", ["do not turn left", "counter-clockwise"]),
     "junction of one road": ("duration_s: 2", "junctions: [{roads: [main]}]",
         "junctions.0.roads", ["1 names", "allowed 2"]),
     "traffic and trajectories": ("duration_s: 2", "trajectories: t.csv",
@@ -391,7 +391,7 @@ def test_the_trajectory_file_itself_is_right(site: Site) -> None:
     ("old", "new", "line", "key", "words"),
     [
         ("0.1,2,Car,31", "0,2,Car,31", 5, "t", ["before the row above"]),
-        ("0.2,1,Car,12", "0.3,1,Car,12", 6, "t", ["more than 0.1 s"]),
+        ("0.2,1,Car,12", "0.3,1,Car,12", 6, "id", ["after a gap", "0.1 s"]),
         ("0.2,1,Car,12", "0.15,1,Car,12", 6, "t", ["multiple of 0.1 s"]),
         ("0.1,1,Car,11", "0.1,3,Car,11", 5, "id", ["do not increase"]),
         ("0.1,1,Car,11", "0.1,1,Car,21", 4, "x", ["jump of more than 10 m"]),

@@ -63,6 +63,14 @@ void visit(Fields& f, RoadConfig& c) {
   f.field("elevation_m", c.elevation_m, "world z of the road", between(-1e3, 1e4));
   f.field("lanes", c.lanes, "cross-section", required());
   f.field("embankment", c.embankment, "slopes down from both edges");
+  f.check(c.name.find(',') == std::string::npos && c.name.size() <= 100, "name",
+          "found a comma or more than 100 letters, allowed a short name");
+  const LanesConfig& l = c.lanes;
+  const double half = l.median_m / 2 + l.each_way * l.width_m + l.shoulder_m + l.sidewalk_m;
+  for (const CentrelinePiece& piece : c.centreline)
+    f.check(piece.radius_m == 0 || piece.radius_m > half, "centreline",
+            "found a radius_m of " + config::number_text(piece.radius_m) +
+                ", allowed above half the road's width, " + config::number_text(half));
 }
 
 template <class Fields>

@@ -1,10 +1,12 @@
 #include "infrasim/config/tree.h"
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <charconv>
 #include <fstream>
+#include <optional>
 #include <sstream>
 
 namespace infrasim::config {
@@ -64,6 +66,34 @@ struct Converter {
   }
 };
 
+/// Remembers where the last document starts and takes no notice of its content.
+class DocumentPlaces : public YAML::EventHandler {
+ public:
+  YAML::Mark last;
+
+  void OnDocumentStart(const YAML::Mark& mark) override { last = mark; }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                  YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
+/// yaml-cpp's own LoadAll never ends on a stray comma, so documents are asked for one by one.
+std::optional<YAML::Mark> second_document(const std::string& text) {
+  std::istringstream in(text);
+  YAML::Parser parser(in);
+  DocumentPlaces places;
+  if (parser.HandleNextDocument(places) && parser.HandleNextDocument(places)) return places.last;
+  return std::nullopt;
+}
+
 Tree* find_mutable(Tree& tree, std::string_view key) {
   const auto it = std::ranges::find(tree.keys, key);
   return it == tree.keys.end() ? nullptr
@@ -110,11 +140,9 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
 
 Tree parse_tree(const std::string& text, const std::string& name) {
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.size() > 1)
-      fail(place_of(documents[1].Mark(), name), "(document)",
-           "found a second document, allowed one");
-    return Converter{name}.convert(documents.empty() ? YAML::Node() : documents.front());
+    if (const auto second = second_document(text))
+      fail(place_of(*second, name), "(document)", "found a second document, allowed one");
+    return Converter{name}.convert(YAML::Load(text));
   } catch (const YAML::Exception& e) {
     fail(place_of(e.mark, name), "(document)", "found malformed YAML (" + e.msg + ")");
   }

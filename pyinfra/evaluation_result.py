@@ -1,0 +1,139 @@
+"""The tables of an evaluation put together, and what is amiss with its results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pyinfra.evaluation import Contest, Settings, blocks_of, contest, judge
+from pyinfra.evaluation_tables import (
+    AP_COLUMNS,
+    ap_row,
+    area_table,
+    cut_first_ap,
+    distance_table,
+    error_table,
+    false_positive_table,
+    pr_table,
+)
+from pyinfra.frame_tables import Predictions
+from pyinfra.ground_truth import GroundTruth
+from pyinfra.matching import Metric
+from pyinfra.prediction_checks import Finding
+from pyinfra.statistics_intervals import MIN_BLOCKS
+
+KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The tables of one LiDAR's predictions, named as their files, and what was found amiss."""
+
+    truth: GroundTruth
+    ap: pd.DataFrame
+    pr_curve: pd.DataFrame
+    distance_ap: pd.DataFrame
+    areas: pd.DataFrame
+    errors: pd.DataFrame
+    false_positives: pd.DataFrame
+    findings: tuple[Finding, ...]
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        names = "ap pr_curve distance_ap areas errors false_positives".split()
+        return {name: getattr(self, name) for name in names}
+
+
+def evaluate_tables(
+    truth: GroundTruth,
+    predictions: Predictions,
+    settings: Settings,
+    findings: Sequence[Finding] = (),
+) -> Evaluation:
+    """Evaluates predictions that were read; predictions.frame counts along truth.frames."""
+    contests = {
+        (name, metric): contest(truth, predictions, name, settings, metric)
+        for name in settings.classes
+        for metric in settings.metrics
+    }
+    table = pd.DataFrame(_ap_rows(contests, settings), columns=AP_COLUMNS)
+    first = next(iter(contests.values()))
+    parts = _primary_tables(first, settings)
+    parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
+    found = (*findings, *_warnings(table, truth, settings))
+    return Evaluation(truth=truth, ap=table, findings=found, **parts)
+
+
+def _ap_rows(
+    contests: dict[tuple[str, Metric], Contest], settings: Settings
+) -> list[dict[str, object]]:
+    """The primary row first, then by class, metric, ground truth, threshold and protocol."""
+    rows = []
+    for (name, _), one in contests.items():
+        took = {
+            (iou, strict): one.match(iou, strict=strict)
+            for iou in settings.ious
+            for strict in {protocol == "kitti" for protocol in settings.protocols}
+        }
+        for which in settings.ground_truths:
+            for iou in settings.ious:
+                for protocol in settings.protocols:
+                    matched = took[iou, protocol == "kitti"]
+                    verdict = judge(one, which, matched, settings.min_points)
+                    row = ap_row(verdict, iou, protocol)
+                    rows.append({"class": name, "ground_truth": which, **row})
+    return rows
+
+
+def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]:
+    """The other tables: first class, metric and threshold, by the definition, each ground truth."""
+    iou = settings.ious[0]
+    took = one.match(iou, strict=False)
+    tables: dict[str, list[pd.DataFrame]] = {}
+    for which in settings.ground_truths:
+        verdict = judge(one, which, took, settings.min_points)
+        distance, draws = distance_table(verdict, settings.min_objects)
+        if settings.cut_first:
+            windows = one.truth.windows()
+            cut = cut_first_ap(one, which, iou, settings.min_points, windows)
+            distance["ap_cut_first"] = cut
+            distance["difference"] = distance.ap_cut_first - distance.ap
+        for name, rows in {
+            "pr_curve": pr_table(verdict),
+            "distance_ap": distance,
+            "areas": area_table(distance, draws),
+            "errors": error_table(verdict),
+            "false_positives": false_positive_table(verdict, iou, strict=False),
+        }.items():
+            rows.insert(0, "ground_truth", which)
+            tables.setdefault(name, []).append(rows)
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+
+
+def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.DataFrame:
+    rows.insert(0, "lidar", truth.name)
+    rows.insert(1, "class", next(iter(settings.classes)))
+    rows.insert(3, "iou", settings.ious[0])
+    return rows
+
+
+def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
+    """Warnings about the results themselves."""
+    found = []
+    if len(blocks_of(truth, settings).draws) == 0:
+        text = f"fewer than {MIN_BLOCKS} blocks of 5 s with frames: no intervals"
+        found.append(("few-blocks", text))
+    for row in table.itertuples():
+        what = f"{row.ground_truth}, IoU {row.iou:g}, {row.protocol}"
+        if math.isnan(row.ap):
+            found.append(("no-objects", f"{what}: no vehicle to be found, so AP is undefined"))
+        elif row.ap == 0:
+            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} vehicles"
+            found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
+        elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
+            cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
+            text = f"{what}: {row.objects} vehicles: the devkit's AP cannot pass {cap:g}"
+            found.append(("kitti-cap", text))
+    return [Finding("warning", name, text) for name, text in found]
