@@ -24,6 +24,7 @@ IntArray = npt.NDArray[np.int64]
 NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
 FAR_M = 20.0  # by how much all boxes may be displaced and still be recognised
 LEAST_NEAR = 0.3  # share of the predictions near a vehicle below which another place is tried
+FAR_OFF = 0.1  # share below which they are said to have nothing to do with the vehicles
 MUCH_BETTER = 0.25  # by how much the share must rise for a warning to name the place
 HEIGHT_OFF_M = 0.5
 QUARTER_DEG = 60.0
@@ -176,8 +177,10 @@ def _places(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str,
     boxes, truth = predictions.boxes, vehicles.boxes
     share = _share_near(boxes, truth, p, v)
     if share < LEAST_NEAR:
-        yield _elsewhere(boxes, truth, p, v, share)
-        return
+        elsewhere = _elsewhere(boxes, truth, p, v, share)
+        if elsewhere is not None:
+            yield elsewhere
+            return
     gap = np.hypot(boxes[p, 0] - truth[v, 0], boxes[p, 1] - truth[v, 1])
     close = gap <= NEAR_M
     p, v = p[close], v[close]
@@ -189,7 +192,7 @@ def _places(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str,
 
 def _elsewhere(
     boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray, share: float
-) -> tuple[str, str]:
+) -> tuple[str, str] | None:
     """Where the predictions would be near the vehicles, if there is such a place."""
     text = f"{100 * share:.0f} % of the predictions lie within {NEAR_M:g} m of a vehicle"
     shares = {}
@@ -209,6 +212,8 @@ def _elsewhere(
             "displaced",
             f"{text}, but {100 * there:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
         )
+    if share > FAR_OFF:
+        return None  # a poor detector, but in the right place
     return "far-from-vehicles", f"{text}: another frame of reference, other frames, or bad boxes?"
 
 

@@ -106,8 +106,8 @@ template <class Fields>
 void visit(Fields& f, ReturnsConfig& c) {
   f.field("min_range_m", c.min_range_m, "blind zone", between(0, 1000));
   f.field("max_range_m", c.max_range_m, "no return beyond", required(positive(5000)));
-  f.field("range_accuracy_m", c.range_accuracy_m, "1 sigma on a 10 % target at its range",
-          between(0, 10));
+  f.field("range_accuracy_m", c.range_accuracy_m,
+          "1 sigma of the faintest returns; bright ones have less", between(0, 10));
   f.field("drop_off", c.drop_off, "random loss of points, as CARLA has it");
   f.field("detection", c.detection, "detection by received power");
   f.field("beam", c.beam, "beam wider than a ray");

@@ -1,0 +1,136 @@
+"""A small data set and predictions as files, for the tests of evaluate and validate."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import kitti
+
+FloatArray = npt.NDArray[np.float64]
+Vehicle = Mapping[str, object]
+
+SENSOR_HEIGHT_M = 6.0
+LIDAR = """name: "{name}"
+model: "made up"
+preset: "none"
+price_total_usd: {{low: 1, high: 1}}
+period_s: {period}
+T_world_levelled: {{x_m: 10, y_m: 20, z_m: 6, yaw_deg: 90}}
+T_levelled_sensor: {{pitch_deg: 0, roll_deg: 0}}
+field_of_view:
+  - yaw_deg: 0
+    pitch_deg: 0
+    azimuth_deg: [-{half}, {half}]
+    elevation_deg: [-60, 15]
+    range_m: [0, {reach}]
+"""
+
+
+def car(x: float, y: float = 3.0, **changes: object) -> dict[str, object]:
+    """A car on the road: box, class, points, visibility."""
+    standard = {"class": "Car", "heading": 0.0, "points": 20, "visibility": 1.0, "id": -1}
+    size = {"z": 0.75 - SENSOR_HEIGHT_M, "dx": 4.0, "dy": 2.0, "dz": 1.5}
+    return {"x": x, "y": y, **size, **standard, **changes}
+
+
+def box(vehicle: Vehicle) -> list[float]:
+    return [float(vehicle[c]) for c in "x y z dx dy dz heading".split()]  # type: ignore[arg-type]
+
+
+def write_lidar(
+    folder: Path,
+    frames: Sequence[Sequence[Vehicle]],
+    *,
+    objects: bool = True,
+    half_deg: float = 180,
+    reach_m: float = 200,
+    period_s: float = 0.1,
+) -> Path:
+    """A LiDAR's folder with labels of the vehicles that have points; clouds are empty."""
+    for part in ("velodyne", "label_2", *(["objects"] if objects else [])):
+        (folder / "training" / part).mkdir(parents=True)
+    for k, vehicles in enumerate(frames):
+        kitti.frame_file(folder, "velodyne", k).touch()
+        seen = [v for v in vehicles if v["points"]]
+        labels = "".join(label_line(str(v["class"]), box(v)) + "\n" for v in seen)
+        kitti.frame_file(folder, "label_2", k).write_text(labels)
+        if objects:
+            text = "".join(object_line(i, v) + "\n" for i, v in enumerate(vehicles))
+            header = ",".join(kitti.OBJECT_COLUMNS)
+            kitti.frame_file(folder, "objects", k).write_text(f"{header}\n{text}")
+    text = LIDAR.format(name=folder.name, half=half_deg, reach=reach_m, period=period_s)
+    (folder / "lidar.yaml").write_text(text)
+    return folder
+
+
+def write_roads(folder: Path, half_width: float = 10.0) -> None:
+    """One straight road under the sensor along its view, which is +y in the world."""
+    rows = "".join(f"main,{s},10,{20 + s},0,{math.pi / 2},{half_width}\n" for s in range(-100, 101))
+    (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
+
+
+def object_line(number: int, v: Vehicle) -> str:
+    at = ",".join(f"{value:.6f}" for value in box(v))
+    distance = math.hypot(*box(v)[:2])
+    points, name = v["points"], v["class"]
+    return f"{number},{name},{at},15.0,{points},{points},{distance:.4f},{v['visibility']}"
+
+
+def label_line(name: str, values: Sequence[float], score: float | None = None) -> str:
+    """A line of label_2, by the devkit's description; with a score a line of a result."""
+    x, y, z, dx, dy, dz, heading = values
+    size, place = f"{dz:.6f} {dy:.6f} {dx:.6f}", f"{-y:.6f} {dz / 2 - z:.6f} {x:.6f}"
+    line = f"{name} 0.00 0 0.00 0.00 0.00 50.00 50.00 {size} {place} {-heading - math.pi / 2:.6f}"
+    return line if score is None else f"{line} {score:.6f}"
+
+
+def write_predictions(
+    folder: Path, frames: Sequence[Sequence[tuple[Sequence[float], float]]], name: str = "vehicle"
+) -> Path:
+    """KITTI result files of (box, score)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for k, boxes in enumerate(frames):
+        text = "".join(label_line(name, values, score) + "\n" for values, score in boxes)
+        (folder / f"{k:06d}.txt").write_text(text)
+    return folder
+
+
+def perfect(frames: Sequence[Sequence[Vehicle]]) -> list[list[tuple[list[float], float]]]:
+    """Every vehicle that has points, with scores that differ."""
+    return [
+        [(box(v), 0.9 - 0.001 * i) for i, v in enumerate(frame) if v["points"]] for frame in frames
+    ]
+
+
+def traffic(frames: int, seed: int = 0, per_frame: int = 8) -> list[list[dict[str, object]]]:
+    """Cars on four lanes, 12 m apart or more."""
+    random = np.random.default_rng(seed)
+    result = []
+    for _ in range(frames):
+        slots = random.choice(16, per_frame, replace=False)
+        places = -96 + 12 * slots + random.uniform(0, 4, per_frame)
+        lanes = random.choice([-6.0, -2.0, 2.0, 6.0], per_frame)
+        result.append([car(x, y) for x, y in zip(places, lanes, strict=True)])
+    return result
+
+
+def noisy(
+    frames: Sequence[Sequence[Vehicle]], seed: int = 1, spread: float = 0.3, ghosts: int = 2
+) -> list[list[tuple[list[float], float]]]:
+    """Most vehicles with errors, some twice, and some where nothing is."""
+    random = np.random.default_rng(seed)
+    scale = spread * np.array([1, 0.5, 0.3, 0.5, 0.2, 0.2, 0.1])
+    result = []
+    for frame in frames:
+        found = []
+        for v in frame:
+            if random.random() < 0.85:
+                found += [box(v)] * (1 + (random.random() < 0.1))
+        noisy_boxes = [(np.array(b) + random.normal(size=7) * scale).tolist() for b in found]
+        empty = [box(car(random.uniform(-100, 100), random.uniform(-9, 9))) for _ in range(ghosts)]
+        scored = [(b, random.uniform(0.3, 1)) for b in noisy_boxes]
+        result.append(scored + [(b, random.uniform(0.1, 0.7)) for b in empty])
+    return result
