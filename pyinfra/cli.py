@@ -35,6 +35,8 @@ COMMANDS = (
     Command("pictures", "pyinfra.figures", "bird's-eye views of a frame of data sets"),
     Command("statistics", "pyinfra.statistics", "hits, points per vehicle, quality, patterns"),
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
+    Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),
+    Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
     Command("split", "pyinfra.split", "which frames train and which test"),
 )
 

@@ -1,0 +1,587 @@
+"""Evaluation of files: what counts, what is ignored, windows, areas, outputs, bad input."""
+
+import math
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from evaluation_data import (
+    box,
+    car,
+    label_line,
+    noisy,
+    perfect,
+    traffic,
+    write_lidar,
+    write_predictions,
+    write_roads,
+)
+
+from pyinfra import evaluate as command
+from pyinfra import kitti
+from pyinfra.evaluate import evaluate
+from pyinfra.evaluation import Settings
+from pyinfra.evaluation_result import Evaluation
+from pyinfra.frame_tables import read_vehicles
+from pyinfra.ground_truth import frame_numbers, read_ground_truth
+from pyinfra.kitti import FormatError
+
+Found = list[tuple[list[float], float]]
+SETS = ("captured", "common", "all")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., Evaluation]:
+    """Evaluates predictions of the frames of one LiDAR on a straight road."""
+
+    def call(frames: list, found: list[Found], name: str = "vehicle", **settings) -> Evaluation:
+        write_roads(tmp_path)
+        gt = write_lidar(tmp_path / "lidar", frames)
+        pred = write_predictions(tmp_path / "pred", found, name)
+        return evaluate(gt, pred, Settings(**{"ground_truths": SETS} | settings))
+
+    return call
+
+
+def row(evaluation: Evaluation, **where: object) -> pd.Series:
+    table = evaluation.ap
+    for column, value in where.items():
+        table = table[table[column] == value]
+    return table.iloc[0]
+
+
+# --- what counts and what is ignored
+
+
+def test_a_perfect_detector_has_100_by_every_measure(run: Callable[..., Evaluation]) -> None:
+    frames = traffic(60)
+    result = run(
+        frames, perfect(frames), protocols=("definition", "r11", "kitti"), metrics=("bev", "3d")
+    )
+    assert (result.ap.ap == 100).all()
+    everything = result.ap[result.ap.ground_truth != "common"]
+    assert (everything.objects == 480).all()
+    assert len(result.ap) == 3 * 3 * 2
+    assert result.errors[result.errors.error == "horizontal"].mean_absolute.max() < 1e-5
+    assert (result.false_positives["count"] == 0).all()
+
+
+def test_first_row_is_the_primary_one(run: Callable[..., Evaluation]) -> None:
+    frames = traffic(3)
+    first = run(frames, noisy(frames), ious=(0.5, 0.7)).ap.iloc[0]
+    expected = ["vehicle", "captured", 0.5, "definition"]
+    assert first[["class", "ground_truth", "iou", "protocol"]].tolist() == expected
+
+
+def test_a_vehicle_without_points_counts_for_all_but_is_ignored_for_captured(
+    run: Callable[..., Evaluation],
+) -> None:
+    frames = [[car(20), car(40, points=0)]]
+    unseen_found = run(frames, [[(box(car(20)), 0.9), (box(car(40)), 0.8)]])
+    assert row(unseen_found, ground_truth="captured").ap == 100
+    assert row(unseen_found, ground_truth="captured").predictions == 1
+    assert row(unseen_found, ground_truth="all").ap == 100
+
+
+def test_a_missed_vehicle_without_points_costs_recall_for_all(
+    run: Callable[..., Evaluation],
+) -> None:
+    result = run([[car(20), car(40, points=0)]], [[(box(car(20)), 0.9)]])
+    assert row(result, ground_truth="captured").ap == 100
+    assert row(result, ground_truth="all").ap == 50
+
+
+def test_captured_needs_as_many_points_as_asked(run: Callable[..., Evaluation]) -> None:
+    result = run([[car(20, points=4), car(40, points=5)]], [[(box(car(40)), 0.9)]], min_points=5)
+    assert row(result, ground_truth="captured").objects == 1
+    assert row(result, ground_truth="captured").ap == 100
+
+
+def test_a_hidden_vehicle_counts_for_captured_alone(run: Callable[..., Evaluation]) -> None:
+    result = run([[car(20, visibility=0.1), car(40)]], [[(box(car(40)), 0.9)]])
+    assert [row(result, ground_truth=which).objects for which in SETS] == [2, 1, 1]
+
+
+def test_vehicles_and_ghosts_outside_the_region_are_ignored(
+    run: Callable[..., Evaluation],
+) -> None:
+    """100 m along the road and 10 m to its sides."""
+    out = [car(103, visibility=-1), car(50, 12, visibility=-1)]
+    ghosts = [(box(car(-120)), 0.95), (box(car(0, -14)), 0.95)]
+    found = [(box(v), 0.9) for v in out] + ghosts + [(box(car(20)), 0.5)]
+    result = run([[car(20), *out]], [found])
+    assert (result.ap.ap == 100).all()
+    assert (result.ap.predictions == 1).all()
+
+
+def test_a_vehicle_at_the_border_goes_with_the_box_that_found_it(
+    run: Callable[..., Evaluation],
+) -> None:
+    hit = run([[car(99.8)]], [[(box(car(100.2)), 0.9)]])
+    assert row(hit, ground_truth="captured").ap == 100
+
+
+def test_a_box_inside_that_took_a_vehicle_outside_is_ignored(
+    run: Callable[..., Evaluation],
+) -> None:
+    result = run([[car(100.2, visibility=-1), car(0)]], [[(box(car(99.8)), 0.9)]])
+    assert row(result, ground_truth="captured").predictions == 0
+
+
+def test_a_second_box_on_a_vehicle_is_a_duplicate(run: Callable[..., Evaluation]) -> None:
+    found = [
+        (box(car(20)), 0.9),
+        (box(car(20.2)), 0.95),
+        (box(car(42.5)), 0.8),
+        (box(car(80)), 0.7),
+    ]
+    result = run([[car(20), car(40)]], [found])
+    counts = result.false_positives[result.false_positives.ground_truth == "captured"]
+    assert counts.set_index("cause")["count"].to_dict() == {
+        "ghost": 1,
+        "duplicate": 1,
+        "localisation": 1,
+    }
+
+
+def test_scores_below_the_threshold_do_not_count(run: Callable[..., Evaluation]) -> None:
+    found = [[(box(car(20)), 0.1), (box(car(60)), 0.0999)]]
+    assert row(run([[car(20)]], found), ground_truth="captured").predictions == 1
+
+
+def test_common_leaves_out_what_another_lidar_cannot_see(tmp_path: Path) -> None:
+    """The other one looks 35 degrees to either side; a ghost behind it is dropped for common."""
+    frames = [[car(50), car(-50)]]
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "wide", frames)
+    write_lidar(tmp_path / "narrow", frames, half_deg=35)
+    found = [[(box(car(50)), 0.9), (box(car(-70)), 0.95)]]
+    result = evaluate(gt, write_predictions(tmp_path / "pred", found), Settings(ground_truths=SETS))
+    assert row(result, ground_truth="common")[["objects", "predictions", "ap"]].tolist() == [
+        1,
+        1,
+        100,
+    ]
+    assert row(result, ground_truth="all")[["objects", "predictions"]].tolist() == [2, 2]
+
+
+def test_all_is_the_same_for_a_lidar_of_short_range(tmp_path: Path) -> None:
+    """What it does not even list is missed."""
+    near, far = car(30), car(90)
+    write_roads(tmp_path)
+    short = write_lidar(tmp_path / "short", [[near]], reach_m=50)
+    write_lidar(tmp_path / "long", [[near, far]])
+    pred = write_predictions(tmp_path / "pred", perfect([[near]]))
+    result = evaluate(short, pred, Settings(ground_truths=SETS))
+    assert [row(result, ground_truth=which).objects for which in SETS] == [1, 1, 2]
+    assert row(result, ground_truth="all").ap == 50
+
+
+def test_classes_are_chosen_by_name(run: Callable[..., Evaluation]) -> None:
+    frames = [[car(20), car(40, **{"class": "Truck"}), car(60, **{"class": "Pedestrian"})]]
+    classes = command.class_types(["vehicle", "Car", "large=Truck,Bus"])
+    result = run(frames, perfect(frames), name="Car", classes=classes)
+    assert row(result, **{"class": "vehicle"}).objects == 2
+    assert row(result, **{"class": "Car"}).objects == 1
+    assert row(result, **{"class": "large"}).predictions == 0
+
+
+# --- input
+
+
+def test_labels_alone_give_captured_by_distance(tmp_path: Path) -> None:
+    """Any folder in KITTI's layout: no region, distance from the sensor."""
+    frames = traffic(4)
+    gt = write_lidar(tmp_path / "kitti", frames, objects=False)
+    (gt / "lidar.yaml").unlink()
+    result = evaluate(gt, write_predictions(tmp_path / "pred", perfect(frames)))
+    assert result.ap.ground_truth.tolist() == ["captured"]
+    assert result.ap.ap.tolist() == [100]
+    assert set(result.distance_ap.road) == {"distance"}
+    assert result.distance_ap.s.min() == 10
+    with pytest.raises(ValueError, match="no objects"):
+        evaluate(gt, tmp_path / "pred", Settings(ground_truths=("common",)))
+
+
+def test_files_read_together_are_as_read_alone(tmp_path: Path) -> None:
+    frames = traffic(300)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    together = read_vehicles(gt, range(300))
+    alone = [kitti.read_objects(kitti.frame_file(gt, "objects", k)) for k in range(300)]
+    assert np.array_equal(together.boxes, np.concatenate([o.boxes for o in alone]))
+    assert np.array_equal(together.points, np.concatenate([o.points for o in alone]))
+    (gt / "training/objects").rename(tmp_path / "objects")
+    together = read_vehicles(gt, range(300))
+    labels = [kitti.read_labels(kitti.frame_file(gt, "label_2", k)) for k in range(300)]
+    assert np.array_equal(together.boxes, np.concatenate([one.boxes for one in labels]))
+    assert together.names.tolist() == ["Car"] * 2400
+
+
+def test_csv_and_kitti_predictions_give_the_same(tmp_path: Path) -> None:
+    frames = traffic(5)
+    found = noisy(frames)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", found)
+    as_csv = tmp_path / "csv"
+    as_csv.mkdir()
+    for k, boxes in enumerate(found):
+        rows = "".join(
+            f"{score:.6f},vehicle,{','.join(f'{value:.6f}' for value in b)}\n" for b, score in boxes
+        )
+        header = "score,class,x,y,z,dx,dy,dz,heading\n"
+        (as_csv / f"{k:06d}.csv").write_text(header + rows)
+    one, two = evaluate(gt, pred), evaluate(gt, as_csv)
+    assert one.ap.ap.tolist() == pytest.approx(two.ap.ap.tolist())
+
+
+def test_only_the_split_is_evaluated(tmp_path: Path) -> None:
+    frames = traffic(6)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", perfect(frames))
+    assert evaluate(gt, pred).ap.frames[0] == 6
+    (gt / "ImageSets").mkdir()
+    (gt / "ImageSets/val.txt").write_text("000004\n000005\n")
+    assert frame_numbers(gt) == [4, 5]
+    result = evaluate(gt, pred)
+    assert result.ap.frames[0] == 2
+    assert [finding.name for finding in result.findings if finding.level == "note"] == [
+        "outside-split"
+    ]
+    assert evaluate(gt, pred, split="all").ap.frames[0] == 6
+    (gt / "ImageSets/val.txt").write_text("000004\n000007\n")
+    with pytest.raises(FormatError, match=r"val\.txt:2: found '000007'"):
+        evaluate(gt, pred)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_order_of_boxes_in_the_files_has_no_influence(tmp_path: Path, seed: int) -> None:
+    """With scores of one digit, so that many are equal."""
+    frames = traffic(20)
+    found = [[(b, round(s, 1)) for b, s in boxes] for boxes in noisy(frames, spread=0.8)]
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "a", frames)
+    pred = write_predictions(tmp_path / "pred", found)
+    shuffle = random.Random(seed).shuffle
+    for boxes in [*frames, *found]:
+        shuffle(boxes)
+    other = write_predictions(tmp_path / "other", found)
+    shuffled = write_lidar(tmp_path / "b", frames)
+    first, second = evaluate(gt, pred), evaluate(shuffled, other)
+    for name, table in first.tables().items():
+        again = second.tables()[name].replace("b", "a")
+        pd.testing.assert_frame_equal(table, again, rtol=1e-12, obj=name)
+
+
+def test_order_of_frames_has_no_influence_on_ap(tmp_path: Path) -> None:
+    frames = traffic(20)
+    found = noisy(frames)
+    one = evaluate(write_lidar(tmp_path / "a", frames), write_predictions(tmp_path / "p", found))
+    two = evaluate(
+        write_lidar(tmp_path / "b", frames[::-1]), write_predictions(tmp_path / "q", found[::-1])
+    )
+    assert one.ap.ap.tolist() == two.ap.ap.tolist()
+
+
+# --- windows, areas, intervals
+
+
+def test_windows_are_20_m_long_every_5_m(run: Callable[..., Evaluation]) -> None:
+    result = run([[car(12)]], [[(box(car(12)), 0.9)]])
+    captured = result.distance_ap[result.distance_ap.ground_truth == "captured"]
+    assert captured.s.tolist() == list(range(-100, 101, 5))
+    assert captured[captured.objects == 1].s.tolist() == [5, 10, 15, 20]
+    assert (captured[captured.objects == 1].ap == 100).all()
+    assert captured[captured.objects == 0].ap.isna().all()
+
+
+def test_cutting_first_makes_errors_at_the_cut(run: Callable[..., Evaluation]) -> None:
+    """Vehicle and box on different sides of s = 20: no window loses it, unless it is cut first."""
+    result = run([[car(19.9)] * 1], [[(box(car(20.1)), 0.9)]], cut_first=True)
+    table = result.distance_ap[result.distance_ap.ground_truth == "captured"].set_index("s")
+    assert table.loc[[10, 15, 20, 25], "ap"].tolist() == [100, 100, 100, 100]
+    assert table.loc[10, "ap_cut_first"] == 0
+    assert table.loc[10, "difference"] == -100
+    assert table.loc[15, "ap_cut_first"] == 100
+
+
+def test_area_tables_by_hand(run: Callable[..., Evaluation]) -> None:
+    """One car at s = 12 in each frame of a minute: in four windows, always found."""
+    frames = [[car(12)] for _ in range(600)]
+    result = run(frames, perfect(frames))
+    for which in ("captured", "all"):
+        areas = result.areas[result.areas.ground_truth == which].iloc[0]
+        assert areas[["n_tda", "n_hqda", "p_hqda", "undecided"]].tolist() == [4, 4, 100, 0]
+        assert areas[["p_low", "p_high"]].tolist() == [100, 100]
+    assert result.ap[["ap_low", "ap_high"]].iloc[0].tolist() == [100, 100]
+
+
+def test_areas_with_few_objects_do_not_count(run: Callable[..., Evaluation]) -> None:
+    frames = [[car(12)] for _ in range(19)]
+    result = run(frames, perfect(frames))
+    assert result.areas.n_tda.tolist() == [0, 0, 0]
+    assert result.areas.p_hqda.isna().all()
+
+
+def test_an_area_whose_interval_holds_85_is_undecided(run: Callable[..., Evaluation]) -> None:
+    """In some blocks of 5 s all vehicles are found and in others few."""
+    frames = [[car(12)] for _ in range(1000)]
+    found = [
+        boxes if (k // 50) % 6 or k % 4 == 0 else [] for k, boxes in enumerate(perfect(frames))
+    ]
+    result = run(frames, found)
+    one = result.distance_ap[(result.distance_ap.s == 10)].iloc[0]
+    assert one.ap_low < 85 < one.ap_high
+    assert one.quality == "undecided"
+    assert result.areas.undecided.tolist() == [4, 4, 4]
+
+
+def test_few_blocks_give_no_interval_and_a_warning(run: Callable[..., Evaluation]) -> None:
+    frames = traffic(449)  # 9 blocks of 5 s
+    result = run(frames, perfect(frames))
+    assert result.ap.ap_low.isna().all()
+    assert "few-blocks" in [finding.name for finding in result.findings]
+    assert "high" not in set(result.distance_ap.quality)
+
+
+def test_the_interval_holds_the_ap_of_more_frames(run: Callable[..., Evaluation]) -> None:
+    frames = traffic(800)
+    found = noisy(frames, spread=0.6)
+    first = run(frames[:500], found[:500]).ap.iloc[0]
+    assert first.ap_low < first.ap < first.ap_high
+    assert first.ap_high - first.ap_low < 10
+
+
+def test_crossing_roads_share_no_vehicle(tmp_path: Path) -> None:
+    """It belongs to the road whose centreline is nearest."""
+    along = "".join(f"along,{s},10,{20 + s},0,{math.pi / 2},8\n" for s in range(-100, 101))
+    across = "".join(f"across,{s},{10 - s},30,0,{math.pi},8\n" for s in range(-100, 101))
+    header = "road,s,x,y,z,heading,half_width\n"
+    (tmp_path / "roads.csv").write_text(header + along + across)
+    frames = [[car(10, 6), car(16, 1)]]
+    gt = write_lidar(tmp_path / "lidar", frames)
+    truth = read_ground_truth(gt)
+    places = truth.places(truth.vehicles.boxes)
+    assert [truth.roads[road].name for road in places.road] == ["across", "along"]
+    assert places.s.tolist() == pytest.approx([6, 16])
+
+
+def test_errors_are_in_the_vehicles_own_directions(run: Callable[..., Evaluation]) -> None:
+    vehicle = car(20, heading=math.pi / 2)
+    moved = car(19.9, 3.3, heading=math.pi / 2 + math.radians(2), z=-5.05, dx=4.2)
+    result = run([[vehicle]], [[(box(moved), 0.9)]], ground_truths=("captured",))
+    mean = result.errors.set_index("error")["mean"]
+    expected = {"ahead": 0.3, "left": 0.1, "up": 0.2, "length": 0.2, "heading": 2, "reversed": 0}
+    assert {name: mean[name] for name in expected} == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_box_that_points_the_other_way_is_reversed(run: Callable[..., Evaluation]) -> None:
+    result = run([[car(20)]], [[(box(car(20, heading=math.pi)), 0.9)]])
+    mean = result.errors.set_index("error").loc["reversed", "mean"]
+    assert (mean == 100).all()
+    assert result.errors.set_index("error").loc["heading", "mean"].abs().max() < 1e-3
+
+
+def test_precision_recall_curve_ends_at_the_recall(run: Callable[..., Evaluation]) -> None:
+    result = run([[car(20), car(40)]], [[(box(car(20)), 0.9), (box(car(80)), 0.8)]])
+    curve = result.pr_curve[result.pr_curve.ground_truth == "captured"].set_index("recall")
+    assert curve.precision.loc[0.5] == 1
+    assert curve.score.loc[0.5] == pytest.approx(0.9)
+    assert curve.precision.loc[0.51] == 0
+
+
+# --- command line
+
+
+def test_command_writes_tables_and_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frames = traffic(520)
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", noisy(frames))
+    words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
+    options = ["--ground-truth", *SETS, "--iou", "0.5", "0.7", "--protocol", "definition", "kitti"]
+    assert command.main([*words, *options]) == 0
+    printed = capsys.readouterr()
+    assert "vehicle     captured" in printed.out
+    table = pd.read_csv(tmp_path / "out/ap.csv")
+    assert ",".join(table.columns) == (
+        "class,ground_truth,iou,protocol,ap,ap_low,ap_high,objects,predictions,frames"
+    )
+    assert table.iloc[0, :4].tolist() == ["vehicle", "captured", 0.5, "definition"]
+    assert len(table) == 12
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    tables = "ap distance_ap areas pr_curve errors false_positives".split()
+    figures = "pr_curve distance_ap areas areas_plan".split()
+    assert names == {f"{t}.csv" for t in tables} | {
+        f"{f}.{kind}" for f in figures for kind in ("svg", "png")
+    }
+
+
+def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
+    frames = traffic(520)
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", noisy(frames))
+    for out in ("a", "b"):
+        words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / out)]
+        assert command.main(words) == 0
+    for file in (tmp_path / "a").iterdir():
+        assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
+
+
+def spoiled(text: str, change: Callable[[list[str]], list[str]]) -> str:
+    """A result file with a change to the words of its second line."""
+    lines = text.splitlines()
+    lines[1] = " ".join(change(lines[1].split()))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda words: [*words[:11], "nan", *words[12:]], "pred/000001.txt:2: x: found nan"),
+        (lambda words: [*words[:8], "-1.5", *words[9:]], "pred/000001.txt:2: h: found -1.5"),
+        (lambda words: [*words[:8], "0", *words[9:]], "pred/000001.txt:2: h: found 0"),
+        (lambda words: words[:15], "pred/000001.txt:2: found 15 columns"),
+        (lambda words: [*words, "1"], "pred/000001.txt:2: found 17 columns"),
+        (lambda words: [*words[:12], "north", *words[13:]], "found 'north'"),
+        (lambda words: [*words[:15], "inf"], "pred/000001.txt:2: score: found inf"),
+    ],
+)
+def test_a_wrong_line_is_named(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: Callable[[list[str]], list[str]],
+    message: str,
+) -> None:
+    frames = traffic(3)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", perfect(frames))
+    file = pred / "000001.txt"
+    file.write_text(spoiled(file.read_text(), change))
+    words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
+    assert command.main(words) == 1
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("row_", "message"),
+    [
+        ("Car,20,3,-5,4,2,1.5,0", "000000.csv:2: found 8 columns, allowed 9"),
+        ("Car,20,3,-5,4,-2,1.5,0,0.9", "000000.csv:2: dy: found '-2', allowed more than 0"),
+        ("Car,20,3,-5,4,2,1.5,nan,0.9", "000000.csv:2: heading: found 'nan'"),
+        ("Car,20,3,-5,4,2,1.5,0,", "000000.csv:2: score: found ''"),
+    ],
+)
+def test_a_wrong_line_of_a_csv_is_named(tmp_path: Path, row_: str, message: str) -> None:
+    gt = write_lidar(tmp_path / "lidar", [[car(20)]])
+    (tmp_path / "pred").mkdir()
+    file = tmp_path / "pred/000000.csv"
+    file.write_text(f"class,x,y,z,dx,dy,dz,heading,score\n{row_}\n")
+    with pytest.raises(FormatError, match=message):
+        evaluate(gt, tmp_path / "pred")
+    file.write_text("class,x,y,z,dx,dy,dz,heading\nCar,20,3,-5,4,2,1.5,0\n")
+    with pytest.raises(FormatError, match=r"000000\.csv:1: found no column score"):
+        evaluate(gt, tmp_path / "pred")
+
+
+def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
+    frames = traffic(3)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", perfect(frames))
+    (pred / "000001.txt").unlink()
+    with pytest.raises(FormatError, match=r"pred/000001\.txt: missing of 3 frames; an empty file"):
+        evaluate(gt, pred)
+    allowed = evaluate(gt, pred, allow_missing=True)
+    assert allowed.ap.ap[0] == pytest.approx(100 * 26 / 40)
+    assert "missing-files" in [finding.name for finding in allowed.findings]
+    (pred / "000001.txt").write_text("")
+    assert evaluate(gt, pred).ap.ap[0] == pytest.approx(100 * 26 / 40)
+    (pred / "000003.txt").write_text("")
+    with pytest.raises(
+        FormatError, match=r"000003\.txt: found a frame that the ground truth has not"
+    ):
+        evaluate(gt, pred)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FormatError, match="empty: found no prediction"):
+        evaluate(gt, tmp_path / "empty")
+
+
+def test_ap_is_never_silently_0(tmp_path: Path) -> None:
+    frames = traffic(3)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    nothing = write_predictions(tmp_path / "nothing", [[], [], []])
+    names = [finding.name for finding in evaluate(gt, nothing).findings]
+    assert {"all-empty", "ap-zero"} <= set(names)
+    away = write_predictions(tmp_path / "away", [[(box(car(30, 60)), 0.9)]] * 3)
+    names = [finding.name for finding in evaluate(gt, away).findings]
+    assert {"far-from-vehicles", "ap-zero"} <= set(names)
+    named = write_predictions(tmp_path / "named", perfect(frames), name="car")
+    with pytest.raises(
+        FormatError, match=r"000000\.txt:1: not evaluated: car \(24\); allowed Car,"
+    ):
+        evaluate(gt, named)
+
+
+def test_no_vehicles_give_no_ap_and_a_warning(run: Callable[..., Evaluation]) -> None:
+    result = run([[], []], [[(box(car(20)), 0.9)], []])
+    assert result.ap.ap.isna().all()
+    assert "no-objects" in [finding.name for finding in result.findings]
+
+
+def test_the_devkits_cap_is_told(run: Callable[..., Evaluation]) -> None:
+    result = run([[car(20), car(40)]], perfect([[car(20), car(40)]]), protocols=("kitti",))
+    assert result.ap.ap.tolist() == [2.5, 2.5, 2.5]
+    assert "kitti-cap" in [finding.name for finding in result.findings]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--iou", "1.5"], "iou: found 1.5, allowed 0.1 to below 1"),
+        (["--class", "large="], "--class: found 'large='"),
+        (["--frames", "2-4"], "--frames: found '2-4', allowed A:B"),
+        (["--frames", "7:9"], "--frames: found '7:9'"),
+        (["--ground-truth", "seen"], "invalid choice: 'seen'"),
+        (["--split", "all", "--frames", "0:2"], "not allowed with"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    frames = traffic(2)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", perfect(frames))
+    words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out"), *options]
+    try:
+        code: object = command.main(words)
+    except SystemExit as stop:
+        code = stop.code
+    error = capsys.readouterr().err
+    assert code == 2
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--gt", str(tmp_path), "--pred", str(tmp_path), "--out", str(tmp_path / "out")]
+    assert command.main(words) == 1
+    assert capsys.readouterr().err == (
+        f"pyinfra: {tmp_path}: No training/velodyne or training/label_2 in it\n"
+    )
+
+
+def test_label_lines_of_these_tests_are_what_the_reader_reads(tmp_path: Path) -> None:
+    file = tmp_path / "000000.txt"
+    values = box(car(20, -4, heading=0.5))
+    file.write_text(label_line("Car", values, 0.25) + "\n")
+    read = kitti.read_labels(file, scores=True)
+    assert read.boxes[0] == pytest.approx(values, abs=1e-5)
+    assert read.scores == 0.25

@@ -1,0 +1,207 @@
+"""Checks of frames and predictions name what is wrong."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluation_data import (
+    box,
+    car,
+    noisy,
+    perfect,
+    traffic,
+    write_lidar,
+    write_predictions,
+)
+
+from pyinfra import cli, kitti
+from pyinfra.validate import validate
+
+Found = list[list[tuple[list[float], float]]]
+
+
+@pytest.fixture
+def lidar(tmp_path: Path) -> Path:
+    """A curve of traffic, so that headings differ and nothing is symmetric."""
+    frames = []
+    for vehicles in traffic(12):
+        for v in vehicles:
+            v["heading"] = 0.3 + float(v["x"]) / 200  # type: ignore[arg-type]
+        frames.append(vehicles)
+    folder = write_lidar(tmp_path / "lidar", frames)
+    write_predictions(tmp_path / "pred", perfect(frames))
+    for k, vehicles in enumerate(frames):  # a point in the middle of each vehicle
+        points = np.array([[*box(v)[:3], 0.5] for v in vehicles], dtype="<f4")
+        points.tofile(kitti.frame_file(folder, "velodyne", k))
+    return folder
+
+
+@pytest.fixture
+def names_for(lidar: Path, tmp_path: Path) -> Callable[..., set[str]]:
+    """Names of the warnings about the vehicles' own boxes after a change to them."""
+
+    def names(change: Callable[[list[float]], list[float]], name: str = "Car") -> set[str]:
+        found: Found = []
+        for k in kitti.frames(lidar):
+            boxes = kitti.read_objects(kitti.frame_file(lidar, "objects", k)).boxes
+            found.append([(change(b.tolist()), 0.9) for b in boxes])
+        pred = write_predictions(tmp_path / "changed", found, name)
+        return {f.name for f in validate(lidar, pred) if f.level == "warning"}
+
+    return names
+
+
+def edited(index: int, change: Callable[[float], float]) -> Callable[[list[float]], list[float]]:
+    def edit(values: list[float]) -> list[float]:
+        return [change(v) if i == index else v for i, v in enumerate(values)]
+
+    return edit
+
+
+def test_good_frames_and_predictions_have_no_warning(lidar: Path, tmp_path: Path) -> None:
+    found = validate(lidar, tmp_path / "pred")
+    assert {finding.level for finding in found} == {"note"}
+    assert {finding.name for finding in found} == {"z-range", "xy-range"}
+
+
+def test_noisy_predictions_have_no_warning(tmp_path: Path) -> None:
+    frames = traffic(40)
+    gt = write_lidar(tmp_path / "lidar", frames)
+    pred = write_predictions(tmp_path / "pred", noisy(frames, spread=1.0, ghosts=6))
+    warnings = [f for f in validate(gt, pred) if f.level == "warning"]
+    assert [f.name for f in warnings] == ["labels-off-points"]  # the clouds are empty
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda b: [b[0], -b[1], *b[2:6], -b[6]], "mirrored-left-right"),
+        (lambda b: [-b[0], b[1], *b[2:]], "mirrored-front-back"),
+        (lambda b: [b[1], b[0], *b[2:]], "axes-swapped"),
+        (lambda b: [-b[1], b[0], *b[2:6], b[6] + math.pi / 2], "turned-quarter-left"),
+        (lambda b: [b[0] + 7, b[1] - 5, *b[2:]], "displaced"),
+        (lambda b: [b[0], b[1] + 300, *b[2:]], "far-from-vehicles"),
+        (edited(2, lambda z: z + 6), "height-offset"),
+        (edited(2, lambda z: z - 0.75), "height-offset"),
+        (edited(6, lambda h: h + math.pi / 2), "heading-quarter"),
+        (edited(6, lambda h: -h), "heading-sign"),
+        (edited(6, math.degrees), "heading-degrees"),
+        (lambda b: [*b[:3], b[4], b[3], *b[5:]], "length-width"),
+    ],
+)
+def test_usual_mistakes_are_named(
+    names_for: Callable[..., set[str]], change: Callable[[list[float]], list[float]], expected: str
+) -> None:
+    assert expected in names_for(change)
+
+
+def test_a_bottom_centre_is_told_from_another_height(lidar: Path, tmp_path: Path) -> None:
+    boxes = [kitti.read_objects(kitti.frame_file(lidar, "objects", k)).boxes for k in range(12)]
+    found = [[(edited(2, lambda z: z - 0.75)(b.tolist()), 0.9) for b in frame] for frame in boxes]
+    (warning,) = [
+        f
+        for f in validate(lidar, write_predictions(tmp_path / "low", found))
+        if f.name == "height-offset"
+    ]
+    assert "bottom's centre" in warning.text
+
+
+def test_degrees_are_named_with_file_and_line(lidar: Path, tmp_path: Path) -> None:
+    file = tmp_path / "pred/000003.txt"
+    lines = file.read_text().splitlines()
+    words = lines[2].split()
+    lines[2] = " ".join([*words[:14], "-90", words[15]])
+    file.write_text("\n".join(lines) + "\n")
+    (warning,) = [f for f in validate(lidar, tmp_path / "pred") if f.level == "warning"]
+    assert warning.name == "heading-degrees"
+    assert warning.text.startswith(f"{file}:3: ")
+
+
+def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
+    boxes = [[(box(car(20)), 35.0), (box(car(40)), 0.9)]] * 12
+    pred = write_predictions(tmp_path / "scores", boxes)
+    assert "score-range" in {f.name for f in validate(lidar, pred)}
+    low = write_predictions(tmp_path / "low", [[(box(car(20)), 0.05)]] * 12)
+    assert "scores-low" in {f.name for f in validate(lidar, low)}
+    (pred / "000000.txt").write_text(
+        (pred / "000000.txt").read_text().replace("vehicle", "bicycle", 1)
+    )
+    assert "other-classes" in {f.name for f in validate(lidar, pred)}
+
+
+def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
+    kitti.frame_file(lidar, "label_2", 2).write_text("Car 0 0\n")
+    kitti.frame_file(lidar, "objects", 4).write_text("id,class\n")
+    kitti.frame_file(lidar, "objects", 5).unlink()
+    texts = [str(f) for f in validate(lidar) if f.level == "error"]
+    assert len(texts) == 3
+    assert "label_2/000002.txt:1: found 3 columns" in texts[0]
+    assert "objects/000004.csv:1: found 'id,class'" in texts[1]
+    assert "objects/000005.csv: missing" in texts[2]
+
+
+def test_a_cut_cloud_and_odd_intensities_are_named(lidar: Path) -> None:
+    file = kitti.frame_file(lidar, "velodyne", 0)
+    file.write_bytes(file.read_bytes()[:-4])
+    bright = np.array([[20, 3, -5, 200]], dtype="<f4")
+    bright.tofile(kitti.frame_file(lidar, "velodyne", 1))
+    assert {"wrong-cloud", "intensity"} <= {f.name for f in validate(lidar)}
+
+
+def test_labels_away_from_the_points_are_named(lidar: Path) -> None:
+    for k in kitti.frames(lidar):
+        file = kitti.frame_file(lidar, "velodyne", k)
+        points = np.fromfile(file, "<f4").reshape(-1, 4)
+        points[:, 2] += 6
+        points.tofile(file)
+    assert "labels-off-points" in {f.name for f in validate(lidar)}
+
+
+def test_vehicles_below_the_usual_range_are_named(lidar: Path) -> None:
+    (note,) = [f for f in validate(lidar) if f.name == "z-range"]
+    assert "100 % have their centre below -3 m" in note.text
+    assert "z -6.00 m" in note.text
+
+
+def test_low_image_boxes_are_named(lidar: Path) -> None:
+    for k in kitti.frames(lidar):
+        file = kitti.frame_file(lidar, "label_2", k)
+        file.write_text(file.read_text().replace("50.00 50.00", "10.00 10.00"))
+    assert "image-height" in {f.name for f in validate(lidar)}
+
+
+def test_frames_without_vehicles_are_valid(tmp_path: Path) -> None:
+    gt = write_lidar(tmp_path / "lidar", [[], [car(20)], []])
+    assert "empty-frames" in {f.name for f in validate(gt)}
+    nothing = write_lidar(tmp_path / "none", [[], []])
+    assert "no-labels" in {f.name for f in validate(nothing)}
+    (tmp_path / "bare/training/velodyne").mkdir(parents=True)
+    assert [f.name for f in validate(tmp_path / "bare")] == ["no-frames"]
+
+
+def test_command_prints_findings_and_its_exit_code_counts_errors(
+    lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 0
+    out = capsys.readouterr().out
+    assert "note: z-range: " in out
+    assert out.endswith("0 errors, 0 warnings\n")
+    (tmp_path / "pred/000001.txt").unlink()
+    assert cli.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 1
+    assert "error: wrong-predictions: " in capsys.readouterr().out
+    assert cli.main(["validate", str(tmp_path / "nowhere")]) == 1
+    assert capsys.readouterr().err.startswith(f"pyinfra: {tmp_path / 'nowhere'}: No training")
+
+
+def test_command_checks_every_lidar_of_a_data_set(
+    lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_lidar(tmp_path / "other", traffic(2))
+    assert cli.main(["validate", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert f"{lidar}: " in out
+    assert f"{tmp_path / 'other'}: " in out
+    assert cli.main(["validate", str(tmp_path), "--pred", str(tmp_path / "pred")]) == 2
+    assert "allowed one of lidar, other" in capsys.readouterr().err
