@@ -14,7 +14,7 @@ from pyinfra import kitti, regions
 from pyinfra.frame_tables import Vehicles, read_vehicles
 from pyinfra.kitti import FormatError
 from pyinfra.regions import Places, Road, Window
-from pyinfra.statistics_data import MIN_VISIBILITY, Tilt, _tilt, field_of_view_mask
+from pyinfra.statistics_data import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -92,7 +92,7 @@ def read_ground_truth(
     has_lidar = (folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(folder) if has_lidar else None
     files = sorted(folder.parent.glob("*/lidar.yaml")) if has_lidar else []
-    neighbours = tuple((kitti.read_lidar(file.parent), _tilt(file)) for file in files)
+    neighbours = tuple((kitti.read_lidar(file.parent), sensor_tilt(file)) for file in files)
     vehicles = read_vehicles(folder, frames)
     has_objects = (folder / "training/objects").is_dir()
     if beyond_range and has_objects and lidar is not None:

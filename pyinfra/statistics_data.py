@@ -129,7 +129,7 @@ def read_data_set(folder: Path) -> DataSet:
         seed=int(_text(top, "seed", folder)),
         version=_text(top, "version", folder),
         lidars=tuple(kitti.read_lidar(file.parent) for file in files),
-        tilts=tuple(_tilt(file) for file in files),
+        tilts=tuple(sensor_tilt(file) for file in files),
         frames=frames[0],
     )
 
@@ -289,7 +289,7 @@ def _text(top: dict[str, object], key: str, folder: Path) -> str:
     return str(top[key])
 
 
-def _tilt(file: Path) -> Tilt:
+def sensor_tilt(file: Path) -> Tilt:
     sensor = _mapping(file).get("T_levelled_sensor")
     if not isinstance(sensor, dict):
         raise kitti.FormatError(f"{file}:1: found no key 'T_levelled_sensor', it is needed")
