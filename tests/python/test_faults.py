@@ -4,6 +4,7 @@ import os
 import random
 import resource
 import secrets
+import shutil
 import signal
 import subprocess
 import sys
@@ -332,23 +333,27 @@ def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     print(f"FAULTS_SEED={seed}")
     moments = random.Random(seed)
     out = tmp_path / "out"
-    frames = 0
-    for attempt in range(20):
+    frames = kills = 0
+    while kills < 20:
         process = start(long_command(out))
         # Every third falls while the folder is claimed or the first frame begins.
-        if attempt % 3:
-            wait_for_frames(out, frames + 1)
-        end = time.monotonic() + moments.uniform(0, 0.15)
+        if kills % 3:
+            wait_for_frames(out, min(frames + 1, 2 * FRAMES))
+        end = time.monotonic() + moments.uniform(0, 0.05)
         while time.monotonic() < end:
             assert_frames_are_whole(out, undisturbed)  # what a reader sees meanwhile
         process.kill()
         process.communicate(timeout=60)
-        assert process.returncode == -signal.SIGKILL, "it ended before: raise FRAMES"
         now = assert_frames_are_whole(out, undisturbed)
         assert now >= frames
         frames = now
-    print(f"{frames} of {2 * FRAMES} frames after 20 kills")
-    assert 0 < frames < 2 * FRAMES
+        if process.returncode == 0:  # a fast machine was done before: begin afresh
+            shutil.rmtree(out)
+            frames = 0
+        else:
+            assert process.returncode == -signal.SIGKILL
+            kills += 1
+    print(f"{frames} of {2 * FRAMES} frames after {kills} kills")
     result = infrasim(*long_command(out))
     assert result.returncode == 0, result.stderr
     left = temporary_files(out)
