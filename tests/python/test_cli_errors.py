@@ -146,6 +146,10 @@ WRONG_SCENES = {
         "roads.0.centreline.0.line_m", ["allowed line_m, or"]),
     "no duration": ("duration_s: 2", "duration_s: 0",
         "duration_s", ["'0'", "allowed 0.1 to 36000"]),
+    "duration of half a frame": ("duration_s: 2", "duration_s: 0.14",
+        "duration_s", ["0.14", "allowed whole tenths"]),
+    "check beside an unknown key": ("duration_s: 2", "junctions: [{roads: [main], left: 1}]",
+        "junctions.0.left", ["unknown key", "left_share"]),
     "negative seed": ("duration_s: 2", "seed: -1",
         "seed", ["'-1'", "whole number"]),
     "unknown class": ("{Car: 1}", "{Car: 1, Ship: 1}",
@@ -595,7 +599,7 @@ def test_lidar_for_a_scene_and_scene_for_a_lidar(site: Site) -> None:
     site.lidar.write_text(SCENE)
     assert_one_line(site.run(), site, str(site.scene), "mounts: found nothing, required")
     site.scene.write_text(SCENE)
-    assert_one_line(site.run(), site, str(site.lidar), "found an incomplete LiDAR")
+    assert_one_line(site.run(), site, str(site.lidar), "found an unknown key, allowed name, model")
 
 
 def test_messages_of_pattern_and_trajectories_are_one_line_too(site: Site) -> None:

@@ -1,12 +1,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <optional>
-#include <sstream>
 
 #include "infrasim/cli/commands.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/filter/filter.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/cloud_file.h"
@@ -26,18 +25,10 @@ struct Options {
   bool ground_morphological = false;
 };
 
-std::string read_bytes(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream bytes;
-  if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
-  if (!in.is_open() || in.bad()) throw IoError(file + ": can't be read");
-  return bytes.str();
-}
-
 /// A saved model, or one learnt from frames of the sensor.
 BackgroundModel background_of(const std::vector<std::string>& files) {
   if (files.size() == 1) {
-    const std::string bytes = read_bytes(files.front());
+    const std::string bytes = read_file(files.front());
     if (is_background(bytes)) return background_from_bytes(bytes, files.front());
   }
   std::vector<std::vector<float>> frames;

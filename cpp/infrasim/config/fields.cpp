@@ -81,12 +81,14 @@ void FieldReader::finish() const {
     fail(map_.items[i].place, full(map_.keys[i].c_str()),
          "found an unknown key, allowed " + join(names));
   }
-}
-
-void FieldReader::check(bool holds, const char* key, const std::string& what) const {
-  if (holds) return;
+  if (!failed_check_) return;
+  const auto& [key, what] = *failed_check_;
   const Tree* tree = map_.find(key);
   fail(tree != nullptr ? tree->place : map_.place, full(key), what);
+}
+
+void FieldReader::check(bool holds, const char* key, const std::string& what) {
+  if (!holds && !failed_check_) failed_check_.emplace(key, what);
 }
 
 void FieldReader::expect(const Tree& tree, Tree::Kind kind, const std::string& key,

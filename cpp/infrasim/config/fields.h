@@ -44,7 +44,7 @@ concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> && !std::
 class FieldReader {
  public:
   FieldReader(const Tree& map, std::string path);
-  /// @throws ConfigError if the map has a key that no field read
+  /// @throws ConfigError if the map has a key that no field read, else for the first failed check
   void finish() const;
 
   template <class T>
@@ -53,8 +53,9 @@ class FieldReader {
   }
   /// Remembers where the struct stands, for checks that need other parts of the scene.
   void here(Place& place) const { place = map_.place; }
-  /// Fails at the key's place if the condition does not hold.
-  void check(bool holds, const char* key, const std::string& what) const;
+  /// `finish` fails at the key's place if the condition does not hold: an unknown key, often a
+  /// misspelt one, is the likelier cause and is named first.
+  void check(bool holds, const char* key, const std::string& what);
 
  private:
   const Tree* take(const char* key, const Rule& rule);
@@ -110,6 +111,7 @@ class FieldReader {
   const Tree& map_;
   std::string path_;
   std::vector<std::string> taken_;
+  std::optional<std::pair<const char*, std::string>> failed_check_;
 };
 
 class FieldWriter {

@@ -225,6 +225,13 @@ void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
   if (pattern.table) resolve_table(file, *pattern.table);
 }
 
+constexpr std::size_t kMaxLasers = 65535;  // ring numbers have 16 bits
+
+std::size_t lasers_of(const PatternConfig& pattern) {
+  if (pattern.spinning) return pattern.spinning->channels.table.size();
+  return pattern.wedges ? pattern.wedges->laser_offsets.size() : 1;
+}
+
 LidarConfig single(const std::filesystem::path& file, LidarFile& keys) {
   LidarUnit unit{.yaw_deg = 0, .pitch_deg = 0, .pattern = *keys.pattern, .returns = *keys.returns};
   resolve_files(file, unit.pattern);
@@ -258,6 +265,12 @@ LidarConfig read_lidar(const std::filesystem::path& file, const std::string& pre
   auto keys = config::read_struct<LidarFile>(preset_tree(file, preset));
   LidarConfig lidar = keys.bundle.empty() ? single(file, keys) : bundle(file, keys, preset);
   lidar.preset = preset;
+  std::size_t lasers = 0;
+  for (const LidarUnit& unit : lidar.units) lasers += lasers_of(unit.pattern);
+  if (lasers > kMaxLasers)
+    config::fail({file.string()}, "(lasers)",
+                 "found " + std::to_string(lasers) + ", allowed at most " +
+                     std::to_string(kMaxLasers) + " in one LiDAR");
   return lidar;
 }
 

@@ -4,10 +4,10 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <sstream>
 
 #include "infrasim/config/tree.h"
+#include "infrasim/core/files.h"
 
 namespace infrasim::config {
 
@@ -16,19 +16,10 @@ namespace {
 constexpr double kTurn = 2 * kPi + 1e-5;  // float32 rounds 2 pi up
 constexpr std::size_t kMaxRows = 50'000'000;
 
-std::string read_bytes(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream bytes;
-  if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
-    throw IoError(file.string() + ": can't be read");
-  return bytes.str();
-}
-
 /// Calls row(line number, cells) for each line under an expected header.
 template <class Row>
 void for_each_row(const std::filesystem::path& file, const std::string& header, const Row& row) {
-  std::istringstream in(read_bytes(file));
+  std::istringstream in(read_file(file));
   std::string line;
   std::getline(in, line);
   if (!line.empty() && line.back() == '\r') line.pop_back();
@@ -81,7 +72,7 @@ std::string npy_entry(const std::string& header, const std::string& name) {
 
 /// Format: NumPy enhancement proposal 1 (version 1 and 2 headers).
 std::vector<Vec2> read_directions_npy(const std::filesystem::path& file) {
-  const std::string bytes = read_bytes(file);
+  const std::string bytes = read_file(file);
   const Place place{file.string(), 1, 1};
   const auto reject = [&](const std::string& what) {
     fail(place, "(npy)", what + ", allowed a C-ordered (n, 2) array of <f4 or <f8");
@@ -136,7 +127,7 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
                                      optional(line, "azimuth_offset_deg", cells[2], -180, 180),
                                      optional(line, "fire_time_us", cells[3], 0, 1e6)});
                });
-  if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "found none, allowed 1 to 65535");
+  if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "found none, allowed at least one");
   return channels;
 }
 

@@ -271,6 +271,8 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("name", c.name, "name of the scene", required());
   f.field("seed", c.seed, "seed of traffic, phases and returns");
   f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s", between(0.1, 36000));
+  f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",
+          "found " + config::number_text(c.duration_s) + ", allowed whole tenths of a second");
   f.field("aggregation", c.aggregation, "exact, instant or slices:N");
   f.check(parse_aggregation(c.aggregation).has_value(), "aggregation",
           "found '" + c.aggregation + "', allowed " + kAggregationWords);
@@ -306,6 +308,16 @@ SceneConfig read_scene(const std::filesystem::path& file,
 
 SceneConfig parse_scene(const std::string& text, const std::string& name) {
   return config::read_struct<SceneConfig>(config::parse_tree(text, name));
+}
+
+std::size_t road_index(const SceneConfig& scene, const std::string& name,
+                       const config::Place& place, const char* key) {
+  std::string names;
+  for (std::size_t i = 0; i < scene.roads.size(); ++i) {
+    if (scene.roads[i].name == name) return i;
+    names += (names.empty() ? "" : ", ") + scene.roads[i].name;
+  }
+  config::fail(place, key, "found unknown road '" + name + "', allowed " + names);
 }
 
 std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }

@@ -185,6 +185,11 @@ struct SceneConfig {
 SceneConfig read_scene(const std::filesystem::path& file,
                        std::span<const std::string> assignments = {});
 
+/// Where a road stands in `scene.roads`; `place` and `key` are those of whoever names it.
+/// @throws ConfigError if there is none of the name
+std::size_t road_index(const SceneConfig& scene, const std::string& name,
+                       const config::Place& place, const char* key);
+
 /// The same from text; `name` stands for the file in messages.
 SceneConfig parse_scene(const std::string& text, const std::string& name);
 

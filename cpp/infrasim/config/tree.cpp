@@ -5,9 +5,10 @@
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
 #include <optional>
 #include <sstream>
+
+#include "infrasim/core/files.h"
 
 namespace infrasim::config {
 
@@ -149,12 +150,7 @@ Tree parse_tree(const std::string& text, const std::string& name) {
 }
 
 Tree read_tree(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in && in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
-    throw IoError(file.string() + ": can't be read");
-  return parse_tree(text.str(), file.string());
+  return parse_tree(read_file(file), file.string());
 }
 
 Tree merged(const Tree& base, const Tree& over) {

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/io/atomic_file.h"
 
 namespace infrasim {
@@ -124,12 +123,8 @@ bool is_pcd(const std::filesystem::path& file) {
 
 CloudFile read_cloud(const std::filesystem::path& file) {
   const bool pcd = is_pcd(file);
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream bytes;
-  if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
-    throw IoError(file.string() + ": can't be read");
-  return pcd ? parse_pcd(bytes.str(), file.string()) : parse_bin(bytes.str(), file.string());
+  const std::string bytes = read_file(file);
+  return pcd ? parse_pcd(bytes, file.string()) : parse_bin(bytes, file.string());
 }
 
 void write_cloud(const std::filesystem::path& file, const CloudFile& cloud) {

@@ -5,11 +5,11 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <span>
 #include <sstream>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/io/atomic_file.h"
 
 namespace infrasim {
@@ -17,12 +17,9 @@ namespace infrasim {
 namespace {
 
 void compare(const std::filesystem::path& file, const std::string& text) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream there;
-  there << in.rdbuf();
-  if (!in) throw IoError(file.string() + ": can't be read");
-  if (there.str() == text) return;
-  std::istringstream old_lines(there.str()), new_lines(text);
+  const std::string there = read_file(file);
+  if (there == text) return;
+  std::istringstream old_lines(there), new_lines(text);
   std::string old_line, new_line;
   int line = 0;
   do {

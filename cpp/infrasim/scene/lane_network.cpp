@@ -51,16 +51,10 @@ std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
   return std::nullopt;
 }
 
-RoadLine& road_named(std::vector<RoadLine>& roads, const std::string& name,
-                     const config::Place& place) {
-  for (RoadLine& road : roads)
-    if (road.config->name == name) return road;
-  config::fail(place, "roads", "found unknown road '" + name + "'");
-}
-
-void cut_roads(const JunctionConfig& junction, int index, std::vector<RoadLine>& roads) {
-  RoadLine& a = road_named(roads, junction.roads[0], junction.place);
-  RoadLine& b = road_named(roads, junction.roads[1], junction.place);
+void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
+  const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
+  RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];
+  RoadLine& b = roads[road_index(scene, junction.roads[1], junction.place, "roads")];
   const auto point = crossing(a.curve, b.curve);
   if (&a == &b || !point) config::fail(junction.place, "roads", "found roads that do not cross");
   for (auto* road : {&a, &b}) {
@@ -154,7 +148,7 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
     roads.push_back({&road, centreline(road), {}});
   }
   for (std::size_t i = 0; i < scene.junctions.size(); ++i)
-    cut_roads(scene.junctions[i], static_cast<int>(i), roads);
+    cut_roads(scene, static_cast<int>(i), roads);
 
   LaneNetwork network;
   network.junctions = scene.junctions;

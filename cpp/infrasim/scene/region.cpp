@@ -34,7 +34,7 @@ std::string EvaluationRegion::roads_csv() const {
   std::string text = "road,s,x,y,z,heading,half_width\n";
   std::array<char, 256> line{};
   for (const Road& road : roads_) {
-    const double first = std::ceil(std::max(-half_length_, -road.foot));
+    const double first = std::ceil(std::max(-half_length_, -road.foot)) + 0.0;  // not -0
     const double last = std::min(half_length_, road.along.length() - road.foot);
     for (double s = first; s <= last; s += 1) {
       const CurvePoint p = road.along.at(road.foot + s);

@@ -79,9 +79,7 @@ class MeshBuilder {
 
 const RoadConfig& road_named(const SceneConfig& scene, const std::string& name,
                              const config::Place& place) {
-  for (const RoadConfig& road : scene.roads)
-    if (road.name == name) return road;
-  config::fail(place, "road", "found unknown road '" + name + "'");
+  return scene.roads[road_index(scene, name, place, "road")];
 }
 
 void add_road(MeshBuilder& mesh, const RoadConfig& road) {

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
 #include <map>
 #include <sstream>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/files.h"
 
 namespace infrasim {
 
@@ -114,6 +114,7 @@ class TrajectoryReader {
     s.box.dz = number("dz", 0.1, 50);
     s.speed_m_s = number("speed", -100, 200);
     if (!ended_) fail("(row)", "found more than 11 columns");
+    column_ = 1;
     add(t, s);
   }
 
@@ -200,14 +201,12 @@ std::string_view without_return(const std::string& line) {
 }  // namespace
 
 Trajectories read_trajectories(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in || std::filesystem::is_directory(file)) throw IoError(file.string() + ": can't be read");
+  std::istringstream in(read_file(file));
   TrajectoryReader reader(file);
   std::string line;
   std::getline(in, line);
   reader.header(without_return(line));
   while (std::getline(in, line)) reader.row(without_return(line));
-  if (in.bad()) throw IoError(file.string() + ": can't be read");
   return reader.take();
 }
 

@@ -1,0 +1,20 @@
+#include "infrasim/core/files.h"
+
+#include <fstream>
+#include <sstream>
+
+#include "infrasim/core/errors.h"
+
+namespace infrasim {
+
+std::string read_file(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream bytes;
+  // An empty file would set the stream's fail bit.
+  if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
+  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
+    throw IoError(file.string() + ": can't be read");
+  return bytes.str();
+}
+
+}  // namespace infrasim
