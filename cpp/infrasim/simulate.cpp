@@ -180,7 +180,7 @@ struct FrameSimulator::Impl {
 
   void cast(const Unit& unit) {
     if (unit.beam) return cast_beams(*unit.beam);
-    raycaster.cast(rays, selected, hits);
+    raycaster.cast(rays, selected, hits, unit.returns.needs_reflectance());
     if (unit.returns.needs_reflectance()) look_up_reflectance(hits, reflectance);
   }
 
@@ -190,7 +190,7 @@ struct FrameSimulator::Impl {
     sub_selected.clear();
     for (const std::uint32_t i : selected)
       for (std::uint32_t j = 0; j < n; ++j) sub_selected.push_back(n * i + j);
-    raycaster.cast(sub_rays, sub_selected, sub_hits);
+    raycaster.cast(sub_rays, sub_selected, sub_hits, true);
     look_up_reflectance(sub_hits, sub_reflectance);
     beam.combine(sub_hits, sub_reflectance, hits, reflectance);
   }
@@ -203,7 +203,8 @@ struct FrameSimulator::Impl {
   }
 
   void collect(FrameBuilder& builder) const {
-    for (std::size_t n = 0; n < returns.ray.size(); ++n) {
+    builder.reserve(returns.size());
+    for (std::size_t n = 0; n < returns.size(); ++n) {
       const std::uint32_t i = returns.ray[n];
       const std::int32_t object = hits.object[i];
       const MovingObject* hit =

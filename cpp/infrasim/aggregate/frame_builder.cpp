@@ -31,21 +31,11 @@ std::vector<WorldSlice> world_slices(Aggregation aggregation) {
   return slices;
 }
 
-void FrameBuilder::add(const Return& r, std::int32_t object_id) {
-  if (size_ == object_.size()) {
-    const std::size_t grown = std::max<std::size_t>(4096, 2 * size_);
-    scratch_.resize(grown);
-    object_.resize(grown);
-  }
-  scratch_.xyz[3 * size_] = r.dx * r.range;
-  scratch_.xyz[3 * size_ + 1] = r.dy * r.range;
-  scratch_.xyz[3 * size_ + 2] = r.dz * r.range;
-  scratch_.intensity[size_] = r.intensity;
-  scratch_.time[size_] = r.time;
-  scratch_.ring[size_] = r.ring;
-  scratch_.class_id[size_] = r.class_id;
-  scratch_.object_id[size_] = object_id;
-  object_[size_++] = r.object;
+void FrameBuilder::reserve(std::size_t more) {
+  if (size_ + more <= object_.size()) return;
+  const std::size_t grown = std::max<std::size_t>(4096, 2 * (size_ + more));
+  scratch_.resize(grown);
+  object_.resize(grown);
 }
 
 void FrameBuilder::keep(std::span<const int> rows) {

@@ -42,8 +42,20 @@ struct PointCount {
 class FrameBuilder {
  public:
   void start() { size_ = 0; }
+  /// Makes room for `more` calls of `add`.
+  void reserve(std::size_t more);
   /// @param object_id id of the object, -1 for background
-  void add(const Return& r, std::int32_t object_id);
+  void add(const Return& r, std::int32_t object_id) {
+    scratch_.xyz[3 * size_] = r.dx * r.range;
+    scratch_.xyz[3 * size_ + 1] = r.dy * r.range;
+    scratch_.xyz[3 * size_ + 2] = r.dz * r.range;
+    scratch_.intensity[size_] = r.intensity;
+    scratch_.time[size_] = r.time;
+    scratch_.ring[size_] = r.ring;
+    scratch_.class_id[size_] = r.class_id;
+    scratch_.object_id[size_] = object_id;
+    object_[size_++] = r.object;
+  }
   std::size_t size() const { return size_; }
   /// Row-major points so far.
   std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }

@@ -174,8 +174,8 @@ struct Raycaster::Impl {
     rtcReleaseGeometry(instance);
   }
 
-  void unpack(const std::uint32_t* order, std::size_t count, const RayBatch& rays,
-              HitBatch& hits) const {
+  void unpack(const std::uint32_t* order, std::size_t count, const RayBatch& rays, HitBatch& hits,
+              bool incidence) const {
     const RTCHit16& hit = packet.rh.hit;
     for (std::size_t i = 0; i < count; ++i) {
       const std::uint32_t k = order[i];
@@ -185,6 +185,7 @@ struct Raycaster::Impl {
       const bool background = instance == placed.size();
       hits.object[k] = background ? -1 : static_cast<std::int32_t>(instance);
       hits.class_id[k] = background ? library.background_class[hit.primID[i]] : 0;
+      if (!incidence) continue;
       hits.cos_incidence[k] = cos_incidence(i, background ? nullptr : &frames[instance], rays.dx[k],
                                             rays.dy[k], rays.dz[k]);
     }
@@ -287,7 +288,8 @@ void Raycaster::place(std::span<const PlacedBody> bodies, double period_s) {
 
 float Raycaster::top() const { return impl_->top; }
 
-void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits) {
+void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
+                     bool incidence) {
   // Embree's manual asks for flushed denormals in every thread that casts.
   _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
   _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
@@ -299,7 +301,7 @@ void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order,
     const std::size_t count = std::min(kWidth, order.size() - first);
     m.packet.fill(rays, order.data() + first, count, m.time_scale);
     m.packet.intersect(m.scene.get());
-    m.unpack(order.data() + first, count, rays, hits);
+    m.unpack(order.data() + first, count, rays, hits, incidence);
   }
 }
 
@@ -318,7 +320,7 @@ double Raycaster::visibility(std::size_t placed) {
   box.heading += wrap_angle(body.to.heading - body.from.heading) / 2;
   m.aim_probe(box);
   const std::vector<bool> alone = m.hits_alone(body, box);
-  cast(m.probe, kOrder, m.probe_hits);
+  cast(m.probe, kOrder, m.probe_hits, false);
   int could = 0, reached = 0;
   for (std::size_t i = 0; i < alone.size(); ++i) {
     if (!alone[i]) continue;

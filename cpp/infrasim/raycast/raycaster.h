@@ -50,7 +50,9 @@ class Raycaster {
 
   /// Nearest hit of each ray that `order` names, every ray at its own time; packets of 16 in that
   /// order. The others are misses. The hits do not depend on the order.
-  void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits);
+  /// @param incidence fill hits.cos_incidence too
+  void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
+            bool incidence = true);
 
   /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the
   /// share that reach it first; 0 if none hits it alone.

@@ -41,29 +41,32 @@ double ReturnModel::snr(double range, double reflected) const {
 
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
                         const std::vector<float>& reflectance, ReturnBatch& out) const {
-  out.clear();
+  out.resize(hits.size());
+  std::size_t n = 0;
   const auto min_range = static_cast<float>(config_.min_range_m);
   const auto max_range = static_cast<float>(config_.max_range_m);
   for (std::size_t i = 0; i < hits.size(); ++i) {
     float range = hits.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
-    const Rng draw = rng.at(first_ray + i);
+    const auto draw = [&] { return rng.at(first_ray + i); };
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
       const double ratio = snr(range, intensity);
-      if (draw.uniform(kDetection) >= normal_cdf(config_.detection->steepness * (ratio - 1)))
+      if (draw().uniform(kDetection) >= normal_cdf(config_.detection->steepness * (ratio - 1)))
         continue;
       sigma *= std::clamp(1 / std::sqrt(2 * ratio), 0.25, 1.0);
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
-    if (config_.drop_off && dropped_when_faint(draw, intensity)) continue;
-    if (sigma > 0) range = std::max(0.0F, range + static_cast<float>(sigma * draw.normal(kNoise)));
-    out.ray.push_back(static_cast<std::uint32_t>(i));
-    out.range.push_back(range);
-    out.intensity.push_back(static_cast<float>(std::min(1.0, intensity)));
+    if (config_.drop_off && dropped_when_faint(draw(), intensity)) continue;
+    if (sigma > 0)
+      range = std::max(0.0F, range + static_cast<float>(sigma * draw().normal(kNoise)));
+    out.ray[n] = static_cast<std::uint32_t>(i);
+    out.range[n] = range;
+    out.intensity[n++] = static_cast<float>(std::min(1.0, intensity));
   }
+  out.resize(n);
 }
 
 }  // namespace infrasim

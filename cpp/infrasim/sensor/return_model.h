@@ -14,10 +14,12 @@ struct ReturnBatch {
   std::vector<std::uint32_t> ray;  ///< index in the batch of rays
   std::vector<float> range;        ///< metres, with noise
   std::vector<float> intensity;    ///< [0, 1]
-  void clear() {
-    ray.clear();
-    range.clear();
-    intensity.clear();
+
+  std::size_t size() const { return ray.size(); }
+  void resize(std::size_t n) {
+    ray.resize(n);
+    range.resize(n);
+    intensity.resize(n);
   }
 };
 
@@ -31,7 +33,8 @@ class ReturnModel {
   /// Hits of rays that are lost at random must have been left out by the caller.
   /// @param rng         stream of this unit and frame; ray i of the frame draws from rng.at(i)
   /// @param first_ray   number of the batch's first ray within the frame
-  /// @param reflectance of each hit, [0, 1]; read only if needs_reflectance()
+  /// @param reflectance of each hit, [0, 1]; like the hits' incidence, read only if
+  ///                    needs_reflectance()
   void apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
              const std::vector<float>& reflectance, ReturnBatch& out) const;
 
