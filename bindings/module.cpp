@@ -8,6 +8,7 @@ PYBIND11_MODULE(_core, m) {
   m.def("version", &infrasim::version, "Version of the simulator.");
   pybind11::register_exception<infrasim::ConfigError>(m, "ConfigError", PyExc_ValueError);
   pybind11::register_exception<infrasim::IoError>(m, "IoError", PyExc_OSError);
+  infrasim::bind_filters(m);
   infrasim::bind_frames(m);
   infrasim::bind_simulation(m);
 }

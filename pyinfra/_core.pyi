@@ -6,11 +6,66 @@ import collections.abc
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['ConfigError', 'Frame', 'FrameStream', 'IoError', 'Lidar', 'World', 'version']
+__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'kept_rows', 'learn_background', 'version']
 class ConfigError(ValueError):
     pass
 class IoError(OSError):
     pass
+class CropBox:
+    """
+    Keeps min_m <= point <= max_m, each (x, y, z) in metres.
+    """
+    def __init__(self, min_m: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], max_m: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]) -> None:
+        ...
+class CropPolygon:
+    """
+    Keeps points inside corners (x, y) in metres.
+    """
+    def __init__(self, outline_m: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsFloat | typing.SupportsIndex]]) -> None:
+        ...
+class CropRange:
+    """
+    Keeps min_m <= slant range <= max_m.
+    """
+    def __init__(self, min_m: typing.SupportsFloat | typing.SupportsIndex, max_m: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+class CropFieldOfView:
+    """
+    Keeps an interval of azimuth, from min towards +y up to max, and of elevation; degrees.
+    """
+    def __init__(self, azimuth_min_deg: typing.SupportsFloat | typing.SupportsIndex = -180.0, azimuth_max_deg: typing.SupportsFloat | typing.SupportsIndex = 180.0, elevation_min_deg: typing.SupportsFloat | typing.SupportsIndex = -90.0, elevation_max_deg: typing.SupportsFloat | typing.SupportsIndex = 90.0) -> None:
+        ...
+class GroundHeight:
+    """
+    Keeps z > z_m; knows no slope.
+    """
+    def __init__(self, z_m: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+class GroundPlane:
+    """
+    Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC).
+    """
+    def __init__(self, distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.25, max_tilt_deg: typing.SupportsFloat | typing.SupportsIndex = 10.0) -> None:
+        ...
+class GroundMorphological:
+    """
+    Removes roads, slopes and terrain: what is wider than window_m, and height_m above it.
+    """
+    def __init__(self, window_m: typing.SupportsFloat | typing.SupportsIndex = 6.0, height_m: typing.SupportsFloat | typing.SupportsIndex = 0.25, cell_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.5, max_range_m: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> None:
+        ...
+class BackgroundModel:
+    """
+    The static scene as one fixed sensor sees it; as a filter step it removes that scene.
+    """
+    @staticmethod
+    def load(file: str) -> BackgroundModel:
+        """
+        Raises ConfigError for a file that is not a whole model.
+        """
+    def save(self, file: str) -> None:
+        """
+        Writes what `infrasim filter --background` reads.
+        """
 class Frame:
     """
     What one LiDAR gives for one frame; columns are read-only views.
@@ -111,6 +166,14 @@ class FrameStream:
         ...
     def __next__(self) -> tuple[int, list[Frame]]:
         ...
+def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | CropPolygon | CropRange | CropFieldOfView | GroundHeight | GroundPlane | GroundMorphological | BackgroundModel]) -> numpy.typing.NDArray[numpy.int32]:
+    """
+    (k,) int32, increasing: the rows of points, (n, 3) or (n, 4) float32, levelled LiDAR frame, that every step keeps; never rows that are not finite. Raises ValueError.
+    """
+def learn_background(frames: collections.abc.Sequence[numpy.ndarray], *, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, elevation_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, range_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, height_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.15) -> BackgroundModel:
+    """
+    A BackgroundModel from frames of one sensor in one place, each (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
+    """
 def version() -> str:
     """
     Version of the simulator.

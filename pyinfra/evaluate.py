@@ -18,7 +18,7 @@ from pyinfra import cli
 from pyinfra.evaluation import PROTOCOLS, VEHICLE_TYPES, Settings
 from pyinfra.evaluation_result import Evaluation, evaluate_tables
 from pyinfra.evaluation_summary import summary
-from pyinfra.frame_tables import read_predictions
+from pyinfra.frame_tables import read_cameras, read_predictions
 from pyinfra.ground_truth import SETS, frame_numbers, read_ground_truth
 from pyinfra.matching import Metric
 from pyinfra.prediction_checks import check_predictions, find_files
@@ -46,7 +46,7 @@ def evaluate(
     settings = settings or default_settings(gt)
     found = find_files(pred, chosen, known, allow_missing=allow_missing)
     truth = read_ground_truth(gt, chosen, beyond_range="all" in settings.ground_truths)
-    predictions = read_predictions(found.files)
+    predictions = read_predictions(found.files, read_cameras(gt, chosen))
     types = [t for name, own in settings.classes.items() for t in (*own, name)]
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
     findings = [

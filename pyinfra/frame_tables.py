@@ -64,6 +64,22 @@ class Predictions:
         return replace(self, **{name: column[keep] for name, column in vars(self).items()})
 
 
+@dataclass(frozen=True, eq=False)
+class Cameras:
+    """The calibrations of many frames, each different one once."""
+
+    different: tuple[kitti.Calibration, ...]
+    of_frame: IntArray  # (frames,) index into `different`
+
+    def boxes(self, values: FloatArray, frame: IntArray) -> FloatArray:
+        """h w l x y z rotation_y (n, 7) of the frames (n,) as boxes (n, 7)."""
+        out = np.empty_like(values)
+        for i, calibration in enumerate(self.different):
+            rows = self.of_frame[frame] == i
+            out[rows] = kitti.boxes_from_camera(values[rows], calibration)
+        return out
+
+
 Table = TypeVar("Table", Vehicles, Predictions)
 
 
@@ -76,17 +92,36 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
         files = [kitti.frame_file(lidar_folder, "objects", frame) for frame in frames]
         return _joined(files, _objects, Vehicles)
     files = [kitti.frame_file(lidar_folder, "label_2", frame) for frame in frames]
-    return _joined(files, _labels, Vehicles)
+    cameras = read_cameras(lidar_folder, frames)
+    return _joined(files, lambda paths, index: _labels(paths, index, cameras), Vehicles)
 
 
-def read_predictions(files: Sequence[Path | None]) -> Predictions:
+def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:
     """Predictions of the frames: KITTI results (.txt) or CSV in the LiDAR frame (.csv).
 
     files: one per frame, None for a frame without predictions. The columns of a CSV file are named
     in its first line: class, x, y, z, dx, dy, dz, heading (radians), score, in any order.
     Raises FormatError with file and line.
     """
-    return _joined(files, _predictions, Predictions)
+    return _joined(files, lambda paths, index: _predictions(paths, index, cameras), Predictions)
+
+
+def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
+    """The calibrations of the frames; that of a simulated LiDAR where a frame has none.
+
+    Raises FormatError with file and line.
+    """
+    number: dict[bytes, int] = {}
+    different: list[kitti.Calibration] = []
+    of_frame = np.empty(len(frames), dtype=np.int64)
+    for i, frame in enumerate(frames):
+        file = kitti.frame_file(lidar_folder, "calib", frame)
+        text = file.read_bytes() if file.exists() else b""
+        if text not in number:
+            number[text] = len(different)
+            different.append(kitti.read_calibration(file) if text else kitti.simulated())
+        of_frame[i] = number[text]
+    return Cameras(tuple(different), of_frame)
 
 
 def _joined(
@@ -125,30 +160,31 @@ def _objects(files: Sequence[Path], frames: IntArray) -> Vehicles:
     )
 
 
-def _labels(files: Sequence[Path], frames: IntArray) -> Vehicles:
-    frame, _, names, boxes, _ = _kitti(files, frames, scores=False)
+def _labels(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> Vehicles:
+    frame, _, names, values = _kitti(files, frames, scores=False)
     n = len(frame)
     return Vehicles(
         frame=frame,
         ids=np.full(n, -1),
         names=names,
-        boxes=boxes,
+        boxes=cameras.boxes(values[:, :7], frame),
         points=np.ones(n, dtype=np.int64),
         visibility=np.full(n, np.nan),
     )
 
 
-def _predictions(files: Sequence[Path], frames: IntArray) -> Predictions:
+def _predictions(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> Predictions:
     if files and files[0].suffix == ".csv":
         return _csv_predictions(files, frames)
-    frame, line, names, boxes, values = _kitti(files, frames, scores=True)
+    frame, line, names, values = _kitti(files, frames, scores=True)
+    boxes = cameras.boxes(values[:, :7], frame)
     return Predictions(frame, line, names, boxes, values[:, 7], values[:, 6])
 
 
 def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
-) -> tuple[IntArray, IntArray, Names, FloatArray, FloatArray]:
-    """Frame, line, class, box and numbers from h on, of label or result files."""
+) -> tuple[IntArray, IntArray, Names, FloatArray]:
+    """Frame, line, class and numbers from h on, of label or result files."""
     texts = _texts(files)
     rows = [line.split() for text in texts for line in text]
     values = _numbers(rows, len(kitti.LABEL_COLUMNS) + scores, 8)
@@ -158,15 +194,7 @@ def _kitti(
     counts = [len(text) for text in texts]
     keep = names != "DontCare"
     line = np.array([n + 1 for count in counts for n in range(count)], dtype=np.int64)
-    values = values[keep]
-    return np.repeat(frames, counts)[keep], line[keep], names[keep], _from_camera(values), values
-
-
-def _from_camera(values: FloatArray) -> FloatArray:
-    """h w l x y z rotation_y (k, 7 or more) as boxes; as pyinfra.kitti.read_labels has it."""
-    h, w, l, x, y, z, rotation_y = values.T[:7]  # noqa: E741
-    heading = (-rotation_y - math.pi / 2 + math.pi) % (2 * math.pi) - math.pi
-    return np.stack([z, -x, h / 2 - y, l, w, h, heading], axis=1)
+    return np.repeat(frames, counts)[keep], line[keep], names[keep], values[keep]
 
 
 def _csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:

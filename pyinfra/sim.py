@@ -5,24 +5,66 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra._core import ConfigError, Frame, FrameStream, IoError, Lidar, World
+from pyinfra._core import (
+    BackgroundModel,
+    ConfigError,
+    CropBox,
+    CropFieldOfView,
+    CropPolygon,
+    CropRange,
+    Frame,
+    FrameStream,
+    GroundHeight,
+    GroundMorphological,
+    GroundPlane,
+    IoError,
+    Lidar,
+    World,
+    kept_rows,
+    learn_background,
+)
 
 __all__ = [
+    "BackgroundModel",
     "ConfigError",
+    "CropBox",
+    "CropFieldOfView",
+    "CropPolygon",
+    "CropRange",
+    "Filter",
     "Frame",
+    "GroundHeight",
+    "GroundMorphological",
+    "GroundPlane",
     "IoError",
     "Lidar",
     "World",
+    "filtered",
+    "kept_rows",
+    "learn_background",
     "load_lidar",
     "load_scene",
     "points",
     "scan_pattern",
     "simulate",
 ]
+
+
+Filter: TypeAlias = (
+    CropBox
+    | CropPolygon
+    | CropRange
+    | CropFieldOfView
+    | GroundHeight
+    | GroundPlane
+    | GroundMorphological
+    | BackgroundModel
+)
 
 
 def load_scene(
@@ -75,6 +117,16 @@ def simulate(
 def points(frame: Frame) -> npt.NDArray[np.float32]:
     """Copy of a frame's points as detectors take them: (n, 4) float32, x y z intensity."""
     return np.column_stack([frame.xyz, frame.intensity])
+
+
+def filtered(points: npt.NDArray[np.float32], *steps: Filter) -> npt.NDArray[np.float32]:
+    """The rows of points (n, 3 or 4), levelled LiDAR frame, that every step keeps, in their order.
+
+    Each step sees what those before it kept, as in `infrasim filter`. Raises ValueError for
+    another shape or type of points and for a parameter out of its range.
+    """
+    rows: npt.NDArray[np.float32] = points[kept_rows(points, list(steps))]
+    return rows
 
 
 def scan_pattern(

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from pyinfra import kitti
 from pyinfra.evaluation import Settings
-from pyinfra.frame_tables import Vehicles, read_predictions, read_vehicles
+from pyinfra.frame_tables import Vehicles, read_cameras, read_predictions, read_vehicles
 from pyinfra.ground_truth import frame_numbers
 from pyinfra.kitti import FormatError
 from pyinfra.prediction_checks import Finding, check_predictions, find_files
@@ -55,10 +55,11 @@ def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     readers: dict[kitti.Part, Callable[[Path], object]] = {
         "label_2": kitti.read_labels,
         "objects": kitti.read_objects,
+        "calib": kitti.read_calibration,
     }
     errors = []
     for part, read in readers.items():
-        if part == "objects" and not (folder / "training/objects").is_dir():
+        if part != "label_2" and not (folder / "training" / part).is_dir():
             continue
         for frame in frames:
             try:
@@ -107,13 +108,16 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         return
     boxes_with_points = boxes = 0
     bright = False
-    for frame in frames[:: max(1, len(frames) // CLOUDS)]:
+    chosen = frames[:: max(1, len(frames) // CLOUDS)]
+    cameras = read_cameras(folder, chosen)
+    for frame, camera in zip(chosen, cameras.of_frame, strict=True):
         try:
             points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
         except FormatError as error:
             yield Finding("error", "wrong-cloud", str(error))
             continue
-        labels = kitti.read_labels(kitti.frame_file(folder, "label_2", frame))
+        file = kitti.frame_file(folder, "label_2", frame)
+        labels = kitti.read_labels(file, calibration=cameras.different[camera])
         boxes += len(labels)
         boxes_with_points += sum(_holds_points(box, points) for box in labels.boxes)
         bright |= bool((points[:, 3] > 1).any() or (points[:, 3] < 0).any())
@@ -168,7 +172,7 @@ def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: boo
     types = [t for name, own in Settings().classes.items() for t in (*own, name)]
     try:
         found = find_files(pred, chosen, known, allow_missing=allow_missing)
-        predictions = read_predictions(found.files)
+        predictions = read_predictions(found.files, read_cameras(folder, chosen))
         vehicles = read_vehicles(folder, chosen)
         checks = check_predictions(predictions, found.files, vehicles, types)
     except FormatError as error:

@@ -97,3 +97,58 @@ def test_scan_pattern_runs_on_over_frames() -> None:
     np.testing.assert_array_equal(whole[48000:], sim.scan_pattern(LIDARS[0], range(2, 3)))
     assert whole.shape == (72000, 3)
     assert np.all(np.diff(whole[:, 2]) >= 0)
+
+
+def test_filters_keep_what_the_binary_keeps(world: sim.World, tmp_path: Path) -> None:
+    lidar = sim.load_lidar(LIDARS[1], "paper")
+    clouds = [sim.points(frame) for _, (frame,) in sim.simulate(world, [lidar], range(0, 20, 2))]
+    for i, cloud in enumerate(clouds):
+        cloud.tofile(tmp_path / f"{i}.bin")
+    model = sim.learn_background(clouds)
+    model.save(str(tmp_path / "model"))
+    steps = [
+        sim.CropRange(2, 60),
+        sim.GroundPlane(0.3),
+        sim.BackgroundModel.load(str(tmp_path / "model")),
+    ]
+    found = sim.filtered(clouds[0], *steps)
+    words = ["--range", "2,60", "--ground-plane", "0.3", "--background"]
+    words += [str(tmp_path / f"{i}.bin") for i in range(len(clouds))]
+    binary = [ROOT / "build/dev/cpp/infrasim", "filter", tmp_path / "0.bin", *words]
+    subprocess.run([*binary, "--out", tmp_path / "out.bin"], check=True, capture_output=True)
+    assert found.tobytes() == (tmp_path / "out.bin").read_bytes()
+    assert 0 < len(found) < len(clouds[0])
+
+
+@pytest.mark.parametrize(
+    ("step", "rows"),
+    [
+        (sim.CropBox((-1, -1, -1), (1, 1, 1)), [0]),
+        (sim.CropPolygon([(4, 1), (6, 1), (6, -1), (4, -1)]), [1]),
+        (sim.CropRange(1, 6), [1]),
+        (sim.CropFieldOfView(azimuth_min_deg=-10, azimuth_max_deg=10), [0, 1]),
+        (sim.GroundHeight(-0.5), [0, 1]),
+    ],
+)
+def test_each_filter_keeps_its_rows(step: sim.Filter, rows: list[int]) -> None:
+    points = np.array([[0.5, 0, 0], [5, 0, 0], [0, 9, -1], [np.nan, 0, 0]], np.float32)
+    assert sim.kept_rows(points, [step]).tolist() == rows
+
+
+def test_wrong_points_and_parameters_are_refused() -> None:
+    for points in (np.zeros((3, 3)), np.zeros(3, np.float32), np.zeros((3, 2), np.float32)):
+        with pytest.raises(ValueError, match=r"points: found \(3.*allowed \(n, 3\) or \(n, 4\)"):
+            sim.filtered(points, sim.CropRange(0, 1))
+    cloud = np.zeros((3, 3), np.float32)
+    with pytest.raises(ValueError, match="ground_plane: the distance must be positive"):
+        sim.filtered(cloud, sim.GroundPlane(distance_m=-1))
+    with pytest.raises(ValueError, match="frame"):
+        sim.learn_background([])
+
+
+def test_background_file_that_is_no_model_is_named(tmp_path: Path) -> None:
+    (tmp_path / "model").write_bytes(b"no model")
+    with pytest.raises(sim.ConfigError, match="model"):
+        sim.BackgroundModel.load(str(tmp_path / "model"))
+    with pytest.raises(sim.IoError, match="can't be read"):
+        sim.BackgroundModel.load(str(tmp_path / "none"))

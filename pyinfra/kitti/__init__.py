@@ -1,0 +1,69 @@
+"""Reader and writer of the KITTI object layout: one folder per LiDAR, as `infrasim run` writes it
+and as KITTI itself has it.
+
+All results are in the levelled LiDAR frame: metres and radians, x forward, y left, z up, origin at
+the sensor. The camera frame of `label_2` exists only in `pyinfra.kitti.camera`. Needs neither torch
+nor the extension.
+"""
+
+from pyinfra.kitti.camera import (
+    Calibration,
+    boxes_from_camera,
+    boxes_to_camera,
+    read_calibration,
+    simulated,
+)
+from pyinfra.kitti.layout import (
+    FIELDS,
+    LABEL_COLUMNS,
+    OBJECT_COLUMNS,
+    FloatArray,
+    FormatError,
+    Labels,
+    Objects,
+    Part,
+    frame_file,
+    frames,
+)
+from pyinfra.kitti.lidar import FieldOfView, Lidar, WorldPose, read_lidar
+from pyinfra.kitti.read import read_fields, read_labels, read_objects, read_points
+from pyinfra.kitti.write import (
+    write_calibration,
+    write_fields,
+    write_frame,
+    write_labels,
+    write_objects,
+    write_points,
+)
+
+__all__ = [
+    "FIELDS",
+    "LABEL_COLUMNS",
+    "OBJECT_COLUMNS",
+    "Calibration",
+    "FieldOfView",
+    "FloatArray",
+    "FormatError",
+    "Labels",
+    "Lidar",
+    "Objects",
+    "Part",
+    "WorldPose",
+    "boxes_from_camera",
+    "boxes_to_camera",
+    "frame_file",
+    "frames",
+    "read_calibration",
+    "read_fields",
+    "read_labels",
+    "read_lidar",
+    "read_objects",
+    "read_points",
+    "simulated",
+    "write_calibration",
+    "write_fields",
+    "write_frame",
+    "write_labels",
+    "write_objects",
+    "write_points",
+]

@@ -1,0 +1,125 @@
+"""KITTI's camera frame: x right, y down, z forward, a box's place the middle of its bottom.
+
+Labels stand in the rectified frame of camera 0. A simulated LiDAR's camera stands at the sensor and
+looks along x; a real one is given by its `calib` file. The conventions are the devkit's (readme of
+the KITTI object benchmark, Geiger et al., CVPR 2012).
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.kitti.layout import FloatArray, FormatError
+from pyinfra.kitti.table import lines_of
+
+SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {
+    "R0_rect": (3, 3),
+    "Tr_velo_to_cam": (3, 4),
+    "Tr_imu_to_velo": (3, 4),
+}
+_NOT_A_ROTATION = 0.01  # KITTI's matrices have 7 digits
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The seven matrices of a calib file."""
+
+    P: FloatArray  # (4, 3, 4) projections of the cameras, pixels
+    R0_rect: FloatArray  # (3, 3)
+    Tr_velo_to_cam: FloatArray  # (3, 4)
+    Tr_imu_to_velo: FloatArray  # (3, 4)
+
+    @property
+    def T_camera_lidar(self) -> FloatArray:
+        """(4, 4): from the LiDAR to the rectified camera."""
+        out = np.eye(4)
+        out[:3] = self.R0_rect @ self.Tr_velo_to_cam
+        return out
+
+
+def simulated() -> Calibration:
+    """What `infrasim run` writes: a camera of 1200 x 360 pixels at the sensor, looking along x."""
+    projection = [[700, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]
+    return Calibration(
+        P=np.array([projection] * 4, dtype=np.float64),
+        R0_rect=np.eye(3),
+        Tr_velo_to_cam=np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0]], dtype=np.float64),
+        Tr_imu_to_velo=np.eye(3, 4),
+    )
+
+
+def read_calibration(file: Path) -> Calibration:
+    """Raises FormatError with file and line."""
+    found: dict[str, FloatArray] = {}
+    for number, line in enumerate(lines_of(file), start=1):
+        if line.strip():
+            name, matrix = _matrix(f"{file}:{number}", line)
+            if name in found:
+                raise FormatError(f"{file}:{number}: {name}: found twice, allowed once")
+            found[name] = matrix
+    missing = [name for name in SHAPES if name not in found]
+    if missing:
+        raise FormatError(f"{file}: found no {', '.join(missing)}, needed")
+    out = Calibration(
+        np.stack([found[f"P{i}"] for i in range(4)]),
+        found["R0_rect"],
+        found["Tr_velo_to_cam"],
+        found["Tr_imu_to_velo"],
+    )
+    rotation = out.T_camera_lidar[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > _NOT_A_ROTATION:
+        raise FormatError(f"{file}: R0_rect Tr_velo_to_cam: found no rotation, allowed a rotation")
+    return out
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """The text of a calib file, in the devkit's order."""
+    matrices = {f"P{i}": calibration.P[i] for i in range(4)}
+    matrices |= {name: getattr(calibration, name) for name in list(SHAPES)[4:]}
+    return "".join(
+        f"{name}: {' '.join(f'{value:.15g}' for value in matrix.ravel())}\n"
+        for name, matrix in matrices.items()
+    )
+
+
+def boxes_from_camera(values: FloatArray, calibration: Calibration) -> FloatArray:
+    """h w l x y z rotation_y (k, 7) of label files as boxes (k, 7) x y z dx dy dz heading."""
+    h, w, l, x, y, z, rotation_y = values.T  # noqa: E741
+    T_lidar_camera = np.linalg.inv(calibration.T_camera_lidar)
+    middle = np.stack([x, y - h / 2, z], axis=1)
+    centre = middle @ T_lidar_camera[:3, :3].T + T_lidar_camera[:3, 3]
+    ahead = np.stack([np.cos(rotation_y), np.zeros_like(x), -np.sin(rotation_y)], axis=1)
+    ahead = ahead @ T_lidar_camera[:3, :3].T
+    heading = np.arctan2(ahead[:, 1], ahead[:, 0])
+    return np.column_stack([centre, l, w, h, heading])
+
+
+def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
+    """The inverse of boxes_from_camera; exact where the camera's y points straight down."""
+    T_camera_lidar = calibration.T_camera_lidar
+    middle = boxes[:, :3] @ T_camera_lidar[:3, :3].T + T_camera_lidar[:3, 3]
+    heading = boxes[:, 6]
+    ahead = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=1)
+    ahead = ahead @ T_camera_lidar[:3, :3].T
+    rotation_y = np.arctan2(-ahead[:, 2], ahead[:, 0])
+    dx, dy, dz = boxes[:, 3], boxes[:, 4], boxes[:, 5]
+    x, y, z = middle.T
+    return np.column_stack([dz, dy, dx, x, y + dz / 2, z, rotation_y])
+
+
+def _matrix(place: str, line: str) -> tuple[str, FloatArray]:
+    name, colon, rest = line.partition(":")
+    shape = SHAPES.get(name)
+    if not colon or shape is None:
+        raise FormatError(f"{place}: found '{line[:40]}', allowed {', '.join(SHAPES)} and a colon")
+    try:
+        values = np.array(rest.split(), dtype=np.float64)
+    except ValueError:
+        raise FormatError(f"{place}: {name}: found a word, allowed numbers") from None
+    if values.size != math.prod(shape) or not np.isfinite(values).all():
+        raise FormatError(
+            f"{place}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones"
+        )
+    return name, values.reshape(shape)

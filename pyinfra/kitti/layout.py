@@ -1,0 +1,78 @@
+"""Where the parts of a frame lie, and what they hold when read."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Names = npt.NDArray[np.str_]
+
+Part = Literal["velodyne", "fields", "objects", "label_2", "calib"]
+
+SUFFIXES: dict[Part, str] = {
+    "velodyne": ".bin",
+    "fields": ".bin",
+    "objects": ".csv",
+    "label_2": ".txt",
+    "calib": ".txt",
+}
+FIELDS = np.dtype(
+    [("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")],
+)
+OBJECT_COLUMNS = (
+    "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(",")
+)
+LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
+
+
+class FormatError(ValueError):
+    """A file holds something else than its format allows: `file:line: found, allowed`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """The k vehicles in reach of a LiDAR in one frame, hit or not."""
+
+    ids: IntArray  # (k,)
+    names: Names  # (k,) class
+    boxes: FloatArray  # (k, 7) x y z dx dy dz heading
+    speed: FloatArray  # (k,) m/s
+    points: IntArray  # (k,) returns from the vehicle
+    points_in_box: IntArray  # (k,) those of them that lie in its box
+    distance: FloatArray  # (k,) horizontal, sensor to box centre
+    visibility: FloatArray  # (k,) [0, 1]; -1 outside the evaluation region
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """The k boxes of a label or prediction file."""
+
+    names: Names  # (k,) class
+    boxes: FloatArray  # (k, 7) x y z dx dy dz heading
+    scores: FloatArray | None  # (k,); None for labels
+    image: FloatArray | None = None  # (k, 7) truncated occluded alpha x1 y1 x2 y2, as in the file
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def frame_file(lidar_folder: Path, part: Part, frame: int) -> Path:
+    """Where a part of a frame lies, whether it exists or not."""
+    return lidar_folder / "training" / part / f"{frame:06d}{SUFFIXES[part]}"
+
+
+def frames(lidar_folder: Path) -> list[int]:
+    """The frames of a LiDAR, ascending; a frame exists if and only if its .bin does.
+
+    Raises FileNotFoundError if the folder has no training/velodyne.
+    """
+    names = (path.name for path in (lidar_folder / "training/velodyne").iterdir())
+    return sorted(int(name[:-4]) for name in names if re.fullmatch(r"\d{6,}\.bin", name))
