@@ -142,6 +142,21 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
     return time.perf_counter() - start, usage.ru_maxrss / 1024
 
 
+def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
+    """Frames a second of the four LiDARs from Python against the binary, start-up left out."""
+    world = sim.load_scene(SCENE)
+    lidars = [sim.load_lidar(file, "paper") for file in LIDARS]
+    first, last = 100, 500
+    ratios = []
+    for _ in range(repetitions):
+        binary = run_binary(last, None)[0] - run_binary(first, None)[0]
+        start = time.perf_counter()
+        for _ in sim.simulate(world, lidars, range(first, last), threads=2):
+            pass
+        ratios.append(binary / (time.perf_counter() - start))
+    return [("frames from Python / from the binary", statistics.median(ratios), "ratio")]
+
+
 def growth_rows() -> list[tuple[str, float, str]]:
     """Time and memory over the number of frames, and the cost of writing."""
     rows = []
@@ -168,6 +183,7 @@ def main() -> None:
     for part in (
         lambda: core_rows(args.repetitions),
         lambda: open3d_rows(args.repetitions),
+        lambda: stream_rows(max(3, args.repetitions // 2)),
         growth_rows,
     ):
         for name, value, unit in part():
