@@ -23,7 +23,7 @@ import numpy.typing as npt
 import pandas as pd
 import shapely
 
-from pyinfra import boxes, kitti, matching
+from pyinfra import __version__, boxes, kitti, matching
 
 ROOT = Path(__file__).resolve().parent.parent
 FloatArray = npt.NDArray[np.float64]
@@ -262,10 +262,12 @@ def main() -> None:
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     random = np.random.default_rng(1)
     rows = [*exactness(random), *matching_rows(random, args.frames), *whole_rows(random)]
-    table = pd.DataFrame(rows, columns=["what", "value", "unit"])
+    table = pd.DataFrame(rows, columns=["what", "value", "unit"]).assign(
+        command="benchmarks/evaluate_speed.py", seed=1, version=__version__
+    )
     args.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(args.out, index=False, float_format="%.4g")
-    print(table.to_string(index=False))
+    print(table[["what", "value", "unit"]].to_string(index=False))
 
 
 if __name__ == "__main__":
