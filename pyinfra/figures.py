@@ -4,8 +4,6 @@ They can be read in black and white and by the colour-blind: the more points a v
 darker, thicker and more solid its box; the colours follow Okabe and Ito.
 """
 
-import argparse
-import errno
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,15 +20,17 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Arc, Patch, Polygon, Rectangle
+from matplotlib.patches import Patch, Polygon, Rectangle
 from PIL import Image
 
 from pyinfra import kitti
 from pyinfra.kitti import FloatArray
+from pyinfra.statistics_data import FULL_CIRCLE_DEG
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
 REGION_COLOUR = "#F1EDE4"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of LiDARs
 VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
 MARGIN_M = 12.0
 DARKEST_M = 3.0
@@ -198,7 +198,7 @@ def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, head
     for i, look in enumerate(QUALITIES):
         _draw_boxes(axes, view.objects.boxes[classes == i], look, headings=headings)
     for unit in view.lidar.field_of_view:
-        _draw_field_of_view(axes, unit)
+        axes.plot(*sector(unit).T, zorder=1, **VIEW_LINE)
     axes.plot(0, 0, marker="^", color="black", markersize=5, zorder=5)
     axes.set_aspect("equal")
     axes.set_xlim(*window.x)
@@ -206,8 +206,12 @@ def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, head
 
 
 def region_window(view: View) -> Window:
-    """What shows the whole evaluation region, and as much to its sides as is needed to see it."""
-    outlines = [_outline(road) for _, road in view.roads.groupby("road", sort=False)]
+    """What shows the whole evaluation region in the levelled LiDAR frame."""
+    return window_around([_outline(road) for _, road in view.roads.groupby("road", sort=False)])
+
+
+def window_around(outlines: Sequence[FloatArray]) -> Window:
+    """What shows outlines (n, 2) of roads, and as much to their sides as is needed to see them."""
     x, y = np.concatenate(outlines).T
     middle = (y.min() + y.max()) / 2
     half = max((y.max() - y.min()) / 2 + MARGIN_M, HALF_HEIGHT_M)
@@ -266,35 +270,11 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
     return figure
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Bird's-eye views of one frame: a picture of each LiDAR, and a sheet."
-    parser.epilog = "example: pyinfra pictures data/highway data/curve --frame 0 --out out/pictures"
-    parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
-    parser.add_argument("--frame", type=int, default=0, help="frame to draw")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the pictures")
-
-
-def run(args: argparse.Namespace) -> int:
-    data_sets = [_lidar_folders(data) for data in args.data]
-    for file in draw_frames(data_sets, args.frame, args.out):
-        print(file)
-    return 0
-
-
-def _lidar_folders(data_set: Path) -> list[Path]:
-    folders = sorted(file.parent for file in data_set.glob("*/lidar.yaml"))
-    if not folders:
-        raise FileNotFoundError(
-            errno.ENOENT, "found no LiDAR folder with a lidar.yaml", str(data_set)
-        )
-    return folders
-
-
 def _palette() -> Image.Image:
-    """Greys, the colour of the region, and those of the boxes in steps to white."""
+    """Greys, the colour of the region, and those of boxes and lines in steps to white."""
     greys = np.repeat(np.linspace(0, 1, 32)[:, None], 3, axis=1)
-    boxes = np.array([to_rgb(look.colour) for look in QUALITIES])
-    steps = [1 - share * (1 - boxes) for share in (1.0, 0.8, 0.6, 0.4)]
+    lines = np.array([to_rgb(c) for c in (*(look.colour for look in QUALITIES), *COLOURS)])
+    steps = [1 - share * (1 - lines) for share in (1.0, 0.8, 0.6, 0.4)]
     colours = np.concatenate([greys, [to_rgb(REGION_COLOUR)], *steps])
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.rint(255 * colours).astype(np.uint8).tobytes())
@@ -315,12 +295,33 @@ def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:
 
 
 def _outline(road: pd.DataFrame) -> FloatArray:
-    """Both edges of a road as one ring, (2 n, 2)."""
-    left = np.stack([-np.sin(road["heading"]), np.cos(road["heading"])], axis=1)
-    offset = left * road["half_width"].to_numpy()[:, None]
-    centre = road[["x", "y"]].to_numpy()
-    ring: FloatArray = np.concatenate([centre + offset, (centre - offset)[::-1]])
-    return ring
+    heading, half_width = road["heading"].to_numpy(), road["half_width"].to_numpy()
+    return strip(road[["x", "y"]].to_numpy(), heading, half_width)
+
+
+def strip(centre: FloatArray, heading: FloatArray, half_width: FloatArray) -> FloatArray:
+    """Both edges of a road with the centreline (n, 2) as one ring, (2 n, 2)."""
+    left = offset_curve(centre, heading, half_width)
+    return np.concatenate([left, offset_curve(centre, heading, -half_width)[::-1]])
+
+
+def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Any) -> FloatArray:
+    """The curve beside a centreline (n, 2), to its left by a number of metres or by (n,): (n, 2)."""
+    aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
+
+
+def sector(unit: kitti.FieldOfView) -> FloatArray:
+    """What a unit sees in plan, to its longest range: (n, 2), levelled LiDAR frame.
+
+    A circle, or an arc and its two sides, which meet at the sensor.
+    """
+    first, last = (unit.yaw + a for a in unit.azimuth)
+    angle = np.linspace(first, last, 361)
+    arc = unit.range_m[1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    if last - first >= np.radians(FULL_CIRCLE_DEG):
+        return np.asarray(arc)
+    return np.concatenate([np.zeros((1, 2)), arc, np.zeros((1, 2))])
 
 
 def _inside(xy: npt.NDArray[np.floating], window: Window) -> npt.NDArray[np.bool_]:
@@ -344,27 +345,6 @@ def _draw_boxes(axes: Axes, boxes: FloatArray, look: Quality, *, headings: bool)
     if headings:
         lines += [*np.stack([boxes[:, :2], a], axis=1)]
     axes.add_collection(LineCollection(lines, colors=look.colour, linewidths=0.7, zorder=3))
-
-
-def _draw_field_of_view(axes: Axes, unit: kitti.FieldOfView) -> None:
-    """The sides of a field of view that is no full circle, and its longest range."""
-    first, last = (unit.yaw + a for a in unit.azimuth)
-    reach = unit.range_m[1]
-    if last - first < np.radians(359):
-        for angle in (first, last):
-            axes.plot([0, reach * np.cos(angle)], [0, reach * np.sin(angle)], zorder=1, **VIEW_LINE)
-    degrees = np.degrees([first, last])
-    axes.add_patch(
-        Arc(
-            (0, 0),
-            2 * reach,
-            2 * reach,
-            theta1=degrees[0],
-            theta2=degrees[1],
-            zorder=1,
-            **VIEW_LINE,
-        )
-    )
 
 
 def _draw_rays(axes: Axes, degrees: FloatArray, window: Window, size: float) -> None:

@@ -246,15 +246,24 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
 def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
     """Points of each vehicle above a height: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
-    owner = kitti.read_fields(kitti.frame_file(folder, "fields", frame))["object_id"]
-    if len(owner) != len(points):
-        raise kitti.FormatError(
-            f"{kitti.frame_file(folder, 'fields', frame)}: found {len(owner)} records, "
-            f"allowed one for each of {len(points)} points"
-        )
+    owner = read_owners(folder, frame, len(points))
     counted = owner[(points[:, 2] > level) & (owner >= 0)]
     counts = np.bincount(counted, minlength=int(ids.max(initial=0)) + 1)
     return counts[ids].astype(np.int64)
+
+
+def read_owners(folder: Path, frame: int, count: int) -> IntArray:
+    """object_id of each of the `count` returns of a frame, -1 for background: (count,).
+
+    Raises FileNotFoundError without `fields`, and FormatError if there are more or less of them.
+    """
+    file = kitti.frame_file(folder, "fields", frame)
+    owner = kitti.read_fields(file)["object_id"].astype(np.int64)
+    if len(owner) != count:
+        raise kitti.FormatError(
+            f"{file}: found {len(owner)} records, allowed one for each of {count} points"
+        )
+    return owner
 
 
 def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:

@@ -25,7 +25,7 @@ from pyinfra.kitti.layout import (
     frame_file,
     frames,
 )
-from pyinfra.kitti.lidar import FieldOfView, Lidar, WorldPose, read_lidar
+from pyinfra.kitti.lidar import FieldOfView, Lidar, WorldPose, read_lidar, read_yaml
 from pyinfra.kitti.read import read_fields, read_labels, read_objects, read_points
 from pyinfra.kitti.write import (
     write_calibration,
@@ -59,6 +59,7 @@ __all__ = [
     "read_lidar",
     "read_objects",
     "read_points",
+    "read_yaml",
     "simulated",
     "write_calibration",
     "write_fields",

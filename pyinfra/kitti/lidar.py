@@ -53,13 +53,7 @@ def read_lidar(lidar_folder: Path) -> Lidar:
 
     Raises FormatError with file and line.
     """
-    file = lidar_folder / "lidar.yaml"
-    try:
-        root = yaml.compose("\n".join(lines_of(file)), Loader=_YAML_LOADER)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
-    top = _Yaml(file, root, "")
+    top = read_yaml(lidar_folder / "lidar.yaml")
     world = top.at("T_world_levelled")
     price = top.at("price_total_usd")
     return Lidar(
@@ -87,29 +81,39 @@ def read_lidar(lidar_folder: Path) -> Lidar:
     )
 
 
+def read_yaml(file: Path) -> "YamlNode":
+    """The root of a YAML file that a run wrote. Raises FormatError with file and line."""
+    try:
+        root = yaml.compose("\n".join(lines_of(file)), Loader=_YAML_LOADER)
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
+    return YamlNode(file, root, "")
+
+
 def _radians(pair: tuple[float, float]) -> tuple[float, float]:
     return math.radians(pair[0]), math.radians(pair[1])
 
 
-class _Yaml:
+class YamlNode:
     """A node of a YAML file that knows its place; errors name file, line and key."""
 
     def __init__(self, file: Path, node: yaml.Node | None, key: str) -> None:
         self.file, self.node, self.key = file, node, key
 
-    def at(self, key: str) -> "_Yaml":
+    def at(self, key: str) -> "YamlNode":
         path = f"{self.key}.{key}" if self.key else key
         if not isinstance(self.node, yaml.MappingNode):
             self._fail(f"found no mapping, allowed one with {key}")
         for name, node in self.node.value:
             if name.value == key:
-                return _Yaml(self.file, node, path)
+                return YamlNode(self.file, node, path)
         self._fail(f"found no key '{key}', it is needed")
 
-    def items(self) -> "list[_Yaml]":
+    def items(self) -> "list[YamlNode]":
         if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
             self._fail("found no list, allowed one with an entry or more")
-        return [_Yaml(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
+        return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
 
     def text(self) -> str:
         if not isinstance(self.node, yaml.ScalarNode):

@@ -92,7 +92,9 @@ def test_a_label_and_a_calib_file_round_trip(
 def test_the_simulators_files_are_written_back_as_they_are(
     infrasim: Callable[..., object], run_command: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    infrasim(*run_command("livox_avia", frames="7:8", out=tmp_path / "data"), "--fields", check=True)
+    infrasim(
+        *run_command("livox_avia", frames="7:8", out=tmp_path / "data"), "--fields", check=True
+    )
     folder, copy = tmp_path / "data/livox_avia", tmp_path / "copy"
     kitti.write_frame(
         copy,
@@ -127,9 +129,7 @@ def test_any_boxes_round_trip(
         scores=scores,
     )
     kitti.write_labels(folder / "label.txt", labels, camera)
-    read = kitti.read_labels(
-        folder / "label.txt", scores=scores is not None, calibration=camera
-    )
+    read = kitti.read_labels(folder / "label.txt", scores=scores is not None, calibration=camera)
     assert read.names.tolist() == labels.names.tolist()
     np.testing.assert_allclose(read.boxes[:, :6], labels.boxes[:, :6], atol=2e-4)
     limit = 1e-3 if real else 2e-6  # a heading seen by a leaning camera is one in its plane
@@ -138,7 +138,13 @@ def test_any_boxes_round_trip(
         np.testing.assert_allclose(read.scores, scores, atol=1e-6)
 
 
-@given(points=arrays(np.float32, st.tuples(st.integers(0, 20), st.just(4)), elements=st.floats(-1e6, 1e6, width=32)))
+@given(
+    points=arrays(
+        np.float32,
+        st.tuples(st.integers(0, 20), st.just(4)),
+        elements=st.floats(-1e6, 1e6, width=32),
+    )
+)
 def test_any_cloud_round_trips(
     tmp_path_factory: pytest.TempPathFactory, points: np.ndarray
 ) -> None:
@@ -147,7 +153,9 @@ def test_any_cloud_round_trips(
     assert kitti.read_points(file).tobytes() == points.astype("<f4").tobytes()
 
 
-@given(rows=st.lists(st.tuples(names, boxes, st.integers(0, 10**6), st.integers(-1, 1)), max_size=5))
+@given(
+    rows=st.lists(st.tuples(names, boxes, st.integers(0, 10**6), st.integers(-1, 1)), max_size=5)
+)
 def test_any_objects_round_trip(
     tmp_path_factory: pytest.TempPathFactory,
     rows: list[tuple[str, tuple[float, ...], int, int]],
