@@ -306,7 +306,7 @@ def strip(centre: FloatArray, heading: FloatArray, half_width: FloatArray) -> Fl
 
 
 def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Any) -> FloatArray:
-    """The curve beside a centreline (n, 2), to its left by a number of metres or by (n,): (n, 2)."""
+    """The curve to the left of a centreline (n, 2), by metres that are one or (n,): (n, 2)."""
     aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
 

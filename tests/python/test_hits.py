@@ -146,8 +146,9 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
     hits.simulate(hits.scene_file("highway"), lidars, "2:3", data)
     assert cli.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 0
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
-    assert names == ["sheet.png", "highway_helios_16.png", "highway_livox_avia.png"]
-    for name in names:
+    views = ["sheet.png", "highway_helios_16.png", "highway_livox_avia.png"]
+    assert names == [*views, "plan_highway.png", "cutouts_highway.png"]
+    for name in views:
         with Image.open(tmp_path / "out" / name) as image:
             colours = image.convert("RGB").getcolors() or []
             assert min(image.size) > 200

@@ -1,0 +1,150 @@
+"""The plan of a scene, and the same vehicles as each LiDAR sees them."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
+from PIL import Image
+
+from pyinfra import cli, cutout_figures, figures, hits, kitti, pictures, scene_figures
+from pyinfra.cutout_figures import DISTANCES_M
+from pyinfra.scene_figures import Scene
+
+LIDARS = ("livox_avia", "helios_16")
+
+
+@pytest.fixture(scope="module")
+def data_sets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("data")
+    lidars = [hits.lidar_file(name) for name in LIDARS]
+    for scene in ("highway", "crossroad"):
+        words = ["--lidar", *lidars, "--preset", "paper", "--frames", "0:4", "--fields"]
+        hits.infrasim("run", hits.scene_file(scene), *words, "--out", folder / scene)
+    return {name: folder / name for name in ("highway", "crossroad")}
+
+
+def read(data_set: Path) -> Scene:
+    return scene_figures.read_scene(pictures.lidar_folders(data_set))
+
+
+def lines(scene: Scene) -> list[Line2D]:
+    return scene_figures.plan([scene]).axes[0].lines
+
+
+@pytest.mark.parametrize("scene", ["highway", "crossroad"])
+def test_pictures_of_a_data_set(data_sets: dict[str, Path], scene: str, tmp_path: Path) -> None:
+    files = pictures.draw_scenes([pictures.lidar_folders(data_sets[scene])], 1, tmp_path)
+    assert [file.name for file in files] == [f"plan_{scene}.png", f"cutouts_{scene}.png"]
+    for file in files:
+        with Image.open(file) as image:
+            colours = image.convert("RGB").getcolors() or []
+            assert min(image.size) > 200
+        assert len(colours) > 10
+        assert (0, 0x72, 0xB2) in {colour for _, colour in colours}, "no box, no field of view"
+
+
+def test_lane_lines_lie_where_the_configuration_says(data_sets: dict[str, Path]) -> None:
+    # 4 x 3.5 m each way, 7 m median, 3.5 m shoulders, along y = 0.
+    found = [line for line in lines(read(data_sets["highway"])) if len(line.get_xdata()) == 201]
+    offsets = {float(np.unique(line.get_ydata()).item()): line.get_linestyle() for line in found}
+    solid = [3.5, 17.5, 21.0]
+    dashed = [7.0, 10.5, 14.0]
+    assert sorted(offsets) == sorted(sign * y for y in solid + dashed for sign in (-1, 1))
+    assert {abs(y) for y, style in offsets.items() if style == "-"} == set(solid)
+
+
+def test_no_line_crosses_a_junction(data_sets: dict[str, Path]) -> None:
+    for line in lines(read(data_sets["crossroad"])):
+        if len(line.get_xdata()) == 201:  # the carriageways are 15 m wide
+            x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+            assert not ((np.abs(x) < 7) & (np.abs(y) < 7)).any()
+
+
+def test_offset_curve_is_to_the_left() -> None:
+    centre, heading = np.array([[0.0, 0.0], [0.0, 1.0]]), np.full(2, np.pi / 2)
+    found = figures.offset_curve(centre, heading, 2.0)
+    np.testing.assert_allclose(found, [[-2, 0], [-2, 1]], atol=1e-12)
+
+
+def test_fields_of_view_differ_in_colour_and_line(data_sets: dict[str, Path]) -> None:
+    legend = scene_figures.plan([read(data_sets["highway"])]).legends[0]
+    views = [line for line in legend.get_lines() if str(line.get_label()).endswith("0 m")]
+    assert {line.get_label() for line in views} == {
+        "Livox Avia: to 260 m",
+        "RoboSense Helios 16P: to 100 m",
+    }
+    assert len({line.get_linestyle() for line in views}) == 2
+    assert len({to_hex(line.get_color()) for line in views}) == 2
+
+
+def test_every_lidar_shows_the_same_car_of_a_column(data_sets: dict[str, Path]) -> None:
+    scene = read(data_sets["highway"])
+    vehicles = cutout_figures.choose_vehicles(scene, 1)
+    figure = cutout_figures.cutouts(scene, 1)
+    captions = np.array([axes.get_xlabel() for axes in figure.axes]).reshape(2, -1)
+    assert sum(vehicle is not None for vehicle in vehicles) >= 3
+    for column, (vehicle, distance) in enumerate(zip(vehicles, DISTANCES_M, strict=True)):
+        for row, folder in enumerate(scene.folders):
+            if vehicle is None:
+                assert captions[row, column] == ""
+                continue
+            objects = kitti.read_objects(kitti.frame_file(folder, "objects", vehicle.frame))
+            at = objects.ids.tolist().index(vehicle.id)
+            assert objects.names[at] == "Car"
+            assert objects.visibility[at] >= 0.8
+            assert abs(objects.distance[at] - distance) <= 8
+            expected = f"{objects.points[at]:,} points, {objects.distance[at]:.0f} m"
+            assert captions[row, column].startswith(expected)
+
+
+def test_column_without_a_vehicle_says_so(
+    data_sets: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cutout_figures, "CLASS", "Tram")
+    figure = cutout_figures.cutouts(read(data_sets["highway"]), 0)
+    titles = [axes.get_title() for axes in figure.axes[: len(DISTANCES_M)]]
+    assert titles == [f"about {distance:g} m:\nno tram" for distance in DISTANCES_M]
+
+
+def test_without_fields_the_points_are_those_of_the_box(
+    data_sets: dict[str, Path], tmp_path: Path
+) -> None:
+    data_set = shutil.copytree(data_sets["crossroad"], tmp_path / "crossroad")
+    scene = read(data_set)
+    vehicle = next(v for v in cutout_figures.choose_vehicles(scene, 1) if v is not None)
+    exact = [cutout_figures.vehicle_points(folder, vehicle) for folder in scene.folders]
+    for folder in scene.folders:
+        shutil.rmtree(folder / "training/fields")
+    found = [cutout_figures.vehicle_points(folder, vehicle) for folder in scene.folders]
+    for with_fields, without in zip(exact, found, strict=True):
+        assert len(without) == pytest.approx(len(with_fields), rel=0.3, abs=3)
+        assert (np.abs(without) <= vehicle.box[3:6] / 2 + 0.3).all()
+    files = pictures.draw_scenes([scene.folders], 1, tmp_path / "out")
+    assert all(file.is_file() for file in files)
+
+
+@pytest.mark.parametrize("missing", ["dataset.yaml", "roads.csv", "helios_16/lidar.yaml"])
+def test_missing_file_is_named(
+    data_sets: dict[str, Path], tmp_path: Path, missing: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data_set = shutil.copytree(data_sets["highway"], tmp_path / "highway")
+    folders = pictures.lidar_folders(data_set)
+    (data_set / missing).unlink()
+    with pytest.raises(FileNotFoundError, match=missing):
+        pictures.draw_scenes([folders], 1, tmp_path / "out")
+    if "/" not in missing:
+        assert cli.main(["pictures", str(data_set), "--out", str(tmp_path / "out")]) == 1
+        assert missing in capsys.readouterr().err
+
+
+def test_scene_without_lanes_is_an_error_with_its_line(
+    data_sets: dict[str, Path], tmp_path: Path
+) -> None:
+    data_set = shutil.copytree(data_sets["highway"], tmp_path / "highway")
+    file = data_set / "dataset.yaml"
+    file.write_text(file.read_text().replace("each_way: 4", "each_way: four"))
+    with pytest.raises(kitti.FormatError, match=r"dataset\.yaml:\d+: .*each_way: found 'four'"):
+        read(data_set)
