@@ -1,5 +1,7 @@
 """Operations of the detectors, against NumPy, brute force and dense convolution."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -7,7 +9,13 @@ import torch
 from torch import Tensor
 
 from pyinfra import boxes as exact
-from pyinfra.detectors.ops import boxes
+from pyinfra.detectors.ops import boxes, sparse
+from pyinfra.detectors.ops.sparse import (
+    InverseConv3d,
+    SparseConv3d,
+    SparseTensor,
+    SubmanifoldConv3d,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -77,7 +85,9 @@ def test_overlap_of_no_boxes_and_of_boxes_without_area() -> None:
 
 
 @pytest.mark.parametrize("measure", [boxes.bev_iou_pairs, boxes.iou_3d_pairs, boxes.bev_iou])
-def test_gradient_of_the_overlap_is_its_slope(measure) -> None:
+def test_gradient_of_the_overlap_is_its_slope(
+    measure: Callable[[Tensor, Tensor], Tensor],
+) -> None:
     a = random_boxes(12, 5).requires_grad_()
     b = random_boxes(12, 6)
     b[:, :3] = a.detach()[:, :3] + 0.3
@@ -156,3 +166,194 @@ def test_boxes_on_a_gpu_are_as_on_the_cpu() -> None:
     on_gpu = boxes.nms(b.cuda(), scores.cuda(), 0.3, 100)
     assert on_gpu.is_cuda
     assert on_gpu.tolist() == boxes.nms(b, scores, 0.3, 100).tolist()
+
+
+SHAPE = (7, 12, 9)
+
+
+def voxels(n: int, channels: int, seed: int, dtype: torch.dtype = torch.float64) -> SparseTensor:
+    """Random voxels of a batch of 3, of which the last is empty, in any order."""
+    random = np.random.default_rng(seed)
+    chosen = random.choice(2 * int(np.prod(SHAPE)), n, replace=False)
+    at = np.stack(np.unravel_index(chosen, (2, *SHAPE)), 1).reshape(n, 4)
+    features = torch.from_numpy(random.normal(size=(n, channels))).to(dtype)
+    return SparseTensor(features, torch.from_numpy(at), SHAPE, 3)
+
+
+def grid(x: SparseTensor) -> Tensor:
+    """(B, C, D, H, W)."""
+    return x.to_dense().reshape(x.batch_size, -1, *x.shape)
+
+
+def dense_weight(layer: SubmanifoldConv3d | SparseConv3d) -> Tensor:
+    _, channels_in, channels_out = layer.weight.shape
+    return layer.weight.reshape(*layer.kernel, channels_in, channels_out).permute(4, 3, 0, 1, 2)
+
+
+def at_voxels(dense: Tensor, coordinates: Tensor) -> Tensor:
+    """(B, C, D, H, W) at (m, 4) to (m, C)."""
+    batch, z, y, x = coordinates.unbind(1)
+    return dense[batch, :, z, y, x]
+
+
+def assert_same_with_gradients(sparse_out: Tensor, dense_out: Tensor, inputs: list[Tensor]) -> None:
+    weights = torch.linspace(-1, 1, sparse_out.numel(), dtype=sparse_out.dtype)
+    weights = weights.reshape(sparse_out.shape)
+    assert (sparse_out - dense_out).abs().max() < 1e-12
+    ours = torch.autograd.grad((sparse_out * weights).sum(), inputs, retain_graph=True)
+    theirs = torch.autograd.grad((dense_out * weights).sum(), inputs)
+    for one, two in zip(ours, theirs, strict=True):
+        assert (one - two).abs().max() < 1e-12
+
+
+def test_dense_form_has_the_features_where_the_voxels_are() -> None:
+    x = voxels(100, 2, 0)
+    dense = x.to_dense()
+    assert dense.shape == (3, 2 * SHAPE[0], SHAPE[1], SHAPE[2])
+    assert (at_voxels(grid(x), x.coordinates) == x.features).all()
+    assert dense.count_nonzero() == x.features.numel()
+
+
+@pytest.mark.parametrize("kernel", [3, (3, 1, 1), (1, 3, 5), 1])
+@pytest.mark.parametrize("n", [1, 40, 700])
+def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
+    kernel: int | sparse.Triple, n: int
+) -> None:
+    x = voxels(n, 4, n)
+    x.features.requires_grad_()
+    layer = SubmanifoldConv3d(4, 5, "a", kernel, bias=True).double()
+    out = layer(x)
+    padding = tuple(size // 2 for size in layer.kernel)
+    dense = torch.conv3d(grid(x), dense_weight(layer), layer.bias, padding=padding)
+    assert out.coordinates is x.coordinates
+    assert layer.bias is not None
+    assert_same_with_gradients(
+        out.features, at_voxels(dense, x.coordinates), [x.features, layer.weight, layer.bias]
+    )
+
+
+@pytest.mark.parametrize(
+    ("kernel", "stride", "padding"),
+    [
+        (3, 2, 1),
+        (3, (1, 2, 2), (0, 1, 1)),
+        ((3, 1, 1), (2, 1, 1), 0),
+        (2, 2, 0),
+        (3, 1, 1),
+        ((2, 3, 5), (3, 2, 1), (1, 0, 2)),
+    ],
+)
+@pytest.mark.parametrize("n", [1, 40, 700])
+def test_strided_convolution_is_the_dense_one(
+    kernel: int | sparse.Triple, stride: int | sparse.Triple, padding: int | sparse.Triple, n: int
+) -> None:
+    x = voxels(n, 4, n)
+    x.features.requires_grad_()
+    layer = SparseConv3d(4, 5, "a", kernel, stride, padding).double()
+    out = layer(x)
+    dense = torch.conv3d(grid(x), dense_weight(layer), None, layer.stride, layer.padding)
+    assert out.shape == dense.shape[2:]
+    assert_same_with_gradients(grid(out), dense, [x.features, layer.weight])
+    keys = (out.coordinates * torch.tensor([10**6, 10**4, 10**2, 1])).sum(1)
+    assert (keys.diff() > 0).all()
+
+
+def test_inverse_convolution_is_the_transposed_one_at_the_voxels_before() -> None:
+    x = voxels(200, 4, 0)
+    down = SparseConv3d(4, 5, "a").double()
+    up = InverseConv3d(5, 6, "a").double()
+    coarse = down(x)
+    coarse = coarse.with_features(coarse.features.detach().requires_grad_())
+    out = up(coarse)
+    # The transposed convolution takes the weight (c_in, c_out, z, y, x).
+    weight = up.weight.reshape(3, 3, 3, 5, 6).permute(3, 4, 0, 1, 2)
+    left = tuple(n - (2 * m - 1) for n, m in zip(SHAPE, coarse.shape, strict=True))
+    dense = torch.conv_transpose3d(grid(coarse), weight, None, 2, 1, left)
+    assert out.coordinates is x.coordinates
+    assert out.shape == x.shape
+    assert_same_with_gradients(
+        out.features, at_voxels(dense, x.coordinates), [coarse.features, up.weight]
+    )
+
+
+def test_sparse_convolution_has_the_gradient_of_its_slope() -> None:
+    x = voxels(30, 2, 1)
+    weight = torch.randn(27, 2, 3, dtype=torch.float64, requires_grad=True)
+    for rulebook in (
+        sparse.submanifold_rulebook(x.coordinates, SHAPE, (3, 3, 3)),
+        sparse.strided_rulebook(x.coordinates, SHAPE, (3, 3, 3), (2, 2, 2), (1, 1, 1)),
+    ):
+        assert torch.autograd.gradcheck(
+            lambda f, w, rulebook=rulebook: sparse.convolve(f, w, rulebook),
+            (x.features.requires_grad_(), weight),
+        )
+
+
+def test_layers_with_one_key_share_a_rulebook() -> None:
+    x = voxels(100, 4, 0)
+    y = SubmanifoldConv3d(4, 4, "a").double()(x)
+    first = x.rulebooks["a"]
+    y = SubmanifoldConv3d(4, 8, "a").double()(y)
+    assert y.rulebooks["a"] is first
+    assert y.features.shape == (100, 8)
+
+
+def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
+    x = voxels(100, 4, 0)
+    layer = SubmanifoldConv3d(4, 4, "a").double()
+    layer(x)
+    coarse = SparseConv3d(4, 4, "b").double()(x)
+    with pytest.raises(ValueError, match="key a: found other voxels"):
+        layer(coarse)
+    with pytest.raises(ValueError, match="found 27 offsets, allowed 5"):
+        SubmanifoldConv3d(4, 4, "a", (1, 1, 5)).double()(x)
+
+
+def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
+    kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
+    for at, message in [
+        ([[0, 1, 2, 3], [0, 1, 2, 3]], "a voxel twice"),
+        ([[0, 1, 2, SHAPE[2]]], "out of the grid"),
+        ([[0, -1, 2, 3]], "out of the grid"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            sparse.submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
+        with pytest.raises(ValueError, match=message):
+            sparse.strided_rulebook(torch.tensor(at), SHAPE, kernel, stride, padding)
+    with pytest.raises(ValueError, match="allowed odd sizes"):
+        sparse.submanifold_rulebook(torch.tensor([[0, 1, 2, 3]]), SHAPE, (2, 3, 3))
+    with pytest.raises(ValueError, match="allowed at least the kernel"):
+        sparse.strided_rulebook(torch.tensor([[0, 0, 0, 0]]), (1, 9, 9), kernel, stride, (0, 0, 0))
+
+
+def test_sparse_layers_take_no_voxels() -> None:
+    x = voxels(0, 4, 0, torch.float32)
+    x.features.requires_grad_()
+    y = SubmanifoldConv3d(4, 4, "a")(x)
+    z = SparseConv3d(4, 4, "b")(y)
+    back = InverseConv3d(4, 4, "b")(z)
+    assert len(y.features) == len(z.features) == len(back.features) == 0
+    assert z.to_dense().shape == (3, 4 * 4, 6, 5)
+    back.features.sum().backward()
+
+
+def test_sparse_convolution_under_autocast_is_in_half_precision() -> None:
+    x = voxels(300, 16, 0, torch.float32)
+    layer = SubmanifoldConv3d(16, 16, "a")
+    with torch.autocast("cpu", torch.bfloat16):
+        out = layer(x).features
+    assert out.dtype == torch.bfloat16
+    assert (out - layer(x).features).abs().max() < 0.05
+    out.sum().backward()
+    assert layer.weight.grad is not None
+    assert layer.weight.grad.dtype == torch.float32
+
+
+@needs_gpu
+def test_sparse_convolution_on_a_gpu_is_as_on_the_cpu() -> None:
+    x = voxels(700, 8, 0)
+    on_gpu = SparseTensor(x.features.cuda(), x.coordinates.cuda(), x.shape, x.batch_size)
+    first, second = SubmanifoldConv3d(8, 8, "a").double(), SparseConv3d(8, 8, "b").double()
+    here = second(first(x)).to_dense()
+    there = second.cuda()(first.cuda()(on_gpu)).to_dense()
+    assert (here - there.cpu()).abs().max() < 1e-12
