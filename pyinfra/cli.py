@@ -37,6 +37,8 @@ COMMANDS = (
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),
     Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
+    Command("train", "pyinfra.train", "a detector learns from frames"),
+    Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),
     Command("split", "pyinfra.split", "which frames train and which test"),
 )
 

@@ -1,0 +1,141 @@
+"""`pyinfra detect RUN --data DATA/LIDAR --out DIR`, or `pyinfra detect RUN cloud.bin`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra import kitti
+from pyinfra.detectors import Detections, Detector, Points
+from pyinfra.detectors.background import Background
+from pyinfra.ground_truth import frame_numbers
+from pyinfra.kitti import FloatArray, Labels
+from pyinfra.train import read_source, spread
+
+PERCENTILES = (50, 95)
+
+
+def load_detector(run: Path, *, device: str = "cpu") -> Detector:
+    """The detector of a run's folder, or of a file in it.
+
+    Raises FileNotFoundError, and ValueError for a file that is no model.
+    """
+    file = model_file(run)
+    if file.suffix == ".npz":
+        return Background.load(file)
+    from pyinfra.training import checkpoint
+
+    return checkpoint.load(file).network().to(device)
+
+
+def model_file(run: Path) -> Path:
+    """The model in a run's folder. Raises FileNotFoundError."""
+    if run.is_file():
+        return run
+    for name in ("last.safetensors", "background.npz"):
+        if (run / name).is_file():
+            return run / name
+    raise FileNotFoundError(2, "No last.safetensors or background.npz in it", str(run))
+
+
+def transfer(run: Path, lidar_folder: Path) -> str:
+    """How the folder differs from what the run learnt from; empty if it does not."""
+    file = model_file(run)
+    if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
+        return ""
+    from pyinfra.training import checkpoint
+
+    about, source = checkpoint.load(file).about, read_source(lidar_folder, "smoke")
+    pairs = {
+        "LiDAR": (about.lidar, source.lidar.name),
+        "preset": (about.preset, source.lidar.preset),
+        "scene": (about.scene, source.scene),
+    }
+    return ", ".join(
+        f"{name} {theirs} (learnt on {ours})"
+        for name, (ours, theirs) in pairs.items()
+        if theirs not in ours.split()
+    )
+
+
+def detect(
+    detector: Detector, files: Sequence[Path], out: Path | None
+) -> tuple[list[Detections], FloatArray]:
+    """Detections and milliseconds, points to boxes, of each cloud; written as KITTI results.
+
+    Raises FormatError for a cloud that is none.
+    """
+    found, times = [], []
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        points = kitti.read_points(file)
+        detections, seconds = timed(detector, points)
+        found.append(detections)
+        times.append(1000 * seconds)
+        if out is not None:
+            labels = Labels(detections.names, detections.boxes, detections.scores)
+            kitti.write_labels(out / f"{file.stem}.txt", labels)
+    return found, np.array(times)
+
+
+def timed(detector: Detector, points: Points) -> tuple[Detections, float]:
+    start = time.perf_counter()
+    found = detector.predict(points)
+    return found, time.perf_counter() - start
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Finds vehicles with a trained detector; prints its latency."
+    parser.epilog = (
+        "example: pyinfra detect runs/pillars --data data/highway/ruby_plus "
+        "--out runs/pillars/predictions"
+    )
+    parser.add_argument("run", type=Path, help="folder of `pyinfra train`, or a model in it")
+    parser.add_argument("cloud", nargs="*", type=Path, help=".bin files, x y z intensity")
+    parser.add_argument("--data", type=Path, help="folder of a LiDAR; its val frames")
+    parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
+    parser.add_argument("--split", help="val (default), train or all; with --data")
+    parser.add_argument("--frames", type=int, default=0, help="at most so many, evenly spread")
+    parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
+    parser.add_argument(
+        "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
+        raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
+    detector = load_detector(args.run, device=args.device)
+    files = args.cloud
+    if args.data is not None:
+        numbers = frame_numbers(args.data, args.split)
+        chosen = spread(numbers, args.frames) if args.frames else numbers
+        files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
+        other = transfer(args.run, args.data)
+        if other and not args.allow_transfer:
+            print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
+    found, times = detect(detector, files, args.out)
+    if args.out is None:
+        _print_boxes(files, found)
+    low, high = np.percentile(times, PERCENTILES)
+    print(
+        f"{len(files)} frames, {sum(map(len, found))} boxes, "
+        f"{low:.1f} ms a frame (median), {high:.1f} ms (95 %)",
+        file=sys.stderr if args.out is None else sys.stdout,
+    )
+    return 0
+
+
+def _print_boxes(files: Sequence[Path], found: Sequence[Detections]) -> None:
+    print("file,class,x,y,z,dx,dy,dz,heading,score")
+    for file, detections in zip(files, found, strict=True):
+        rows = zip(detections.names, detections.boxes, detections.scores, strict=True)
+        for name, box, score in rows:
+            numbers = ",".join(f"{v:.3f}" for v in box)
+            print(f"{file},{name},{numbers},{score:.4f}")

@@ -1,0 +1,92 @@
+"""What networks are given: points and boxes of some frames, and the area they look at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from pyinfra.detectors import Points
+from pyinfra.kitti import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Area:
+    """The part of the levelled LiDAR frame that a detector looks at, metres."""
+
+    low: tuple[float, float, float]  # x y z
+    high: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"area: found {self.low} to {self.high}, allowed low below high")
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        x, y, z = (b - a for a, b in zip(self.low, self.high, strict=True))
+        return x, y, z
+
+    def holds(self, xyz: npt.NDArray[np.floating]) -> BoolArray:
+        """(n,) bool: which of xyz (n, 3) are finite and inside; the high side is outside."""
+        low, high = np.array(self.low, xyz.dtype), np.array(self.high, xyz.dtype)
+        return np.asarray(((xyz >= low) & (xyz < high)).all(axis=1))
+
+    def crop(self, points: Points) -> Points:
+        """The points (n, 4) inside, with finite intensities."""
+        keep = self.holds(points[:, :3]) & np.isfinite(points[:, 3])
+        return points[keep]
+
+    def grown(self, step: float) -> Area:
+        """The same middle, x and y made whole multiples of `step`."""
+        low, high = list(self.low), list(self.high)
+        for axis in (0, 1):
+            size = high[axis] - low[axis]
+            more = (np.ceil(size / step - 1e-6) * step - size) / 2
+            low[axis], high[axis] = float(low[axis] - more), float(high[axis] + more)
+        return Area((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One frame to learn from."""
+
+    points: Points  # (n, 4)
+    boxes: FloatArray  # (k, 7) of the vehicles with a point of this LiDAR
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Frames under one another."""
+
+    points: Tensor  # (n, 4) float32
+    frame: Tensor  # (n,) int64, ascending
+    boxes: tuple[Tensor, ...]  # of each frame (k, 7) float32
+
+    @property
+    def size(self) -> int:
+        return len(self.boxes)
+
+    def to(self, device: torch.device) -> Batch:
+        boxes = tuple(b.to(device) for b in self.boxes)
+        return Batch(self.points.to(device), self.frame.to(device), boxes)
+
+
+def make_batch(samples: Sequence[Sample], area: Area) -> Batch:
+    """The points inside the area, and the boxes whose centre is."""
+    clouds = [area.crop(sample.points) for sample in samples]
+    counts = torch.tensor([len(cloud) for cloud in clouds])
+    return Batch(
+        points=torch.from_numpy(np.concatenate(clouds).astype(np.float32)),
+        frame=torch.repeat_interleave(torch.arange(len(clouds)), counts),
+        boxes=tuple(_inside(sample.boxes, area) for sample in samples),
+    )
+
+
+def _inside(boxes: FloatArray, area: Area) -> Tensor:
+    return torch.from_numpy(boxes[area.holds(boxes[:, :3])].astype(np.float32))

@@ -1,0 +1,71 @@
+"""The two-dimensional network over a bird's-eye canvas.
+
+SECOND, Yan et al., Sensors 2018, as PointPillars has it: blocks of 3 x 3 convolutions, each at half
+the resolution of the one before, brought back to one resolution and stacked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from pyinfra.config import ruled
+
+
+@dataclass(frozen=True)
+class BevConfig:
+    """Per block: layers after the strided one, width, stride; and the width brought up."""
+
+    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)
+    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)
+    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)
+    up_width: int = ruled(128, 1, 1024)
+
+    def __post_init__(self) -> None:
+        if not len(self.layers) == len(self.widths) == len(self.strides):
+            raise ValueError("layers, widths, strides: found other lengths, allowed one length")
+
+
+class BevNetwork(nn.Module):
+    """(B, C, H, W) -> (B, blocks * up_width, H / s, W / s), s the first stride."""
+
+    def __init__(self, config: BevConfig, channels: int) -> None:
+        super().__init__()
+        self.blocks, self.ups = nn.ModuleList(), nn.ModuleList()
+        factor = 1
+        for i, (n, width) in enumerate(zip(config.layers, config.widths, strict=True)):
+            stride = config.strides[i]
+            layers = [conv(channels, width, stride), *(conv(width, width) for _ in range(n))]
+            self.blocks.append(nn.Sequential(*layers))
+            factor *= stride if i > 0 else 1
+            up = nn.ConvTranspose2d(width, config.up_width, factor, factor, bias=False)
+            self.ups.append(nn.Sequential(up, norm(config.up_width), nn.ReLU()))
+            channels = width
+        self.channels = len(config.layers) * config.up_width
+
+    def forward(self, x: Tensor) -> Tensor:
+        found = []
+        for block, up in zip(self.blocks, self.ups, strict=True):
+            x = block(x)
+            found.append(up(x))
+        return torch.cat(found, dim=1)
+
+
+def conv(channels: int, width: int, stride: int = 1) -> nn.Sequential:
+    """3 x 3 convolution, batch norm, ReLU."""
+    layer = nn.Conv2d(channels, width, 3, stride, padding=1, bias=False)
+    return nn.Sequential(layer, norm(width), nn.ReLU())
+
+
+def norm(width: int) -> nn.BatchNorm2d:
+    return nn.BatchNorm2d(width, eps=1e-3)
+
+
+def multiple(config: BevConfig, cell_m: float) -> float:
+    """The area's sides must be multiples of this, in metres."""
+    factor = 1
+    for stride in config.strides:
+        factor *= stride
+    return factor * cell_m

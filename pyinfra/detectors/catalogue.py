@@ -1,0 +1,19 @@
+"""The detectors by name: a new one is a file and a row here."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Module and class; `learnt` networks have a `Config` beside the class and are trained."""
+
+    module: str
+    name: str
+    learnt: bool = True
+
+
+DETECTORS = {
+    "background": Entry("pyinfra.detectors.background", "Background", learnt=False),
+    "pointpillars": Entry("pyinfra.detectors.pointpillars", "PointPillars"),
+    "centerpoint-pillar": Entry("pyinfra.detectors.centerpoint_pillar", "CenterPointPillar"),
+}

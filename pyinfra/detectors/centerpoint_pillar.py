@@ -1,0 +1,47 @@
+"""CenterPoint on pillars: Center-based 3D Object Detection and Tracking, Yin et al., CVPR 2021.
+
+Deviations: dynamic pillars (pillars.py), one class, no second stage, Gaussians along the vehicles
+(centre_head.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from torch import Tensor
+
+from pyinfra.config import ruled
+from pyinfra.detectors.batch import Batch
+from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
+from pyinfra.detectors.centre_head import CentreHead
+from pyinfra.detectors.network import Losses, Network
+from pyinfra.detectors.pillars import PillarEncoder
+from pyinfra.detectors.site import Site
+
+
+@dataclass(frozen=True)
+class Config:
+    """Widths and depths; the defaults are the published ones."""
+
+    pillar_m: float = ruled(0.2, 0.05, 2)
+    pillar_width: int = ruled(64, 1, 512)
+    bev: BevConfig = field(default_factory=BevConfig)
+    head_width: int = ruled(64, 1, 512)
+
+
+class CenterPointPillar(Network):
+    """Pillars, a two-dimensional network, a heat map."""
+
+    def __init__(self, config: Config, site: Site) -> None:
+        area = site.area.grown(multiple(config.bev, config.pillar_m))
+        super().__init__(Site(area, site.floor_z))
+        self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width)
+        self.bev = BevNetwork(config.bev, config.pillar_width)
+        cell_m = config.bev.strides[0] * config.pillar_m
+        self.head = CentreHead(self.bev.channels, config.head_width, self.site, cell_m)
+
+    def losses(self, batch: Batch) -> Losses:
+        return self.head.losses(self.bev(self.encoder(batch)), batch.boxes)
+
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+        return self.head.candidates(self.bev(self.encoder(batch)))

@@ -1,0 +1,107 @@
+"""The centre head: a heat map of vehicles' centres, and a box at each peak.
+
+CenterPoint, Yin et al., CVPR 2021, first stage. Deviation: the heat of a vehicle is a Gaussian as
+long and as wide as the vehicle itself, along its heading, in place of a circle.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pyinfra.detectors.bev import conv
+from pyinfra.detectors.losses import heat_map_focal, start_rare
+from pyinfra.detectors.network import CANDIDATES, Losses
+from pyinfra.detectors.site import Site
+
+BOX_WEIGHT = 2.0
+BOX = 8  # x y z, log sizes (3), sine and cosine of the heading
+LEAST_CELLS = 0.6  # standard deviation of a Gaussian
+
+
+class CentreHead(nn.Module):
+    """(B, C, H, W), row = y: heat and boxes of each cell."""
+
+    def __init__(self, channels: int, width: int, site: Site, cell_m: float) -> None:
+        super().__init__()
+        self.site, self.cell_m = site, cell_m
+        self.shared = conv(channels, width)
+        self.heat = start_rare(nn.Conv2d(width, 1, 3, padding=1))
+        self.box = nn.Conv2d(width, BOX, 3, padding=1)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Heat as logits (B, H, W), and boxes (B, H, W, 8)."""
+        x = self.shared(x)
+        return self.heat(x)[:, 0], self.box(x).permute(0, 2, 3, 1)
+
+    def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
+        logits, found = self(x)
+        heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
+        count = max(1, sum(len(b) for b in boxes))
+        frame = torch.repeat_interleave(
+            torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
+        ).to(x.device)
+        every = torch.cat(boxes)
+        row, column = self.cells_of(every)
+        at = found[frame, row, column]  # (k, 8)
+        box = (at - self.encode(every, row, column)).abs().sum()
+        return {
+            "heat": heat_map_focal(logits, heat) / count,
+            "box": BOX_WEIGHT * box / count / BOX * 2,
+        }
+
+    def cells_of(self, boxes: Tensor) -> tuple[Tensor, Tensor]:
+        """Row and column (k,) of the boxes' centres."""
+        low = boxes.new_tensor(self.site.area.low[:2])
+        cell = ((boxes[:, :2] - low) / self.cell_m).long()
+        return cell[:, 1], cell[:, 0]
+
+    def middle_of(self, row: Tensor, column: Tensor) -> Tensor:
+        """(k, 2) x y of cells' middles, metres."""
+        cell = torch.stack([column, row], dim=1)
+        low = torch.tensor(self.site.area.low[:2], device=row.device)
+        return low + (cell + 0.5) * self.cell_m
+
+    def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        """(k, 8)."""
+        offset = (boxes[:, :2] - self.middle_of(row, column)) / self.cell_m
+        z = boxes[:, 2:3] - self.site.floor_z
+        heading = boxes[:, 6:]
+        return torch.cat([offset, z, boxes[:, 3:6].log(), heading.sin(), heading.cos()], dim=1)
+
+    def decode(self, found: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        """(k, 8) -> (k, 7)."""
+        xy = self.middle_of(row, column) + found[:, :2] * self.cell_m
+        z = found[:, 2:3] + self.site.floor_z
+        sizes = found[:, 3:6].clamp(-5, 5).exp()
+        heading = torch.atan2(found[:, 6:7], found[:, 7:8])
+        return torch.cat([xy, z, sizes, heading], dim=1)
+
+    def heat_of(self, boxes: Tensor, shape: tuple[int, ...]) -> Tensor:
+        """(H, W) in [0, 1], 1 in the cell of each box's centre."""
+        heat = boxes.new_zeros(tuple(shape))
+        if len(boxes) == 0:
+            return heat
+        row, column = self.cells_of(boxes)
+        y = torch.arange(shape[0], device=boxes.device) - row[:, None]  # (k, H) cells
+        x = torch.arange(shape[1], device=boxes.device) - column[:, None]  # (k, W)
+        cos, sin = boxes[:, 6].cos()[:, None, None], boxes[:, 6].sin()[:, None, None]
+        dx, dy = x[:, None, :], y[:, :, None]
+        ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+        sigma = (boxes[:, 3:5] / (6 * self.cell_m)).clamp(min=LEAST_CELLS)[:, :, None, None]
+        each = torch.exp(-((ahead / sigma[:, 0]) ** 2 + (left / sigma[:, 1]) ** 2) / 2)
+        return each.amax(dim=0)
+
+    def candidates(self, x: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """The peaks of each frame: boxes (k, 7) and scores (k,)."""
+        logits, boxes = self(x)
+        heat = torch.sigmoid(logits)
+        peak = functional.max_pool2d(heat[:, None], 3, 1, 1)[:, 0] == heat
+        found = []
+        for i in range(len(x)):
+            score = (heat[i] * peak[i]).flatten()
+            best = score.topk(min(CANDIDATES, len(score)))
+            row, column = best.indices // heat.shape[2], best.indices % heat.shape[2]
+            found.append((self.decode(boxes[i, row, column], row, column), best.values))
+        return found

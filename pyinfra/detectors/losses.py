@@ -1,0 +1,44 @@
+"""Losses of detectors, each summed over its elements: the caller divides by what it counts."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+RARE = 0.01  # of all places, those with a vehicle, at the start
+
+
+def start_rare(layer: nn.Conv2d) -> nn.Conv2d:
+    """Sets the bias of a layer of logits so that it starts with few vehicles everywhere."""
+    if layer.bias is not None:
+        nn.init.constant_(layer.bias, -math.log((1 - RARE) / RARE))
+    return layer
+
+
+def focal(logits: Tensor, targets: Tensor, alpha: float = 0.25, gamma: float = 2.0) -> Tensor:
+    """Focal loss (Lin et al., ICCV 2017) of targets 0 or 1, element by element."""
+    p = torch.sigmoid(logits)
+    wrong = torch.where(targets > 0.5, 1 - p, p)
+    weight = torch.where(targets > 0.5, alpha, 1 - alpha)
+    cross = functional.binary_cross_entropy_with_logits(logits, targets, reduction="none")
+    return weight * wrong**gamma * cross
+
+
+def heat_map_focal(logits: Tensor, heat: Tensor) -> Tensor:
+    """Penalty-reduced focal loss (CornerNet, Law and Deng, ECCV 2018), summed.
+
+    heat: [0, 1], 1 at the peaks.
+    """
+    p = torch.sigmoid(logits).clamp(1e-4, 1 - 1e-4)
+    peak = heat == 1
+    at_peak = torch.log(p) * (1 - p) ** 2
+    around = torch.log(1 - p) * p**2 * (1 - heat) ** 4
+    return -torch.where(peak, at_peak, around).sum()
+
+
+def smooth_l1(found: Tensor, wanted: Tensor, beta: float = 1 / 9) -> Tensor:
+    """Element by element."""
+    return functional.smooth_l1_loss(found, wanted, reduction="none", beta=beta)

@@ -1,0 +1,82 @@
+"""What the learnt detectors have in common: losses from a batch, boxes from a cloud."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from pyinfra.detectors import Detections, Points
+from pyinfra.detectors.batch import Batch, Sample, make_batch
+from pyinfra.detectors.ops.boxes import nms
+from pyinfra.detectors.site import Site
+
+MIN_SCORE = 0.1  # AP counts from here on
+NMS_IOU = 0.1  # of footprints: vehicles never overlap
+CANDIDATES = 512  # best ones that enter the suppression
+MOST_BOXES = 200  # of a frame
+CLASS = "vehicle"
+
+Losses = dict[str, Tensor]  # of one element; their sum is minimised
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Small operations get slower with a second thread, and sums depend on the number of them."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+class Network(nn.Module, abc.ABC):
+    """A detector whose weights are learnt. Subclasses say what is lost and what is found."""
+
+    def __init__(self, site: Site) -> None:
+        super().__init__()
+        self.site = site
+
+    @abc.abstractmethod
+    def losses(self, batch: Batch) -> Losses:
+        """The parts of the loss, by name."""
+
+    @abc.abstractmethod
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+        """Of each frame: boxes (k, 7) and scores (k,), before suppression."""
+
+    @torch.inference_mode()
+    @one_thread()
+    def find(self, clouds: Sequence[Points]) -> list[Detections]:
+        """The vehicles of some frames. The network must be in eval mode."""
+        batch = make_batch([Sample(cloud, np.empty((0, 7))) for cloud in clouds], self.site.area)
+        device = next(self.parameters()).device
+        return [suppressed(*pair) for pair in self.candidates(batch.to(device))]
+
+    def predict(self, points: Points) -> Detections:
+        """See pyinfra.detectors.Detector."""
+        if not self.site.area.crop(points).size:
+            return empty()
+        return self.find([points])[0]
+
+
+def suppressed(boxes: Tensor, scores: Tensor) -> Detections:
+    """The best boxes (n, 7) that do not overlap, with at least the least score."""
+    good = torch.isfinite(boxes).all(dim=1) & (scores >= MIN_SCORE)
+    boxes, scores = boxes[good], scores[good]
+    best = scores.topk(min(CANDIDATES, len(scores))).indices
+    kept = best[nms(boxes[best], scores[best], NMS_IOU, MOST_BOXES)]
+    return Detections(
+        boxes=boxes[kept].double().cpu().numpy(),
+        scores=scores[kept].double().cpu().numpy(),
+        names=np.full(len(kept), CLASS),
+    )
+
+
+def empty() -> Detections:
+    return Detections(np.empty((0, 7)), np.empty(0), np.empty(0, dtype=np.str_))

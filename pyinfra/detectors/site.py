@@ -1,0 +1,44 @@
+"""What a detector knows of where it stands: its area and how high the road lies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.detectors.batch import Area
+from pyinfra.kitti import FloatArray
+
+MARGIN_M = 1.0
+
+
+@dataclass(frozen=True)
+class Site:
+    """Levelled LiDAR frame, metres."""
+
+    area: Area
+    floor_z: float  # of the vehicles' bottoms, median
+
+
+def site_of(boxes: Iterable[FloatArray]) -> Site:
+    """The area that holds all boxes (k, 7) with a margin of 1 m.
+
+    Raises ValueError if there is no box.
+    """
+    every = np.concatenate([np.empty((0, 7)), *boxes])
+    if len(every) == 0:
+        raise ValueError("found no vehicle in the training frames, allowed one or more")
+    cos, sin = np.abs(np.cos(every[:, 6])), np.abs(np.sin(every[:, 6]))
+    half = (
+        np.stack(
+            [cos * every[:, 3] + sin * every[:, 4], sin * every[:, 3] + cos * every[:, 4]], axis=1
+        )
+        / 2
+    )
+    bottom = every[:, 2] - every[:, 5] / 2
+    low = [*(every[:, :2] - half).min(axis=0), bottom.min()]
+    high = [*(every[:, :2] + half).max(axis=0), (bottom + every[:, 5]).max()]
+    x0, y0, z0 = (float(v) - MARGIN_M for v in low)
+    x1, y1, z1 = (float(v) + MARGIN_M for v in high)
+    return Site(Area((x0, y0, z0), (x1, y1, z1)), float(np.median(bottom)))

@@ -1,0 +1,1 @@
+"""Learning a detector's weights from frames, and what is kept of it."""

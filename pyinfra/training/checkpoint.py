@@ -1,0 +1,112 @@
+"""A network on disk: one safetensors file whose header says, as YAML, what it is.
+
+Never a pickle: a checkpoint from a stranger runs no code. The file is written beside its place and
+renamed, so it is whole or not there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from pyinfra import __version__
+from pyinfra.config import ConfigError, as_plain, from_plain
+from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.detectors.network import Network
+from pyinfra.detectors.site import Site
+
+FORMAT = 1
+CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at the sensor"
+
+
+@dataclass(frozen=True)
+class About:
+    """What a checkpoint says of itself."""
+
+    detector: str
+    network: Any  # the detector's Config, plain
+    site: Site
+    lidar: str
+    preset: str
+    scene: str
+    seed: int
+    step: int
+    steps: int
+    format: int = FORMAT
+    convention: str = CONVENTION
+    version: str = __version__
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """Weights by name, and those of the optimiser under `optimizer.`."""
+
+    about: About
+    tensors: dict[str, Tensor]
+
+    def network(self) -> Network:
+        """The network in eval mode. Raises ConfigError if the weights do not fit its Config."""
+        network = build(self.about.detector, self.about.network, self.about.site)
+        weights = {
+            name.removeprefix("network."): tensor
+            for name, tensor in self.tensors.items()
+            if name.startswith("network.")
+        }
+        try:
+            network.load_state_dict(weights)
+        except RuntimeError as error:
+            first = str(error).splitlines()[-1].strip()
+            raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
+        return network.eval()
+
+
+def build(detector: str, config: Any, site: Site) -> Network:
+    """A new network; config: the detector's Config or its plain form."""
+    entry = DETECTORS.get(detector)
+    if entry is None or not entry.learnt:
+        raise ConfigError(f"detector: found '{detector}', allowed {', '.join(DETECTORS)}")
+    module = importlib.import_module(entry.module)
+    if not isinstance(config, module.Config):
+        config = from_plain(config, module.Config, f"{detector}: network")
+    network: Network = getattr(module, entry.name)(config, site)
+    return network
+
+
+def save(file: Path, network: nn.Module, optimizer: dict[str, Tensor], about: About) -> None:
+    """Raises OSError, and leaves the file that was there."""
+    tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
+    tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
+    beside = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(about))})
+        beside.replace(file)
+    except (OSError, SafetensorError) as error:
+        beside.unlink(missing_ok=True)
+        raise OSError(getattr(error, "errno", None) or 5, str(error), str(file)) from None
+
+
+def load(file: Path) -> Checkpoint:
+    """Raises FileNotFoundError, and ConfigError for anything but a checkpoint of this format."""
+    if not file.is_file():
+        raise FileNotFoundError(2, "No such checkpoint", str(file))
+    try:
+        with safe_open(file, framework="pt") as opened:
+            text = (opened.metadata() or {}).get("about", "")
+            tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise ConfigError(f"{file}: found no checkpoint ({error})") from None
+    plain = yaml.safe_load(text) if text else None
+    if not isinstance(plain, dict) or "format" not in plain:
+        raise ConfigError(f"{file}: found no description in its header, allowed one of pyinfra")
+    for key, wanted in (("format", FORMAT), ("convention", CONVENTION)):
+        if plain.get(key) != wanted:
+            raise ConfigError(f"{file}: {key}: found '{plain.get(key)}', allowed '{wanted}'")
+    return Checkpoint(from_plain(plain, About, str(file)), tensors)

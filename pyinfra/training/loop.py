@@ -1,0 +1,174 @@
+"""The training loop: one-cycle AdamW over a fixed number of steps.
+
+Everything random is drawn from (seed, step), and the learning rate is a function of the step, so a
+run that was killed goes on from its last checkpoint as if nothing had been.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pyinfra.config import ConfigError, as_plain
+from pyinfra.detectors.batch import Batch, make_batch
+from pyinfra.detectors.network import Network, one_thread
+from pyinfra.training import checkpoint
+from pyinfra.training.checkpoint import About
+from pyinfra.training.recipe import Learning, Recipe
+from pyinfra.training.samples import Frames, augmented
+
+WARM_UP = 0.4  # share of the steps in which the rate rises
+DIVIDED = 10.0  # the first rate is the highest by this
+LAST = 1e-4  # the last rate is the first by this
+MOMENTA = (0.95, 0.85)
+SAVES = 20  # checkpoints over a run
+
+
+class TrainingDiverged(RuntimeError):
+    """The loss is no number any more."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """After a step."""
+
+    step: int
+    steps: int
+    rate: float
+    loss: float
+    parts: dict[str, float]
+    seconds: float  # of this run, since it began or went on
+
+
+def train(
+    network: Network,
+    frames: Frames,
+    recipe: Recipe,
+    about: About,
+    out: Path,
+    *,
+    device: torch.device | None = None,
+    report: Callable[[Progress], None] = lambda _: None,
+) -> Network:
+    """Trains to the end and writes `out`/last.safetensors now and then and at the end.
+
+    Goes on from the `last.safetensors` that is there. Raises TrainingDiverged with the step, the
+    loss and the checkpoint to go back to; ConfigError if the checkpoint there is of another run.
+    """
+    learning, device = recipe.learning, device or torch.device("cpu")
+    network = network.to(device).train()
+    optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
+    last = out / "last.safetensors"
+    done = resume(network, optimizer, about, last) if last.exists() else 0
+    start = time.monotonic()
+    with one_thread():
+        for step in range(done, learning.steps):
+            rate = set_rate(optimizer, learning, step)
+            batch = batch_of(frames, recipe, network, about.seed, step).to(device)
+            parts = network.losses(batch)
+            loss = torch.stack(list(parts.values())).sum()
+            if not math.isfinite(loss.item()):
+                raise TrainingDiverged(
+                    f"step {step}: the loss is {loss.item()}; the last good checkpoint is {last}"
+                )
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
+            optimizer.step()
+            done = step + 1
+            if done % max(1, learning.steps // SAVES) == 0 or done == learning.steps:
+                here = dataclasses.replace(about, step=done)
+                checkpoint.save(last, network, optimizer_tensors(optimizer), here)
+            numbers = {name: part.item() for name, part in parts.items()}
+            seconds = time.monotonic() - start
+            report(Progress(done, learning.steps, rate, loss.item(), numbers, seconds))
+    return network.eval()
+
+
+def batch_of(frames: Frames, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
+    """The frames of a step: every frame comes once before one comes twice."""
+    size = recipe.learning.batch
+    samples = []
+    for n in range(step * size, (step + 1) * size):
+        turn, place = divmod(n, len(frames))
+        order = np.random.default_rng([seed, turn]).permutation(len(frames))
+        draw = np.random.default_rng([seed, 1, n])
+        paste = recipe.augmentation.pasted > 0
+        other = frames.sample(int(draw.integers(len(frames)))) if paste else None
+        samples.append(
+            augmented(frames.sample(int(order[place])), other, recipe.augmentation, draw)
+        )
+    return make_batch(samples, network.site.area)
+
+
+def set_rate(optimizer: torch.optim.Optimizer, learning: Learning, step: int) -> float:
+    """One cycle (Smith, 2018): the rate rises and falls along cosines, the momentum against it."""
+    top, bottom = learning.rate, learning.rate / DIVIDED
+    turn = WARM_UP * learning.steps
+    if step < turn:
+        share, rates, momenta = step / turn, (bottom, top), MOMENTA
+    else:
+        share = (step - turn) / max(1, learning.steps - turn)
+        rates, momenta = (top, bottom * LAST), MOMENTA[::-1]
+    weight = (1 - math.cos(math.pi * share)) / 2
+    rate = rates[0] + (rates[1] - rates[0]) * weight
+    for group in optimizer.param_groups:
+        group["lr"] = rate
+        group["weight_decay"] = learning.weight_decay
+        group["betas"] = (momenta[0] + (momenta[1] - momenta[0]) * weight, 0.999)
+    return rate
+
+
+def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    return {
+        f"{index}.{name}": tensor
+        for index, state in optimizer.state_dict()["state"].items()
+        for name, tensor in state.items()
+    }
+
+
+def resume(network: Network, optimizer: torch.optim.Optimizer, about: About, file: Path) -> int:
+    """Fills both from the checkpoint; returns the steps that are done."""
+    found = checkpoint.load(file)
+    same = dataclasses.replace(found.about, step=about.step, version=about.version)
+    theirs, ours = as_plain(same), as_plain(about)
+    if theirs != ours:
+        different = [key for key, value in ours.items() if theirs[key] != value]
+        raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")
+    network.load_state_dict(found.network().state_dict())
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, tensor in found.tensors.items():
+        if key.startswith("optimizer."):
+            _, index, name = key.split(".")
+            state.setdefault(int(index), {})[name] = tensor
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+    return found.about.step
+
+
+class Log:
+    """`log.csv`: one row a step, those after a checkpoint forgotten when a run goes on."""
+
+    def __init__(self, file: Path, done: int) -> None:
+        self.file = file
+        rows = file.read_text().splitlines() if file.exists() else []
+        kept = [row for row in rows[1:] if int(row.split(",")[0]) <= done]
+        file.write_text("".join(f"{row}\n" for row in [*rows[:1], *kept]))
+
+    def __call__(self, p: Progress) -> None:
+        new = self.file.stat().st_size == 0
+        with self.file.open("a", newline="") as opened:
+            writer = csv.writer(opened)
+            if new:
+                writer.writerow(["step", "rate", "loss", *p.parts, "seconds"])
+            numbers = [p.rate, p.loss, *p.parts.values(), p.seconds]
+            writer.writerow([p.step, *(f"{v:.6g}" for v in numbers)])

@@ -1,0 +1,64 @@
+"""`configs/detectors/*.yaml`: which detector, how wide, and how it learns, for each tier."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from pyinfra.config import read_config, ruled
+from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.training.samples import Augmentation
+
+Tier = Literal["smoke", "quick", "full"]
+TIERS: tuple[Tier, ...] = get_args(Tier)
+
+
+@dataclass(frozen=True)
+class Learning:
+    """One-cycle AdamW over all steps of the budget."""
+
+    steps: int = ruled(1000, 1, 10_000_000)
+    batch: int = ruled(4, 1, 1024)
+    rate: float = ruled(0.003, 1e-7, 1)
+    weight_decay: float = ruled(0.01, 0, 1)
+    clip: float = ruled(10.0, 0, 1e6)  # of the gradients' norm
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What one tier of a file says."""
+
+    detector: str
+    network: Any  # the detector's own Config
+    learning: Learning
+    augmentation: Augmentation
+
+
+@dataclass(frozen=True)
+class _Name:
+    detector: str
+    tiers: Any = None
+
+
+def read_recipe(file: Path, tier: Tier) -> Recipe:
+    """Raises ConfigError with file, line and key, and FileNotFoundError."""
+    name = read_config(file, _Name).detector
+    if name not in DETECTORS:
+        raise ValueError(f"{file}: detector: found '{name}', allowed {', '.join(DETECTORS)}")
+    config = importlib.import_module(DETECTORS[name].module).Config
+    kind = dataclasses.make_dataclass(
+        "TierConfig",
+        [
+            ("network", config, field(default_factory=config)),
+            ("learning", Learning, field(default_factory=Learning)),
+            ("augmentation", Augmentation, field(default_factory=Augmentation)),
+        ],
+        frozen=True,
+    )
+    tiers = dataclasses.make_dataclass("Tiers", [(t, kind) for t in TIERS], frozen=True)
+    whole = dataclasses.make_dataclass("File", [("detector", str), ("tiers", tiers)], frozen=True)
+    chosen = getattr(read_config(file, whole).tiers, tier)
+    return Recipe(name, chosen.network, chosen.learning, chosen.augmentation)

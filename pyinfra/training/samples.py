@@ -1,0 +1,127 @@
+"""Frames to learn from: those on disk of a LiDAR, and what augmentation makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import kitti
+from pyinfra.boxes import bev_iou
+from pyinfra.config import ruled
+from pyinfra.detectors import Points
+from pyinfra.detectors.batch import Sample
+from pyinfra.frame_tables import read_vehicles
+from pyinfra.kitti import FloatArray
+
+VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
+AROUND_M = 0.05  # points this far outside a box belong to its vehicle
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """What may be done to a frame; the defaults change nothing."""
+
+    flip: bool = False  # left and right, in half of the frames
+    rotation_deg: float = ruled(0.0, 0, 180)  # up to this, either way
+    scale: float = ruled(0.0, 0, 0.5)  # up to this share, either way
+    pasted: int = ruled(0, 0, 100)  # vehicles of another frame, where they stood
+    least_points: int = ruled(5, 0, 1000)  # of a pasted vehicle
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames of LiDARs on disk, in the order given; their vehicles are read at once."""
+
+    files: tuple[Path, ...]  # clouds
+    boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def sample(self, i: int) -> Sample:
+        return Sample(kitti.read_points(self.files[i]), self.boxes[i])
+
+
+def read_frames(lidar_folder: Path, frames: Sequence[int]) -> Frames:
+    """Raises FileNotFoundError, and FormatError with file and line."""
+    vehicles = read_vehicles(lidar_folder, frames)
+    hit = np.isin(vehicles.names, VEHICLE_TYPES) & (vehicles.points > 0)
+    return Frames(
+        files=tuple(kitti.frame_file(lidar_folder, "velodyne", k) for k in frames),
+        boxes=tuple(vehicles.boxes[hit & (vehicles.frame == i)] for i in range(len(frames))),
+    )
+
+
+def joined(parts: Sequence[Frames]) -> Frames:
+    return Frames(
+        files=tuple(file for part in parts for file in part.files),
+        boxes=tuple(boxes for part in parts for boxes in part.boxes),
+    )
+
+
+def augmented(
+    sample: Sample, other: Sample | None, how: Augmentation, draw: np.random.Generator
+) -> Sample:
+    """The sample changed; `other` is a frame to take vehicles from."""
+    if other is not None and how.pasted > 0:
+        sample = with_pasted(sample, other, how, draw)
+    turn = np.deg2rad(draw.uniform(-how.rotation_deg, how.rotation_deg))
+    scale = 1 + draw.uniform(-how.scale, how.scale)
+    flip = how.flip and draw.random() < 0.5
+    return moved(sample, turn=float(turn), scale=float(scale), flip=flip)
+
+
+def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
+    """Turned about the sensor, scaled, and mirrored left to right."""
+    side = -1.0 if flip else 1.0
+    cos, sin = np.cos(turn), np.sin(turn)
+    # Row vectors: mirror, then turn, then scale.
+    linear = scale * np.array([[cos, sin, 0], [-side * sin, side * cos, 0], [0, 0, 1]])
+    points = sample.points.copy()
+    points[:, :3] = points[:, :3] @ linear.astype(np.float32)
+    boxes = sample.boxes.copy()
+    boxes[:, :3] = boxes[:, :3] @ linear
+    boxes[:, 3:6] *= scale
+    boxes[:, 6] = (side * boxes[:, 6] + turn + np.pi) % (2 * np.pi) - np.pi
+    return Sample(points, boxes)
+
+
+def with_pasted(
+    sample: Sample, other: Sample, how: Augmentation, draw: np.random.Generator
+) -> Sample:
+    """Some vehicles of the other frame, with their points, where nothing stands here."""
+    order = draw.permutation(len(other.boxes))
+    free = np.ones(len(order), dtype=np.bool_)
+    if len(sample.boxes) > 0:
+        free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
+    points, boxes = [sample.points], [sample.boxes]
+    for i in order[free[order]]:
+        if len(boxes) > how.pasted:
+            break
+        own = points_in(other.points, other.boxes[i])
+        if len(own) < how.least_points:
+            continue
+        here = _in_box(points[0], other.boxes[i], 0)
+        points[0] = points[0][~here]
+        points.append(own)
+        boxes.append(other.boxes[i : i + 1])
+    return Sample(np.concatenate(points), np.concatenate(boxes))
+
+
+def points_in(points: Points, box: FloatArray) -> Points:
+    """The points (n, 4) of the vehicle of a box (7,), without the road below it."""
+    return points[_in_box(points, box, AROUND_M)]
+
+
+def _in_box(points: Points, box: FloatArray, around_m: float) -> npt.NDArray[np.bool_]:
+    offset = points[:, :3] - box[:3].astype(np.float32)
+    cos, sin = np.float32(np.cos(box[6])), np.float32(np.sin(box[6]))
+    ahead = cos * offset[:, 0] + sin * offset[:, 1]
+    left = cos * offset[:, 1] - sin * offset[:, 0]
+    half = box[3:6] / 2 + around_m
+    inside = (np.abs(ahead) <= half[0]) & (np.abs(left) <= half[1])
+    return np.asarray(inside & (np.abs(offset[:, 2]) <= box[5] / 2))

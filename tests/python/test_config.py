@@ -1,0 +1,66 @@
+"""Configurations of Python: one class says what a file may hold."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from pyinfra.config import ConfigError, as_plain, from_plain, read_config, ruled
+
+
+@dataclass(frozen=True)
+class Inner:
+    width: int = ruled(3, 1, 10)
+    sizes: tuple[float, ...] = ruled((1.0,), 0, 5)
+
+
+@dataclass(frozen=True)
+class Outer:
+    name: str
+    kind: Literal["a", "b"] = "a"
+    pair: tuple[float, float] = (0.0, 1.0)
+    inner: Inner = Inner()
+    more: Inner | None = None
+    on: bool = False
+
+    def __post_init__(self) -> None:
+        if self.pair[0] > self.pair[1]:
+            raise ValueError("pair: found it falling, allowed rising")
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "c.yaml"
+    file.write_text(text)
+    return file
+
+
+def test_a_file_fills_the_class_and_keeps_its_defaults(tmp_path: Path) -> None:
+    text = "name: x\nkind: b\ninner: {sizes: [1, 2.5]}\nmore: {width: 4}\n"
+    found = read_config(written(tmp_path, text), Outer)
+    assert found == Outer("x", "b", inner=Inner(sizes=(1.0, 2.5)), more=Inner(4))
+    assert from_plain(as_plain(found), Outer, "plain") == found
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", ":1: (document): found no mapping"),
+        ("name: x\nwidth: 3\n", ":2: width: found an unknown key, allowed name, kind"),
+        ("name: x\nname: y\n", ":2: name: found twice, allowed once"),
+        ("kind: a\n", ":1: name: found nothing, required"),
+        ("name: 3\n", ":1: name: found '3', allowed a text"),
+        ("name: x\nkind: c\n", ":2: kind: found 'c', allowed a, b"),
+        ("name: x\npair: [1]\n", ":2: pair: found 1 values, allowed 2"),
+        ("name: x\npair: [2, 1]\n", ":1: (document): pair: found it falling"),
+        ("name: x\ninner:\n  width: 11\n", ":3: inner.width: found 11, allowed 1 to 10"),
+        ("name: x\ninner:\n  width: 1.5\n", ":3: inner.width: found '1.5', allowed a whole num"),
+        ("name: x\ninner:\n  sizes: [.nan]\n", ":3: inner.sizes.0: found nan, allowed 0 to 5"),
+        ("name: x\non: 1\n", ":2: on: found '1', allowed true or false"),
+        ("name: [x\n", "is not YAML"),
+    ],
+)
+def test_a_wrong_file_is_named_by_line_and_key(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        read_config(written(tmp_path, text), Outer)
