@@ -1,0 +1,90 @@
+"""Small results that change only on purpose: a frame, resolved configurations, an AP table.
+
+To write them anew, with a line of history that says why: GOLDEN=write make test.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pyinfra import ap, sim
+
+ROOT = Path(__file__).resolve().parents[2]
+GOLDEN = ROOT / "tests/golden"
+SCENES = ROOT / "configs/scenes"
+EVERY = 200  # th point of a frame is kept
+
+
+def golden(name: str, text: str) -> str:
+    """What is kept under the name; the text itself when goldens are written."""
+    file = GOLDEN / name
+    if os.environ.get("GOLDEN") == "write":
+        GOLDEN.mkdir(exist_ok=True)
+        file.write_text(text)
+    return file.read_text()
+
+
+@pytest.mark.parametrize("name", ["scenes/curve", "lidars/livox_avia", "lidars/pandar_64"])
+def test_resolved_configuration(name: str, infrasim: Callable[..., object]) -> None:
+    text = infrasim("check", f"configs/{name}.yaml").stdout  # type: ignore[attr-defined]
+    assert text == golden(f"{Path(name).name}.yaml", text)
+
+
+def frame_table(preset: str) -> pd.DataFrame:
+    """Some points of one frame of two LiDARs at the curve, after 30 frames."""
+    world = sim.load_scene(SCENES / "curve.yaml", set={"duration_s": 4, "traffic.warm_up_s": 10})
+    names = ["livox_avia", "helios_16"]
+    lidars = [sim.load_lidar(ROOT / f"configs/lidars/{name}.yaml", preset) for name in names]
+    ((_, frames),) = sim.simulate(world, lidars, [30])
+    parts = []
+    for name, frame in zip(names, frames, strict=True):
+        rows = np.arange(0, len(frame), EVERY)
+        part = pd.DataFrame(frame.xyz[rows], columns=["x", "y", "z"])
+        part["intensity"] = frame.intensity[rows]
+        part["ring"], part["object_id"] = frame.ring[rows], frame.object_id[rows]
+        parts.append(part.assign(lidar=name, row=rows, points=len(frame)))
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.mark.parametrize("preset", ["paper", "datasheet"])
+def test_frame(preset: str) -> None:
+    found = frame_table(preset)
+    name = f"frame_{preset}.csv"
+    golden(name, found.to_csv(index=False, float_format="%.4f"))
+    kept = pd.read_csv(GOLDEN / name)
+    # The ray kernels differ in the last digits between types of CPU.
+    for column in ("x", "y", "z", "intensity"):
+        np.testing.assert_allclose(found[column], kept[column], atol=1e-3)
+    for column in ("lidar", "row", "ring", "object_id", "points"):
+        assert found[column].tolist() == kept[column].tolist(), column
+
+
+def test_ap_table() -> None:
+    """A detector that misses at random, with ghosts and equal scores."""
+    draw = np.random.default_rng(7)
+    rows = []
+    for objects in (10, 41, 500):
+        hit = draw.random(objects) < 0.8
+        scores = np.round(draw.random(objects) * 0.7 + 0.3, 2)[hit]
+        ghosts = np.round(draw.random(objects // 5) * 0.8, 2)
+        both = np.concatenate([scores, ghosts])
+        true = np.concatenate([np.ones(len(scores), bool), np.zeros(len(ghosts), bool)])
+        ranking = ap.rank(both, true, objects)
+        kinds = {
+            "r40": ap.average_precision(ranking),
+            "r11": ap.average_precision(ranking, 11),
+            "kitti": ap.kitti_average_precision(ranking),
+        }
+        rows.append({"objects": objects} | {name: v.item() for name, v in kinds.items()})
+    text = pd.DataFrame(rows).to_csv(index=False, float_format="%.6f")
+    assert text == golden("ap.csv", text)
+
+
+def test_goldens_are_all_used() -> None:
+    used = {"curve.yaml", "livox_avia.yaml", "pandar_64.yaml", "ap.csv"}
+    used |= {"frame_paper.csv", "frame_datasheet.csv"}
+    assert {file.name for file in GOLDEN.iterdir()} == used
