@@ -92,6 +92,7 @@ def _train_network(
     recipe: Recipe, sources: Sequence[Source], out: Path, seed: int, device: str, quiet: bool
 ) -> Path:
     import torch
+    from torch.utils.tensorboard import SummaryWriter
 
     from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
@@ -118,15 +119,19 @@ def _train_network(
     description["frames"] = len(frames)
     (out / "run.yaml").write_text(yaml.safe_dump(description, sort_keys=False))
     log = loop.Log(out / "log.csv", done)
+    board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     # Without `quiet`, None: on a terminal only.
     bar = tqdm(total=about.steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
 
     def report(progress: loop.Progress) -> None:
         log(progress)
+        values = {"loss": progress.loss, "rate": progress.rate, **progress.parts}
+        for name, value in values.items():
+            board.add_scalar(name, value, progress.step)
         bar.set_postfix(loss=f"{progress.loss:.3f}", refresh=False)
         bar.update()
 
-    with bar:
+    with bar, board:
         loop.train(network, frames, recipe, about, out, device=torch.device(device), report=report)
     return last
 
