@@ -1,0 +1,263 @@
+"""The training-free detector in a world of flat ground and boxes, with exact rays."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyinfra.boxes import bev_iou, iou_3d
+from pyinfra.detectors import Detector, Points
+from pyinfra.detectors.background import DEFAULT, Background
+from pyinfra.kitti import FloatArray
+
+SENSOR_HEIGHT_M = 6.0
+CAR = (4.5, 1.9, 1.6)
+NO_BOXES = np.empty((0, 7))
+
+
+def box(x: float, y: float, heading: float, size: tuple[float, float, float] = CAR) -> FloatArray:
+    """(1, 7) box that stands on the ground."""
+    return np.array([[x, y, size[2] / 2 - SENSOR_HEIGHT_M, *size, heading]])
+
+
+def cast(boxes: FloatArray, seed: int = 0, rows: int = 60, reach_m: float = 100.0) -> Points:
+    """Nearest returns of a spinning sensor from the ground and boxes (k, 7); azimuths by seed."""
+    elevation = np.radians(np.linspace(-30, 0, rows, endpoint=False))
+    azimuth = np.radians(np.arange(0, 360, 0.4)) + np.random.default_rng(seed).uniform(0, 0.007)
+    e, a = (v.ravel() for v in np.meshgrid(elevation, azimuth, indexing="ij"))
+    ray = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
+    distance = SENSOR_HEIGHT_M / -ray[:, 2]
+    for x, y, z, *size, heading in boxes:
+        cos, sin = np.cos(heading), np.sin(heading)
+        turn = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+        start, step = turn @ [-x, -y, -z], ray @ turn.T
+        with np.errstate(divide="ignore"):
+            sides = (np.array([[-1], [1]]) * np.divide(size, 2) - start)[:, None] / step
+        enters, leaves = sides.min(0).max(1), sides.max(0).min(1)
+        hit = (enters < leaves) & (enters > 0)
+        distance[hit] = np.minimum(distance[hit], enters[hit])
+    points = np.column_stack([ray * distance[:, None], np.full(len(ray), 0.5)])
+    return points[distance < reach_m].astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def empty_road() -> Background:
+    return Background.learn([cast(NO_BOXES, seed) for seed in range(10)])
+
+
+@pytest.fixture(scope="module")
+def busy_road() -> Background:
+    """Learnt with cars along x, in lanes at y = 2 and 9."""
+    rng = np.random.default_rng(1)
+    places = [(x, y) for x in np.arange(-95, 95, 19.0) for y in (2, 9)]
+    frames = [
+        cast(np.concatenate([box(x + rng.uniform(-6, 6), y, 0.0) for x, y in places]), seed)
+        for seed in range(20)
+    ]
+    return Background.learn(frames)
+
+
+def test_background_is_a_detector(empty_road: Background) -> None:
+    detector: Detector = empty_road
+    assert len(detector.predict(cast(NO_BOXES))) == 0
+
+
+def test_a_frame_without_objects_has_no_detection(empty_road: Background) -> None:
+    assert len(empty_road.predict(cast(NO_BOXES, seed=99))) == 0
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 45, 90, 120, 179.9, -179.9, -135, -60])
+@pytest.mark.parametrize("place", [(20, 3), (-15, 18), (4, -18)])
+def test_a_car_is_found_at_any_heading(
+    empty_road: Background, place: tuple[float, float], degrees: float
+) -> None:
+    car = box(*place, np.radians(degrees))
+    found = empty_road.predict(cast(car, seed=99))
+    assert found.names.tolist() == ["Car"]
+    assert bev_iou(found.boxes, car)[0, 0] > 0.5
+    assert iou_3d(found.boxes, car)[0, 0] > 0.5
+    assert -np.pi <= found.boxes[0, 6] <= np.pi
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("Motorcycle", (2.2, 0.8, 1.4)), ("Truck", (8.5, 2.5, 3.2)), ("Bus", (12.0, 2.55, 3.2))],
+)
+def test_the_size_names_the_class(
+    busy_road: Background, name: str, size: tuple[float, float, float]
+) -> None:
+    vehicle = box(14, 9, 0.0, size)
+    found = busy_road.predict(cast(vehicle, seed=99))
+    assert found.names.tolist() == [name]
+    assert bev_iou(found.boxes, vehicle)[0, 0] > 0.5
+
+
+def test_cars_side_by_side_are_two_and_the_scores_fall(busy_road: Background) -> None:
+    cars = np.concatenate([box(20, 2, 0.0), box(20, 5.5, 0.0), box(50, 9, 0.0)])
+    found = busy_road.predict(cast(cars, seed=99))
+    assert len(found) == 3
+    assert (bev_iou(found.boxes, cars).max(1) > 0.5).all()
+    assert (np.diff(found.scores) <= 0).all()
+    assert (found.scores > 0).all()
+    assert (found.scores <= 1).all()
+
+
+def test_traffic_tells_the_heading_of_a_car_with_few_points(busy_road: Background) -> None:
+    """At 80 m only the rear of a car is seen, which alone would be a wall across the road."""
+    car = box(80, 9, 0.0)
+    found = busy_road.predict(cast(car, seed=99))
+    assert len(found) == 1
+    assert abs(np.sin(found.boxes[0, 6])) < 0.1
+    assert bev_iou(found.boxes, car)[0, 0] > 0.5
+
+
+def test_a_queue_that_stands_half_of_the_time_is_no_background() -> None:
+    queue = np.concatenate([box(x, 6, 0.0) for x in (18.0, 26.0, 34.0)])
+    frames = [cast(queue if seed % 2 else NO_BOXES, seed) for seed in range(20)]
+    found = Background.learn(frames).predict(cast(queue, seed=99))
+    assert (bev_iou(queue, found.boxes).max(1) > 0.5).all()
+
+
+def test_what_always_stands_is_background_and_a_car_beside_it_is_not() -> None:
+    wall, car = box(20, 12, 0.0, (30, 1, 3)), box(20, 5, 0.0)
+    known = Background.learn([cast(wall, seed) for seed in range(10)])
+    found = known.predict(cast(np.concatenate([wall, car]), seed=99))
+    assert bev_iou(found.boxes[:1], car)[0, 0] > 0.5
+    assert len(found) == 1
+
+
+def test_vehicles_do_not_raise_ground_that_no_ray_reaches() -> None:
+    """Between rows 4 degrees apart cars are all that is ever hit."""
+    rng = np.random.default_rng(2)
+    frames = [cast(box(rng.uniform(50, 90), 4, 0.0), seed, rows=8) for seed in range(30)]
+    ground = Background.learn(frames).ground
+    middle = len(ground) // 2
+    assert np.abs(ground[middle : middle + 95, middle : middle + 8] + SENSOR_HEIGHT_M).max() < 0.2
+
+
+def test_no_point_and_one_point_are_fine(empty_road: Background) -> None:
+    nothing = np.empty((0, 4), np.float32)
+    found = empty_road.predict(nothing)
+    assert (found.boxes.shape, found.scores.shape, found.names.shape) == ((0, 7), (0,), (0,))
+    on_the_ground = np.array([[20, 3, -SENSOR_HEIGHT_M, 0]], np.float32)
+    assert len(empty_road.predict(on_the_ground)) == 0
+    above = np.array([[20, 3, 1 - SENSOR_HEIGHT_M, 0]], np.float32)
+    assert len(empty_road.predict(above)) == 1
+
+
+def test_points_not_finite_or_out_of_range_are_left_out(empty_road: Background) -> None:
+    car = cast(box(20, 3, 0.5), seed=99)
+    bad = np.array([np.nan, np.inf, -np.inf, 120, 1e6, -1e30], np.float32)
+    extra = np.tile(car[:1], (18, 1))
+    extra[np.arange(18), np.arange(18) % 3] = np.repeat(bad, 3)
+    found, alone = empty_road.predict(np.concatenate([extra, car])), empty_road.predict(car)
+    assert np.array_equal(found.boxes, alone.boxes)
+    assert len(empty_road.predict(extra)) == 0
+
+
+def test_duplicates_and_order_move_no_box(empty_road: Background) -> None:
+    car = cast(box(20, 3, 0.5), seed=99)
+    shuffled = np.random.default_rng(3).permutation(np.concatenate([car, car]))
+    once, twice = empty_road.predict(car), empty_road.predict(shuffled)
+    assert np.allclose(once.boxes, twice.boxes, atol=1e-4)
+
+
+def test_points_at_one_place_are_a_box_of_the_size_of_a_class(empty_road: Background) -> None:
+    same = np.tile(np.array([[20, 3, 1 - SENSOR_HEIGHT_M, 0]], np.float32), (1000, 1))
+    found = empty_road.predict(same)
+    assert len(found) == 1
+    assert (found.boxes[0, 3:6] >= [2.2, 0.8, 1.4]).all()
+
+
+def test_points_are_never_changed(empty_road: Background) -> None:
+    car = cast(box(20, 3, 0.5), seed=99)
+    before = car.copy()
+    car.flags.writeable = False
+    empty_road.predict(car)
+    Background.learn([car])
+    assert np.array_equal(car, before)
+
+
+def test_noise_everywhere_ends(empty_road: Background) -> None:
+    noise = np.random.default_rng(4).uniform(-110, 110, (40_000, 4)).astype(np.float32)
+    noise[:, 2] = np.random.default_rng(5).uniform(-6, -2, len(noise))
+    found = empty_road.predict(noise)
+    assert np.isfinite(found.boxes).all()
+
+
+def test_points_of_another_shape_are_an_error(empty_road: Background) -> None:
+    with pytest.raises(ValueError, match=r"points: found \(5, 3\), allowed \(n, 4\)"):
+        empty_road.predict(np.zeros((5, 3), np.float32))
+
+
+@pytest.mark.parametrize("frames", [[], [np.empty((0, 4), np.float32)]])
+def test_learning_from_nothing_is_an_error(frames: list[Points]) -> None:
+    with pytest.raises(ValueError, match=r"frames: found \d without a point in range"):
+        Background.learn(frames)
+
+
+def test_learning_from_one_point_gives_level_ground_there() -> None:
+    known = Background.learn([np.array([[20, 3, -5, 0]], np.float32)])
+    assert np.allclose(known.ground, -5, atol=0.1)
+    assert len(known.predict(np.array([[-30, 8, -4, 0]], np.float32))) == 1
+
+
+def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
+    settings = replace(DEFAULT, range_m=60.0, cell_m=0.7)
+    known = Background.learn([cast(box(x, 3, 0.0), x) for x in range(10, 40, 5)], settings)
+    file = tmp_path / "background"
+    known.save(file)
+    again = Background.load(file)
+    assert again.settings == settings
+    for name in ("ground", "permanent", "road", "expected"):
+        assert np.array_equal(getattr(known, name), getattr(again, name))
+    points = cast(box(20, 3, 0.5), seed=99)
+    assert np.array_equal(known.predict(points).boxes, again.predict(points).boxes)
+
+
+def arrays(file: Path) -> dict[str, np.ndarray]:
+    with np.load(file) as data:
+        return dict(data)
+
+
+@pytest.mark.parametrize("wrong", ["text", "nothing", "cut", "npy", "missing", "shape", "nan", "0"])
+def test_a_wrong_file_is_an_error_that_names_it(
+    empty_road: Background, tmp_path: Path, wrong: str
+) -> None:
+    file = tmp_path / "wrong.npz"
+    empty_road.save(file)
+    good = arrays(file)
+    if wrong == "text":
+        file.write_text("not an archive")
+    elif wrong == "nothing":
+        file.write_bytes(b"")
+    elif wrong == "cut":
+        file.write_bytes(file.read_bytes()[:-100])
+    elif wrong == "npy":
+        with file.open("wb") as stream:
+            np.save(stream, np.zeros(3))
+    elif wrong == "missing":
+        np.savez(file, ground=good["ground"])
+    else:
+        bad = {
+            "shape": {"ground": good["ground"][1:]},
+            "nan": {"ground": good["ground"] * np.nan},
+            "0": {"settings": good["settings"] * 0},
+        }
+        np.savez(file, **(good | bad[wrong]))
+    with pytest.raises(ValueError, match=r"wrong\.npz: found no background"):
+        Background.load(file)
+
+
+def test_a_file_that_is_not_there_is_another_error(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Background.load(tmp_path / "none.npz")
+
+
+def test_neither_torch_nor_the_extension_is_imported() -> None:
+    code = "import sys, pyinfra.detectors.background; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"torch", "pyinfra._core"}.isdisjoint(run.stdout.split())
