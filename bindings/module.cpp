@@ -10,5 +10,6 @@ PYBIND11_MODULE(_core, m) {
   pybind11::register_exception<infrasim::IoError>(m, "IoError", PyExc_OSError);
   infrasim::bind_filters(m);
   infrasim::bind_frames(m);
+  infrasim::bind_pointops(m);
   infrasim::bind_simulation(m);
 }

@@ -6,7 +6,7 @@ import collections.abc
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'kept_rows', 'learn_background', 'version']
+__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version']
 class ConfigError(ValueError):
     pass
 class IoError(OSError):
@@ -166,6 +166,14 @@ class FrameStream:
         ...
     def __next__(self) -> tuple[int, list[Frame]]:
         ...
+def ball_query(points: numpy.typing.NDArray[numpy.float32], centres: numpy.typing.NDArray[numpy.float32], radius: typing.SupportsFloat | typing.SupportsIndex, limit: typing.SupportsInt | typing.SupportsIndex) -> tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.uint8]]:
+    """
+    (m, limit) int64 and (m,) uint8: the first rows of points, (n, 3) float32, that are closer than radius to centres, (m, 3) float32, filled up with the first; 1 where there are none.
+    """
+def farthest_points(xyz: numpy.typing.NDArray[numpy.float32], count: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.int64]:
+    """
+    (count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. Raises ValueError without points.
+    """
 def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | CropPolygon | CropRange | CropFieldOfView | GroundHeight | GroundPlane | GroundMorphological | BackgroundModel]) -> numpy.typing.NDArray[numpy.int32]:
     """
     (k,) int32, increasing: the rows of points, (n, 3) or (n, 4) float32, levelled LiDAR frame, that every step keeps; never rows that are not finite. Raises ValueError.
@@ -173,6 +181,18 @@ def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | C
 def learn_background(frames: collections.abc.Sequence[numpy.ndarray], *, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, elevation_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, range_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, height_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.15) -> BackgroundModel:
     """
     A BackgroundModel from frames of one sensor in one place, each (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
+    """
+def reached_voxels(coordinates: numpy.typing.NDArray[numpy.int64], shape: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], kernel: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], stride: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], padding: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], target_shape: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"]) -> tuple[tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.int64], list[int]], numpy.typing.NDArray[numpy.int64]]:
+    """
+    (inputs, outputs, counts) as of shifted_pairs for each offset of the kernel, and the increasing keys (m,) int64 of the voxels that a convolution reaches from coordinates, (n, 4) int64, batch z y x within the shape.
+    """
+def shifted_pairs(keys: numpy.typing.NDArray[numpy.int64], steps: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]) -> tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.int64], list[int]]:
+    """
+    Inputs (p,) int64, outputs (p,) int64 and their number for each step: rows with keys[input] = keys[output] + step of increasing keys, (n,) int64.
+    """
+def suppress(boxes: numpy.typing.NDArray[numpy.float64], iou: typing.SupportsFloat | typing.SupportsIndex, limit: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.int64]:
+    """
+    (k,) int64, increasing: rows of boxes, (n, 7) float64, best first, that no kept one overlaps by more than iou; k <= limit.
     """
 def version() -> str:
     """

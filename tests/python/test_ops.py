@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from pyinfra import boxes as exact
-from pyinfra.detectors.ops import boxes, sparse
+from pyinfra.detectors.ops import boxes, points, sparse
 from pyinfra.detectors.ops.sparse import (
     InverseConv3d,
     SparseConv3d,
@@ -25,6 +25,21 @@ needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU her
 @pytest.fixture(autouse=True)
 def one_thread() -> None:
     torch.set_num_threads(1)
+
+
+@pytest.fixture(params=["compiled", "torch"])
+def either(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Runs a test with the compiled kernels and, as where they are missing, without."""
+    if request.param == "torch":
+        without_kernels(monkeypatch)
+    else:
+        pytest.importorskip("pyinfra._core")
+    return str(request.param)
+
+
+def without_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (boxes, points, sparse):
+        monkeypatch.setattr(module, "kernels", None)
 
 
 def random_boxes(n: int, seed: int) -> Tensor:
@@ -138,6 +153,7 @@ def greedy(b: FloatArray, scores: FloatArray, iou: float, limit: int) -> list[in
 
 
 @pytest.mark.parametrize("iou", [0.0, 0.1, 0.5, 0.7])
+@pytest.mark.usefixtures("either")
 def test_suppression_is_the_greedy_one(iou: float) -> None:
     for seed, n in enumerate([1, 2, 50, 400]):
         b, scores = crowd(n, 20, seed)
@@ -146,12 +162,14 @@ def test_suppression_is_the_greedy_one(iou: float) -> None:
         assert boxes.nms(b, scores, iou, 7).tolist() == wanted[:7]
 
 
+@pytest.mark.usefixtures("either")
 def test_suppression_of_equal_boxes_and_scores_keeps_the_first() -> None:
     b = torch.tensor([[10.0, 2, -5, 4, 2, 1.5, 0.3]]).repeat(5, 1)
     assert boxes.nms(b, torch.ones(5), 0.5, 10).tolist() == [0]
     assert boxes.nms(b, torch.ones(5), 1.0, 10).tolist() == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.usefixtures("either")
 def test_suppression_of_nothing_and_to_nothing() -> None:
     assert boxes.nms(torch.zeros(0, 7), torch.zeros(0), 0.5, 10).shape == (0,)
     assert boxes.nms(random_boxes(5, 0), torch.ones(5), 0.5, 0).tolist() == []
@@ -216,6 +234,7 @@ def test_dense_form_has_the_features_where_the_voxels_are() -> None:
 
 @pytest.mark.parametrize("kernel", [3, (3, 1, 1), (1, 3, 5), 1])
 @pytest.mark.parametrize("n", [1, 40, 700])
+@pytest.mark.usefixtures("either")
 def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
     kernel: int | sparse.Triple, n: int
 ) -> None:
@@ -244,6 +263,7 @@ def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
     ],
 )
 @pytest.mark.parametrize("n", [1, 40, 700])
+@pytest.mark.usefixtures("either")
 def test_strided_convolution_is_the_dense_one(
     kernel: int | sparse.Triple, stride: int | sparse.Triple, padding: int | sparse.Triple, n: int
 ) -> None:
@@ -258,6 +278,7 @@ def test_strided_convolution_is_the_dense_one(
     assert (keys.diff() > 0).all()
 
 
+@pytest.mark.usefixtures("either")
 def test_inverse_convolution_is_the_transposed_one_at_the_voxels_before() -> None:
     x = voxels(200, 4, 0)
     down = SparseConv3d(4, 5, "a").double()
@@ -309,6 +330,7 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
         SubmanifoldConv3d(4, 4, "a", (1, 1, 5)).double()(x)
 
 
+@pytest.mark.usefixtures("either")
 def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
     kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
     for at, message in [
@@ -326,6 +348,7 @@ def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
         sparse.strided_rulebook(torch.tensor([[0, 0, 0, 0]]), (1, 9, 9), kernel, stride, (0, 0, 0))
 
 
+@pytest.mark.usefixtures("either")
 def test_sparse_layers_take_no_voxels() -> None:
     x = voxels(0, 4, 0, torch.float32)
     x.features.requires_grad_()
@@ -357,3 +380,176 @@ def test_sparse_convolution_on_a_gpu_is_as_on_the_cpu() -> None:
     here = second(first(x)).to_dense()
     there = second.cuda()(first.cuda()(on_gpu)).to_dense()
     assert (here - there.cpu()).abs().max() < 1e-12
+
+
+def cloud(n: int, seed: int, step: float = 0.0) -> Tensor:
+    """Points (n, 3) of a wide and flat scene; with a step on a grid, where many are equal."""
+    xyz = np.random.default_rng(seed).uniform([0, -20, -6], [60, 20, -3], (n, 3))
+    return torch.from_numpy(np.round(xyz / step) * step if step else xyz).float()
+
+
+@pytest.mark.usefixtures("either")
+@pytest.mark.parametrize("step", [0.0, 2.0])
+def test_farthest_points_are_each_the_farthest_from_those_before(step: float) -> None:
+    xyz = cloud(500, 0, step)
+    rows = points.farthest_points(xyz, 60)
+    distances = torch.cdist(xyz.double(), xyz.double())
+    assert rows[0] == 0
+    for k in range(1, 60):
+        apart = distances[:, rows[:k]].amin(1)
+        assert apart[rows[k]] > apart.max() - 1e-5
+
+
+@pytest.mark.usefixtures("either")
+def test_farthest_points_of_fewer_points_than_asked_for_repeat_the_first() -> None:
+    xyz = torch.tensor([[0.0, 0, 0], [1, 0, 0], [5, 0, 0], [1, 0, 0]])
+    assert points.farthest_points(xyz, 6).tolist() == [0, 2, 1, 0, 0, 0]
+    assert points.farthest_points(xyz[:1], 3).tolist() == [0, 0, 0]
+    assert points.farthest_points(xyz, 0).tolist() == []
+    with pytest.raises(ValueError, match="found no points"):
+        points.farthest_points(xyz[:0], 3)
+
+
+@pytest.mark.usefixtures("either")
+@pytest.mark.parametrize("radius", [0.3, 2.0, 500.0])
+@pytest.mark.parametrize("step", [0.0, 0.5])
+def test_ball_query_finds_the_first_points_of_each_ball(radius: float, step: float) -> None:
+    xyz, centres = cloud(800, 1, step), cloud(90, 2, step)
+    rows, empty = points.ball_query(xyz, centres, radius, 8)
+    near = torch.cdist(centres.double(), xyz.double()) < radius
+    assert (empty == ~near.any(1)).all()
+    for ball, found in zip(near, rows.tolist(), strict=True):
+        inside = torch.nonzero(ball).flatten().tolist()[:8]
+        assert found == inside + [inside[0] if inside else 0] * (8 - len(inside))
+
+
+@pytest.mark.usefixtures("either")
+def test_ball_query_takes_fewer_points_than_asked_for_and_none() -> None:
+    xyz = cloud(3, 0, 1.0)
+    rows, empty = points.ball_query(xyz, xyz, 100, 5)
+    assert rows.tolist() == [[0, 1, 2, 0, 0]] * 3
+    rows, empty = points.ball_query(xyz[:0], xyz, 100, 5)
+    assert rows.tolist() == [[0] * 5] * 3
+    assert empty.all()
+    rows, empty = points.ball_query(xyz, xyz[:0], 100, 5)
+    assert rows.shape == (0, 5)
+    assert empty.shape == (0,)
+    with pytest.raises(ValueError, match="allowed above 0"):
+        points.ball_query(xyz, xyz, 0, 5)
+
+
+def test_compiled_kernels_and_torch_choose_the_same_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pyinfra._core")
+    clouds = [cloud(n, n, step) for n in (1, 70, 3000) for step in (0.0, 1.0)]
+
+    def chosen() -> list[Tensor]:
+        found = [points.farthest_points(xyz, 200) for xyz in clouds]
+        found += [points.ball_query(xyz, xyz[::3], 1.0, 16)[0] for xyz in clouds]
+        return found
+
+    compiled = chosen()
+    without_kernels(monkeypatch)
+    for one, two in zip(compiled, chosen(), strict=True):
+        assert one.tolist() == two.tolist()
+
+
+def test_compiled_kernels_and_torch_make_the_same_rulebooks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("pyinfra._core")
+    at = voxels(500, 1, 0).coordinates
+
+    def rulebooks() -> list[sparse.Rulebook]:
+        return [
+            sparse.submanifold_rulebook(at, SHAPE, (3, 3, 3)),
+            sparse.strided_rulebook(at, SHAPE, (3, 3, 3), (2, 2, 2), (1, 1, 1)),
+            sparse.strided_rulebook(at, SHAPE, (3, 1, 1), (2, 1, 1), (0, 0, 0)),
+        ]
+
+    compiled = rulebooks()
+    without_kernels(monkeypatch)
+    for one, two in zip(compiled, rulebooks(), strict=True):
+        assert one.counts == two.counts
+        for name in ("inputs", "outputs", "target"):
+            assert (getattr(one, name) == getattr(two, name)).all()
+
+
+def test_three_nearest_are_the_nearest() -> None:
+    xyz, known = cloud(200, 0), cloud(50, 1)
+    wanted, nearest = torch.cdist(xyz.double(), known.double()).topk(3, largest=False)
+    for search in (points.three_nearest, points._nearest_of_all):
+        distances, rows = search(xyz, known)
+        assert rows.tolist() == nearest.tolist()
+        assert (distances - wanted).abs().max() < 1e-5
+
+
+def test_three_nearest_of_fewer_lack_the_others() -> None:
+    xyz = cloud(4, 0)
+    for search in (points._nearest_of_all, points.three_nearest):
+        distances, rows = search(xyz, xyz[:2])
+        assert rows[0].tolist() == [0, 1, 0]
+        assert distances[:, 2].isinf().all()
+        assert search(xyz[:0], xyz)[1].shape == (0, 3)
+    features = torch.tensor([[1.0, 0], [0, 1]])
+    between = points.interpolate(features, distances, rows)
+    assert between[:2].allclose(features, atol=1e-6)
+    assert between.sum(1).allclose(torch.ones(4))
+    with pytest.raises(ValueError, match="found no points"):
+        points.three_nearest(xyz, xyz[:0])
+
+
+def test_a_group_has_the_offsets_and_features_of_its_points() -> None:
+    xyz = torch.tensor([[0.0, 0, 0], [1, 0, 0], [50, 0, 0]])
+    features = torch.tensor([[1.0], [2], [3]], requires_grad=True)
+    centres = torch.tensor([[0.5, 0, 0], [90, 0, 0]])
+    rows, empty = points.ball_query(xyz, centres, 2, 3)
+    grouped = points.group(xyz, features, centres, rows, empty)
+    first = [[-0.5, 0, 0, 1], [0.5, 0, 0, 2], [-0.5, 0, 0, 1]]
+    assert grouped.tolist() == [first, [[0.0] * 4] * 3]
+    grouped[..., 3].sum().backward()
+    assert features.grad is not None
+    assert features.grad.tolist() == [[2], [1], [0]]
+    rows, empty = points.ball_query(xyz[:0], centres, 2, 3)
+    assert not points.group(xyz[:0], features[:0], centres, rows, empty).any()
+
+
+def test_points_are_in_boxes_up_to_the_surface() -> None:
+    box = torch.tensor([[10.0, 2, -5, 4, 2, 1.5, 0], [10, 2, -5, 8, 8, 8, 0.5]])
+    xyz = torch.tensor([[12.0, 2, -5], [12.1, 2, -5], [10, 3, -4.25], [10, 2, -4.2], [30, 0, 0]])
+    inside = points.points_in_boxes(xyz, box)
+    assert inside.tolist() == [
+        [True, True], [False, True], [True, True], [False, True], [False, False],
+    ]  # fmt: skip
+    assert points.box_of_points(xyz, box).tolist() == [0, 1, 0, 1, -1]
+    assert points.box_of_points(xyz, box[:0]).tolist() == [-1] * 5
+    assert points.box_of_points(xyz[:0], box).tolist() == []
+
+
+def test_points_in_a_turned_box_are_those_in_it_when_all_is_turned_back() -> None:
+    xyz, box = cloud(5000, 3), random_boxes(20, 3).float()
+    box[:, :3] += torch.tensor([30.0, 0, -4.5])
+    box[:, 3:6] *= 2
+    inside = points.points_in_boxes(xyz, box)
+    for k, (x, y, z, dx, dy, dz, heading) in enumerate(box.double().tolist()):
+        turned = (xyz[:, 0] - x + 1j * (xyz[:, 1] - y)) * np.exp(-1j * heading)
+        offset = torch.stack([turned.real / dx, turned.imag / dy, (xyz[:, 2] - z) / dz])
+        assert (inside[:, k] == (offset.abs() <= 0.5).all(0)).all()
+    assert inside.any()
+
+
+def test_points_of_another_shape_or_type_are_errors() -> None:
+    for wrong in (torch.zeros(5, 4), torch.zeros(5, 3, dtype=torch.float64), torch.zeros(3)):
+        with pytest.raises(ValueError, match=r"allowed \(n, 3\) torch.float32"):
+            points.farthest_points(wrong, 2)
+
+
+@needs_gpu
+def test_points_on_a_gpu_are_as_on_the_cpu() -> None:
+    xyz, centres = cloud(3000, 0), cloud(200, 1)
+    there, other = xyz.cuda(), centres.cuda()
+    assert points.farthest_points(there, 100).tolist() == points.farthest_points(xyz, 100).tolist()
+    for one, two in (
+        (points.ball_query(there, other, 1, 8), points.ball_query(xyz, centres, 1, 8)),
+        (points.three_nearest(other, there), points.three_nearest(centres, xyz)),
+    ):
+        assert all(a.cpu().allclose(b) for a, b in zip(one, two, strict=True))

@@ -10,6 +10,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from pyinfra.detectors.ops.kernels import kernels
+
 # Of an overlap, in units of rounding of the larger box's square: what is below counts as nothing.
 _ROUNDING = 4
 _CHUNK = 1 << 22  # pairs whose distance is compared at a time
@@ -78,7 +80,10 @@ def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
     descending score. Of equal scores the row that comes first wins.
     """
     order = torch.argsort(scores, descending=True, stable=True)
-    kept = _suppress(_at_least_float32(boxes.detach()[order]), iou, limit)
+    best_first = boxes.detach()[order].double()
+    if kernels is not None and boxes.device.type == "cpu":
+        return order[torch.from_numpy(kernels.suppress(best_first.numpy(), iou, limit))]
+    kept = _suppress(best_first, iou, limit)
     return order[torch.tensor(kept, dtype=torch.int64, device=order.device)]
 
 

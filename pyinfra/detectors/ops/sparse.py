@@ -15,6 +15,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from pyinfra.detectors.ops.kernels import kernels
+
 Triple = tuple[int, int, int]  # along z, y, x
 
 
@@ -203,7 +205,9 @@ def _scatter(features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
     else:
         result = features @ weight[rulebook.centre]
     for k, inputs, outputs in _offsets(rulebook):
-        sums = torch.addmm(result[outputs], features[inputs], weight[k])
+        sums = torch.addmm(
+            result.index_select(0, outputs), features.index_select(0, inputs), weight[k]
+        )
         result.index_copy_(0, outputs, sums)
     return result
 
@@ -223,15 +227,13 @@ def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> 
     keys, order = _sorted_keys(coordinates, shape, pad)
     sizes = _padded(shape, pad)
     centre = math.prod(kernel) // 2
-    low: list[Tensor] = []  # rows of the pairs of each offset before the centre
-    high: list[Tensor] = []
-    for dz, dy, dx in list(itertools.product(*map(range, kernel)))[:centre]:
-        step = ((dz - pad[0]) * sizes[1] + dy - pad[1]) * sizes[2] + dx - pad[2]
-        found = torch.searchsorted(keys, keys + step).clamp(max=max(0, len(keys) - 1))
-        (here,) = torch.nonzero(keys[found] == keys + step, as_tuple=True)
-        low.append(order[found[here]])
-        high.append(order[here])
+    steps = [
+        ((dz - pad[0]) * sizes[1] + dy - pad[1]) * sizes[2] + dx - pad[2]
+        for dz, dy, dx in itertools.product(*map(range, kernel))
+    ]
+    found, here, counts = _shifted_pairs(keys, steps[:centre])
     # The offset opposite of the centre has the same pairs the other way round.
+    low, high = order[found].split_with_sizes(counts), order[here].split_with_sizes(counts)
     none = order[:0]
     inputs, outputs = [*low, none, *high[::-1]], [*high, none, *low[::-1]]
     return Rulebook(
@@ -252,6 +254,41 @@ def strided_rulebook(
     """Pairs of voxels (n, 4) and all voxels that the kernel reaches from them."""
     target_shape = _convolved_shape(shape, kernel, stride, padding)
     _sorted_keys(coordinates, shape, (0, 0, 0))
+    inputs, outputs, counts, keys = _reached_voxels(
+        coordinates, shape, kernel, stride, padding, target_shape
+    )
+    target = _coordinates(keys, target_shape)
+    return Rulebook(inputs, outputs, counts, None, coordinates, target, shape, target_shape)
+
+
+def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list[int]]:
+    """Rows with keys[first] == keys[second] + step, of increasing keys; their number by step."""
+    if kernels is not None and keys.device.type == "cpu":
+        first, second, counts = kernels.shifted_pairs(keys.numpy(), steps)
+        return torch.from_numpy(first), torch.from_numpy(second), counts
+    found, here = [keys[:0]], [keys[:0]]
+    for step in steps:
+        at = torch.searchsorted(keys, keys + step).clamp(max=max(0, len(keys) - 1))
+        here.append(torch.nonzero(keys[at] == keys + step).squeeze(1))
+        found.append(at[here[-1]])
+    return torch.cat(found), torch.cat(here), [len(rows) for rows in found[1:]]
+
+
+def _reached_voxels(
+    coordinates: Tensor,
+    shape: Triple,
+    kernel: Triple,
+    stride: Triple,
+    padding: Triple,
+    target_shape: Triple,
+) -> tuple[Tensor, Tensor, list[int], Tensor]:
+    """Inputs, outputs and counts of a rulebook, and the increasing keys of the outputs."""
+    if kernels is not None and coordinates.device.type == "cpu":
+        (inputs, outputs, counts), keys = kernels.reached_voxels(
+            coordinates.contiguous().numpy(), shape, kernel, stride, padding, target_shape
+        )
+        inputs, outputs = torch.from_numpy(inputs), torch.from_numpy(outputs)
+        return inputs, outputs, counts, torch.from_numpy(keys)
     # Along each axis and for each offset: where a voxel arrives, and whether it does.
     arrivals = []
     for axis, size in enumerate(target_shape):
@@ -260,22 +297,13 @@ def strided_rulebook(
         at = (moved - offset).div(stride[axis], rounding_mode="floor")  # (offsets, n)
         met = (at * stride[axis] == moved - offset) & (at >= 0) & (at < size)
         arrivals.append(list(zip(at, met, strict=True)))
-    rows, keys = [], []
+    rows, arrived = [], []
     for (z, met_z), (y, met_y), (x, met_x) in itertools.product(*arrivals):
-        (here,) = torch.nonzero(met_z & met_y & met_x, as_tuple=True)
+        here = torch.nonzero(met_z & met_y & met_x).squeeze(1)
         rows.append(here)
-        keys.append(_keys(coordinates[here, 0], z[here], y[here], x[here], target_shape))
-    unique, outputs = torch.unique(torch.cat(keys), return_inverse=True)
-    return Rulebook(
-        torch.cat(rows),
-        outputs,
-        [len(part) for part in rows],
-        None,
-        coordinates,
-        _coordinates(unique, target_shape),
-        shape,
-        target_shape,
-    )
+        arrived.append(_keys(coordinates[here, 0], z[here], y[here], x[here], target_shape))
+    keys, outputs = torch.unique(torch.cat(arrived), return_inverse=True)
+    return torch.cat(rows), outputs, [len(part) for part in rows], keys
 
 
 def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tensor, Tensor]:
@@ -289,6 +317,8 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
     padded = _padded(shape, pad)
     batch, z, y, x = coordinates.unbind(1)
     keys = _keys(batch, z + pad[0], y + pad[1], x + pad[2], padded)
+    if (keys[1:] > keys[:-1]).all():
+        return keys, torch.arange(len(keys), device=keys.device)
     keys, order = keys.sort()
     if (keys[1:] == keys[:-1]).any():
         raise ValueError("coordinates: found a voxel twice")

@@ -1,0 +1,142 @@
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <span>
+#include <stdexcept>
+#include <utility>
+
+#include "bindings.h"
+#include "pointops/ball_query.h"
+#include "pointops/farthest_points.h"
+#include "pointops/suppression.h"
+#include "pointops/voxel_pairs.h"
+
+namespace infrasim {
+
+namespace py = pybind11;
+
+namespace {
+
+template <typename T>
+using Array = py::array_t<T, py::array::c_style>;
+
+/// Values of an array (n, columns), row-major.
+template <typename T>
+std::span<const T> rows_of(const Array<T>& array, py::ssize_t columns, const char* name) {
+  if (array.ndim() != 2 || array.shape(1) != columns)
+    throw std::invalid_argument(std::string(name) + ": found shape " +
+                                py::str(array.attr("shape")).cast<std::string>() +
+                                ", allowed (n, " + std::to_string(columns) + ")");
+  return {array.data(), static_cast<std::size_t>(array.size())};
+}
+
+template <typename T>
+std::span<const T> values_of(const Array<T>& array) {
+  return {array.data(), static_cast<std::size_t>(array.size())};
+}
+
+/// An array that owns the values, without a copy.
+template <typename T>
+Array<T> moved(std::vector<T>&& values, std::vector<py::ssize_t> shape) {
+  auto* owned = new std::vector<T>(std::move(values));
+  const py::capsule owner(owned, [](void* p) { delete static_cast<std::vector<T>*>(p); });
+  return Array<T>(std::move(shape), owned->data(), owner);
+}
+
+template <typename T>
+Array<T> moved(std::vector<T>&& values) {
+  const auto n = static_cast<py::ssize_t>(values.size());
+  return moved(std::move(values), {n});
+}
+
+Array<std::int64_t> farthest_points(const Array<float>& xyz, std::int64_t count) {
+  const auto points = rows_of(xyz, 3, "xyz");
+  std::vector<std::int64_t> rows;
+  {
+    const py::gil_scoped_release release;
+    rows = pointops::farthest_points(points, count);
+  }
+  return moved(std::move(rows));
+}
+
+std::pair<Array<std::int64_t>, Array<std::uint8_t>> ball_query(const Array<float>& points,
+                                                               const Array<float>& centres,
+                                                               float radius, std::int64_t limit) {
+  const auto all = rows_of(points, 3, "points"), around = rows_of(centres, 3, "centres");
+  pointops::Balls balls;
+  {
+    const py::gil_scoped_release release;
+    balls = pointops::ball_query(all, around, radius, limit);
+  }
+  return {moved(std::move(balls.rows), {centres.shape(0), limit}), moved(std::move(balls.empty))};
+}
+
+using Pairs = std::tuple<Array<std::int64_t>, Array<std::int64_t>, std::vector<std::int64_t>>;
+
+Pairs moved(pointops::VoxelPairs&& pairs) {
+  return {moved(std::move(pairs.inputs)), moved(std::move(pairs.outputs)), pairs.counts};
+}
+
+Pairs shifted_pairs(const Array<std::int64_t>& keys, const std::vector<std::int64_t>& steps) {
+  const auto values = values_of(keys);
+  pointops::VoxelPairs pairs;
+  {
+    const py::gil_scoped_release release;
+    pairs = pointops::shifted_pairs(values, steps);
+  }
+  return moved(std::move(pairs));
+}
+
+using Triple = std::array<std::int64_t, 3>;
+
+std::pair<Pairs, Array<std::int64_t>> reached_voxels(const Array<std::int64_t>& coordinates,
+                                                     Triple shape, Triple kernel, Triple stride,
+                                                     Triple padding, Triple target_shape) {
+  const auto voxels = rows_of(coordinates, 4, "coordinates");
+  pointops::ReachedVoxels reached;
+  {
+    const py::gil_scoped_release release;
+    reached = pointops::reached_voxels(voxels, {.shape = shape,
+                                                .kernel = kernel,
+                                                .stride = stride,
+                                                .padding = padding,
+                                                .target_shape = target_shape});
+  }
+  return {moved(std::move(reached.pairs)), moved(std::move(reached.keys))};
+}
+
+Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_t limit) {
+  const auto values = rows_of(boxes, 7, "boxes");
+  std::vector<std::int64_t> rows;
+  {
+    const py::gil_scoped_release release;
+    rows = pointops::suppress(values, iou, limit);
+  }
+  return moved(std::move(rows));
+}
+
+}  // namespace
+
+void bind_pointops(py::module_& m) {
+  m.def("farthest_points", &farthest_points, py::arg("xyz").noconvert(), py::arg("count"),
+        "(count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. "
+        "Raises ValueError without points.");
+  m.def(
+      "ball_query", &ball_query, py::arg("points").noconvert(), py::arg("centres").noconvert(),
+      py::arg("radius"), py::arg("limit"),
+      "(m, limit) int64 and (m,) uint8: the first rows of points, (n, 3) float32, that are closer "
+      "than radius to centres, (m, 3) float32, filled up with the first; 1 where there are none.");
+  m.def("shifted_pairs", &shifted_pairs, py::arg("keys").noconvert(), py::arg("steps"),
+        "Inputs (p,) int64, outputs (p,) int64 and their number for each step: rows with "
+        "keys[input] = keys[output] + step of increasing keys, (n,) int64.");
+  m.def("reached_voxels", &reached_voxels, py::arg("coordinates").noconvert(), py::arg("shape"),
+        py::arg("kernel"), py::arg("stride"), py::arg("padding"), py::arg("target_shape"),
+        "(inputs, outputs, counts) as of shifted_pairs for each offset of the kernel, and the "
+        "increasing keys (m,) int64 of the voxels that a convolution reaches from coordinates, "
+        "(n, 4) int64, batch z y x within the shape.");
+  m.def("suppress", &suppress, py::arg("boxes").noconvert(), py::arg("iou"), py::arg("limit"),
+        "(k,) int64, increasing: rows of boxes, (n, 7) float64, best first, that no kept one "
+        "overlaps by more than iou; k <= limit.");
+}
+
+}  // namespace infrasim

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace pointops {
+
+/// Greedy non-maximum suppression by the overlap of rotated footprints.
+/// @param boxes  7 * n, x y z dx dy dz heading, best first, finite
+/// @param iou    a box is left out if one that is kept overlaps it by more
+/// @param limit  how many to keep at most
+/// @return rows of boxes, increasing
+std::vector<std::int64_t> suppress(std::span<const double> boxes, double iou, std::int64_t limit);
+
+}  // namespace pointops

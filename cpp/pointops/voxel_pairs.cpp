@@ -1,0 +1,141 @@
+#include "pointops/voxel_pairs.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+
+namespace pointops {
+
+namespace {
+
+constexpr std::int64_t kWord = 64;
+
+/// A set of numbers below a limit that knows how many members are below each of them.
+class RankedSet {
+ public:
+  explicit RankedSet(std::int64_t limit)
+      : words_(static_cast<std::size_t>((limit + kWord - 1) / kWord)) {}
+
+  void insert(std::int64_t key) { words_[word(key)] |= std::uint64_t{1} << (key % kWord); }
+
+  /// Members in increasing order, at most so many; from here on rank() is right.
+  std::vector<std::int64_t> members(std::size_t at_most) {
+    std::vector<std::int64_t> keys;
+    keys.reserve(at_most);
+    before_.resize(words_.size());
+    for (std::size_t w = 0; w < words_.size(); ++w) {
+      before_[w] = static_cast<std::int32_t>(keys.size());
+      for (std::uint64_t left = words_[w]; left != 0; left &= left - 1)
+        keys.push_back(static_cast<std::int64_t>(w) * kWord + std::countr_zero(left));
+    }
+    return keys;
+  }
+
+  std::int64_t rank(std::int64_t member) const {
+    const std::uint64_t below = (std::uint64_t{1} << (member % kWord)) - 1;
+    return before_[word(member)] + std::popcount(words_[word(member)] & below);
+  }
+
+ private:
+  static std::size_t word(std::int64_t key) { return static_cast<std::size_t>(key / kWord); }
+
+  std::vector<std::uint64_t> words_;
+  std::vector<std::int32_t> before_;
+};
+
+struct Arrival {
+  std::int64_t offset;  ///< along one axis of the kernel
+  std::int64_t at;      ///< along that axis of the target
+};
+
+/// For each coordinate along one axis, where it arrives.
+class Arrivals {
+ public:
+  Arrivals(const Reach& reach, std::size_t axis) {
+    for (std::int64_t from = 0; from < reach.shape[axis]; ++from) {
+      starts_.push_back(all_.size());
+      for (std::int64_t offset = 0; offset < reach.kernel[axis]; ++offset) {
+        const std::int64_t moved = from + reach.padding[axis] - offset;
+        const std::int64_t at = moved / reach.stride[axis];
+        if (moved >= 0 && moved % reach.stride[axis] == 0 && at < reach.target_shape[axis])
+          all_.push_back({.offset = offset, .at = at});
+      }
+    }
+    starts_.push_back(all_.size());
+  }
+
+  std::span<const Arrival> of(std::int64_t coordinate) const {
+    const auto from = static_cast<std::size_t>(coordinate);
+    return std::span(all_).subspan(starts_[from], starts_[from + 1] - starts_[from]);
+  }
+
+ private:
+  std::vector<Arrival> all_;
+  std::vector<std::size_t> starts_;
+};
+
+}  // namespace
+
+VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps) {
+  VoxelPairs pairs;
+  for (const std::int64_t step : steps) {
+    const std::size_t before = pairs.inputs.size();
+    // Both sides increase, so one walk along them finds all pairs.
+    std::size_t input = 0;
+    for (std::size_t output = 0; output < keys.size(); ++output) {
+      const std::int64_t wanted = keys[output] + step;
+      while (input < keys.size() && keys[input] < wanted) ++input;
+      if (input == keys.size()) break;
+      if (keys[input] == wanted) {
+        pairs.inputs.push_back(static_cast<std::int64_t>(input));
+        pairs.outputs.push_back(static_cast<std::int64_t>(output));
+      }
+    }
+    pairs.counts.push_back(static_cast<std::int64_t>(pairs.inputs.size() - before));
+  }
+  return pairs;
+}
+
+ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Reach& reach) {
+  const auto& [shape, kernel, stride, padding, target] = reach;
+  const Arrivals along_z(reach, 0), along_y(reach, 1), along_x(reach, 2);
+  const std::size_t n = coordinates.size() / 4;
+  const auto for_each_pair = [&](const auto& visit) {
+    for (std::size_t row = 0; row < n; ++row) {
+      const std::int64_t* voxel = coordinates.data() + 4 * row;
+      for (const Arrival& z : along_z.of(voxel[1]))
+        for (const Arrival& y : along_y.of(voxel[2]))
+          for (const Arrival& x : along_x.of(voxel[3]))
+            visit(
+                static_cast<std::size_t>((z.offset * kernel[1] + y.offset) * kernel[2] + x.offset),
+                row, ((voxel[0] * target[0] + z.at) * target[1] + y.at) * target[2] + x.at);
+    }
+  };
+
+  ReachedVoxels result;
+  VoxelPairs& pairs = result.pairs;
+  pairs.counts.resize(static_cast<std::size_t>(kernel[0] * kernel[1] * kernel[2]));
+  for_each_pair([&](std::size_t offset, std::size_t, std::int64_t) { ++pairs.counts[offset]; });
+  std::vector<std::size_t> next;
+  std::size_t total = 0;
+  for (const std::int64_t count : pairs.counts) {
+    next.push_back(total);
+    total += static_cast<std::size_t>(count);
+  }
+
+  std::int64_t batches = 0;
+  for (std::size_t row = 0; row < n; ++row) batches = std::max(batches, coordinates[4 * row] + 1);
+  RankedSet reached(batches * target[0] * target[1] * target[2]);
+  pairs.inputs.resize(total);
+  pairs.outputs.resize(total);
+  for_each_pair([&](std::size_t offset, std::size_t row, std::int64_t key) {
+    pairs.inputs[next[offset]] = static_cast<std::int64_t>(row);
+    pairs.outputs[next[offset]++] = key;
+    reached.insert(key);
+  });
+  result.keys = reached.members(total);
+  for (std::int64_t& output : pairs.outputs) output = reached.rank(output);
+  return result;
+}
+
+}  // namespace pointops

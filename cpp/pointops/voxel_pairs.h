@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace pointops {
+
+/// Pairs of rows, grouped by the offset at which they meet.
+struct VoxelPairs {
+  std::vector<std::int64_t> inputs;
+  std::vector<std::int64_t> outputs;
+  std::vector<std::int64_t> counts;  ///< one per offset
+};
+
+/// Pairs of voxels whose keys differ by one of the steps.
+/// @param keys  increasing, no two equal; outputs and inputs are rows of it
+/// @return for each step the pairs with keys[input] = keys[output] + step, by increasing output
+VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps);
+
+/// How voxels of a grid reach those of a coarser one; along z, y, x.
+struct Reach {
+  std::array<std::int64_t, 3> shape;  ///< of the input
+  std::array<std::int64_t, 3> kernel;
+  std::array<std::int64_t, 3> stride;
+  std::array<std::int64_t, 3> padding;
+  std::array<std::int64_t, 3> target_shape;
+};
+
+struct ReachedVoxels {
+  VoxelPairs pairs;
+  std::vector<std::int64_t> keys;  ///< ((batch * Z + z) * Y + y) * X + x of each output, increasing
+};
+
+/// Every voxel that the kernel reaches from the inputs: stride * output = input + padding - offset.
+/// Takes a bit for each voxel of the target's grid up to the last batch.
+/// @param coordinates  4 * n, batch z y x, within the shape
+ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Reach& reach);
+
+}  // namespace pointops
