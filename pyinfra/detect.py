@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: pyinfra detect runs/pillars --data data/highway/ruby_plus "
         "--out runs/pillars/predictions"
     )
-    parser.add_argument("run", type=Path, help="folder of `pyinfra train`, or a model in it")
+    parser.add_argument("model", metavar="RUN", type=Path, help="folder of `pyinfra train`")
     parser.add_argument("cloud", nargs="*", type=Path, help=".bin files, x y z intensity")
     parser.add_argument("--data", type=Path, help="folder of a LiDAR; its val frames")
     parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
@@ -111,13 +111,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
-    detector = load_detector(args.run, device=args.device)
+    detector = load_detector(args.model, device=args.device)
     files = args.cloud
     if args.data is not None:
         numbers = frame_numbers(args.data, args.split)
         chosen = spread(numbers, args.frames) if args.frames else numbers
         files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
-        other = transfer(args.run, args.data)
+        other = transfer(args.model, args.data)
         if other and not args.allow_transfer:
             print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
     found, times = detect(detector, files, args.out)

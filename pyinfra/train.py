@@ -73,18 +73,18 @@ def train(
     """
     out.mkdir(parents=True, exist_ok=True)
     if recipe.detector == "background":
-        return _learn_background(sources, out)
+        return _learn_background(recipe, sources, out)
     return _train_network(recipe, sources, out, seed, device, quiet)
 
 
-def _learn_background(sources: Sequence[Source], out: Path) -> Path:
+def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> Path:
     if len(sources) != 1:
         raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
     (source,) = sources
     frames = spread(source.frames, BACKGROUND_FRAMES)
     clouds = [kitti.read_points(kitti.frame_file(source.folder, "velodyne", k)) for k in frames]
     file = out / "background.npz"
-    Background.learn(clouds).save(file)
+    Background.learn(clouds, recipe.network).save(file)
     return file
 
 

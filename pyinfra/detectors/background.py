@@ -55,7 +55,7 @@ _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZi
 
 
 @dataclass(frozen=True)
-class Settings:
+class Config:
     """What is background and what is one vehicle."""
 
     range_m: float = 120.0  # each way along x and y
@@ -67,7 +67,7 @@ class Settings:
     gap_along_m: float = 1.2  # and along it
 
 
-DEFAULT = Settings()
+DEFAULT = Config()
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +77,14 @@ class Background:
     Grids are square and centred on the sensor, first index along x.
     """
 
-    settings: Settings
+    settings: Config
     ground: Floats  # (n, n) z of the ground, metres
     permanent: Bools  # (n, n, layers of 1 m above the ground) where something always stands
     road: Floats  # (m, m, 2) mean cos, sin of twice the heading of traffic; its length is certainty
     expected: Floats  # (2,): ln of the points on a vehicle is [0] + [1] ln distance
 
     @classmethod
-    def learn(cls, frames: Sequence[Points], settings: Settings = DEFAULT) -> Background:
+    def learn(cls, frames: Sequence[Points], settings: Config = DEFAULT) -> Background:
         """frames: clouds (k, 4) of one sensor that stays where it is, spread over minutes.
 
         Vehicles may stand in the way for most of that time if the road is seen free once.
@@ -197,7 +197,7 @@ def _joined(parts: Sequence[_Rectangles]) -> _Rectangles:
     return _Rectangles(*(np.concatenate(column) for column in columns))
 
 
-def _usable(points: Points, s: Settings) -> Floats:
+def _usable(points: Points, s: Config) -> Floats:
     """(k, 3) x y z of the points that are finite and in range.
 
     Raises ValueError for an array of another shape.
@@ -209,38 +209,38 @@ def _usable(points: Points, s: Settings) -> Floats:
     return points[:, :3].take(np.flatnonzero(good), axis=0).astype(np.float32, copy=False)
 
 
-def _cells(s: Settings) -> int:
+def _cells(s: Config) -> int:
     return int(np.ceil(2 * s.range_m / s.cell_m))
 
 
-def _layers(s: Settings) -> int:
+def _layers(s: Config) -> int:
     return int(np.ceil(s.ceiling_m))
 
 
-def _road_cells(s: Settings) -> int:
+def _road_cells(s: Config) -> int:
     return int(np.ceil(2 * s.range_m / _ROAD_CELL_M))
 
 
-def _settings(values: FloatArray) -> Settings:
-    if values.shape != (len(fields(Settings)),):
-        raise ValueError(f"settings: found {values.shape}, allowed {len(fields(Settings))} numbers")
-    return Settings(*map(float, values))
+def _settings(values: FloatArray) -> Config:
+    if values.shape != (len(fields(Config)),):
+        raise ValueError(f"settings: found {values.shape}, allowed {len(fields(Config))} numbers")
+    return Config(*map(float, values))
 
 
-def _cell(cloud: Floats, s: Settings) -> npt.NDArray[np.int32]:
+def _cell(cloud: Floats, s: Config) -> npt.NDArray[np.int32]:
     """(k,) index into the grids of the ground, row by row."""
     index = ((cloud[:, :2] + np.float32(s.range_m)) * np.float32(1 / s.cell_m)).astype(np.int32)
     np.minimum(index, _cells(s) - 1, out=index)
     return index[:, 0] * np.int32(_cells(s)) + index[:, 1]
 
 
-def _centres(s: Settings) -> tuple[Floats, Floats]:
+def _centres(s: Config) -> tuple[Floats, Floats]:
     """x (n, 1) and y (1, n) of the cells of the ground."""
     at = ((np.arange(_cells(s)) + 0.5) * s.cell_m - s.range_m).astype(np.float32)
     return at[:, None], at[None]
 
 
-def _ground(clouds: Sequence[Floats], s: Settings) -> Floats:
+def _ground(clouds: Sequence[Floats], s: Config) -> Floats:
     """(n, n) z: the lowest return of each cell, unless it is only ever of vehicles.
 
     A cell whose lowest return is well above the plane of the road and not there in most frames is
@@ -261,7 +261,7 @@ def _ground(clouds: Sequence[Floats], s: Settings) -> Floats:
     return np.where(apart <= _NEIGHBOUR_M, z[i, j], plane).astype(np.float32)
 
 
-def _plane(lowest: Floats, share: Floats, s: Settings) -> Floats:
+def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
     """(n, n) z of the plane through the lowest returns of the cells that are seen most often.
 
     share: (n, n) of the frames that see a cell. Vehicles are seen seldom and only ever above.
@@ -285,7 +285,7 @@ def _plane(lowest: Floats, share: Floats, s: Settings) -> Floats:
     return np.asarray(fit[0] * x + fit[1] * y + fit[2], dtype=np.float32)
 
 
-def _permanent(clouds: Sequence[Floats], ground: Floats, s: Settings) -> Bools:
+def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> Bools:
     """(n, n, layers) True where most frames have a return above the ground."""
     n, layers = _cells(s), _layers(s)
     seen = np.zeros(n * n * layers, np.int32)
@@ -333,7 +333,7 @@ def _expected(found: _Rectangles) -> Floats:
     return np.array([y.mean() - slope * x.mean(), slope], np.float32)
 
 
-def _fit(cloud: Floats, height: Floats, road: Floats, s: Settings) -> _Rectangles:
+def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
     """Rectangles of the clusters of a cloud (k, 3) with heights (k,) above the ground."""
     if len(cloud) == 0:
         none = np.empty(0, np.float32)
@@ -369,7 +369,7 @@ def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
     return np.stack(mean, axis=1).astype(np.float32), owner
 
 
-def _clusters(xy: Floats, road: Floats, s: Settings) -> npt.NDArray[np.int32]:
+def _clusters(xy: Floats, road: Floats, s: Config) -> npt.NDArray[np.int32]:
     """(t,) label of the cluster of each point, from 0: neighbours in an ellipse along the road.
 
     The ellipse grows with the distance, as the gaps between rays do. Without a known direction it

@@ -124,4 +124,5 @@ def _in_box(points: Points, box: FloatArray, around_m: float) -> npt.NDArray[np.
     left = cos * offset[:, 1] - sin * offset[:, 0]
     half = box[3:6] / 2 + around_m
     inside = (np.abs(ahead) <= half[0]) & (np.abs(left) <= half[1])
-    return np.asarray(inside & (np.abs(offset[:, 2]) <= box[5] / 2))
+    above = offset[:, 2] + box[5] / 2  # the road ends below it
+    return np.asarray(inside & (above >= around_m) & (above <= box[5] + around_m))

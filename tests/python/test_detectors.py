@@ -1,0 +1,240 @@
+"""The learnt detectors: their parts, what they overfit, and what they do with bad clouds."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+
+from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
+
+from pyinfra import boxes as exact  # noqa: E402
+from pyinfra.detectors import Detections  # noqa: E402
+from pyinfra.detectors.anchors import (  # noqa: E402
+    AnchorConfig,
+    Anchors,
+    decode,
+    encode,
+    is_backwards,
+)
+from pyinfra.detectors.batch import Area, Sample, make_batch  # noqa: E402
+from pyinfra.detectors.catalogue import DETECTORS  # noqa: E402
+from pyinfra.detectors.centre_head import CentreHead  # noqa: E402
+from pyinfra.detectors.network import Network, one_thread  # noqa: E402
+from pyinfra.detectors.pillars import PillarEncoder  # noqa: E402
+from pyinfra.detectors.site import Site, site_of  # noqa: E402
+from pyinfra.training import checkpoint  # noqa: E402
+from pyinfra.training.recipe import read_recipe  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+LEARNT = [name for name, entry in DETECTORS.items() if entry.learnt]
+
+
+def network_of(name: str) -> Network:
+    recipe = read_recipe(ROOT / f"configs/detectors/{name}.yaml", "smoke")
+    torch.manual_seed(1)
+    return checkpoint.build(name, recipe.network, SITE)
+
+
+def overlaps(found: Detections, boxes: np.ndarray) -> list[float]:
+    """The best overlap of each box with a detection."""
+    if len(found) == 0:
+        return [0.0] * len(boxes)
+    return exact.bev_iou(boxes, found.boxes).max(axis=1).tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LEARNT)
+def test_overfits_one_frame_without_a_miss_or_a_ghost(name: str) -> None:
+    sample, network = road_sample(1), network_of(name)
+    batch = make_batch([sample], network.site.area)
+    optimizer = torch.optim.AdamW(network.parameters(), 0.003)
+    with one_thread():
+        for step in range(400):
+            network.train()
+            loss = torch.stack(list(network.losses(batch).values())).sum()
+            optimizer.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 10)
+            optimizer.step()
+            if step % 20 == 19:
+                found = network.eval().predict(sample.points)
+                good = len(found) == len(sample.boxes) and min(overlaps(found, sample.boxes)) > 0.7
+                if good:
+                    break
+    assert len(found) == len(sample.boxes)
+    assert min(overlaps(found, sample.boxes)) > 0.7
+    order = exact.bev_iou(sample.boxes, found.boxes).argmax(axis=1)
+    turn = np.abs(found.boxes[order, 6] - sample.boxes[:, 6]) % np.pi
+    assert (np.minimum(turn, np.pi - turn) < 0.1).all()
+
+
+@pytest.mark.parametrize("name", LEARNT)
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.empty((0, 4), np.float32),
+        np.array([[10, 0, -5, 0.5]], np.float32),
+        np.full((5, 4), np.nan, np.float32),
+        np.full((5, 4), np.inf, np.float32),
+        np.full((5, 4), 1e6, np.float32),
+        np.tile(np.array([[10, 0, -5, 0.5]], np.float32), (5000, 1)),
+    ],
+    ids=["empty", "one point", "nan", "inf", "out of the area", "duplicates"],
+)
+def test_odd_clouds_give_an_answer(name: str, points: np.ndarray) -> None:
+    before = points.copy()
+    found = network_of(name).eval().predict(points)
+    assert found.boxes.shape == (len(found), 7)
+    assert np.isfinite(found.boxes).all()
+    np.testing.assert_array_equal(points, before)
+
+
+@pytest.mark.parametrize("name", LEARNT)
+def test_points_that_are_not_finite_change_nothing(name: str) -> None:
+    network, points = network_of(name).eval(), road_sample(2).points
+    bad = np.concatenate([points, np.full((7, 4), np.nan, np.float32)])
+    bad[-1] = [10, 0, -5, np.inf]
+    np.testing.assert_array_equal(network.predict(points).boxes, network.predict(bad).boxes)
+
+
+@pytest.mark.parametrize("name", LEARNT)
+def test_a_frame_without_vehicles_is_a_valid_negative(name: str) -> None:
+    network, sample = network_of(name).train(), road_sample(3)
+    none = Sample(sample.points, np.empty((0, 7)))
+    for samples in ([none], [none, sample], [Sample(sample.points[:0], np.empty((0, 7))), sample]):
+        losses = network.losses(make_batch(samples, network.site.area))
+        total = torch.stack(list(losses.values())).sum()
+        assert torch.isfinite(total)
+        total.backward()
+    grads = [p.grad for p in network.parameters() if p.grad is not None]
+    assert grads
+    assert all(torch.isfinite(grad).all() for grad in grads)
+
+
+@pytest.mark.parametrize("name", LEARNT)
+def test_frames_of_a_batch_do_not_see_each_other(name: str) -> None:
+    network = network_of(name).eval()
+    clouds = [road_sample(seed).points for seed in (4, 5)]
+    together = network.find(clouds)
+    turned = network.find(clouds[::-1])[::-1]
+    alone = [network.predict(cloud) for cloud in clouds]
+    for a, b, c in zip(together, turned, alone, strict=True):
+        np.testing.assert_allclose(a.boxes, b.boxes, atol=1e-3)
+        np.testing.assert_allclose(a.scores, c.scores, atol=1e-4)
+
+
+def test_pillars_do_not_depend_on_the_order_of_points() -> None:
+    encoder = PillarEncoder(SITE.area, 0.4, 8).eval()
+    sample = road_sample(6)
+    shuffled = np.random.default_rng(1).permutation(sample.points)
+    canvases = [
+        encoder(make_batch([Sample(points, sample.boxes)], SITE.area))
+        for points in (sample.points, shuffled)
+    ]
+    torch.testing.assert_close(*canvases, atol=1e-5, rtol=0)
+
+
+def test_a_point_lands_in_the_pillar_around_it() -> None:
+    encoder = PillarEncoder(SITE.area, 0.4, 8)
+    for x, y in ((0.0, -12.8), (38.39, 12.79), (20.1, 0.3)):
+        points = np.array([[x, y, -5, 0.5]], np.float32)
+        batch = make_batch([Sample(points, np.empty((0, 7)))], SITE.area)
+        row, column = divmod(int(encoder.pillar_of(batch)), encoder.columns)
+        assert (row, column) == (int((y + 12.8) / 0.4 + 1e-6), int(x / 0.4 + 1e-6))
+
+
+@pytest.mark.parametrize("step", [0.8, 3.2, 5.0])
+def test_a_grown_area_holds_the_old_one_in_whole_cells(step: float) -> None:
+    area = Area((-107.7, -19.1, -7.0), (106.6, 19.2, -1.7))
+    grown = area.grown(step)
+    for axis in (0, 1):
+        assert grown.low[axis] <= area.low[axis]
+        assert grown.high[axis] >= area.high[axis]
+        cells = grown.size[axis] / step
+        assert cells == pytest.approx(round(cells), abs=1e-6)
+    assert (grown.low[2], grown.high[2]) == (area.low[2], area.high[2])
+
+
+def test_the_site_holds_every_vehicle_and_stands_on_the_road() -> None:
+    samples = [road_sample(seed) for seed in range(5)]
+    site = site_of([sample.boxes for sample in samples])
+    assert site.floor_z == pytest.approx(FLOOR_Z)
+    for sample in samples:
+        assert site.area.holds(sample.boxes[:, :3]).all()
+    with pytest.raises(ValueError, match="found no vehicle"):
+        site_of([np.empty((0, 7))])
+
+
+def test_residuals_of_anchors_round_trip_through_every_heading() -> None:
+    draw = torch.Generator().manual_seed(1)
+    boxes = torch.rand(200, 7, generator=draw) * torch.tensor([30.0, 20, 2, 8, 3, 3, 0]) + 0.5
+    boxes[:, 6] = torch.linspace(-math.pi, math.pi - 1e-3, 200)
+    anchors = boxes[torch.randperm(200, generator=draw)].clone()
+    anchors[:, 6] = torch.tensor([0.0, math.pi / 2]).repeat(100)
+    found = decode(encode(boxes, anchors), anchors, is_backwards(boxes[:, 6]))
+    torch.testing.assert_close(found[:, :6], boxes[:, :6], atol=1e-4, rtol=1e-4)
+    turn = (found[:, 6] - boxes[:, 6] + math.pi) % (2 * math.pi) - math.pi
+    assert turn.abs().max() < 1e-4
+
+
+def test_anchors_match_by_the_exact_overlap_of_upright_footprints() -> None:
+    anchors = Anchors(AnchorConfig(), SITE, 0.8, (32, 48))
+    boxes = torch.from_numpy(road_sample(7).boxes).float()
+    boxes[:, 6] = torch.tensor([0.0, math.pi / 2, math.pi, -math.pi / 2])
+    found = anchors.axis_aligned_iou(boxes)
+    flat = anchors.boxes.flatten(0, 2)[::97].double().numpy()
+    wanted = exact.bev_iou(flat, boxes.double().numpy())
+    np.testing.assert_allclose(found.flatten(0, 2)[::97].numpy(), wanted, atol=1e-5)
+    targets = anchors.targets(boxes)
+    assert set(targets.box[targets.positive].tolist()) == {0, 1, 2, 3}
+    assert not (targets.positive & targets.negative).any()
+
+
+def test_a_vehicle_of_no_anchors_size_still_gets_one() -> None:
+    anchors = Anchors(AnchorConfig(), SITE, 0.8, (32, 48))
+    motorcycle = torch.tensor([[20.0, 0.3, -5.3, 2.2, 0.8, 1.4, 0.4]])
+    assert anchors.targets(motorcycle).positive.any()
+
+
+def test_a_centre_survives_its_cell_and_has_all_the_heat() -> None:
+    head = CentreHead(4, 4, SITE, 0.8)
+    boxes = torch.from_numpy(road_sample(8).boxes).float()
+    row, column = head.cells_of(boxes)
+    torch.testing.assert_close(
+        head.decode(head.encode(boxes, row, column), row, column), boxes, atol=1e-4, rtol=1e-4
+    )
+    heat = head.heat_of(boxes, (32, 48))
+    assert (heat[row, column] == 1).all()
+    assert heat.max() == 1
+    assert (heat == 1).sum() == len(boxes)
+
+
+def test_detectors_are_given_by_name_and_class() -> None:
+    for name, entry in DETECTORS.items():
+        config = ROOT / f"configs/detectors/{name}.yaml"
+        assert config.is_file()
+        if entry.learnt:
+            for tier in ("smoke", "quick", "full"):
+                read_recipe(config, tier)  # type: ignore[arg-type]
+
+
+def test_another_site_is_another_grid(tmp_path: Path) -> None:
+    small = dataclasses.replace(SITE, area=Area((0.0, -5.0, -7.0), (20.0, 5.0, -1.0)))
+    recipe = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
+    network = checkpoint.build("pointpillars", recipe.network, small)
+    assert isinstance(network.site, Site)
+    assert network.eval().predict(road_sample(9).points).boxes.shape[1] == 7
+
+
+def test_networks_answer_the_same_twice() -> None:
+    answers: list[Callable[[], Detections]] = []
+    for name in LEARNT:
+        network, points = network_of(name).eval(), road_sample(10).points
+        answers.append(lambda n=network, p=points: n.predict(p))  # type: ignore[misc]
+    for answer in answers:
+        np.testing.assert_array_equal(answer().boxes, answer().boxes)

@@ -1,0 +1,307 @@
+"""A training goes on after a kill as if nothing had been, and says what went wrong."""
+
+import dataclasses
+import json
+import pickle
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+
+from detector_data import road_sample  # noqa: E402
+from safetensors.torch import load_file, save_file  # noqa: E402
+
+from pyinfra import cli, detect, kitti, train  # noqa: E402
+from pyinfra.config import ConfigError  # noqa: E402
+from pyinfra.training import checkpoint, loop  # noqa: E402
+from pyinfra.training.recipe import Recipe, read_recipe  # noqa: E402
+from pyinfra.training.samples import (  # noqa: E402
+    Augmentation,
+    augmented,
+    moved,
+    points_in,
+    with_pasted,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / "configs/detectors/centerpoint-pillar.yaml"
+LIDAR = """\
+name: "ring"
+model: "Ring"
+preset: "paper"
+price_total_usd: {low: 100, high: 200}
+period_s: 0.1
+T_world_levelled: {x_m: 0, y_m: 0, z_m: 6, yaw_deg: 0}
+T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}
+field_of_view:
+  - {yaw_deg: 0, pitch_deg: 0, azimuth_deg: [-180, 180], elevation_deg: [-25, 15],
+     range_m: [0, 100]}
+"""
+FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def lidar_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Frames of a made-up road, split."""
+    folder = tmp_path_factory.mktemp("data") / "road/ring"
+    folder.mkdir(parents=True)
+    (folder / "lidar.yaml").write_text(LIDAR)
+    for frame in range(FRAMES):
+        sample = road_sample(frame)
+        labels = kitti.Labels(np.full(len(sample.boxes), "Car"), sample.boxes, None)
+        kitti.write_frame(folder, frame, sample.points, labels)
+    (folder / "ImageSets").mkdir()
+    for part, numbers in (("train", range(8)), ("val", range(8, FRAMES))):
+        text = "".join(f"{k:06d}\n" for k in numbers)
+        (folder / f"ImageSets/{part}.txt").write_text(text)
+    return folder
+
+
+def recipe(steps: int = 6) -> Recipe:
+    found = read_recipe(CONFIG, "smoke")
+    augmentation = Augmentation(flip=True, rotation_deg=5, scale=0.05, pasted=3)
+    learning = dataclasses.replace(found.learning, steps=steps)
+    return dataclasses.replace(found, learning=learning, augmentation=augmentation)
+
+
+def run(folder: Path, out: Path, steps: int = 6) -> Path:
+    return train.train(recipe(steps), [train.read_source(folder, "smoke")], out, quiet=True)
+
+
+@pytest.fixture(scope="module")
+def trained(lidar_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("run")
+    run(lidar_folder, out)
+    return out
+
+
+def test_a_killed_run_goes_on_to_the_same_weights(
+    lidar_folder: Path, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Killed(BaseException):
+        pass
+
+    real, calls = loop.batch_of, []
+
+    def dies(*words: object) -> object:
+        calls.append(words)
+        if len(calls) > 3:
+            raise Killed
+        return real(*words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(loop, "batch_of", dies)
+    with pytest.raises(Killed):
+        run(lidar_folder, tmp_path)
+    monkeypatch.setattr(loop, "batch_of", real)
+    run(lidar_folder, tmp_path)
+    ours, theirs = (load_file(folder / "last.safetensors") for folder in (tmp_path, trained))
+    assert ours.keys() == theirs.keys()
+    for name, tensor in ours.items():
+        assert torch.equal(tensor, theirs[name]), name
+    log = pd.read_csv(tmp_path / "log.csv")
+    assert log.step.tolist() == [1, 2, 3, 4, 5, 6]
+    kept = pd.read_csv(trained / "log.csv")
+    np.testing.assert_array_equal(log.loss, kept.loss)
+
+
+def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> None:
+    before = (trained / "last.safetensors").read_bytes()
+    run(lidar_folder, trained)
+    assert (trained / "last.safetensors").read_bytes() == before
+
+
+def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
+    with pytest.raises(ConfigError, match="found another run: steps differ"):
+        run(lidar_folder, trained, steps=7)
+
+
+def test_a_loss_that_is_no_number_stops_with_the_step_and_the_checkpoint(
+    lidar_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = loop.set_rate
+
+    def explodes(optimizer: torch.optim.Optimizer, learning: object, step: int) -> float:
+        rate = real(optimizer, learning, step)  # type: ignore[arg-type]
+        if step == 3:
+            for group in optimizer.param_groups:
+                group["lr"] = float("inf")
+        return rate
+
+    monkeypatch.setattr(loop, "set_rate", explodes)
+    with pytest.raises(loop.TrainingDiverged, match=r"step 4: the loss is nan.*last.safetensors"):
+        run(lidar_folder, tmp_path)
+
+
+def test_the_rate_rises_falls_and_spans_all_steps() -> None:
+    optimizer = torch.optim.AdamW([torch.nn.Parameter(torch.zeros(1))])
+    learning = recipe(100).learning
+    rates = np.array([loop.set_rate(optimizer, learning, step) for step in range(100)])
+    assert rates.argmax() == 40
+    assert rates.max() == pytest.approx(learning.rate)
+    assert rates[0] == pytest.approx(learning.rate / 10)
+    assert rates[-1] < learning.rate / 500
+    assert (np.diff(rates[:41]) > 0).all()
+    assert (np.diff(rates[40:]) < 0).all()
+
+
+def test_a_full_disk_leaves_the_checkpoint_that_was_there(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "last.safetensors"
+    shutil.copy(trained / "last.safetensors", file)
+    found = checkpoint.load(file)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint, "save_file", full)
+    with pytest.raises(OSError, match="No space left"):
+        checkpoint.save(file, found.network(), {}, found.about)
+    assert checkpoint.load(file).about == found.about
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def changed(file: Path, out: Path, **keys: object) -> Path:
+    """A copy of a checkpoint that says something else of itself."""
+    tensors = load_file(file)
+    length = int.from_bytes(file.read_bytes()[:8], "little")
+    header = json.loads(file.read_bytes()[8 : 8 + length])
+    about = yaml.safe_load(header["__metadata__"]["about"]) | keys
+    save_file(tensors, out, metadata={"about": yaml.safe_dump(about)})
+    return out
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"format": 2}, "format: found '2', allowed '1'"),
+        ({"convention": "y up"}, "convention: found 'y up', allowed 'levelled LiDAR"),
+        ({"detector": "unknown"}, "detector: found 'unknown', allowed background"),
+        ({"step": "many"}, "step: found 'many', allowed a whole number"),
+        ({"network": {"pillar_m": 0.4, "pillar_width": 8}}, "size mismatch"),
+    ],
+)
+def test_a_checkpoint_of_something_else_is_refused(
+    trained: Path, tmp_path: Path, keys: dict[str, object], message: str
+) -> None:
+    file = changed(trained / "last.safetensors", tmp_path / "c.safetensors", **keys)
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        checkpoint.load(file).network()
+
+
+def test_what_is_no_checkpoint_is_named_and_never_run(tmp_path: Path) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[Callable[..., object], tuple[str]]:
+            return (Path.touch, (tmp_path / "ran",))  # type: ignore[return-value]
+
+    for text in (pickle.dumps(Bomb()), b"", b"text", bytes(100)):
+        (tmp_path / "bad.safetensors").write_bytes(text)
+        with pytest.raises(ConfigError, match=r"bad.safetensors: found no"):
+            checkpoint.load(tmp_path / "bad.safetensors")
+    assert not (tmp_path / "ran").exists()
+    with pytest.raises(FileNotFoundError):
+        checkpoint.load(tmp_path / "none")
+
+
+def test_no_vehicle_in_the_whole_training_set_is_an_error(tmp_path: Path) -> None:
+    folder = tmp_path / "road/ring"
+    folder.mkdir(parents=True)
+    (folder / "lidar.yaml").write_text(LIDAR)
+    none = kitti.Labels(np.empty(0, dtype=np.str_), np.empty((0, 7)), None)
+    for frame in range(2):
+        kitti.write_frame(folder, frame, road_sample(frame).points, none)
+    (folder / "ImageSets").mkdir()
+    (folder / "ImageSets/train.txt").write_text("000000\n000001\n")
+    with pytest.raises(ValueError, match="found no vehicle in the training frames"):
+        run(folder, tmp_path / "out")
+
+
+def test_detect_writes_results_that_evaluate_reads(
+    lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["detect", str(trained), "--data", str(lidar_folder), "--out", str(tmp_path / "pred")]
+    assert cli.main(words) == 0
+    assert "4 frames" in capsys.readouterr().out
+    names = sorted(file.name for file in (tmp_path / "pred").iterdir())
+    assert names == [f"{k:06d}.txt" for k in range(8, FRAMES)]
+    for name in names:
+        kitti.read_labels(tmp_path / "pred" / name, scores=True)
+    cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
+    assert cli.main(["detect", str(trained), str(cloud)]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert rows[0] == "file,class,x,y,z,dx,dy,dz,heading,score"
+    labels = kitti.read_labels(tmp_path / "pred/000009.txt", scores=True)
+    assert len(rows) == 1 + len(labels)
+
+
+def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
+    lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "road/other"
+    shutil.copytree(lidar_folder, other)
+    (other / "lidar.yaml").write_text(LIDAR.replace('"ring"', '"star"').replace("paper", "equal"))
+    assert detect.transfer(trained, lidar_folder) == ""
+    words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
+    assert cli.main(words) == 0
+    expected = "LiDAR star (learnt on ring), preset equal (learnt on paper); --allow-transfer"
+    assert expected in capsys.readouterr().err
+    assert cli.main([*words, "--allow-transfer"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--tier", "huge"], "invalid choice"),
+        (["--budget", "0"], "--budget: found 0, allowed above 0"),
+        (["--data", "nowhere"], "nowhere/lidar.yaml: No such file"),
+    ],
+)
+def test_wrong_words_are_one_line(
+    lidar_folder: Path,
+    tmp_path: Path,
+    words: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    given = ["train", str(CONFIG), "--data", str(lidar_folder), "--out", str(tmp_path / "o")]
+    try:
+        code = cli.main([*given, *words])
+    except SystemExit as end:
+        code = int(str(end.code))
+    assert code in (1, 2)
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
+
+
+def test_moved_points_stay_in_their_boxes() -> None:
+    sample = road_sample(11)
+    for turn, scale, flip in ((0.3, 1.05, False), (-2.0, 0.95, True), (0.0, 1.0, True)):
+        after = moved(sample, turn=turn, scale=scale, flip=flip)
+        for a, b in zip(sample.boxes, after.boxes, strict=True):
+            assert len(points_in(after.points, b)) == pytest.approx(
+                len(points_in(sample.points, a)), abs=8
+            )
+
+
+def test_pasted_vehicles_bring_their_points_and_stand_on_nobody() -> None:
+    how = Augmentation(pasted=10)
+    sample, other = road_sample(12, 2), road_sample(13, 6)
+    found = with_pasted(sample, other, how, np.random.default_rng(1))
+    assert len(sample.boxes) < len(found.boxes) <= 8
+    from pyinfra.boxes import bev_iou
+
+    overlap = bev_iou(found.boxes, found.boxes) - np.eye(len(found.boxes))
+    assert np.abs(overlap).max() < 1e-9
+    for box in found.boxes:
+        assert len(points_in(found.points, box)) >= 100
+    same = augmented(sample, None, Augmentation(), np.random.default_rng(1))
+    np.testing.assert_array_equal(same.points, sample.points)
