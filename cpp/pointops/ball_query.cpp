@@ -77,6 +77,10 @@ Balls ball_query(std::span<const float> points, std::span<const float> centres, 
                  std::int64_t limit) {
   if (!(radius > 0)) throw std::invalid_argument("radius: allowed above 0");
   if (limit < 1) throw std::invalid_argument("limit: allowed at least 1");
+  const auto finite = [](float v) { return std::isfinite(v); };
+  if (!std::all_of(points.begin(), points.end(), finite) ||
+      !std::all_of(centres.begin(), centres.end(), finite))
+    throw std::invalid_argument("points, centres: found a value that is not finite");
   const std::size_t balls = centres.size() / 3, most = static_cast<std::size_t>(limit);
   Balls result;
   result.rows.assign(balls * most, 0);

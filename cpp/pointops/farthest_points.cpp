@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <numeric>
@@ -13,7 +14,7 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-constexpr std::size_t kGroup = 64;  // points: few enough to skip often, enough to loop fast
+constexpr std::size_t kGroup = 128;  // points: few enough to skip often, enough to loop fast
 
 /// Points in groups that are close together, with the distance to what is chosen so far.
 struct Groups {
@@ -117,6 +118,8 @@ std::size_t farthest_position(const Groups& groups) {
 
 std::vector<std::int64_t> farthest_points(std::span<const float> xyz, std::int64_t count) {
   if (xyz.empty()) throw std::invalid_argument("xyz: found no points, allowed at least one");
+  if (!std::all_of(xyz.begin(), xyz.end(), [](float v) { return std::isfinite(v); }))
+    throw std::invalid_argument("xyz: found a value that is not finite");
   Groups groups = grouped(xyz);
   std::vector<std::int64_t> chosen;
   Point point{xyz[0], xyz[1], xyz[2]};

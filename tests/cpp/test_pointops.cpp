@@ -34,7 +34,7 @@ float squared_distance(const std::vector<float>& a, std::size_t i, const std::ve
 }
 
 TEST(farthest_points, are_those_of_the_plain_loop) {
-  for (const std::size_t n : {1U, 2U, 63U, 64U, 65U, 1000U}) {
+  for (const std::size_t n : {1U, 2U, 127U, 128U, 129U, 2000U}) {
     const auto xyz = points_on_a_grid(n, 1);
     std::vector<float> apart(n, std::numeric_limits<float>::infinity());
     Rows expected;
@@ -53,6 +53,7 @@ TEST(farthest_points, begin_again_when_all_are_taken) {
   EXPECT_EQ(farthest_points(xyz, 5), (Rows{0, 2, 1, 0, 0}));
   EXPECT_EQ(farthest_points(xyz, 0), Rows{});
   EXPECT_THROW(farthest_points({}, 3), std::invalid_argument);
+  EXPECT_THROW(farthest_points(std::vector<float>{0, NAN, 0}, 3), std::invalid_argument);
 }
 
 TEST(ball_query, finds_what_a_loop_over_all_points_finds) {
@@ -80,6 +81,9 @@ TEST(ball_query, takes_centres_far_away_and_no_points) {
   EXPECT_EQ(ball_query(points, points, 1, 2).rows, (Rows{0, 0}));
   EXPECT_EQ(ball_query({}, points, 1, 2).empty, std::vector<std::uint8_t>{1});
   EXPECT_TRUE(ball_query(points, {}, 1, 2).rows.empty());
+  const std::vector<float> unknown{0, NAN, 0}, endless{0, 0, INFINITY};
+  EXPECT_THROW(ball_query(unknown, points, 1, 2), std::invalid_argument);
+  EXPECT_THROW(ball_query(points, endless, 1, 2), std::invalid_argument);
   EXPECT_THROW(ball_query(points, points, 0, 2), std::invalid_argument);
   EXPECT_THROW(ball_query(points, points, 1, 0), std::invalid_argument);
 }

@@ -541,6 +541,9 @@ def test_points_of_another_shape_or_type_are_errors() -> None:
     for wrong in (torch.zeros(5, 4), torch.zeros(5, 3, dtype=torch.float64), torch.zeros(3)):
         with pytest.raises(ValueError, match=r"allowed \(n, 3\) torch.float32"):
             points.farthest_points(wrong, 2)
+    unknown = torch.tensor([[0.0, 1, 2], [0, torch.nan, 0]])
+    with pytest.raises(ValueError, match="not finite"):
+        points.ball_query(unknown, unknown[:1], 1, 2)
 
 
 @needs_gpu

@@ -1,7 +1,7 @@
 """Sampling and search of points, as the networks on points need them (Qi et al., PointNet++, 2017).
 
-Coordinates are (n, 3) float32, finite, metres; those of one cloud, as clouds of a batch differ in
-size. Searches have no gradient; rows are int64.
+Coordinates are (n, 3) float32, metres; those of one cloud, as clouds of a batch differ in
+size. Searches have no gradient and raise ValueError for what is not finite; rows are int64.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
         raise ValueError("xyz: found no points, allowed at least one")
     if kernels is not None and xyz.device.type == "cpu":
         return torch.from_numpy(kernels.farthest_points(xyz.contiguous().numpy(), k))
-    x, y, z = xyz.t().contiguous()
+    columns = xyz.t().contiguous()  # (3, n)
     chosen = torch.zeros(k, dtype=torch.int64, device=xyz.device)
-    apart = torch.full_like(x, torch.inf)
+    apart = torch.full_like(columns[0], torch.inf)
     for count in range(1, k):
-        last = chosen[count - 1]
-        torch.minimum(apart, _squared(x - x[last], y - y[last], z - z[last]), out=apart)
+        # By a slice and not a number, which a GPU would have to wait for.
+        last = columns.index_select(1, chosen[count - 1 : count])  # (3, 1)
+        torch.minimum(apart, _squared(*(columns - last)), out=apart)
         chosen[count] = apart.argmax()
     return chosen
 
@@ -166,3 +167,5 @@ def _check(xyz: Tensor) -> None:
     if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype != torch.float32:
         found = f"{tuple(xyz.shape)} {xyz.dtype}"
         raise ValueError(f"points: found {found}, allowed (n, 3) torch.float32")
+    if not xyz.isfinite().all():
+        raise ValueError("points: found a value that is not finite")
