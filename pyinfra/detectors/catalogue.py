@@ -15,5 +15,7 @@ class Entry:
 DETECTORS = {
     "background": Entry("pyinfra.detectors.background", "Background", learnt=False),
     "pointpillars": Entry("pyinfra.detectors.pointpillars", "PointPillars"),
+    "pointrcnn": Entry("pyinfra.detectors.pointrcnn", "PointRCNN"),
+    "pointrcnn-remedied": Entry("pyinfra.detectors.pointrcnn", "PointRCNN"),
     "centerpoint-pillar": Entry("pyinfra.detectors.centerpoint_pillar", "CenterPointPillar"),
 }
