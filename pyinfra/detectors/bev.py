@@ -31,13 +31,14 @@ class BevConfig:
 class BevNetwork(nn.Module):
     """(B, C, H, W) -> (B, blocks * up_width, H / s, W / s), s the first stride."""
 
-    def __init__(self, config: BevConfig, channels: int) -> None:
+    def __init__(self, config: BevConfig, channels: int, *, residual: bool = False) -> None:
         super().__init__()
+        layer = Residual if residual else conv
         self.blocks, self.ups = nn.ModuleList(), nn.ModuleList()
         factor = 1
         for i, (n, width) in enumerate(zip(config.layers, config.widths, strict=True)):
             stride = config.strides[i]
-            layers = [conv(channels, width, stride), *(conv(width, width) for _ in range(n))]
+            layers = [layer(channels, width, stride), *(layer(width, width) for _ in range(n))]
             self.blocks.append(nn.Sequential(*layers))
             factor *= stride if i > 0 else 1
             up = nn.ConvTranspose2d(width, config.up_width, factor, factor, bias=False)
@@ -57,6 +58,22 @@ def conv(channels: int, width: int, stride: int = 1) -> nn.Sequential:
     """3 x 3 convolution, batch norm, ReLU."""
     layer = nn.Conv2d(channels, width, 3, stride, padding=1, bias=False)
     return nn.Sequential(layer, norm(width), nn.ReLU())
+
+
+class Residual(nn.Module):
+    """Two 3 x 3 convolutions with a way around them (He et al., CVPR 2016)."""
+
+    def __init__(self, channels: int, width: int, stride: int = 1) -> None:
+        super().__init__()
+        second = nn.Conv2d(width, width, 3, padding=1, bias=False)
+        self.through = nn.Sequential(*conv(channels, width, stride), second, norm(width))
+        self.around: nn.Module = nn.Identity()
+        if stride != 1 or channels != width:
+            straight = nn.Conv2d(channels, width, 1, stride, bias=False)
+            self.around = nn.Sequential(straight, norm(width))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.relu(self.through(x) + self.around(x))
 
 
 def norm(width: int) -> nn.BatchNorm2d:

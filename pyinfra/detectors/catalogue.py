@@ -18,4 +18,5 @@ DETECTORS = {
     "pointrcnn": Entry("pyinfra.detectors.pointrcnn", "PointRCNN"),
     "pointrcnn-remedied": Entry("pyinfra.detectors.pointrcnn", "PointRCNN"),
     "centerpoint-pillar": Entry("pyinfra.detectors.centerpoint_pillar", "CenterPointPillar"),
+    "dsvt": Entry("pyinfra.detectors.dsvt", "Dsvt"),
 }

@@ -27,11 +27,11 @@ class CentreHead(nn.Module):
         super().__init__()
         self.site, self.cell_m = site, cell_m
         self.shared = conv(channels, width)
-        self.heat = start_rare(nn.Conv2d(width, 1, 3, padding=1))
-        self.box = nn.Conv2d(width, BOX, 3, padding=1)
+        self.heat: nn.Module = start_rare(nn.Conv2d(width, 1, 3, padding=1))
+        self.box: nn.Module = nn.Conv2d(width, BOX, 3, padding=1)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Heat as logits (B, H, W), and boxes (B, H, W, 8)."""
+        """Heat as logits (B, H, W), and boxes (B, H, W, 8); a subclass may add to the 8."""
         x = self.shared(x)
         return self.heat(x)[:, 0], self.box(x).permute(0, 2, 3, 1)
 
@@ -45,11 +45,13 @@ class CentreHead(nn.Module):
         every = torch.cat(boxes)
         row, column = self.cells_of(every)
         at = found[frame, row, column]  # (k, 8)
-        box = (at - self.encode(every, row, column)).abs().sum()
-        return {
-            "heat": heat_map_focal(logits, heat) / count,
-            "box": BOX_WEIGHT * box / count / BOX * 2,
-        }
+        parts = {"heat": heat_map_focal(logits, heat), **self.box_losses(at, every, row, column)}
+        return {name: part / count for name, part in parts.items()}
+
+    def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
+        """Summed over the boxes (k, 7), each with what was found at its centre (k, 8)."""
+        box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum()
+        return {"box": BOX_WEIGHT * box / BOX * 2}
 
     def cells_of(self, boxes: Tensor) -> tuple[Tensor, Tensor]:
         """Row and column (k,) of the boxes' centres."""
@@ -103,5 +105,10 @@ class CentreHead(nn.Module):
             score = (heat[i] * peak[i]).flatten()
             best = score.topk(min(CANDIDATES, len(score)))
             row, column = best.indices // heat.shape[2], best.indices % heat.shape[2]
-            found.append((self.decode(boxes[i, row, column], row, column), best.values))
+            at = boxes[i, row, column]
+            found.append((self.decode(at, row, column), self.score(best.values, at)))
         return found
+
+    def score(self, heat: Tensor, at: Tensor) -> Tensor:
+        """(k,) of peaks with this heat (k,) and what was found at them (k, 8)."""
+        return heat

@@ -16,27 +16,45 @@ class PillarEncoder(nn.Module):
     """Points (n, 4) -> canvas (B, width, H, W); row = y, column = x.
 
     Of each point: x y z intensity, offset to the mean of its pillar (3), offset to the middle of
-    the pillar (3); a linear layer, batch norm, ReLU, the maximum over the pillar.
+    the pillar (3); a linear layer, batch norm, ReLU, the maximum over the pillar. With more than
+    one layer, each but the last is half as wide and hands on a point's features and the pillar's.
     """
 
     FEATURES = 10
 
-    def __init__(self, area: Area, pillar_m: float, width: int) -> None:
+    def __init__(self, area: Area, pillar_m: float, width: int, layers: int = 1) -> None:
         super().__init__()
         self.area, self.pillar_m, self.width = area, pillar_m, width
         self.columns, self.rows = (round(area.size[axis] / pillar_m) for axis in (0, 1))
-        self.linear = nn.Linear(self.FEATURES, width, bias=False)
-        self.norm = nn.BatchNorm1d(width, eps=1e-3)
+        inputs = [self.FEATURES, *[2 * (width // 2)] * (layers - 1)]
+        self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
+        self.linear, self.norm = _layer(inputs[-1], width)
 
     def forward(self, batch: Batch) -> Tensor:
-        cells = batch.size * self.rows * self.columns
-        canvas = batch.points.new_zeros(cells, self.width)
-        if len(batch.points) > 0:
-            pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-            features = self.point_features(batch, pillar, member)  # (n, 10)
-            canvas = canvas.index_put((pillar,), self.pooled(features, member, len(pillar)))
-        shape = (batch.size, self.rows, self.columns, self.width)
+        return self.canvas(*self.occupied(batch), batch.size)
+
+    def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
+        """Of the p pillars with a point: features (p, width) and ascending number (p,)."""
+        pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
+        if len(pillar) == 0:
+            return batch.points.new_zeros(0, self.width), pillar
+        features = self.point_features(batch, pillar, member)  # (n, 10)
+        for layer in self.before:
+            found = torch.relu(layer(features))  # (n, width / 2)
+            features = torch.cat([found, _most(found, member, len(pillar))[member]], dim=1)
+        return self.pooled(features, member, len(pillar)), pillar
+
+    def canvas(self, features: Tensor, pillar: Tensor, frames: int) -> Tensor:
+        """(B, width, H, W): the features (p, width) in their places, 0 elsewhere."""
+        shape = (frames, self.rows, self.columns, self.width)
+        canvas = features.new_zeros(frames * self.rows * self.columns, self.width)
+        canvas = canvas.index_put((pillar,), features)
         return canvas.view(shape).permute(0, 3, 1, 2)  # channels last in memory
+
+    def cells_of(self, pillar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Frame, row and column (p,) of pillars by number."""
+        row = pillar // self.columns
+        return row // self.rows, row % self.rows, pillar % self.columns
 
     def pillar_of(self, batch: Batch) -> Tensor:
         """(n,) number of each point's pillar on the canvas."""
@@ -66,6 +84,14 @@ class PillarEncoder(nn.Module):
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
         """(p, width): the largest of each feature over the points of a pillar."""
-        found = torch.relu(self.norm(self.linear(features)))
-        index = member[:, None].expand_as(found)
-        return found.new_zeros(pillars, self.width).scatter_reduce(0, index, found, "amax")
+        return _most(torch.relu(self.norm(self.linear(features))), member, pillars)
+
+
+def _layer(inputs: int, width: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(inputs, width, bias=False), nn.BatchNorm1d(width, eps=1e-3))
+
+
+def _most(found: Tensor, member: Tensor, pillars: int) -> Tensor:
+    """(p, C): the largest of each feature (n, C), 0 or more, over the points of a pillar."""
+    index = member[:, None].expand_as(found)
+    return found.new_zeros(pillars, found.shape[1]).scatter_reduce(0, index, found, "amax")
