@@ -19,4 +19,5 @@ DETECTORS = {
     "pointrcnn-remedied": Entry("pyinfra.detectors.pointrcnn", "PointRCNN"),
     "centerpoint-pillar": Entry("pyinfra.detectors.centerpoint_pillar", "CenterPointPillar"),
     "dsvt": Entry("pyinfra.detectors.dsvt", "Dsvt"),
+    "pv-rcnn": Entry("pyinfra.detectors.pv_rcnn", "PvRcnn"),
 }

@@ -1,0 +1,245 @@
+"""PV-RCNN: what key points see, how grids turn with proposals, what the second stage changes."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+
+from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
+
+from pyinfra import boxes as exact  # noqa: E402
+from pyinfra.detectors.batch import Batch, Sample, make_batch  # noqa: E402
+from pyinfra.detectors.pv_rcnn import (  # noqa: E402
+    FOREGROUND_IOU,
+    RADII,
+    Config,
+    Proposals,
+    PvRcnn,
+    SetAbstraction,
+    best_overlap,
+    corner_loss,
+    foreground_loss,
+    grid_corners,
+    grid_points,
+    is_around,
+    refined,
+    refinement_losses,
+    spread_by_overlap,
+    wanted_residuals,
+)
+from pyinfra.detectors.voxel_backbone import Cloud, RowNorm  # noqa: E402
+from pyinfra.training import checkpoint  # noqa: E402
+from pyinfra.training.recipe import read_recipe  # noqa: E402
+
+CONFIG = Path(__file__).resolve().parents[2] / "configs/detectors/pv-rcnn.yaml"
+
+
+def network(**changes: object) -> PvRcnn:
+    torch.manual_seed(1)
+    config = dataclasses.replace(read_recipe(CONFIG, "smoke").network, **changes)
+    return PvRcnn(config, SITE).eval()
+
+
+def some_boxes(count: int) -> torch.Tensor:
+    draw = torch.Generator().manual_seed(count)
+    low = torch.tensor([5.0, -10, -6, 1, 1, 1, -math.pi])
+    high = torch.tensor([35.0, 10, -4, 9, 3, 3, math.pi])
+    return low + torch.rand(count, 7, generator=draw) * (high - low)
+
+
+def features_of(net: PvRcnn, batch: Batch, xyz: torch.Tensor) -> torch.Tensor:
+    """Of the raw points alone, at key points xyz."""
+    raw = Cloud(batch.points[:, :3].contiguous(), batch.points[:, 3:], batch.frame)
+    return net.key_points.sources[0](raw, xyz, torch.zeros(len(xyz), dtype=torch.int64), 1)
+
+
+@torch.inference_mode()
+def test_a_key_point_sees_the_raw_points_near_it_and_no_other() -> None:
+    net, sample = network(), road_sample(1)
+    key = torch.tensor([[20.0, 5.0, FLOOR_Z], [10.0, -8.0, FLOOR_Z]])
+    near, far = np.array([20.1, 5.2, FLOOR_Z, 0.5]), np.array([20.1, 7.2, FLOOR_Z, 0.5])
+
+    def seen(point: np.ndarray) -> torch.Tensor:
+        points = np.concatenate([point[None], sample.points]).astype(np.float32)
+        return features_of(net, make_batch([Sample(points, sample.boxes)], SITE.area), key)
+
+    moved = np.array([0.1, -0.1, 0.3, 0])
+    assert np.linalg.norm(far[:3] - key[0].numpy()) > max(RADII[0])
+    before = seen(near)
+    assert (seen(near + moved)[0] - before[0]).abs().max() > 1e-4
+    torch.testing.assert_close(seen(near + moved)[1], before[1])
+    torch.testing.assert_close(seen(far + moved), seen(far))
+
+
+@torch.inference_mode()
+def test_key_points_of_a_frame_do_not_see_another_frame() -> None:
+    layer = SetAbstraction(1, (1.0,), 4, 8).eval()
+    xyz = torch.zeros(2, 3)
+    cloud = Cloud(xyz, torch.tensor([[0.1], [0.9]]), torch.tensor([0, 2]))
+    found = layer(cloud, torch.zeros(3, 3), torch.tensor([0, 1, 2]), 3)
+    alone = layer(Cloud(xyz[:1], cloud.features[:1], cloud.frame[:1]), xyz[:1], cloud.frame[:1], 1)
+    torch.testing.assert_close(found[:1], alone)
+    assert (found[1] == 0).all()
+    assert (found[2] != found[0]).any()
+
+
+@torch.inference_mode()
+def test_the_canvas_at_the_middle_of_a_cell_is_that_cell() -> None:
+    net = network()
+    rows, columns = net.backbone.grid
+    canvas = torch.rand(2, 3, rows, columns)
+    low, cell = torch.tensor(net.site.area.low[:2]), net.site.area.size[0] / columns
+    xyz = torch.tensor([[7.5, 4.5, 0], [8.0, 4.5, 0]])
+    xyz[:, :2] = low + xyz[:, :2] * cell
+    found = net.key_points.seen_from_above(canvas, xyz, torch.tensor([0, 1]))
+    torch.testing.assert_close(found[0], canvas[0, :, 4, 7], atol=1e-4, rtol=1e-4)
+    between = (canvas[1, :, 4, 7] + canvas[1, :, 4, 8]) / 2
+    torch.testing.assert_close(found[1], between, atol=1e-4, rtol=1e-4)
+
+
+@torch.inference_mode()
+def test_the_middle_of_a_voxel_is_near_its_points() -> None:
+    net = network()
+    points = np.array([[20.11, 5.32, -5.3, 0.5]], np.float32)
+    levels, canvas = net.backbone(make_batch([Sample(points, np.empty((0, 7)))], net.site.area))
+    assert canvas.shape == (1, net.backbone.channels, *net.backbone.grid)
+    for level, (along, _, up) in zip(levels, net.backbone.strides, strict=True):
+        reach = np.array([along * 0.2, along * 0.2, up * 0.25])  # of a voxel of this level
+        apart = (level.xyz - torch.from_numpy(points[:, :3])).abs().numpy()
+        assert (apart.min(axis=0) <= reach).all()
+        assert (apart <= 2 * reach).all()
+
+
+def test_grid_points_turn_with_the_proposal_and_fill_it() -> None:
+    boxes = some_boxes(20)
+    turned = boxes.clone()
+    turned[:, 6] += 0.7
+    before, after = grid_points(boxes, 6), grid_points(turned, 6)
+    assert before.shape == (20, 216, 3)
+    offset, found = before - boxes[:, None, :3], after - boxes[:, None, :3]
+    cos, sin = math.cos(0.7), math.sin(0.7)
+    wanted = torch.stack(
+        [
+            cos * offset[..., 0] - sin * offset[..., 1],
+            sin * offset[..., 0] + cos * offset[..., 1],
+            offset[..., 2],
+        ],
+        dim=-1,
+    )
+    torch.testing.assert_close(found, wanted, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(before.mean(dim=1), boxes[:, :3], atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(  # the diagonal from the first to the last point
+        (before[:, 0] - before[:, -1]).norm(dim=1), boxes[:, 3:6].norm(dim=1) * 5 / 6
+    )
+
+
+def test_corners_are_those_of_the_box() -> None:
+    boxes = some_boxes(5)
+    upright = torch.cat([torch.zeros(5, 3), boxes[:, 3:6], torch.zeros(5, 1)], dim=1)
+    found = grid_corners(upright)
+    torch.testing.assert_close(found.abs(), (boxes[:, None, 3:6] / 2).expand(-1, 8, -1))
+    assert all(len(torch.unique(corners.sign(), dim=0)) == 8 for corners in found)
+    apart = torch.cdist(grid_corners(boxes), grid_corners(boxes))
+    torch.testing.assert_close(apart, torch.cdist(found, found), atol=1e-4, rtol=1e-4)
+
+
+def test_no_residuals_give_the_proposals() -> None:
+    boxes = some_boxes(50)
+    torch.testing.assert_close(refined(boxes, torch.zeros(50, 7)), boxes, atol=0, rtol=0)
+
+
+def test_wanted_residuals_lead_to_the_vehicles_up_to_half_a_turn() -> None:
+    boxes, own = some_boxes(60), some_boxes(61)[:60]
+    residuals = wanted_residuals(boxes, own)
+    assert (residuals[:, 6].abs() <= math.pi / 2 + 1e-5).all()
+    found = refined(boxes, residuals)
+    torch.testing.assert_close(found[:, :6], own[:, :6], atol=1e-4, rtol=1e-4)
+    half_turns = (found[:, 6] - own[:, 6]) / math.pi
+    assert (half_turns - half_turns.round()).abs().max() < 1e-4
+    assert corner_loss(found, own).max() < 1e-6
+
+
+def test_the_second_stage_has_nothing_to_correct_on_the_vehicles_themselves() -> None:
+    boxes = torch.from_numpy(road_sample(2).boxes).float()
+    parts = refinement_losses(torch.full((4,), 20.0), torch.zeros(4, 7), [boxes], (boxes,))
+    assert all(part < 1e-6 for part in parts.values())
+    unsure = refinement_losses(torch.zeros(4), torch.zeros(4, 7), [boxes + 0.2], (boxes,))
+    assert all(part > 0 for part in unsure.values())
+
+
+def test_the_best_overlap_is_the_exact_one() -> None:
+    boxes, own = some_boxes(40), some_boxes(9)
+    overlap, row = best_overlap(boxes, own)
+    wanted = exact.iou_3d(boxes.double().numpy(), own.double().numpy())
+    np.testing.assert_allclose(overlap.numpy(), wanted.max(axis=1), atol=1e-4)
+    hit = overlap.numpy() > 0
+    np.testing.assert_array_equal(row.numpy()[hit], wanted.argmax(axis=1)[hit])
+
+
+def test_what_is_learnt_from_is_half_on_vehicles_at_most() -> None:
+    overlap = torch.linspace(1, 0, 200)
+    rows = spread_by_overlap(overlap, 64)
+    assert len(rows) == len(rows.unique()) == 64
+    assert (overlap[rows] >= FOREGROUND_IOU).sum() == 32
+    assert (overlap[rows] < 0.1).sum() == 32 - int(32 * 0.8)
+    assert len(spread_by_overlap(torch.zeros(200), 64)) == 64
+    assert len(spread_by_overlap(torch.full((200,), 0.3), 64)) == 64
+    assert len(spread_by_overlap(torch.zeros(0), 64)) == 0
+
+
+def test_key_points_lie_around_proposals_where_asked_for() -> None:
+    sample = road_sample(3)
+    batch = make_batch([sample], SITE.area)
+    boxes = torch.from_numpy(sample.boxes).float()
+    raw = Cloud(batch.points[:, :3].contiguous(), batch.points[:, 3:], batch.frame)
+    proposals = Proposals(boxes, torch.zeros(len(boxes), dtype=torch.int64))
+    around = network(around_m=1.0).rows_of_key_points(raw, proposals, 1)
+    anywhere = network(around_m=0.0).rows_of_key_points(raw, proposals, 1)
+    assert len(around.unique()) == len(anywhere.unique()) == 512
+    assert is_around(raw.xyz[around], boxes, 1.0).all()
+    assert not is_around(raw.xyz[anywhere], boxes, 1.0).all()
+    none = Proposals(boxes[:0], proposals.frame[:0])
+    assert len(network(around_m=1.0).rows_of_key_points(raw, none, 1)) == 0
+
+
+def test_key_points_just_outside_a_vehicle_do_not_count() -> None:
+    box = torch.tensor([[10.0, 0, -5, 4, 2, 2, 0]])
+    xyz = torch.tensor([[10.0, 0, -5], [12.05, 0, -5], [14.0, 0, -5]])
+    key = Cloud(xyz, torch.zeros(3, 1), torch.zeros(3, dtype=torch.int64))
+    sure = torch.tensor([9.0, 0, -9.0])
+    assert foreground_loss(key, sure, (box,)) < 1e-3
+    assert foreground_loss(key, -sure, (box,)) > 1
+    assert foreground_loss(key, sure, (box[:0],)).isfinite()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+@pytest.mark.parametrize("around_m", [0.0, 1.0])
+def test_clouds_with_fewer_points_than_key_points_are_learnt_from(
+    count: int, around_m: float
+) -> None:
+    net, sample = network(around_m=around_m).train(), road_sample(4)
+    few = Sample(sample.points[len(sample.points) - count :], sample.boxes)
+    losses = net.losses(make_batch([few], SITE.area))
+    total = torch.stack(list(losses.values())).sum()
+    assert torch.isfinite(total)
+    total.backward()
+    assert all(torch.isfinite(p.grad).all() for p in net.parameters() if p.grad is not None)
+
+
+def test_one_row_is_normed_by_what_was_seen_before() -> None:
+    layer = RowNorm(3).train()
+    row = torch.tensor([[1.0, 2, 3]])
+    before = layer.running_mean.clone()
+    torch.testing.assert_close(layer(row), row, atol=1e-2, rtol=1e-2)
+    assert layer(row[:0]).shape == (0, 3)
+    torch.testing.assert_close(layer.running_mean, before)
+
+
+def test_the_published_network_is_the_default() -> None:
+    net = checkpoint.build("pv-rcnn", Config(), SITE)
+    millions = sum(p.numel() for p in net.parameters()) / 1e6
+    assert 12 < millions < 15
