@@ -8,10 +8,9 @@ Deviations: all points of a voxel count; x y z enter the first layer as -1 to 1 
 (voxel_backbone.py); padding along the height in every strided layer, as areas differ in height;
 anchors of two sizes and one class that stand on the site's floor (anchors.py); 512 proposals enter
 the suppression; second-stage boxes are chosen evenly instead of at random and there is no dropout,
-so that a run repeats; a ball without points says 0 after its layers and not before them; frames
-with few points have as few key points. With `around_m`, key points are taken only
-around proposals, as in PV-RCNN++ (Shi et al., IJCV 2023): over a road of 200 m farthest points
-spread so thinly that a car has one.
+so that a run repeats; balls and frames with few points are not filled up (pointnet.py). With
+`around_m`, key points are taken only around proposals, as in PV-RCNN++ (Shi et al., IJCV 2023):
+over a road of 200 m farthest points spread so thinly that a car has one.
 """
 
 from __future__ import annotations
@@ -30,10 +29,11 @@ from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
 from pyinfra.detectors.losses import focal, smooth_l1
 from pyinfra.detectors.network import Losses, Network
 from pyinfra.detectors.ops.boxes import iou_3d_pairs, nms
-from pyinfra.detectors.ops.points import ball_query, box_of_points, farthest_points
+from pyinfra.detectors.ops.points import box_of_points
+from pyinfra.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled
 from pyinfra.detectors.pointpillars import AnchorHead
 from pyinfra.detectors.site import Site
-from pyinfra.detectors.voxel_backbone import Cloud, RowNorm, VoxelBackbone
+from pyinfra.detectors.voxel_backbone import VoxelBackbone
 
 # Metres around a key point: raw points, then the levels of voxels; and around a grid point.
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
@@ -74,87 +74,45 @@ class Config:
     head_width: int = ruled(256, 1, 2048)
 
 
-@dataclass(frozen=True, eq=False)
-class Proposals:
-    """Boxes of some frames, under one another."""
-
-    boxes: Tensor  # (r, 7)
-    frame: Tensor  # (r,) int64, ascending
-
-
-class SetAbstraction(nn.Module):
-    """What the points in the balls around centres say (Qi et al., PointNet++, NeurIPS 2017).
-
-    The first layer of a ball's points, offsets from the centre and features, is a sum of both
-    parts: that of the features is found once for a point and not once for a ball.
-    """
-
-    def __init__(self, channels: int, radii: tuple[float, ...], most: int, width: int) -> None:
-        super().__init__()
-        self.radii, self.most, self.width = radii, most, width
-        self.features = nn.ModuleList(nn.Linear(channels, width, bias=False) for _ in radii)
-        self.offset = nn.ModuleList(nn.Linear(3, width, bias=False) for _ in radii)
-        self.rest = nn.ModuleList(
-            nn.Sequential(RowNorm(width), nn.ReLU(), *_rows(width, width)) for _ in radii
-        )
-
-    def forward(self, cloud: Cloud, xyz: Tensor, frame: Tensor, frames: int) -> Tensor:
-        """Around centres xyz (m, 3) of frames (m,): (m, radii * width), 0 for an empty ball."""
-        found = []
-        layers = zip(self.radii, self.features, self.offset, self.rest, strict=True)
-        for radius, features, offset, rest in layers:
-            rows, empty = neighbours(cloud, xyz, frame, frames, radius, self.most)
-            some = (~empty).nonzero()[:, 0]  # (s,)
-            rows = rows[some].flatten()  # (s k,)
-            away = cloud.xyz[rows] - xyz[some].repeat_interleave(self.most, dim=0)
-            deep = rest(features(cloud.features)[rows] + offset(away))  # (s k, width)
-            best = deep.view(len(some), self.most, self.width).max(dim=1).values
-            found.append(best.new_zeros(len(xyz), self.width).index_copy(0, some, best))
-        return torch.cat(found, dim=1)
-
-
 class KeyPoints(nn.Module):
     """Key points -> features (m, key_width), weighted by how much they belong to a vehicle."""
 
     def __init__(self, config: Config, area: Area, canvas_channels: int) -> None:
         super().__init__()
         self.area = area
-        channels = (1, *config.widths)  # of raw points and of the levels
-        widths = (config.widths[0], *config.widths)
-        self.sources = nn.ModuleList(
-            SetAbstraction(c, radii, config.neighbours, width)
-            for c, radii, width in zip(channels, RADII, widths, strict=True)
-        )
-        gathered = 2 * sum(widths) + canvas_channels
-        self.fuse = _rows(gathered, config.key_width)
-        self.foreground = nn.Sequential(
-            _rows(gathered, config.head_width, config.head_width), nn.Linear(config.head_width, 1)
-        )
+        widths = (config.widths[0], *config.widths)  # of raw points and the levels
+        sources = [
+            SetAbstraction(channels, _balls(radii, config.neighbours, width))
+            for channels, radii, width in zip((1, *config.widths), RADII, widths, strict=True)
+        ]
+        self.sources = nn.ModuleList(sources)
+        gathered = canvas_channels + sum(source.channels for source in sources)
+        self.fuse = mlp(gathered, [config.key_width])
+        width = config.head_width
+        self.foreground = nn.Sequential(mlp(gathered, [width, width]), nn.Linear(width, 1))
 
     def forward(
-        self, clouds: list[Cloud], canvas: Tensor, xyz: Tensor, frame: Tensor
-    ) -> tuple[Cloud, Tensor]:
+        self, clouds: list[Clouds], canvas: Tensor, xyz: Tensor, counts: list[int]
+    ) -> tuple[Clouds, Tensor]:
         """clouds: raw points and the levels; returns the key points (m,) and logits (m,)."""
-        frames = len(canvas)
         found = [
-            source(cloud, xyz, frame, frames)
+            source(cloud, xyz, counts).features
             for source, cloud in zip(self.sources, clouds, strict=True)
         ]
-        gathered = torch.cat([*found, self.seen_from_above(canvas, xyz, frame)], dim=1)
+        gathered = torch.cat([*found, self.seen_from_above(canvas, xyz, counts)], dim=1)
         logits: Tensor = self.foreground(gathered)[:, 0]
         features = self.fuse(gathered) * torch.sigmoid(logits)[:, None]
-        return Cloud(xyz, features, frame), logits
+        return Clouds(xyz, features, counts), logits
 
-    def seen_from_above(self, canvas: Tensor, xyz: Tensor, frame: Tensor) -> Tensor:
+    def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: list[int]) -> Tensor:
         """(m, C): the canvas (B, C, H, W) at the key points, between the middles of its cells."""
         low, size = xyz.new_tensor(self.area.low[:2]), xyz.new_tensor(self.area.size[:2])
         at = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
-        parts = _by_frame(at, frame, len(canvas))
         found = [
             functional.grid_sample(
                 canvas[i : i + 1], part[None, None], padding_mode="border", align_corners=False
             )[0, :, 0].t()
-            for i, part in enumerate(parts)
+            for i, part in enumerate(at.split_with_sizes(counts))
             if len(part)
         ]
         return torch.cat([canvas.new_zeros(0, canvas.shape[1]), *found])
@@ -166,23 +124,23 @@ class Refinement(nn.Module):
     def __init__(self, config: Config) -> None:
         super().__init__()
         self.grid = config.grid
-        self.pool = SetAbstraction(
-            config.key_width, GRID_RADII, config.neighbours, config.grid_width
-        )
-        pooled, width = config.grid**3 * len(GRID_RADII) * config.grid_width, config.head_width
-        self.shared = _rows(pooled, width, width)
-        self.score = nn.Sequential(_rows(width, width, width), nn.Linear(width, 1))
+        balls = _balls(GRID_RADII, config.neighbours, config.grid_width)
+        self.pool = SetAbstraction(config.key_width, balls)
+        pooled, width = config.grid**3 * self.pool.channels, config.head_width
+        self.shared = mlp(pooled, [width, width])
+        self.score = nn.Sequential(mlp(width, [width, width]), nn.Linear(width, 1))
         last = nn.Linear(width, 7)
         nn.init.normal_(last.weight, std=0.001)
         nn.init.zeros_(last.bias)
-        self.box = nn.Sequential(_rows(width, width, width), last)
+        self.box = nn.Sequential(mlp(width, [width, width]), last)
 
-    def forward(self, key: Cloud, proposals: Proposals, frames: int) -> tuple[Tensor, Tensor]:
-        places = grid_points(proposals.boxes, self.grid)  # (r, g, 3)
-        frame = proposals.frame.repeat_interleave(places.shape[1])
-        found = self.pool(key, places.flatten(0, 1), frame, frames)  # (r g, c)
+    def forward(self, key: Clouds, boxes: Tensor, counts: list[int]) -> tuple[Tensor, Tensor]:
+        """boxes: (r, 7) of the proposals, counts: of each frame."""
+        places = grid_points(boxes, self.grid)  # (r, g, 3)
+        each = places.shape[1]
+        found = self.pool(key, places.flatten(0, 1), [each * n for n in counts]).features
         # Not -1: its size is unknown where there is no proposal.
-        x = self.shared(found.reshape(len(places), places.shape[1] * found.shape[1]))
+        x = self.shared(found.reshape(len(places), each * found.shape[1]))
         return self.score(x)[:, 0], self.box(x)
 
 
@@ -219,21 +177,20 @@ class PvRcnn(Network):
             boxes[spread_by_overlap(best_overlap(boxes, own)[0], self.config.proposals)]
             for boxes, own in zip(found, batch.boxes, strict=True)
         ]
-        proposals = _stacked(chosen)
-        key, logits = self.gather(batch, levels, canvas, proposals)
-        scores, residuals = self.refinement(key, proposals, batch.size)
+        key, logits = self.gather(batch, levels, canvas, chosen)
+        scores, residuals = self.refinement(key, torch.cat(chosen), [len(b) for b in chosen])
         second = refinement_losses(scores, residuals, chosen, batch.boxes)
         return {**first, "point": foreground_loss(key, logits, batch.boxes), **second}
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         levels, canvas = self.backbone(batch)
         found = self.proposals(self.bev(canvas), FOUND_NMS_IOU)
-        proposals = _stacked([boxes[: self.config.proposals] for boxes in found])
-        key, _ = self.gather(batch, levels, canvas, proposals)
-        scores, residuals = self.refinement(key, proposals, batch.size)
-        boxes = refined(proposals.boxes, residuals)
-        parts = (_by_frame(x, proposals.frame, batch.size) for x in (boxes, torch.sigmoid(scores)))
-        return list(zip(*parts, strict=True))
+        found = [boxes[: self.config.proposals] for boxes in found]
+        key, _ = self.gather(batch, levels, canvas, found)
+        proposed, counts = torch.cat(found), [len(boxes) for boxes in found]
+        scores, residuals = self.refinement(key, proposed, counts)
+        boxes = refined(proposed, residuals).split_with_sizes(counts)
+        return list(zip(boxes, torch.sigmoid(scores).split_with_sizes(counts), strict=True))
 
     @torch.no_grad()
     def proposals(self, x: Tensor, iou: float) -> list[Tensor]:
@@ -246,45 +203,34 @@ class PvRcnn(Network):
         return found
 
     def gather(
-        self, batch: Batch, levels: list[Cloud], canvas: Tensor, proposals: Proposals
-    ) -> tuple[Cloud, Tensor]:
+        self, batch: Batch, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
+    ) -> tuple[Clouds, Tensor]:
         """The key points with their features, and logits (m,) of being on a vehicle."""
-        raw = Cloud(batch.points[:, :3].contiguous(), batch.points[:, 3:], batch.frame)
-        rows = self.rows_of_key_points(raw, proposals, batch.size)
-        key: tuple[Cloud, Tensor] = self.key_points(
-            [raw, *levels], canvas, raw.xyz[rows], raw.frame[rows]
-        )
+        raw = raw_points(batch)
+        rows, counts = self.rows_of_key_points(raw, proposals)
+        key: tuple[Clouds, Tensor] = self.key_points([raw, *levels], canvas, raw.xyz[rows], counts)
         return key
 
     @torch.no_grad()
-    def rows_of_key_points(self, raw: Cloud, proposals: Proposals, frames: int) -> Tensor:
-        """(m,): of each frame as many far points as wanted, or all that there are."""
-        found, start = [raw.frame[:0]], 0
-        boxes = _by_frame(proposals.boxes, proposals.frame, frames)
-        for i, xyz in enumerate(_by_frame(raw.xyz, raw.frame, frames)):
-            rows = torch.arange(len(xyz), device=xyz.device)
-            if self.config.around_m > 0:
-                rows = rows[is_around(xyz, boxes[i], self.config.around_m)]
-            if len(rows) > self.config.key_points:
-                rows = rows[farthest_points(xyz[rows], self.config.key_points)]
-            found.append(start + rows)
-            start += len(xyz)
-        return torch.cat(found)
+    def rows_of_key_points(self, raw: Clouds, proposals: list[Tensor]) -> tuple[Tensor, list[int]]:
+        """(m,): of each frame as many far points as wanted, or all that there are; the counts."""
+        kept, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
+        if self.config.around_m > 0:
+            near = [
+                is_around(xyz, boxes, self.config.around_m)
+                for xyz, boxes in zip(raw.xyz.split_with_sizes(counts), proposals, strict=True)
+            ]
+            kept, counts = torch.cat(near).nonzero()[:, 0], [int(part.sum()) for part in near]
+        rows, counts = sampled(
+            Clouds(raw.xyz[kept], raw.features[kept], counts), self.config.key_points
+        )
+        return kept[rows], counts
 
 
-def neighbours(
-    cloud: Cloud, xyz: Tensor, frame: Tensor, frames: int, radius: float, k: int
-) -> tuple[Tensor, Tensor]:
-    """As `ball_query`, each frame for itself; rows (m, k) of the whole cloud, and (m,) empty."""
-    rows, none = [frame.new_zeros(0, k)], [frame.new_zeros(0, dtype=torch.bool)]
-    start = 0
-    points = _by_frame(cloud.xyz, cloud.frame, frames)
-    for own, centres in zip(points, _by_frame(xyz, frame, frames), strict=True):
-        found, empty = ball_query(own, centres, radius, k)
-        rows.append(start + found)
-        none.append(empty)
-        start += len(own)
-    return torch.cat(rows), torch.cat(none)
+def raw_points(batch: Batch) -> Clouds:
+    """With the intensity as feature."""
+    counts = torch.bincount(batch.frame, minlength=batch.size).tolist()
+    return Clouds(batch.points[:, :3].contiguous(), batch.points[:, 3:], counts)
 
 
 def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
@@ -385,10 +331,10 @@ def grid_corners(boxes: Tensor) -> Tensor:
     return middle + 2 * (grid_points(boxes, 2) - middle)
 
 
-def foreground_loss(key: Cloud, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
+def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
     """Focal loss of the key points on vehicles; those just outside do not count."""
     on, near = [logits.new_zeros(0, dtype=torch.bool)], [logits.new_zeros(0, dtype=torch.bool)]
-    for xyz, own in zip(_by_frame(key.xyz, key.frame, len(boxes)), boxes, strict=True):
+    for xyz, own in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
         wider = own + own.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])
         on.append(box_of_points(xyz, own) >= 0)
         near.append(box_of_points(xyz, wider) >= 0)
@@ -398,13 +344,8 @@ def foreground_loss(key: Cloud, logits: Tensor, boxes: tuple[Tensor, ...]) -> Te
     return loss / target.sum().clamp(min=1)
 
 
-def _rows(channels: int, *widths: int) -> nn.Sequential:
-    """Linear layers over rows (n, channels), each with batch norm and ReLU."""
-    layers: list[nn.Module] = []
-    for width in widths:
-        layers += [nn.Linear(channels, width, bias=False), RowNorm(width), nn.ReLU()]
-        channels = width
-    return nn.Sequential(*layers)
+def _balls(radii: tuple[float, ...], most: int, width: int) -> list[Ball]:
+    return [Ball(radius, most, (width, width)) for radius in radii]
 
 
 def _turned(xyz: Tensor, heading: Tensor) -> Tensor:
@@ -418,14 +359,3 @@ def _evenly(rows: Tensor, most: int) -> Tensor:
     if len(rows) <= most:
         return rows
     return rows[torch.arange(most, device=rows.device) * len(rows) // most]
-
-
-def _by_frame(x: Tensor, frame: Tensor, frames: int) -> tuple[Tensor, ...]:
-    """The rows (n, ...) of each frame; frame: (n,) ascending."""
-    return x.split_with_sizes(torch.bincount(frame, minlength=frames).tolist())
-
-
-def _stacked(boxes: list[Tensor]) -> Proposals:
-    counts = torch.tensor([len(own) for own in boxes], device=boxes[0].device)
-    frame = torch.repeat_interleave(torch.arange(len(boxes), device=counts.device), counts)
-    return Proposals(torch.cat(boxes), frame)

@@ -10,37 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
 from pyinfra.detectors.batch import Area, Batch
 from pyinfra.detectors.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
-
-
-@dataclass(frozen=True, eq=False)
-class Cloud:
-    """Places with features of some frames, under one another."""
-
-    xyz: Tensor  # (n, 3) metres, levelled LiDAR frame
-    features: Tensor  # (n, c)
-    frame: Tensor  # (n,) int64, ascending
-
-
-class RowNorm(nn.BatchNorm1d):
-    """Batch norm of rows; of less than two, which have no spread, by what it has seen before."""
-
-    def __init__(self, width: int) -> None:
-        super().__init__(width, eps=1e-3)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """(n, c) to (n, c)."""
-        if len(x) > 1 or not self.training:
-            return super().forward(x)
-        return nn.functional.batch_norm(
-            x, self.running_mean, self.running_var, self.weight, self.bias, eps=self.eps
-        )
+from pyinfra.detectors.pointnet import Clouds, Norm
 
 
 class SparseBlock(nn.Module):
@@ -48,7 +24,7 @@ class SparseBlock(nn.Module):
 
     def __init__(self, convolution: SubmanifoldConv3d | SparseConv3d, width: int) -> None:
         super().__init__()
-        self.convolution, self.norm = convolution, RowNorm(width)
+        self.convolution, self.norm = convolution, Norm(width)
 
     def forward(self, x: SparseTensor) -> SparseTensor:
         x = self.convolution(x)
@@ -96,7 +72,7 @@ class VoxelBackbone(nn.Module):
         self.channels = canvas_width * depth
         self.grid = rows // along[-1], columns // along[-1]  # of the canvas
 
-    def forward(self, batch: Batch) -> tuple[list[Cloud], Tensor]:
+    def forward(self, batch: Batch) -> tuple[list[Clouds], Tensor]:
         x, levels = self.voxels(batch), []
         for level, stride in zip(self.levels, self.strides, strict=True):
             x = level(x)
@@ -121,11 +97,12 @@ class VoxelBackbone(nn.Module):
         coordinates = torch.stack([above // depth, above % depth, y, x], dim=1)
         return SparseTensor(mean, coordinates, self.shape, batch.size)
 
-    def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Cloud:
+    def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
         """The voxels as points in their middles; stride: along x, y, z."""
         low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
         at = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
-        return Cloud(low + at * size, x.features, x.coordinates[:, 0])
+        counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()
+        return Clouds(low + at * size, x.features, counts)
 
 
 def _halving(channels: int, width: int, key: str, stride: int) -> SparseConv3d:

@@ -13,25 +13,24 @@ from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
 from pyinfra import boxes as exact  # noqa: E402
 from pyinfra.detectors.batch import Batch, Sample, make_batch  # noqa: E402
+from pyinfra.detectors.pointnet import Clouds  # noqa: E402
 from pyinfra.detectors.pv_rcnn import (  # noqa: E402
     FOREGROUND_IOU,
     RADII,
     Config,
-    Proposals,
     PvRcnn,
-    SetAbstraction,
     best_overlap,
     corner_loss,
     foreground_loss,
     grid_corners,
     grid_points,
     is_around,
+    raw_points,
     refined,
     refinement_losses,
     spread_by_overlap,
     wanted_residuals,
 )
-from pyinfra.detectors.voxel_backbone import Cloud, RowNorm  # noqa: E402
 from pyinfra.training import checkpoint  # noqa: E402
 from pyinfra.training.recipe import read_recipe  # noqa: E402
 
@@ -53,8 +52,7 @@ def some_boxes(count: int) -> torch.Tensor:
 
 def features_of(net: PvRcnn, batch: Batch, xyz: torch.Tensor) -> torch.Tensor:
     """Of the raw points alone, at key points xyz."""
-    raw = Cloud(batch.points[:, :3].contiguous(), batch.points[:, 3:], batch.frame)
-    return net.key_points.sources[0](raw, xyz, torch.zeros(len(xyz), dtype=torch.int64), 1)
+    return net.key_points.sources[0](raw_points(batch), xyz, [len(xyz)]).features
 
 
 @torch.inference_mode()
@@ -76,18 +74,6 @@ def test_a_key_point_sees_the_raw_points_near_it_and_no_other() -> None:
 
 
 @torch.inference_mode()
-def test_key_points_of_a_frame_do_not_see_another_frame() -> None:
-    layer = SetAbstraction(1, (1.0,), 4, 8).eval()
-    xyz = torch.zeros(2, 3)
-    cloud = Cloud(xyz, torch.tensor([[0.1], [0.9]]), torch.tensor([0, 2]))
-    found = layer(cloud, torch.zeros(3, 3), torch.tensor([0, 1, 2]), 3)
-    alone = layer(Cloud(xyz[:1], cloud.features[:1], cloud.frame[:1]), xyz[:1], cloud.frame[:1], 1)
-    torch.testing.assert_close(found[:1], alone)
-    assert (found[1] == 0).all()
-    assert (found[2] != found[0]).any()
-
-
-@torch.inference_mode()
 def test_the_canvas_at_the_middle_of_a_cell_is_that_cell() -> None:
     net = network()
     rows, columns = net.backbone.grid
@@ -95,7 +81,7 @@ def test_the_canvas_at_the_middle_of_a_cell_is_that_cell() -> None:
     low, cell = torch.tensor(net.site.area.low[:2]), net.site.area.size[0] / columns
     xyz = torch.tensor([[7.5, 4.5, 0], [8.0, 4.5, 0]])
     xyz[:, :2] = low + xyz[:, :2] * cell
-    found = net.key_points.seen_from_above(canvas, xyz, torch.tensor([0, 1]))
+    found = net.key_points.seen_from_above(canvas, xyz, [1, 1])
     torch.testing.assert_close(found[0], canvas[0, :, 4, 7], atol=1e-4, rtol=1e-4)
     between = (canvas[1, :, 4, 7] + canvas[1, :, 4, 8]) / 2
     torch.testing.assert_close(found[1], between, atol=1e-4, rtol=1e-4)
@@ -195,21 +181,21 @@ def test_key_points_lie_around_proposals_where_asked_for() -> None:
     sample = road_sample(3)
     batch = make_batch([sample], SITE.area)
     boxes = torch.from_numpy(sample.boxes).float()
-    raw = Cloud(batch.points[:, :3].contiguous(), batch.points[:, 3:], batch.frame)
-    proposals = Proposals(boxes, torch.zeros(len(boxes), dtype=torch.int64))
-    around = network(around_m=1.0).rows_of_key_points(raw, proposals, 1)
-    anywhere = network(around_m=0.0).rows_of_key_points(raw, proposals, 1)
+    raw = raw_points(batch)
+    around, counts = network(around_m=1.0).rows_of_key_points(raw, [boxes])
+    anywhere, _ = network(around_m=0.0).rows_of_key_points(raw, [boxes])
     assert len(around.unique()) == len(anywhere.unique()) == 512
+    assert counts == [512]
     assert is_around(raw.xyz[around], boxes, 1.0).all()
     assert not is_around(raw.xyz[anywhere], boxes, 1.0).all()
-    none = Proposals(boxes[:0], proposals.frame[:0])
-    assert len(network(around_m=1.0).rows_of_key_points(raw, none, 1)) == 0
+    none, counts = network(around_m=1.0).rows_of_key_points(raw, [boxes[:0]])
+    assert (len(none), counts) == (0, [0])
 
 
 def test_key_points_just_outside_a_vehicle_do_not_count() -> None:
     box = torch.tensor([[10.0, 0, -5, 4, 2, 2, 0]])
     xyz = torch.tensor([[10.0, 0, -5], [12.05, 0, -5], [14.0, 0, -5]])
-    key = Cloud(xyz, torch.zeros(3, 1), torch.zeros(3, dtype=torch.int64))
+    key = Clouds(xyz, torch.zeros(3, 1), [3])
     sure = torch.tensor([9.0, 0, -9.0])
     assert foreground_loss(key, sure, (box,)) < 1e-3
     assert foreground_loss(key, -sure, (box,)) > 1
@@ -228,15 +214,6 @@ def test_clouds_with_fewer_points_than_key_points_are_learnt_from(
     assert torch.isfinite(total)
     total.backward()
     assert all(torch.isfinite(p.grad).all() for p in net.parameters() if p.grad is not None)
-
-
-def test_one_row_is_normed_by_what_was_seen_before() -> None:
-    layer = RowNorm(3).train()
-    row = torch.tensor([[1.0, 2, 3]])
-    before = layer.running_mean.clone()
-    torch.testing.assert_close(layer(row), row, atol=1e-2, rtol=1e-2)
-    assert layer(row[:0]).shape == (0, 3)
-    torch.testing.assert_close(layer.running_mean, before)
 
 
 def test_the_published_network_is_the_default() -> None:
