@@ -20,8 +20,7 @@ std::vector<float> xyz_of(const py::array& points) {
   if (!py::isinstance<py::array_t<float>>(points) || points.ndim() != 2 || points.shape(1) < 3) {
     const auto shape = py::str(points.attr("shape")).cast<std::string>();
     const auto type = py::str(points.dtype()).cast<std::string>();
-    throw ConfigError("points: found " + shape + " " + type +
-                      ", allowed (n, 3) or (n, 4) float32");
+    throw ConfigError("points: found " + shape + " " + type + ", allowed (n, 3) or (n, 4) float32");
   }
   const auto rows = py::cast<py::array_t<float>>(points).unchecked<2>();
   std::vector<float> xyz;
@@ -95,11 +94,15 @@ void bind_filters(py::module_& m) {
   py::class_<BackgroundModel>(m, "BackgroundModel",
                               "The static scene as one fixed sensor sees it; as a filter step it "
                               "removes that scene.")
-      .def("save", [](const BackgroundModel& model,
-                      const std::string& file) { write_file_atomically(file, background_to_bytes(model)); },
-           py::arg("file"), "Writes what `infrasim filter --background` reads.")
+      .def(
+          "save",
+          [](const BackgroundModel& model, const std::string& file) {
+            write_file_atomically(file, background_to_bytes(model));
+          },
+          py::arg("file"), "Writes what `infrasim filter --background` reads.")
       .def_static(
-          "load", [](const std::string& file) { return background_from_bytes(read_file(file), file); },
+          "load",
+          [](const std::string& file) { return background_from_bytes(read_file(file), file); },
           py::arg("file"), "Raises ConfigError for a file that is not a whole model.");
   const BackgroundLearning learning;
   m.def(
