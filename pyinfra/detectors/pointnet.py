@@ -49,13 +49,13 @@ class Norm(nn.BatchNorm1d):
         return functional.batch_norm(x, mean, variance, self.weight, self.bias, eps=self.eps)
 
 
-def mlp(channels: int, widths: Sequence[int], *, norm: bool = True) -> nn.Sequential:
+def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
     """Layers of (n, channels) to (n, widths[-1]), the same for each point; never negative."""
     layers: list[nn.Module] = []
     for width in widths:
-        linear = nn.Linear(channels, width, bias=not norm)
+        linear = nn.Linear(channels, width, bias=False)
         nn.init.kaiming_normal_(linear.weight)
-        layers += [linear, Norm(width), nn.ReLU()] if norm else [linear, nn.ReLU()]
+        layers += [linear, Norm(width), nn.ReLU()]
         channels = width
     return nn.Sequential(*layers)
 
@@ -100,15 +100,14 @@ def neighbours(
 class LocalMax(nn.Module):
     """Points around centres, as offsets and features, through layers; the maximum of each."""
 
-    def __init__(self, channels: int, widths: Sequence[int], *, norm: bool = True) -> None:
+    def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
         # One linear layer of offset and features, so that features pass it once per point.
-        self.offset = nn.Linear(3, widths[0], bias=not norm)
+        self.offset = nn.Linear(3, widths[0], bias=False)
         self.feature = nn.Linear(channels, widths[0], bias=False)
         nn.init.normal_(self.offset.weight, std=(2 / (3 + channels)) ** 0.5)
         nn.init.normal_(self.feature.weight, std=(2 / (3 + channels)) ** 0.5)
-        first = [Norm(widths[0]), nn.ReLU()] if norm else [nn.ReLU()]
-        self.rest = nn.Sequential(*first, *mlp(widths[0], widths[1:], norm=norm))
+        self.rest = nn.Sequential(Norm(widths[0]), nn.ReLU(), *mlp(widths[0], widths[1:]))
 
     def forward(self, clouds: Clouds, centres: Tensor, points: Tensor, owners: Tensor) -> Tensor:
         """centres: (m, 3), pairs (p,) of rows -> (m, widths[-1])."""
@@ -132,10 +131,10 @@ class Ball:
 class SetAbstraction(nn.Module):
     """What lies around some centres, at several scales, the results side by side."""
 
-    def __init__(self, channels: int, balls: Sequence[Ball], *, norm: bool = True) -> None:
+    def __init__(self, channels: int, balls: Sequence[Ball]) -> None:
         super().__init__()
         self.balls = tuple(balls)
-        self.scales = nn.ModuleList(LocalMax(channels, b.widths, norm=norm) for b in balls)
+        self.scales = nn.ModuleList(LocalMax(channels, b.widths) for b in balls)
         self.channels = sum(b.widths[-1] for b in balls)
 
     def forward(self, clouds: Clouds, centres: Tensor, counts: list[int]) -> Clouds:
@@ -150,9 +149,9 @@ class SetAbstraction(nn.Module):
 class WholeAbstraction(nn.Module):
     """One row of features for each cloud; of zeros for a cloud without points."""
 
-    def __init__(self, channels: int, widths: Sequence[int], *, norm: bool = True) -> None:
+    def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
-        self.all = LocalMax(channels, widths, norm=norm)
+        self.all = LocalMax(channels, widths)
 
     def forward(self, clouds: Clouds) -> Tensor:
         """-> (clouds, widths[-1])."""

@@ -4,11 +4,13 @@ Stage 1 tells points of vehicles from others and proposes a box at each; stage 2
 around a proposal, turned into its frame, and refines and scores it.
 
 Deviations: boxes as residuals from the point, or from the proposal, in place of bins, both stages
-learn at once, and the second one is given scores in place of a mask: as OpenPCDet has it. A point's
-features are its intensity, its height over the site's floor and its place in the area, because a
-roadside sensor looks at vehicles from all sides, and one or two points do not say which side they
-are on. Points up to 5 cm outside a box are its vehicle's. Proposals to learn from are drawn without
-repetition; those that are the labels, a little moved, are always among them. See also pointnet.py.
+learn at once, and the second one is given scores in place of a mask: as OpenPCDet has it. Offsets
+are in metres, because in diagonals of a box half a metre is next to no loss. The second stage has
+batch norm as the first one has. A point's features are its intensity, its height over the site's
+floor and its place in the area, because a roadside sensor looks at vehicles from all sides, and one
+or two points do not say which side they are on. Points up to 5 cm outside a box are its vehicle's.
+Proposals to learn from are drawn without repetition; the labels, a little moved, are always among
+them. See also pointnet.py.
 
 `sampling: faithful` draws a fixed number of points of the whole frame, each as likely as another,
 as the paper has it. Where the ground has most of the points, far vehicles lose the few they have;
@@ -76,7 +78,6 @@ DEPTH_M = 100.0
 REFINED = 0.55  # from here on it is refined
 GOOD, BAD = 0.6, 0.45  # from here on it counts as a vehicle, and below as none
 HARD, HARD_SHARE = 0.05, 0.8  # of the proposals that are not refined
-MOVED = 4  # copies of each label
 
 
 @dataclass(frozen=True)
@@ -158,19 +159,19 @@ class Refiner(nn.Module):
         super().__init__()
         self.most = config.roi_points
         local, merged = scaled(LOCAL, config.width), scaled(MERGED, config.width)
-        self.local = mlp(LOCAL_FEATURES, local, norm=False)
-        self.merge = mlp(local[-1] + channels, merged, norm=False)
+        self.local = mlp(LOCAL_FEATURES, local)
+        self.merge = mlp(local[-1] + channels, merged)
         self.levels = tuple(most for most, _ in ROI_LEVELS)
         self.down = nn.ModuleList()
         width = merged[-1]
         for _, ball in ROI_LEVELS:
             ball = Ball(ball.radius_m, ball.most, scaled(ball.widths, config.width))
-            self.down.append(SetAbstraction(width, [ball], norm=False))
+            self.down.append(SetAbstraction(width, [ball]))
             width = ball.widths[-1]
-        self.whole = WholeAbstraction(width, scaled(ROI_WHOLE, config.width), norm=False)
+        self.whole = WholeAbstraction(width, scaled(ROI_WHOLE, config.width))
         width = scaled(ROI_WHOLE, config.width)[-1]
-        self.confidence = head(width, 1, config.width, norm=False)
-        self.box = head(width, 7, config.width, norm=False)
+        self.confidence = head(width, 1, config.width)
+        self.box = head(width, 7, config.width)
 
     def forward(
         self, seen: Seen, rois: Tensor, counts: Sequence[int]
@@ -304,7 +305,7 @@ class PointRCNN(Network):
         draw = self.draw()
         parts = []
         for found, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
-            rois = torch.cat([found, moved(b.repeat(MOVED, 1), draw)])
+            rois = torch.cat([found, moved(b, draw)])
             overlap, box = nearest(rois, b)
             rows = balanced(overlap.cpu(), self.config.rois, draw).to(rois.device)
             own = b[box[rows]] if len(b) else rois[rows]
@@ -332,13 +333,13 @@ def scaled(widths: Sequence[int], share: float) -> tuple[int, ...]:
     return tuple(max(4, round(width * share)) for width in widths)
 
 
-def head(channels: int, out: int, share: float, *, norm: bool = True) -> nn.Sequential:
+def head(channels: int, out: int, share: float) -> nn.Sequential:
     """(n, channels) -> (n, out)."""
     widths = scaled(HEAD, share)
     last = nn.Linear(widths[-1], out)
     nn.init.normal_(last.weight, std=0.001)
     nn.init.zeros_(last.bias)
-    return nn.Sequential(*mlp(channels, widths, norm=norm), last)
+    return nn.Sequential(*mlp(channels, widths), last)
 
 
 def detached(seen: Seen) -> Seen:
@@ -408,36 +409,27 @@ def wrapped(angle: Tensor) -> Tensor:
 
 def encode(boxes: Tensor, xyz: Tensor, size: Tensor) -> Tensor:
     """Residuals (n, 8) of boxes (n, 7) from boxes of the size (3,) around points (n, 3)."""
-    scale = torch.stack([size[:2].norm(), size[:2].norm(), size[2]])
-    offset = (boxes[:, :3] - xyz) / scale
-    heading = boxes[:, 6:]
-    return torch.cat([offset, (boxes[:, 3:6] / size).log(), heading.cos(), heading.sin()], dim=1)
+    sizes, heading = (boxes[:, 3:6] / size).log(), boxes[:, 6:]
+    return torch.cat([boxes[:, :3] - xyz, sizes, heading.cos(), heading.sin()], dim=1)
 
 
 def decode(residuals: Tensor, xyz: Tensor, size: Tensor) -> Tensor:
     """The inverse of encode."""
-    scale = torch.stack([size[:2].norm(), size[:2].norm(), size[2]])
-    centre = residuals[:, :3] * scale + xyz
     sizes = residuals[:, 3:6].clamp(-5, 5).exp() * size
     heading = torch.atan2(residuals[:, 7:8], residuals[:, 6:7])
-    return torch.cat([centre, sizes, heading], dim=1)
+    return torch.cat([residuals[:, :3] + xyz, sizes, heading], dim=1)
 
 
 def refinements(boxes: Tensor, rois: Tensor) -> Tensor:
     """Residuals (n, 7) of boxes from proposals (n, 7), up to half a turn of the heading."""
-    diagonal = rois[:, 3:5].norm(dim=1)
-    scale = torch.stack([diagonal, diagonal, rois[:, 5]], dim=1)
-    offset = turned_into(boxes[:, :3], rois) / scale
     sizes = (boxes[:, 3:6] / rois[:, 3:6]).log()
     turn = (boxes[:, 6:] - rois[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
-    return torch.cat([offset, sizes, turn], dim=1)
+    return torch.cat([turned_into(boxes[:, :3], rois), sizes, turn], dim=1)
 
 
 def refined(residuals: Tensor, rois: Tensor) -> Tensor:
     """The inverse of refinements."""
-    diagonal = rois[:, 3:5].norm(dim=1)
-    scale = torch.stack([diagonal, diagonal, rois[:, 5]], dim=1)
-    centre = turned_out_of(residuals[:, :3] * scale, rois)
+    centre = turned_out_of(residuals[:, :3], rois)
     sizes = residuals[:, 3:6].clamp(-5, 5).exp() * rois[:, 3:6]
     return torch.cat([centre, sizes, wrapped(residuals[:, 6:] + rois[:, 6:])], dim=1)
 
