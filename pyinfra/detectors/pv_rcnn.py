@@ -257,7 +257,8 @@ def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
     scale = torch.cat([diagonal, diagonal, boxes[:, 5:6]], dim=1)
     xyz = boxes[:, :3] + _turned(residuals[:, :3] * scale, boxes[:, 6])
     sizes = boxes[:, 3:6] * residuals[:, 3:6].clamp(-LARGEST, LARGEST).exp()
-    return torch.cat([xyz, sizes, boxes[:, 6:] + residuals[:, 6:]], dim=1)
+    heading = (boxes[:, 6:] + residuals[:, 6:] + math.pi) % (2 * math.pi) - math.pi
+    return torch.cat([xyz, sizes, heading], dim=1)
 
 
 def wanted_residuals(boxes: Tensor, own: Tensor) -> Tensor:

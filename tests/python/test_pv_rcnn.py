@@ -135,7 +135,18 @@ def test_corners_are_those_of_the_box() -> None:
 
 def test_no_residuals_give_the_proposals() -> None:
     boxes = some_boxes(50)
-    torch.testing.assert_close(refined(boxes, torch.zeros(50, 7)), boxes, atol=0, rtol=0)
+    found = refined(boxes, torch.zeros(50, 7))
+    torch.testing.assert_close(found[:, :6], boxes[:, :6], atol=0, rtol=0)
+    torch.testing.assert_close(found[:, 6], boxes[:, 6], atol=1e-6, rtol=0)
+
+
+def test_refined_headings_stay_within_a_turn() -> None:
+    boxes, residuals = some_boxes(50), torch.zeros(50, 7)
+    residuals[:, 6] = torch.linspace(-1.5, 1.5, 50)
+    heading = refined(boxes, residuals)[:, 6]
+    assert (heading.abs() <= math.pi).all()
+    turns = (heading - boxes[:, 6] - residuals[:, 6]) / (2 * math.pi)
+    assert (turns - turns.round()).abs().max() < 1e-5
 
 
 def test_wanted_residuals_lead_to_the_vehicles_up_to_half_a_turn() -> None:
