@@ -23,6 +23,7 @@ from pyinfra.detectors.pointnet import (  # noqa: E402
 from pyinfra.detectors.pointrcnn import (  # noqa: E402
     CONTEXT_M,
     Config,
+    Drawn,
     PointRCNN,
     Seen,
     balanced,
@@ -234,14 +235,21 @@ def test_duplicates_learn_and_answer() -> None:
     assert np.isfinite(net.eval().predict(sample.points).boxes).all()
 
 
-def test_a_proposal_without_points_has_no_score_and_teaches_nothing() -> None:
-    net = network()
-    seen = net.seen(make_batch([road_sample(7)], SITE.area))
+def test_a_proposal_without_points_has_no_score_and_teaches_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    net, batch = network(), make_batch([road_sample(7)], SITE.area)
     rois = torch.tensor([[500.0, 0, -5, 4, 2, 1.6, 0.3]])
-    logits, residuals, held = net.refiner(seen, rois, [1])
-    assert held.tolist() == [0]
-    assert torch.isfinite(logits).all()
-    assert torch.isfinite(residuals).all()
+    monkeypatch.setattr(net, "proposals", lambda seen, most: [rois])
+    ((boxes, scores),) = net.candidates(batch)
+    assert torch.isfinite(boxes).all()
+    assert scores.tolist() == [0]
+    losses = net.roi_losses(net.seen(batch), Drawn(rois, [1], torch.ones(1), rois))
+    assert {name: loss.item() for name, loss in losses.items()} == {
+        "confidence": 0,
+        "refinement": 0,
+        "corners": 0,
+    }
 
 
 def test_residuals_round_trip() -> None:
