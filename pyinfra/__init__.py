@@ -5,14 +5,24 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 
+_CODE = ("cpp", "bindings", "pyinfra", "configs")
+
+
 def _source_version() -> str:
-    """The commit of a source tree that was not installed, with "-dirty" if it was changed."""
-    describe = ["git", "describe", "--always", "--dirty", "--exclude=*"]
+    """The commit of a source tree that was not installed, with "-dirty" if its code was changed."""
+    root = Path(__file__).parent.parent
+    commit = _git(root, "rev-parse", "--short", "HEAD") or "source"
+    return f"0+{commit}" + ("-dirty" if _git(root, "diff", "--stat", "HEAD", "--", *_CODE) else "")
+
+
+def _git(root: Path, *words: str) -> str:
+    """What git prints; nothing outside of a repository."""
     try:
-        run = subprocess.run(describe, cwd=Path(__file__).parent, capture_output=True, text=True)
+        return subprocess.run(
+            ["git", *words], cwd=root, capture_output=True, text=True
+        ).stdout.strip()
     except OSError:
-        return "0+source"
-    return f"0+{run.stdout.strip() or 'source'}"
+        return ""
 
 
 try:
