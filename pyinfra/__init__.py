@@ -4,7 +4,6 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-
 _CODE = ("cpp", "bindings", "pyinfra", "configs")
 
 
