@@ -15,7 +15,7 @@ from pyinfra.detectors import Detections, Detector, Points
 from pyinfra.detectors.background import Background
 from pyinfra.ground_truth import frame_numbers
 from pyinfra.kitti import FloatArray, Labels
-from pyinfra.train import read_source, spread
+from pyinfra.training.sources import read_source, spread
 
 PERCENTILES = (50, 95)
 
@@ -52,8 +52,8 @@ def transfer(run: Path, lidar_folder: Path) -> str:
 
     about, source = checkpoint.load(file).about, read_source(lidar_folder, "smoke")
     pairs = {
-        "LiDAR": (about.lidar, source.lidar.name),
-        "preset": (about.preset, source.lidar.preset),
+        "LiDAR": (about.lidar, source.lidar),
+        "preset": (about.preset, source.preset),
         "scene": (about.scene, source.scene),
     }
     return ", ".join(

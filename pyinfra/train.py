@@ -6,56 +6,19 @@ import argparse
 import dataclasses
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 from tqdm import tqdm
 
-from pyinfra import kitti, split
 from pyinfra.config import as_plain
 from pyinfra.detectors.background import Background
 from pyinfra.detectors.catalogue import DETECTORS
-from pyinfra.kitti import Lidar, read_yaml
-from pyinfra.training.recipe import TIERS, Recipe, Tier, read_recipe
-from pyinfra.training.samples import Frames, joined, read_frames
+from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.training.samples import Frames
+from pyinfra.training.sources import TIERS, Source, read_source, simulated_source, spread
 
-# Of the train and test frames of 500 s, how many there are, evenly spread.
-FRAMES: dict[Tier, tuple[int, int]] = {"smoke": (200, 45), "quick": (800, 180), "full": (4000, 900)}
 BACKGROUND_FRAMES = 100
-
-
-@dataclass(frozen=True)
-class Source:
-    """The folder of a LiDAR and its frames to learn from."""
-
-    folder: Path
-    lidar: Lidar
-    scene: str
-    frames: tuple[int, ...]
-
-
-def read_source(folder: Path, tier: Tier) -> Source:
-    """The train frames of a tier: those of ImageSets/train.txt, else the split by time.
-
-    Raises FileNotFoundError, FormatError and ValueError.
-    """
-    lidar = kitti.read_lidar(folder)
-    listed = folder / "ImageSets/train.txt"
-    if listed.is_file():
-        numbers = tuple(int(line) for line in listed.read_text().split())
-    else:
-        numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
-    description = folder.parent / "dataset.yaml"
-    scene = read_yaml(description).at("name").text() if description.is_file() else "unknown"
-    return Source(folder, lidar, scene, spread(numbers, FRAMES[tier][0]))
-
-
-def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:
-    """At most so many of the numbers, evenly spread."""
-    if len(numbers) <= most:
-        return tuple(numbers)
-    return tuple(numbers[i * len(numbers) // most] for i in range(most))
 
 
 def train(
@@ -81,10 +44,9 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> P
     if len(sources) != 1:
         raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
     (source,) = sources
-    frames = spread(source.frames, BACKGROUND_FRAMES)
-    clouds = [kitti.read_points(kitti.frame_file(source.folder, "velodyne", k)) for k in frames]
+    chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
-    Background.learn(clouds, recipe.network).save(file)
+    Background.learn([source.clouds[i]() for i in chosen], recipe.network).save(file)
     return file
 
 
@@ -97,7 +59,10 @@ def _train_network(
     from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
 
-    frames: Frames = joined([read_frames(s.folder, s.frames) for s in sources])
+    frames = Frames(
+        clouds=tuple(cloud for source in sources for cloud in source.clouds),
+        boxes=tuple(boxes for source in sources for boxes in source.read_boxes()),
+    )
     torch.manual_seed(seed)
     site = site_of(frames.boxes)
     network = checkpoint.build(recipe.detector, recipe.network, site)
@@ -105,8 +70,8 @@ def _train_network(
         detector=recipe.detector,
         network=as_plain(recipe.network),
         site=site,
-        lidar=" ".join(sorted({s.lidar.name for s in sources})),
-        preset=" ".join(sorted({s.lidar.preset for s in sources})),
+        lidar=" ".join(sorted({s.lidar for s in sources})),
+        preset=" ".join(sorted({s.preset for s in sources})),
         scene=" ".join(sorted({s.scene for s in sources})),
         seed=seed,
         step=0,
@@ -143,7 +108,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--data data/highway/ruby_plus --tier quick --out runs/pillars"
     )
     parser.add_argument("config", type=Path, help="file of configs/detectors")
-    parser.add_argument("--data", nargs="+", type=Path, required=True, help="folders of LiDARs")
+    parser.add_argument("--data", nargs="+", type=Path, default=[], help="folders of LiDARs")
+    parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
+    parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
+    parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
     parser.add_argument("--seed", type=int, default=1)
@@ -156,13 +124,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if not 0 < args.budget <= 100:
         raise ValueError(f"--budget: found {args.budget:g}, allowed above 0 to 100")
-    if args.config.stem in DETECTORS and not args.config.suffix:
-        raise ValueError(f"{args.config}: found a name, allowed a file of configs/detectors")
     recipe = read_recipe(args.config, args.tier)
     if DETECTORS[recipe.detector].learnt:
         steps = max(1, round(args.budget * recipe.learning.steps))
         learning = dataclasses.replace(recipe.learning, steps=steps)
         recipe = dataclasses.replace(recipe, learning=learning)
-    sources = [read_source(folder, args.tier) for folder in args.data]
-    print(train(recipe, sources, args.out, seed=args.seed, device=args.device))
+    print(train(recipe, _sources(args), args.out, seed=args.seed, device=args.device))
     return 0
+
+
+def _sources(args: argparse.Namespace) -> list[Source]:
+    if (args.scene is None) == (not args.data) or (args.scene is None) != (args.lidar is None):
+        raise ValueError("found no or two sources, allowed --data, or --scene with --lidar")
+    if args.scene is None:
+        return [read_source(folder, args.tier) for folder in args.data]
+    return [simulated_source(args.scene, args.lidar, args.tier, preset=args.preset)]

@@ -6,14 +6,12 @@ import dataclasses
 import importlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 from pyinfra.config import read_config, ruled
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.samples import Augmentation
-
-Tier = Literal["smoke", "quick", "full"]
-TIERS: tuple[Tier, ...] = get_args(Tier)
+from pyinfra.training.sources import TIERS, Tier
 
 
 @dataclass(frozen=True)

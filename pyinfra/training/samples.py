@@ -1,23 +1,19 @@
-"""Frames to learn from: those on disk of a LiDAR, and what augmentation makes of them."""
+"""Frames to learn from, and what augmentation makes of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra import kitti
 from pyinfra.boxes import bev_iou
 from pyinfra.config import ruled
 from pyinfra.detectors import Points
 from pyinfra.detectors.batch import Sample
-from pyinfra.frame_tables import read_vehicles
 from pyinfra.kitti import FloatArray
 
-VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
 AROUND_M = 0.05  # points this far outside a box belong to its vehicle
 
 
@@ -34,33 +30,16 @@ class Augmentation:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of LiDARs on disk, in the order given; their vehicles are read at once."""
+    """Frames to learn from, in the order given: clouds on demand, boxes at once."""
 
-    files: tuple[Path, ...]  # clouds
+    clouds: tuple[Callable[[], Points], ...]
     boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
 
     def __len__(self) -> int:
-        return len(self.files)
+        return len(self.clouds)
 
     def sample(self, i: int) -> Sample:
-        return Sample(kitti.read_points(self.files[i]), self.boxes[i])
-
-
-def read_frames(lidar_folder: Path, frames: Sequence[int]) -> Frames:
-    """Raises FileNotFoundError, and FormatError with file and line."""
-    vehicles = read_vehicles(lidar_folder, frames)
-    hit = np.isin(vehicles.names, VEHICLE_TYPES) & (vehicles.points > 0)
-    return Frames(
-        files=tuple(kitti.frame_file(lidar_folder, "velodyne", k) for k in frames),
-        boxes=tuple(vehicles.boxes[hit & (vehicles.frame == i)] for i in range(len(frames))),
-    )
-
-
-def joined(parts: Sequence[Frames]) -> Frames:
-    return Frames(
-        files=tuple(file for part in parts for file in part.files),
-        boxes=tuple(boxes for part in parts for boxes in part.boxes),
-    )
+        return Sample(self.clouds[i](), self.boxes[i])
 
 
 def augmented(

@@ -29,6 +29,7 @@ from pyinfra.training.samples import (  # noqa: E402
     points_in,
     with_pasted,
 )
+from pyinfra.training.sources import read_source, simulated_source  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs/detectors/centerpoint-pillar.yaml"
@@ -72,7 +73,7 @@ def recipe(steps: int = 6) -> Recipe:
 
 
 def run(folder: Path, out: Path, steps: int = 6) -> Path:
-    return train.train(recipe(steps), [train.read_source(folder, "smoke")], out, quiet=True)
+    return train.train(recipe(steps), [read_source(folder, "smoke")], out, quiet=True)
 
 
 @pytest.fixture(scope="module")
@@ -305,3 +306,32 @@ def test_pasted_vehicles_bring_their_points_and_stand_on_nobody() -> None:
         assert len(points_in(found.points, box)) >= 100
     same = augmented(sample, None, Augmentation(), np.random.default_rng(1))
     np.testing.assert_array_equal(same.points, sample.points)
+
+
+def test_the_simulator_gives_the_frames_that_a_run_writes(
+    infrasim: Callable[..., object], tmp_path: Path
+) -> None:
+    scene, lidar = "configs/scenes/curve.yaml", "configs/lidars/helios_16.yaml"
+    short = {"duration_s": 430, "traffic.warm_up_s": 5}
+    words = [w for key, value in short.items() for w in ("--set", f"{key}={value}")]
+    frames = ["--preset", "paper", "--frames", "0:4300:100", "--out", tmp_path / "curve"]
+    infrasim("run", scene, "--lidar", lidar, *frames, *words, check=True)
+    disk = read_source(tmp_path / "curve/helios_16", "smoke")
+    live = simulated_source(ROOT / scene, ROOT / lidar, "smoke", preset="paper", set=short)
+    assert (live.lidar, live.preset, live.scene) == (disk.lidar, disk.preset, disk.scene)
+    assert len(disk.clouds) == 40
+    assert len(live.clouds) == 200  # every 20th of 4,000
+    for i in (0, 3):
+        np.testing.assert_array_equal(live.clouds[5 * i](), disk.clouds[i]())
+    ours, theirs = live.read_boxes(), disk.read_boxes()
+    for i in range(40):
+        np.testing.assert_allclose(ours[5 * i], theirs[i], atol=1e-4)
+
+
+def test_a_training_needs_one_kind_of_source(
+    lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = ["--data", str(lidar_folder), "--scene", "s.yaml", "--lidar", "l.yaml"]
+    for words in ([], both, ["--scene", "s.yaml"]):
+        assert cli.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
+        assert "allowed --data, or --scene with --lidar" in capsys.readouterr().err

@@ -1,0 +1,126 @@
+"""Where frames to learn from come from: the folder of a LiDAR, or the simulator itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+import yaml
+
+from pyinfra import kitti, split
+from pyinfra.detectors import Points
+from pyinfra.frame_tables import read_vehicles
+from pyinfra.kitti import FloatArray, read_yaml
+
+if TYPE_CHECKING:
+    from pyinfra import sim
+
+Tier = Literal["smoke", "quick", "full"]
+TIERS: tuple[Tier, ...] = get_args(Tier)
+# Of the train frames of 500 s, at most so many, evenly spread.
+MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
+
+VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
+VEHICLE_CLASSES = range(10, 15)  # of the simulator: Car to Motorcycle
+PERIOD_S = 0.1  # of the simulator's frames
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The train frames of one LiDAR in one scene."""
+
+    lidar: str
+    preset: str
+    scene: str
+    clouds: tuple[Callable[[], Points], ...]
+    read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
+
+
+def read_source(folder: Path, tier: Tier) -> Source:
+    """The train frames of a folder: those of ImageSets/train.txt, else the split by time.
+
+    Raises FileNotFoundError, FormatError and ValueError.
+    """
+    lidar = kitti.read_lidar(folder)
+    listed = folder / "ImageSets/train.txt"
+    if listed.is_file():
+        numbers = tuple(int(line) for line in listed.read_text().split())
+    else:
+        numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
+    description = folder.parent / "dataset.yaml"
+    scene = read_yaml(description).at("name").text() if description.is_file() else "unknown"
+    frames = spread(numbers, MOST_FRAMES[tier])
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
+    return Source(
+        lidar=lidar.name,
+        preset=lidar.preset,
+        scene=scene,
+        clouds=tuple(partial(kitti.read_points, file) for file in files),
+        read_boxes=partial(boxes_on_disk, folder, frames),
+    )
+
+
+def boxes_on_disk(folder: Path, frames: Sequence[int]) -> tuple[FloatArray, ...]:
+    vehicles = read_vehicles(folder, frames)
+    hit = np.isin(vehicles.names, VEHICLE_TYPES) & (vehicles.points > 0)
+    return tuple(vehicles.boxes[hit & (vehicles.frame == i)] for i in range(len(frames)))
+
+
+def simulated_source(
+    scene: Path,
+    lidar: Path,
+    tier: Tier,
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    set: Mapping[str, object] | None = None,
+) -> Source:
+    """The same frames as a run would write, cast when they are asked for; nothing is on disk.
+
+    Raises ConfigError and IoError as the simulator does, ImportError without the extension.
+    """
+    from pyinfra import sim
+
+    world = sim.load_scene(scene, seed=seed, set=set)
+    unit = sim.load_lidar(lidar, preset)
+    numbers = split.by_time(range(world.frames), PERIOD_S).train
+    frames = spread(numbers, MOST_FRAMES[tier])
+    return Source(
+        lidar=unit.name,
+        preset=unit.preset,
+        scene=str(yaml.safe_load(world.dump())["name"]),
+        clouds=tuple(partial(cast, world, unit, k) for k in frames),
+        read_boxes=partial(boxes_of_simulation, world, unit, frames),
+    )
+
+
+def cast(world: sim.World, lidar: sim.Lidar, frame: int) -> Points:
+    from pyinfra import sim
+
+    ((_, (found,)),) = sim.simulate(world, [lidar], [frame], threads=1)
+    return sim.points(found)
+
+
+def boxes_of_simulation(
+    world: sim.World, lidar: sim.Lidar, frames: Sequence[int]
+) -> tuple[FloatArray, ...]:
+    from pyinfra import sim
+
+    found = []
+    for _, (frame,) in sim.simulate(world, [lidar], frames, threads=1):
+        o = frame.objects
+        hit = np.isin(o["class_id"], VEHICLE_CLASSES) & (o["points"] > 0)
+        columns = [o[name][hit] for name in ("x", "y", "z", "dx", "dy", "dz", "heading")]
+        found.append(np.stack(columns, axis=1))
+    return tuple(found)
+
+
+def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:
+    """At most so many of the numbers, evenly spread."""
+    if len(numbers) <= most:
+        return tuple(numbers)
+    return tuple(numbers[i * len(numbers) // most] for i in range(most))
