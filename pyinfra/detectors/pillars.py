@@ -67,8 +67,8 @@ class PillarEncoder(nn.Module):
     def point_features(self, batch: Batch, pillar: Tensor, member: Tensor) -> Tensor:
         """(n, 10); pillar: (p,) numbers on the canvas, member: (n,) index into them."""
         xyz = batch.points[:, :3]
-        count = torch.bincount(member, minlength=len(pillar)).clamp(min=1).to(xyz.dtype)
-        mean = xyz.new_zeros(len(pillar), 3).index_add(0, member, xyz) / count[:, None]
+        count = xyz.new_zeros(len(pillar)).index_add(0, member, torch.ones_like(xyz[:, 0]))
+        mean = xyz.new_zeros(len(pillar), 3).index_add(0, member, xyz) / count.clamp(min=1)[:, None]
         within = pillar % (self.rows * self.columns)
         middle = torch.stack(
             [
