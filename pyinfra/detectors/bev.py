@@ -45,6 +45,8 @@ class BevNetwork(nn.Module):
             self.ups.append(nn.Sequential(up, norm(config.up_width), nn.ReLU()))
             channels = width
         self.channels = len(config.layers) * config.up_width
+        # As the canvas: a sixth faster on a CPU. The stub of `to` lacks this overload.
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, x: Tensor) -> Tensor:
         found = []
