@@ -36,8 +36,9 @@ class PillarEncoder(nn.Module):
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Of the p pillars with a point: features (p, width) and ascending number (p,)."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-        if len(pillar) == 0:
-            return batch.points.new_zeros(0, self.width), pillar
+        # Nothing to see, or in training one point, which has no spread to normalise by.
+        if len(batch.points) < (2 if self.training else 1):
+            return batch.points.new_zeros(0, self.width), pillar[:0]
         features = self.point_features(batch, pillar, member)  # (n, 10)
         for layer in self.before:
             found = torch.relu(layer(features))  # (n, width / 2)

@@ -45,6 +45,9 @@ def read_source(folder: Path, tier: Tier) -> Source:
 
     Raises FileNotFoundError, FormatError and ValueError.
     """
+    inside = sorted(file.parent.name for file in folder.glob("*/lidar.yaml"))
+    if inside:
+        raise ValueError(f"{folder}: found a data set, allowed a LiDAR of it: {', '.join(inside)}")
     lidar = kitti.read_lidar(folder)
     listed = folder / "ImageSets/train.txt"
     if listed.is_file():

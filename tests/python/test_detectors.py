@@ -106,7 +106,8 @@ def test_points_that_are_not_finite_change_nothing(name: str) -> None:
 def test_a_frame_without_vehicles_is_a_valid_negative(name: str) -> None:
     network, sample = network_of(name).train(), road_sample(3)
     none = Sample(sample.points, np.empty((0, 7)))
-    for samples in ([none], [none, sample], [Sample(sample.points[:0], np.empty((0, 7))), sample]):
+    few = [Sample(sample.points[:n], none.boxes) for n in (0, 1, 2)]
+    for samples in ([none], [none, sample], [few[0], sample], [few[1]], [few[2]], few[:2]):
         losses = network.losses(make_batch(samples, network.site.area))
         total = torch.stack(list(losses.values())).sum()
         assert torch.isfinite(total)

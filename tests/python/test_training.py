@@ -263,6 +263,7 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
         (["--tier", "huge"], "invalid choice"),
         (["--budget", "0"], "--budget: found 0, allowed above 0"),
         (["--data", "nowhere"], "nowhere/lidar.yaml: No such file"),
+        (["--data", "."], "found a data set, allowed a LiDAR of it: ring"),
     ],
 )
 def test_wrong_words_are_one_line(
@@ -272,6 +273,8 @@ def test_wrong_words_are_one_line(
     message: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    if "." in words:
+        words = [words[0], str(lidar_folder.parent)]
     given = ["train", str(CONFIG), "--data", str(lidar_folder), "--out", str(tmp_path / "o")]
     try:
         code = cli.main([*given, *words])
