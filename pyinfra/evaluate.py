@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import cli
+from pyinfra.atomic import replacing
 from pyinfra.evaluation import PROTOCOLS, VEHICLE_TYPES, Settings
 from pyinfra.evaluation_result import Evaluation, evaluate_tables
 from pyinfra.evaluation_summary import summary
@@ -68,9 +69,8 @@ def write(evaluation: Evaluation, out: Path, *, figures: bool = True) -> list[Pa
     files = []
     for name, table in evaluation.tables().items():
         files.append(out / f"{name}.csv")
-        beside = files[-1].with_suffix(".tmp")
-        table.to_csv(beside, index=False, float_format="%.6g")
-        beside.replace(files[-1])
+        with replacing(files[-1]) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
     if figures:
         from pyinfra import evaluation_figures  # plotting takes a second to import
 

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra import _launch, kitti
+from pyinfra.atomic import replacing
 from pyinfra.kitti import FloatArray
 
 SCENES = ("highway", "crossroad", "curve")
@@ -204,9 +205,8 @@ def write_table(table: pd.DataFrame, file: Path) -> None:
     """Writes the table of compare() as CSV, hits to 0.1 and errors to 0.0001."""
     file.parent.mkdir(parents=True, exist_ok=True)
     digits = {"simulated": 1, "flat": 1, "error": 4, "flat_error": 4}
-    beside = file.with_name(f".{file.name}.tmp")
-    table.round(digits).to_csv(beside, index=False)
-    beside.replace(file)
+    with replacing(file) as beside:
+        table.round(digits).to_csv(beside, index=False)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

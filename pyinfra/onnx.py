@@ -9,13 +9,13 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import os
 import warnings
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
+from pyinfra.atomic import replacing
 from pyinfra.config import as_plain
 from pyinfra.detect import model_file
 from pyinfra.detectors.batch import Batch
@@ -56,7 +56,9 @@ def export(run: Path, file: Path) -> None:
     found = checkpoint.load(model_file(run))
     network = found.network()
     if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
-        raise ValueError(f"{run}: found {found.about.detector}, allowed {_names()}")
+        raise ValueError(
+            f"{run}: found {found.about.detector}, allowed pointpillars, centerpoint-pillar"
+        )
     low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))
     xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)
     points = torch.cat([xyz, torch.full((100, 1), 0.5)], dim=1)
@@ -77,13 +79,8 @@ def export(run: Path, file: Path) -> None:
         raise RuntimeError(f"{run}: the exporter gave nothing")
     about = {"about": json.dumps(as_plain(found.about)), "area": json.dumps(as_plain(network.site))}
     program.model.metadata_props.update(about)
-    beside = file.with_name(f".{file.name}.{os.getpid()}")
-    program.save(str(beside), external_data=False)
-    beside.replace(file)
-
-
-def _names() -> str:
-    return "pointpillars, centerpoint-pillar"
+    with replacing(file) as beside:
+        program.save(str(beside), external_data=False)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from pyinfra.atomic import replacing
 from pyinfra.statistics_data import DataSet, read_data_set
 
 By = Literal["time", "seed", "random"]
@@ -102,9 +103,8 @@ def write(data: DataSet, split: Split, *, force: bool = False) -> list[Path]:
             raise FileExistsError(f"{file}: found another split, allowed none without --force")
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)
-        beside = file.with_suffix(".tmp")
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(file)
+        with replacing(file) as beside:
+            beside.write_text(text, encoding="utf-8")
     return list(files)
 
 

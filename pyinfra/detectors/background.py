@@ -30,6 +30,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pyinfra.atomic import replacing
 from pyinfra.boxes import IntArray, bev_overlap
 from pyinfra.detectors import Detections, Points
 from pyinfra.kitti import FloatArray
@@ -114,7 +115,7 @@ class Background:
 
     def save(self, file: Path) -> None:
         """Writes plain arrays in numpy's .npz format."""
-        with file.open("wb") as stream:
+        with replacing(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(
                 stream,
                 settings=np.array(astuple(self.settings)),

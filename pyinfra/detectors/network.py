@@ -55,13 +55,13 @@ class Network(nn.Module, abc.ABC):
     def find(self, clouds: Sequence[Points]) -> list[Detections]:
         """The vehicles of some frames. The network must be in eval mode."""
         batch = make_batch([Sample(cloud, np.empty((0, 7))) for cloud in clouds], self.site.area)
+        if len(batch.points) == 0:
+            return [empty() for _ in clouds]
         device = next(self.parameters()).device
         return [suppressed(*pair) for pair in self.candidates(batch.to(device))]
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.detectors.Detector."""
-        if not self.site.area.crop(points).size:
-            return empty()
         return self.find([points])[0]
 
 

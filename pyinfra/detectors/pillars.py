@@ -75,8 +75,7 @@ class PillarEncoder(nn.Module):
             [
                 self.area.low[0] + (within % self.columns + 0.5) * self.pillar_m,
                 self.area.low[1] + (within // self.columns + 0.5) * self.pillar_m,
-                torch.full_like(within, 0.0, dtype=xyz.dtype)
-                + (self.area.low[2] + self.area.high[2]) / 2,
+                xyz.new_full(within.shape, (self.area.low[2] + self.area.high[2]) / 2),
             ],
             dim=1,
         )

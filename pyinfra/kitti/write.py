@@ -4,13 +4,13 @@ What a reader of this package gives is written back as it was: text to its decim
 byte.
 """
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from pyinfra.atomic import replacing
 from pyinfra.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
 from pyinfra.kitti.layout import (
     FIELDS,
@@ -131,10 +131,5 @@ def _replace_lines(file: Path, lines: Iterable[str]) -> None:
 
 
 def _replace(file: Path, data: bytes) -> None:
-    beside = file.with_name(f".{file.name}.{os.getpid()}")
-    try:
+    with replacing(file) as beside:
         beside.write_bytes(data)
-        beside.replace(file)
-    except OSError:
-        beside.unlink(missing_ok=True)
-        raise

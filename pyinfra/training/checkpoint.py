@@ -7,7 +7,6 @@ renamed, so it is whole or not there.
 from __future__ import annotations
 
 import importlib
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from pyinfra import __version__
+from pyinfra.atomic import replacing
 from pyinfra.config import ConfigError, as_plain, from_plain
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.detectors.network import Network
@@ -84,12 +84,10 @@ def save(file: Path, network: nn.Module, optimizer: dict[str, Tensor], about: Ab
     """Raises OSError, and leaves the file that was there."""
     tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
     tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
-    beside = file.with_name(f".{file.name}.{os.getpid()}")
     try:
-        save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(about))})
-        beside.replace(file)
+        with replacing(file) as beside:
+            save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(about))})
     except (OSError, SafetensorError) as error:
-        beside.unlink(missing_ok=True)
         raise OSError(getattr(error, "errno", None) or 5, str(error), str(file)) from None
 
 

@@ -75,7 +75,12 @@ class SparseTensor:
 
 class _Layer(nn.Module):
     def __init__(
-        self, channels_in: int, channels_out: int, key: str, kernel: int | Triple, bias: bool
+        self,
+        channels_in: int,
+        channels_out: int,
+        key: str,
+        kernel: int | Triple = 3,
+        bias: bool = False,
     ) -> None:
         super().__init__()
         self.key, self.kernel = key, _triple(kernel)
@@ -96,18 +101,10 @@ class _Layer(nn.Module):
 
 
 class SubmanifoldConv3d(_Layer):
-    """Convolution whose output has the voxels of the input, so that they do not spread."""
+    """Convolution whose output has the voxels of the input, so that they do not spread.
 
-    def __init__(
-        self,
-        channels_in: int,
-        channels_out: int,
-        key: str,
-        kernel: int | Triple = 3,
-        bias: bool = False,
-    ) -> None:
-        """key: of the layers that see the same voxels with the same kernel; its sizes are odd."""
-        super().__init__(channels_in, channels_out, key, kernel, bias)
+    key: of the layers that see the same voxels with the same kernel; its sizes are odd.
+    """
 
     def forward(self, x: SparseTensor) -> SparseTensor:
         """(n, c_in) to (n, c_out)."""
@@ -143,18 +140,10 @@ class SparseConv3d(_Layer):
 
 
 class InverseConv3d(_Layer):
-    """Convolution from the output of a SparseConv3d back to the voxels of its input."""
+    """Convolution from the output of a SparseConv3d back to the voxels of its input.
 
-    def __init__(
-        self,
-        channels_in: int,
-        channels_out: int,
-        key: str,
-        kernel: int | Triple = 3,
-        bias: bool = False,
-    ) -> None:
-        """key, kernel: those of the SparseConv3d."""
-        super().__init__(channels_in, channels_out, key, kernel, bias)
+    key, kernel: those of the SparseConv3d.
+    """
 
     def forward(self, x: SparseTensor) -> SparseTensor:
         """(m, c_in) to (n, c_out)."""
