@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pyinfra.atomic import replacing
 from pyinfra.statistics_data import DataSet, FloatArray, Vehicles, read_data_set, read_vehicles
 from pyinfra.statistics_intervals import Blocks, Estimate, ratio, time_blocks
 from pyinfra.statistics_tables import (
@@ -200,7 +201,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     table = claims_table(args.data)
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(args.out, index=False, float_format="%.4g")
+    with replacing(args.out) as beside:
+        table.to_csv(beside, index=False, float_format="%.4g")
     shown = table[["claim", "preset", "value", "low", "high", "verdict", "statement"]]
     print(shown.to_string(index=False, float_format=lambda v: f"{v:.3g}", max_colwidth=90))
     return 0

@@ -15,7 +15,7 @@ from pyinfra.detectors import Detections, Detector, Points
 from pyinfra.detectors.background import Background
 from pyinfra.ground_truth import frame_numbers
 from pyinfra.kitti import FloatArray, Labels
-from pyinfra.training.sources import read_source, spread
+from pyinfra.training.sources import scene_of, spread
 
 PERCENTILES = (50, 95)
 
@@ -50,11 +50,11 @@ def transfer(run: Path, lidar_folder: Path) -> str:
         return ""
     from pyinfra.training import checkpoint
 
-    about, source = checkpoint.load(file).about, read_source(lidar_folder, "smoke")
+    about, lidar = checkpoint.load(file).about, kitti.read_lidar(lidar_folder)
     pairs = {
-        "LiDAR": (about.lidar, source.lidar),
-        "preset": (about.preset, source.preset),
-        "scene": (about.scene, source.scene),
+        "LiDAR": (about.lidar, lidar.name),
+        "preset": (about.preset, lidar.preset),
+        "scene": (about.scene, scene_of(lidar_folder)),
     }
     return ", ".join(
         f"{name} {theirs} (learnt on {ours})"

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra import statistics_figures, statistics_tables
+from pyinfra.atomic import replacing
 from pyinfra.statistics_data import (
     DataSet,
     Vehicles,
@@ -159,7 +160,8 @@ def write(tables: Tables, out: Path) -> list[Path]:
     files = []
     for name, table in tables.items():
         file = out / f"{name}.csv"
-        table.to_csv(file, index=False, float_format="%.6g")
+        with replacing(file) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
         statistics_figures.save(statistics_figures.draw(name, table), out / name)
         files.append(file)
     return files

@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 from tqdm import tqdm
 
+from pyinfra.atomic import replacing
 from pyinfra.config import as_plain
 from pyinfra.detectors.background import Background
 from pyinfra.detectors.catalogue import DETECTORS
@@ -77,12 +78,13 @@ def _train_network(
         step=0,
         steps=recipe.learning.steps,
     )
-    last = out / "last.safetensors"
-    done = checkpoint.load(last).about.step if last.exists() else 0
+    begun = loop.read_begun(out, about)
+    done = begun.about.step if begun is not None else 0
     description = {**as_plain(about), "learning": as_plain(recipe.learning)}
     description["augmentation"] = as_plain(recipe.augmentation)
     description["frames"] = len(frames)
-    (out / "run.yaml").write_text(yaml.safe_dump(description, sort_keys=False))
+    with replacing(out / "run.yaml") as beside:
+        beside.write_text(yaml.safe_dump(description, sort_keys=False))
     log = loop.Log(out / "log.csv", done)
     board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     # Without `quiet`, None: on a terminal only.
@@ -97,8 +99,9 @@ def _train_network(
         bar.update()
 
     with bar, board:
-        loop.train(network, frames, recipe, about, out, device=torch.device(device), report=report)
-    return last
+        where = torch.device(device)
+        loop.train(network, frames, recipe, about, out, begun=begun, device=where, report=report)
+    return out / "last.safetensors"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

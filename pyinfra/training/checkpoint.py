@@ -52,16 +52,19 @@ class Checkpoint:
     about: About
     tensors: dict[str, Tensor]
 
-    def network(self) -> Network:
-        """The network in eval mode. Raises ConfigError if the weights do not fit its Config."""
-        network = build(self.about.detector, self.about.network, self.about.site)
-        weights = {
+    def weights(self) -> dict[str, Tensor]:
+        """Those of the network, by the names it has for them."""
+        return {
             name.removeprefix("network."): tensor
             for name, tensor in self.tensors.items()
             if name.startswith("network.")
         }
+
+    def network(self) -> Network:
+        """The network in eval mode. Raises ConfigError if the weights do not fit its Config."""
+        network = build(self.about.detector, self.about.network, self.about.site)
         try:
-            network.load_state_dict(weights)
+            network.load_state_dict(self.weights())
         except RuntimeError as error:
             first = str(error).splitlines()[-1].strip()
             raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None

@@ -22,7 +22,7 @@ from pyinfra.config import ConfigError, as_plain
 from pyinfra.detectors.batch import Batch, make_batch
 from pyinfra.detectors.network import Network, one_thread
 from pyinfra.training import checkpoint
-from pyinfra.training.checkpoint import About
+from pyinfra.training.checkpoint import About, Checkpoint
 from pyinfra.training.recipe import Learning, Recipe
 from pyinfra.training.samples import Frames, augmented
 
@@ -56,19 +56,20 @@ def train(
     about: About,
     out: Path,
     *,
+    begun: Checkpoint | None = None,
     device: torch.device | None = None,
     report: Callable[[Progress], None] = lambda _: None,
 ) -> Network:
     """Trains to the end and writes `out`/last.safetensors now and then and at the end.
 
-    Goes on from the `last.safetensors` that is there. Raises TrainingDiverged with the step, the
-    loss and the checkpoint to go back to; ConfigError if the checkpoint there is of another run.
+    begun: what `read_begun` found of this run, to go on from. Raises TrainingDiverged with the
+    step, the loss and the checkpoint to go back to.
     """
     learning, device = recipe.learning, device or torch.device("cpu")
     network = network.to(device).train()
     optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
     last = out / "last.safetensors"
-    done = resume(network, optimizer, about, last) if last.exists() else 0
+    done = resume(network, optimizer, begun) if begun is not None else 0
     start = time.monotonic()
     with one_thread():
         for step in range(done, learning.steps):
@@ -136,23 +137,34 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     }
 
 
-def resume(network: Network, optimizer: torch.optim.Optimizer, about: About, file: Path) -> int:
-    """Fills both from the checkpoint; returns the steps that are done."""
+def read_begun(out: Path, about: About) -> Checkpoint | None:
+    """The last checkpoint of a run; none if it has not begun.
+
+    Raises ConfigError if the checkpoint there is of another run.
+    """
+    file = out / "last.safetensors"
+    if not file.exists():
+        return None
     found = checkpoint.load(file)
     same = dataclasses.replace(found.about, step=about.step, version=about.version)
     theirs, ours = as_plain(same), as_plain(about)
     if theirs != ours:
         different = [key for key, value in ours.items() if theirs[key] != value]
         raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")
-    network.load_state_dict(found.network().state_dict())
+    return found
+
+
+def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint) -> int:
+    """Fills both from the checkpoint; returns the steps that are done."""
+    network.load_state_dict(begun.weights())
     state: dict[int, dict[str, Tensor]] = {}
-    for key, tensor in found.tensors.items():
+    for key, tensor in begun.tensors.items():
         if key.startswith("optimizer."):
             _, index, name = key.split(".")
             state.setdefault(int(index), {})[name] = tensor
     groups = optimizer.state_dict()["param_groups"]
     optimizer.load_state_dict({"state": state, "param_groups": groups})
-    return found.about.step
+    return begun.about.step
 
 
 class Log:

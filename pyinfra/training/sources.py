@@ -54,17 +54,21 @@ def read_source(folder: Path, tier: Tier) -> Source:
         numbers = tuple(int(line) for line in listed.read_text().split())
     else:
         numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
-    description = folder.parent / "dataset.yaml"
-    scene = read_yaml(description).at("name").text() if description.is_file() else "unknown"
     frames = spread(numbers, MOST_FRAMES[tier])
     files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
-        scene=scene,
+        scene=scene_of(folder),
         clouds=tuple(partial(kitti.read_points, file) for file in files),
         read_boxes=partial(boxes_on_disk, folder, frames),
     )
+
+
+def scene_of(folder: Path) -> str:
+    """Name of the scene that a LiDAR's folder was simulated in."""
+    description = folder.parent / "dataset.yaml"
+    return read_yaml(description).at("name").text() if description.is_file() else "unknown"
 
 
 def boxes_on_disk(folder: Path, frames: Sequence[int]) -> tuple[FloatArray, ...]:
