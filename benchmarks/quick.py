@@ -1,14 +1,16 @@
 """The matrix scene x LiDAR x detector on the quick tier, preset `paper`: results/quick.csv.
 
-    .venv/bin/python benchmarks/quick.py --work /tmp/quick
+    .venv/bin/python benchmarks/quick.py
 
 A row is written when its cell is done, cells with a row are left out, and a training that was
-stopped goes on. `--latency` measures the latency of the rows again, on a quiet machine.
+stopped goes on. The same command started twice shares the cells. `--latency` measures the
+latency of the rows again, on a quiet machine.
 """
 
 from __future__ import annotations
 
 import argparse
+import fcntl
 import itertools
 import os
 import platform
@@ -16,12 +18,14 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pyinfra import __version__, detect, kitti
+from pyinfra.atomic import replacing
 from pyinfra.ground_truth import frame_numbers
 from pyinfra.hits import infrasim, lidar_file, scene_file
 
@@ -49,15 +53,34 @@ def cells(args: argparse.Namespace) -> Iterator[dict[str, object]]:
         yield dict(zip(CELL, names, strict=True))
 
 
+@contextmanager
+def held(file: Path, *, wait: bool) -> Iterator[bool]:
+    """Whether this process alone holds the lock; waits until it does, or says no at once."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+
+
 def prepared(scene: str, work: Path) -> Path:
     """The data set of a scene, split by time."""
     data = work / scene
-    if not (data / "summary.csv").exists():
-        lidars = [str(lidar_file(name)) for name in LIDARS]
-        words = ["--preset", PRESET, "--frames", FRAMES, "--out", str(data)]
-        infrasim("run", str(scene_file(scene)), "--lidar", *lidars, *words)
-    pyinfra("split", data)
+    with held(work / f"{scene}.lock", wait=True):
+        if not (data / "summary.csv").exists():
+            lidars = [str(lidar_file(name)) for name in LIDARS]
+            words = ["--preset", PRESET, "--frames", FRAMES, "--out", str(data)]
+            infrasim("run", str(scene_file(scene)), "--lidar", *lidars, *words)
+        if not list(data.glob("*/ImageSets")):
+            pyinfra("split", data)
     return data
+
+
+def run_folder(cell: dict[str, object], work: Path) -> Path:
+    return work / "runs" / "_".join(str(value) for value in cell.values())
 
 
 def pyinfra(*words: object) -> None:
@@ -95,7 +118,7 @@ def latency(run: Path, folder: Path) -> tuple[float, float]:
 def row(cell: dict[str, object], work: Path) -> dict[str, object]:
     """Everything of one cell."""
     folder = prepared(str(cell["scene"]), work) / str(cell["lidar"])
-    out = work / "runs" / "_".join(str(value) for value in cell.values())
+    out = run_folder(cell, work)
     seconds = trained(cell, folder, out)
     pyinfra("detect", out, "--data", folder, "--out", out / "predictions")
     words = ["--gt", folder, "--pred", out / "predictions", "--out", out / "evaluation"]
@@ -115,6 +138,7 @@ def row(cell: dict[str, object], work: Path) -> dict[str, object]:
         "latency_p95_ms": round(p95, 2),
         "command": "benchmarks/quick.py",
         "version": __version__,
+        "latency_version": __version__,
         "machine": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
     }
 
@@ -128,26 +152,39 @@ def has(table: pd.DataFrame, cell: dict[str, object]) -> bool:
 
 
 def write(table: pd.DataFrame, file: Path) -> None:
-    beside = file.with_suffix(".tmp")
-    table.to_csv(beside, index=False, float_format="%.6g")
-    beside.replace(file)
+    with replacing(file) as beside:
+        table.to_csv(beside, index=False, float_format="%.6g")
+
+
+def fill(cell: dict[str, object], work: Path, file: Path) -> None:
+    """The row of a cell that has none, unless another process is at it."""
+    with held(run_folder(cell, work).with_suffix(".lock"), wait=False) as ours:
+        if not ours or has(read(file), cell):
+            return
+        found = row(cell, work)
+        with held(work / "results.lock", wait=True):
+            write(pd.concat([read(file), pd.DataFrame([found])], ignore_index=True), file)
+        print(*found.values(), flush=True)
 
 
 def measured_again(file: Path, work: Path) -> None:
     """The latency of all rows whose runs are here."""
     table = read(file)
     for i, cell in enumerate(table[CELL].to_dict("records")):
-        run = work / "runs" / "_".join(str(value) for value in cell.values())
+        run = run_folder(cell, work)
         if run.is_dir():
             low, high = latency(run, work / str(cell["scene"]) / str(cell["lidar"]))
             table.loc[i, ["latency_p50_ms", "latency_p95_ms"]] = [round(low, 2), round(high, 2)]
+            table.loc[i, "latency_version"] = __version__
             print(cell, f"{low:.1f} {high:.1f} ms", flush=True)
     write(table, file)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames and runs")
+    parser.add_argument(
+        "--work", type=Path, default=ROOT / "data" / "quick", help="folder of frames and runs"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "quick.csv")
     parser.add_argument("--scenes", nargs="+", default=SCENES)
     parser.add_argument("--lidars", nargs="+", default=LIDARS)
@@ -158,16 +195,10 @@ def main() -> None:
     if args.latency:
         return measured_again(args.out, args.work)
     for cell in cells(args):
-        if has(read(args.out), cell):
-            continue
         try:
-            found = row(cell, args.work)
+            fill(cell, args.work, args.out)
         except subprocess.CalledProcessError as error:
             print(f"{cell}: failed with {error.returncode}: {error.cmd}", flush=True)
-            continue
-        table = pd.concat([read(args.out), pd.DataFrame([found])], ignore_index=True)
-        write(table, args.out)
-        print(*found.values(), flush=True)
 
 
 if __name__ == "__main__":
