@@ -23,7 +23,8 @@ import numpy.typing as npt
 import pandas as pd
 import shapely
 
-from pyinfra import __version__, boxes, kitti, matching
+from pyinfra import __version__, boxes, kitti
+from pyinfra.evaluation import matching
 
 ROOT = Path(__file__).resolve().parent.parent
 FloatArray = npt.NDArray[np.float64]

@@ -26,7 +26,7 @@ import pandas as pd
 
 from pyinfra import __version__, detect, kitti
 from pyinfra.atomic import replacing
-from pyinfra.ground_truth import frame_numbers
+from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.hits import infrasim, lidar_file, scene_file
 
 ROOT = Path(__file__).resolve().parent.parent

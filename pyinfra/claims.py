@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.atomic import replacing
-from pyinfra.statistics_data import DataSet, FloatArray, Vehicles, read_data_set, read_vehicles
-from pyinfra.statistics_intervals import Blocks, Estimate, ratio, time_blocks
-from pyinfra.statistics_tables import (
+from pyinfra.statistics.data import DataSet, FloatArray, Vehicles, read_data_set, read_vehicles
+from pyinfra.statistics.intervals import Blocks, Estimate, ratio, time_blocks
+from pyinfra.statistics.tables import (
     EDGES_M,
     FAR_M,
     aggregation_change,

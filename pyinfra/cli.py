@@ -33,7 +33,7 @@ class Command:
 COMMANDS = (
     Command("demo", "pyinfra.hits", "the paper's hit points, a few frames and their pictures"),
     Command("pictures", "pyinfra.pictures", "a frame from above, the scene, vehicles close up"),
-    Command("statistics", "pyinfra.statistics", "hits, points per vehicle, quality, patterns"),
+    Command("statistics", "pyinfra.statistics.command", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),
     Command("validate", "pyinfra.validate", "checks of data sets and predictions"),

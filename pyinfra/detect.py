@@ -13,7 +13,7 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.detectors import Detections, Detector, Points
 from pyinfra.detectors.background import Background
-from pyinfra.ground_truth import frame_numbers
+from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.kitti import FloatArray, Labels
 from pyinfra.training.sources import scene_of, spread
 

@@ -16,13 +16,13 @@ import numpy as np
 
 from pyinfra import cli
 from pyinfra.atomic import replacing
-from pyinfra.evaluation import PROTOCOLS, VEHICLE_TYPES, Settings
-from pyinfra.evaluation_result import Evaluation, evaluate_tables
-from pyinfra.evaluation_summary import summary
-from pyinfra.frame_tables import read_cameras, read_predictions
-from pyinfra.ground_truth import SETS, frame_numbers, read_ground_truth
-from pyinfra.matching import Metric
-from pyinfra.prediction_checks import check_predictions, find_files
+from pyinfra.data.frame_tables import read_cameras, read_predictions
+from pyinfra.evaluation.ground_truth import SETS, frame_numbers, read_ground_truth
+from pyinfra.evaluation.judge import PROTOCOLS, VEHICLE_TYPES, Settings
+from pyinfra.evaluation.matching import Metric
+from pyinfra.evaluation.prediction_checks import check_predictions, find_files
+from pyinfra.evaluation.result import Evaluation, evaluate_tables
+from pyinfra.evaluation.summary import summary
 
 METRICS: tuple[Metric, ...] = ("bev", "3d")
 
@@ -72,7 +72,8 @@ def write(evaluation: Evaluation, out: Path, *, figures: bool = True) -> list[Pa
         with replacing(files[-1]) as beside:
             table.to_csv(beside, index=False, float_format="%.6g")
     if figures:
-        from pyinfra import evaluation_figures  # plotting takes a second to import
+        # Plotting takes a second to import.
+        from pyinfra.evaluation import figures as evaluation_figures
 
         files += evaluation_figures.draw_all(evaluation, out)
     return files

@@ -224,7 +224,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from pyinfra import figures  # needs matplotlib, which takes a second to load
+    from pyinfra.drawing import clouds  # needs matplotlib, which takes a second to load
 
     start = time.perf_counter()
 
@@ -251,12 +251,12 @@ def run(args: argparse.Namespace) -> int:
     say("pictures")
     data_sets = [[folder / lidar for lidar in LIDARS] for folder in data]
     frame = int(args.frames.split(":")[0])
-    pictures = figures.draw_frames(data_sets, frame, out / "pictures")
+    pictures = clouds.draw_frames(data_sets, frame, out / "pictures")
     patterns = {
         kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name), PATTERN_FRAMES)
         for folder in data_sets[0]
     }
-    pictures.append(figures.draw_patterns(patterns, out / "pictures/patterns.png"))
+    pictures.append(clouds.draw_patterns(patterns, out / "pictures/patterns.png"))
     say("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:

@@ -5,7 +5,9 @@ import errno
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyinfra import cutout_figures, figures, scene_figures
+from pyinfra.drawing import clouds
+from pyinfra.drawing import cutouts as cutout_figures
+from pyinfra.drawing import scene as scene_figures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     data_sets = [lidar_folders(data) for data in args.data]
-    files = figures.draw_frames(data_sets, args.frame, args.out)
+    files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)
     for file in files:
         print(file)
@@ -39,8 +41,8 @@ def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> l
         scene = scene_figures.read_scene(folders)
         name = folders[0].parent.name
         files += [out / f"plan_{name}.png", out / f"cutouts_{name}.png"]
-        figures.save(scene_figures.plan([scene]), files[-2])
-        figures.save(cutout_figures.cutouts(scene, frame), files[-1])
+        clouds.save(scene_figures.plan([scene]), files[-2])
+        clouds.save(cutout_figures.cutouts(scene, frame), files[-1])
     return files
 
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from pyinfra.atomic import replacing
-from pyinfra.statistics_data import DataSet, read_data_set
+from pyinfra.statistics.data import DataSet, read_data_set
 
 By = Literal["time", "seed", "random"]
 

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pyinfra import kitti
-from pyinfra.evaluation import Settings
-from pyinfra.frame_tables import Vehicles, read_cameras, read_predictions, read_vehicles
-from pyinfra.ground_truth import frame_numbers
+from pyinfra.data.frame_tables import Vehicles, read_cameras, read_predictions, read_vehicles
+from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.prediction_checks import Finding, check_predictions, find_files
 from pyinfra.kitti import FormatError
-from pyinfra.prediction_checks import Finding, check_predictions, find_files
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,8 +12,8 @@ import numpy as np
 import yaml
 
 from pyinfra import kitti, split
+from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.detectors import Points
-from pyinfra.frame_tables import read_vehicles
 from pyinfra.kitti import FloatArray, read_yaml
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pyinfra import ap, matching
+from pyinfra import ap
 from pyinfra.boxes import bev_iou
+from pyinfra.evaluation import matching
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

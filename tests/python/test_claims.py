@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from pyinfra import claims
-from pyinfra.statistics_data import Vehicles
-from pyinfra.statistics_intervals import Blocks, time_blocks
+from pyinfra.statistics.data import Vehicles
+from pyinfra.statistics.intervals import Blocks, time_blocks
 
 LIDARS = (claims.LINES_16, claims.AVIA, claims.LINES_64, claims.LINES_128)
 FRAMES = 100

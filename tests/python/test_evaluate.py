@@ -22,11 +22,11 @@ from evaluation_data import (
 
 from pyinfra import evaluate as command
 from pyinfra import kitti
+from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.evaluate import evaluate
-from pyinfra.evaluation import Settings
-from pyinfra.evaluation_result import Evaluation
-from pyinfra.frame_tables import read_vehicles
-from pyinfra.ground_truth import frame_numbers, read_ground_truth
+from pyinfra.evaluation.ground_truth import frame_numbers, read_ground_truth
+from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti import FormatError
 
 Found = list[tuple[list[float], float]]

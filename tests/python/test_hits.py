@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from pyinfra import cli, figures, hits
+from pyinfra import cli, hits
+from pyinfra.drawing import clouds
 
 SUMMARY = """\
 lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,vehicle_points_per_frame,seconds,mrays_per_s
@@ -158,9 +159,9 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_rays_on_a_car_are_counted_per_frame() -> None:
-    middle = figures.CAR.mean(axis=0)
+    middle = clouds.CAR.mean(axis=0)
     rays = np.array([[*middle, 0.01], [*middle, 0.11], [*middle, 0.19], [0.5, 0.5, 0.05]])
-    figure = figures.pattern_picture({"four rays": rays})
+    figure = clouds.pattern_picture({"four rays": rays})
     titles = [axes.get_title() for axes in figure.axes]
     assert titles == ["four rays\n2 rays in 0.1 s", "on a car's rear at 60 m:\n2 rays on average"]
 

@@ -9,9 +9,12 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from pyinfra import cli, cutout_figures, figures, hits, kitti, pictures, scene_figures
-from pyinfra.cutout_figures import DISTANCES_M
-from pyinfra.scene_figures import Scene
+from pyinfra import cli, hits, kitti, pictures
+from pyinfra.drawing import clouds
+from pyinfra.drawing import cutouts as cutout_figures
+from pyinfra.drawing import scene as scene_figures
+from pyinfra.drawing.cutouts import DISTANCES_M
+from pyinfra.drawing.scene import Scene
 
 LIDARS = ("livox_avia", "helios_16")
 
@@ -65,7 +68,7 @@ def test_no_line_crosses_a_junction(data_sets: dict[str, Path]) -> None:
 
 def test_offset_curve_is_to_the_left() -> None:
     centre, heading = np.array([[0.0, 0.0], [0.0, 1.0]]), np.full(2, np.pi / 2)
-    found = figures.offset_curve(centre, heading, 2.0)
+    found = clouds.offset_curve(centre, heading, 2.0)
     np.testing.assert_allclose(found, [[-2, 0], [-2, 1]], atol=1e-12)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pyinfra import kitti, split
-from pyinfra.statistics_data import DataSet, Tilt
+from pyinfra.statistics.data import DataSet, Tilt
 
 
 def data_set(folder: Path, seed: int = 1, frames: range = range(0, 5000, 5)) -> DataSet:

@@ -10,16 +10,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra import kitti, statistics, statistics_tables
-from pyinfra import statistics_patterns as patterns
-from pyinfra.statistics_data import (
+from pyinfra import kitti
+from pyinfra.statistics import command as statistics
+from pyinfra.statistics import patterns
+from pyinfra.statistics import tables as statistics_tables
+from pyinfra.statistics.data import (
     Tilt,
     Vehicles,
     field_of_view_mask,
     read_data_set,
     read_vehicles,
 )
-from pyinfra.statistics_intervals import Blocks, ratio, time_blocks
+from pyinfra.statistics.intervals import Blocks, ratio, time_blocks
 
 Infrasim = Callable[..., Any]
 

@@ -11,10 +11,12 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pyinfra import figures, frame_tables, kitti
+from pyinfra import kitti
+from pyinfra.data import frame_tables
+from pyinfra.drawing import clouds
+from pyinfra.drawing.scene import Scene
 from pyinfra.kitti import FloatArray
-from pyinfra.scene_figures import Scene
-from pyinfra.statistics_data import field_of_view_mask, read_owners
+from pyinfra.statistics.data import field_of_view_mask, read_owners
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
 NEAR_M = 8.0  # a vehicle this far from a column's distance still stands for it
@@ -57,7 +59,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
     half = np.abs(_flat(drawn)).max(axis=0) + EDGE_M
     rows, columns = len(scene.lidars), len(vehicles)
     width = 8.5 / columns
-    with mpl.rc_context(figures.STYLE):
+    with mpl.rc_context(clouds.STYLE):
         size = (8.5, rows * (width * half[1] / half[0] + 0.2) + 0.7)
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False)
@@ -153,7 +155,7 @@ def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
     corners = _flat(_corners(box))
     for edge in _EDGES:
         style: dict[str, Any] = {"linestyle": ":" if _HIDDEN in edge else "-", "linewidth": 0.7}
-        axes.plot(*corners[list(edge)].T, color=figures.COLOURS[0], zorder=1, **style)
+        axes.plot(*corners[list(edge)].T, color=clouds.COLOURS[0], zorder=1, **style)
     size = 1.2 if len(points) > 200 else 2.2
     axes.plot(*_flat(points).T, "o", color="black", markersize=size, markeredgewidth=0, zorder=2)
 

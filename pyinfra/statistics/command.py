@@ -15,16 +15,17 @@ from typing import cast
 import numpy as np
 import pandas as pd
 
-from pyinfra import statistics_figures, statistics_tables
 from pyinfra.atomic import replacing
-from pyinfra.statistics_data import (
+from pyinfra.statistics import figures as statistics_figures
+from pyinfra.statistics import tables as statistics_tables
+from pyinfra.statistics.data import (
     DataSet,
     Vehicles,
     hit_counts,
     read_data_set,
     read_vehicles,
 )
-from pyinfra.statistics_intervals import Blocks, time_blocks
+from pyinfra.statistics.intervals import Blocks, time_blocks
 
 Tables = dict[str, pd.DataFrame]
 
@@ -71,7 +72,7 @@ def speed_table(data: DataSet) -> pd.DataFrame:
 
 def pattern_tables(data: DataSet) -> Tables:
     """lit_share and angular_density of the LiDARs. Raises ImportError without the extension."""
-    from pyinfra import statistics_patterns as patterns
+    from pyinfra.statistics import patterns
 
     tables: dict[str, list[pd.DataFrame]] = {"lit_share": [], "angular_density": []}
     for lidar in data.lidars:

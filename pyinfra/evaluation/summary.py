@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from pyinfra.evaluation_result import Evaluation
-from pyinfra.evaluation_tables import HIGH_QUALITY
+from pyinfra.evaluation.result import Evaluation
+from pyinfra.evaluation.tables import HIGH_QUALITY
 
 
 def summary(evaluation: Evaluation) -> str:

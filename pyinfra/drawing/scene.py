@@ -15,9 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from pyinfra import figures, kitti, regions
-from pyinfra.regions import Road
-from pyinfra.statistics_data import Tilt, sensor_tilt
+from pyinfra import kitti
+from pyinfra.data import regions
+from pyinfra.data.regions import Road
+from pyinfra.drawing import clouds
+from pyinfra.statistics.data import Tilt, sensor_tilt
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0
@@ -81,19 +83,19 @@ def plan(scenes: Sequence[Scene]) -> Figure:
 
     LiDARs that see the same area share a line.
     """
-    outlines = [[figures.strip(r.xy, r.heading, r.half_width) for r in s.roads] for s in scenes]
-    windows = [figures.window_around(rings) for rings in outlines]
+    outlines = [[clouds.strip(r.xy, r.heading, r.half_width) for r in s.roads] for s in scenes]
+    windows = [clouds.window_around(rings) for rings in outlines]
     widths = [window.shape()[0] for window in windows]
     height = max(window.shape()[1] for window in windows)
     width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # leaves room for the stations
     size = (width, 0.93 * width * height / sum(widths) + 1.1)
-    with mpl.rc_context(figures.STYLE):
+    with mpl.rc_context(clouds.STYLE):
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(1, len(scenes), squeeze=False, width_ratios=widths)[0]
         views: dict[str, dict[str, Any]] = {}
         for axes, scene, window, rings in zip(grid, scenes, windows, outlines, strict=True):
             for ring in rings:
-                axes.add_patch(Polygon(ring, color=figures.REGION_COLOUR, zorder=0))
+                axes.add_patch(Polygon(ring, color=clouds.REGION_COLOUR, zorder=0))
             for road in scene.roads:
                 _draw_road(axes, road, scene)
             _draw_views(axes, scene, views)
@@ -102,7 +104,7 @@ def plan(scenes: Sequence[Scene]) -> Figure:
             axes.set_xlabel("x, east (m)")
         grid[0].set_ylabel("y, north (m)")
         handles = [
-            Patch(color=figures.REGION_COLOUR, label="evaluation region; s in m"),
+            Patch(color=clouds.REGION_COLOUR, label="evaluation region; s in m"),
             Line2D([], [], color="black", marker="^", linestyle="none", label="sensor, its yaw"),
             *(Line2D([], [], label=label, **style) for label, style in views.items()),
         ]
@@ -115,7 +117,7 @@ def _draw_road(axes: Axes, road: Road, scene: Scene) -> None:
     others = [other for other in scene.roads if other is not road]
 
     def draw(left_m: Any, **style: Any) -> None:
-        line = figures.offset_curve(road.xy, road.heading, left_m)
+        line = clouds.offset_curve(road.xy, road.heading, left_m)
         line[regions.locate(line, others).inside] = np.nan
         axes.plot(line[:, 0], line[:, 1], zorder=1, **style)
 
@@ -125,7 +127,7 @@ def _draw_road(axes: Axes, road: Road, scene: Scene) -> None:
         draw(left_m, linewidth=0.4, color="0.4", linestyle="-" if solid else (0, (5, 5)))
     side = -1 if _is_left(road, scene.lidars[0].T_world_levelled) else 1
     edge, end, text = (
-        figures.offset_curve(road.xy, road.heading, side * (road.half_width + aside))
+        clouds.offset_curve(road.xy, road.heading, side * (road.half_width + aside))
         for aside in (0.0, 1.5, 5.5)
     )
     wider = [replace(other, half_width=other.half_width + CLEAR_M) for other in others]
@@ -156,18 +158,18 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
         pose = first.T_world_levelled
         reach = max(unit.range_m[1] for unit in first.field_of_view)
         label = f"{', '.join(lidar.model for lidar in lidars)}: to {reach:g} m"
-        colour = figures.COLOURS[len(looks) % len(figures.COLOURS)]
+        colour = clouds.COLOURS[len(looks) % len(clouds.COLOURS)]
         line = LINES[len(looks) % len(LINES)]
         style = looks.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
         for unit in first.field_of_view:
-            axes.plot(*regions.to_world(figures.sector(unit), pose).T, zorder=3, **style)
+            axes.plot(*regions.to_world(clouds.sector(unit), pose).T, zorder=3, **style)
         tip = regions.to_world(np.array([[ARROW_M, 0.0]]), pose)[0]
         arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0}
         axes.annotate("", tip, (pose.x, pose.y), arrowprops=arrow, zorder=5)
         axes.plot(pose.x, pose.y, marker="^", color="black", markersize=5, zorder=5)
 
 
-def _draw_scale(axes: Axes, window: figures.Window) -> None:
+def _draw_scale(axes: Axes, window: clouds.Window) -> None:
     """A bar at the lower edge, off the stations and the circles around the sensor."""
     x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
     axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")

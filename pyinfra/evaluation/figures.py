@@ -18,10 +18,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from pyinfra.evaluation_result import Evaluation
-from pyinfra.evaluation_tables import HIGH_QUALITY
-from pyinfra.regions import WINDOW_M, WINDOW_STEP_M, Road
-from pyinfra.statistics_figures import LINES, MARKERS, STYLE, save
+from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M, Road
+from pyinfra.evaluation.result import Evaluation
+from pyinfra.evaluation.tables import HIGH_QUALITY
+from pyinfra.statistics.figures import LINES, MARKERS, STYLE, save
 
 LOOKS: dict[str, dict[str, Any]] = {
     "high": {"facecolor": "#00204d", "hatch": ""},

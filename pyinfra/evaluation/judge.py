@@ -17,9 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pyinfra import ap
-from pyinfra.frame_tables import Predictions, Vehicles
-from pyinfra.ground_truth import GroundTruth, Set
-from pyinfra.matching import (
+from pyinfra.data.frame_tables import Predictions, Vehicles
+from pyinfra.data.regions import Places, Window
+from pyinfra.evaluation.ground_truth import GroundTruth, Set
+from pyinfra.evaluation.matching import (
     LEAST_OVERLAP,
     TIE,
     Metric,
@@ -30,8 +31,7 @@ from pyinfra.matching import (
     overlapping_pairs,
     reaches,
 )
-from pyinfra.regions import Places, Window
-from pyinfra.statistics_intervals import Blocks, time_blocks
+from pyinfra.statistics.intervals import Blocks, time_blocks
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -11,7 +11,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyinfra import ap
-from pyinfra.evaluation import (
+from pyinfra.data.regions import Window
+from pyinfra.evaluation.ground_truth import Set
+from pyinfra.evaluation.judge import (
     CAUSES,
     Contest,
     Protocol,
@@ -21,8 +23,6 @@ from pyinfra.evaluation import (
     judge,
     precision,
 )
-from pyinfra.ground_truth import Set
-from pyinfra.regions import Window
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -25,7 +25,7 @@ from PIL import Image
 
 from pyinfra import kitti
 from pyinfra.kitti import FloatArray
-from pyinfra.statistics_data import FULL_CIRCLE_DEG
+from pyinfra.statistics.data import FULL_CIRCLE_DEG
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from pyinfra.evaluation import Contest, Settings, blocks_of, contest, judge
-from pyinfra.evaluation_tables import (
+from pyinfra.data.frame_tables import Predictions
+from pyinfra.evaluation.ground_truth import GroundTruth
+from pyinfra.evaluation.judge import Contest, Settings, blocks_of, contest, judge
+from pyinfra.evaluation.matching import Metric
+from pyinfra.evaluation.prediction_checks import Finding
+from pyinfra.evaluation.tables import (
     AP_COLUMNS,
     ap_row,
     area_table,
@@ -19,11 +23,7 @@ from pyinfra.evaluation_tables import (
     false_positive_table,
     pr_table,
 )
-from pyinfra.frame_tables import Predictions
-from pyinfra.ground_truth import GroundTruth
-from pyinfra.matching import Metric
-from pyinfra.prediction_checks import Finding
-from pyinfra.statistics_intervals import MIN_BLOCKS
+from pyinfra.statistics.intervals import MIN_BLOCKS
 
 KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
 

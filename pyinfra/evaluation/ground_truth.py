@@ -10,11 +10,12 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra import kitti, regions
-from pyinfra.frame_tables import Vehicles, read_vehicles
+from pyinfra import kitti
+from pyinfra.data import regions
+from pyinfra.data.frame_tables import Vehicles, read_vehicles
+from pyinfra.data.regions import Places, Road, Window
 from pyinfra.kitti import FormatError
-from pyinfra.regions import Places, Road, Window
-from pyinfra.statistics_data import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
+from pyinfra.statistics.data import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

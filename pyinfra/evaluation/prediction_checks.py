@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra.frame_tables import Predictions, Vehicles
+from pyinfra.data.frame_tables import Predictions, Vehicles
+from pyinfra.evaluation.matching import pairs_of_frames
 from pyinfra.kitti import FormatError
-from pyinfra.matching import pairs_of_frames
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

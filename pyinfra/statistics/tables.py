@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyinfra.statistics_data import FloatArray, IntArray, Vehicles, moving, same_rows
-from pyinfra.statistics_intervals import Blocks, Estimate, ratio
+from pyinfra.statistics.data import FloatArray, IntArray, Vehicles, moving, same_rows
+from pyinfra.statistics.intervals import Blocks, Estimate, ratio
 
 EDGES_M = np.arange(30.0, 121.0, 5.0)
 FAR_M = 90.0

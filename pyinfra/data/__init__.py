@@ -1,0 +1,1 @@
+"""Tables over many frames of a data set, and its roads."""

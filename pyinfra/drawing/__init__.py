@@ -1,0 +1,1 @@
+"""Pictures of frames, scenes and vehicles."""

@@ -1,0 +1,1 @@
+"""Hits, points per vehicle, quality classes and patterns of data sets."""
