@@ -114,6 +114,19 @@ def progress(row: pd.Series) -> str:
     return f"{name}: AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}], {row.train_seconds} s"
 
 
+def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
+    """Measures the latency of every finished cell whose run is here, one after the other."""
+    for cell in plan.cells:
+        run, table = place.work / "runs" / cell.name, store.read(place.table("cells"))
+        if not run.is_dir() or not store.has(table, asdict(cell)):
+            continue
+        rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)]
+        times = measure.detected(run, place.data(cell.world) / cell.lidar, device)
+        rows = rows.assign(**measure.latency_columns(times))
+        place.put({"cells": rows})
+        print(f"{cell.title}: {rows.latency_p50_ms.iloc[0]} ms", file=sys.stderr, flush=True)
+
+
 def put_prices(place: Place, plan: Plan) -> None:
     """Works out the table of values again, if there is a finished cell."""
     tables = {name: store.read(place.table(name)) for name in VALUED}

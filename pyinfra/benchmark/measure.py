@@ -17,6 +17,7 @@ from pyinfra.evaluate import evaluate
 from pyinfra.evaluation.ground_truth import SETS, frame_numbers
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
+from pyinfra.kitti import FloatArray
 from pyinfra.train import train
 from pyinfra.training.recipe import read_recipe
 from pyinfra.training.sources import read_source
@@ -52,7 +53,7 @@ def trained(cell: Cell, recipe: Path, folder: Path, run: Path, device: str) -> f
     return seconds
 
 
-def detected(run: Path, folder: Path, device: str) -> np.ndarray:
+def detected(run: Path, folder: Path, device: str) -> FloatArray:
     """Milliseconds a test frame, points to boxes; writes the predictions."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detector = detect.load_detector(run, device=device)
@@ -60,10 +61,18 @@ def detected(run: Path, folder: Path, device: str) -> np.ndarray:
     return detect.detect(detector, files, run / "predictions")[1]
 
 
-def row(cell: Cell, evaluation: Evaluation, seconds: float, times: np.ndarray) -> dict[str, object]:
+def latency_columns(times: FloatArray) -> dict[str, object]:
+    p50, p95 = np.percentile(times, (50, 95))
+    return {
+        "latency_p50_ms": round(p50, 2),
+        "latency_p95_ms": round(p95, 2),
+        "latency_version": __version__,
+    }
+
+
+def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -> dict[str, object]:
     found = evaluation.ap.set_index("ground_truth")
     captured = found.loc["captured"]
-    p50, p95 = np.percentile(times, (50, 95))
     return {
         **asdict(cell),
         "ap": captured.ap,
@@ -73,8 +82,7 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: np.ndarray) -
         "ap_all": found.ap["all"],
         "objects": int(captured.objects),
         "train_seconds": round(seconds, 1),
-        "latency_p50_ms": round(p50, 2),
-        "latency_p95_ms": round(p95, 2),
+        **latency_columns(times),
         **provenance(),
     }
 
@@ -89,7 +97,6 @@ def provenance() -> dict[str, object]:
     return {
         "command": "pyinfra benchmark",
         "version": __version__,
-        "latency_version": __version__,
         "machine": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
     }
 
