@@ -14,6 +14,7 @@ from pyinfra.benchmark import measure, pool, store, worlds
 from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.value import KEY, value_table
+from pyinfra.training.recipe import read_recipe
 
 KEYS = {  # of the rows of each table
     "cells": KEY,
@@ -100,8 +101,9 @@ def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
     with store.held(run.with_suffix(".lock"), wait=False) as ours:
         if not ours or not place.without_row([cell]):
             return
-        recipe, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
+        file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
         try:
+            recipe = read_recipe(file, cell.tier)
             found = measure.tables(cell, recipe, folder, run, device=device)
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
