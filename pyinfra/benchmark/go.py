@@ -13,6 +13,7 @@ import pandas as pd
 from pyinfra.benchmark import measure, pool, store, worlds
 from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.matrix import Cell, Plan
+from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY, value_table
 from pyinfra.training.recipe import read_recipe
 
@@ -24,6 +25,7 @@ KEYS = {  # of the rows of each table
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
     "claims": ["scene", "preset"],
+    "paper": ["scene", "preset"],
     **{name: ["scene", "preset"] for name in worlds.STATISTICS},
 }
 READ = ("cells", "areas", "distance", "lidars", "hits")
@@ -139,6 +141,9 @@ def conclude(place: Place, plan: Plan) -> None:
     tables["value"] = value_table(tables, plan.costs)
     tables["stress"] = store.read(place.results / "stress.csv")
     place.put({"value": tables["value"]})
-    found = claims_table(tables)
-    if len(found):
-        place.put({"claims": found})
+    for name, rows in (
+        ("claims", claims_table(tables)),
+        ("paper", paper_table(tables["cells"])),
+    ):
+        if len(rows):
+            place.put({name: rows})
