@@ -94,7 +94,15 @@ def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     pool.call_all(worlds.simulate, shards, where)
     for world, cells in plan.worlds().items():
         worlds.split_by_time(place.data(world))
-        place.put(worlds.described(place.data(world), cells))
+        if not is_described(place, cells):
+            place.put(worlds.described(place.data(world), cells))
+
+
+def is_described(place: Place, cells: Sequence[Cell]) -> bool:
+    """Whether every LiDAR of the cells of one data set has its row of hits."""
+    hits = store.read(place.table("hits"))
+    wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
+    return all(store.has(hits, key) for key in wanted)
 
 
 def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
