@@ -59,6 +59,7 @@ wheel:
 	cd / && $(CURDIR)/build/wheel-env/bin/infrasim --version
 	cd / && $(CURDIR)/build/wheel-env/bin/python -c \
 		"import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
+	cd / && $(CURDIR)/build/wheel-env/bin/python -c "from pyinfra.viewer.page import library; library()"
 	ls build/wheel-env/lib/python3*/site-packages/pyinfra/configs
 
 sanitize:
