@@ -1,0 +1,1 @@
+"""Frames for other tools: one module per format, each with `export`."""

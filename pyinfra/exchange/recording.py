@@ -1,0 +1,148 @@
+"""Frames of a LiDAR's folder one after another, with what the exports need besides the cloud."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import kitti
+from pyinfra.data.frame_tables import read_cameras
+from pyinfra.evaluation.ground_truth import PERIOD_S
+from pyinfra.kitti import FloatArray, FormatError, Objects
+
+_KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What holds for every frame of a LiDAR's folder."""
+
+    lidar_folder: Path
+    lidar: str
+    scene: str
+    about: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
+    period_s: float
+    T_world_lidar: kitti.WorldPose  # nothing moved or turned without lidar.yaml
+
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """x y z w of the rotation of T_world_lidar."""
+        return quaternion(self.T_world_lidar.yaw)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame, in the levelled LiDAR frame."""
+
+    number: int
+    start_s: float  # since the start of the run
+    middle_s: float  # when the boxes hold
+    points: npt.NDArray[np.float32]  # (n, 4) x y z intensity
+    fields: npt.NDArray[np.void] | None  # (n,) records of kitti.FIELDS; None without `fields`
+    objects: Objects
+
+
+def read_recording(lidar_folder: Path) -> Recording:
+    """What is known of a folder; of any in the KITTI layout, with or without lidar.yaml.
+
+    Raises FormatError with file and line.
+    """
+    has_lidar = (lidar_folder / "lidar.yaml").is_file()
+    lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
+    folder = lidar_folder.resolve()
+    about = _about(lidar_folder.resolve().parent / "dataset.yaml")
+    return Recording(
+        lidar_folder=lidar_folder,
+        lidar=lidar.name if lidar else folder.name,
+        scene=about.get("name", folder.parent.name),
+        about=about,
+        period_s=lidar.period_s if lidar else PERIOD_S,
+        T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),
+    )
+
+
+def read_frames(recording: Recording, numbers: Sequence[int]) -> Iterator[Frame]:
+    """The frames in the order of their numbers, one in memory at a time.
+
+    Without `objects` the boxes are the labels: speed is nan, visibility -1, and every one is an
+    object of its own, because labels know no identity.
+    Raises FileNotFoundError for a frame that is not whole, and FormatError.
+    """
+    folder, labels_before = recording.lidar_folder, 0
+    has_objects = (folder / "training/objects").is_dir()
+    for number in sorted(numbers):
+        points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
+        if has_objects:
+            objects = kitti.read_objects(kitti.frame_file(folder, "objects", number))
+        else:
+            objects = _labels(folder, number, points)
+            objects = replace(objects, ids=objects.ids + labels_before)
+            labels_before += len(objects)
+        start_s = number * recording.period_s
+        middle_s = start_s + recording.period_s / 2
+        yield Frame(
+            number, start_s, middle_s, points, _fields(folder, number, len(points)), objects
+        )
+
+
+def quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """x y z w of a turn about +z."""
+    return 0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2))
+
+
+def nanoseconds(seconds: float) -> int:
+    """Whole, so that 0.3 s is 300,000,000 ns."""
+    return round(seconds * 1e9)
+
+
+def copy_cloud(recording: Recording, number: int, to: Path) -> None:
+    """The .bin of a frame, byte for byte."""
+    shutil.copyfile(kitti.frame_file(recording.lidar_folder, "velodyne", number), to)
+
+
+def _about(file: Path) -> dict[str, str]:
+    if not file.is_file():
+        return {}
+    top = kitti.read_yaml(file)
+    return {key: top.at(key).text() for key in _KEYS}
+
+
+def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | None:
+    if not (folder / "training/fields").is_dir():
+        return None
+    file = kitti.frame_file(folder, "fields", number)
+    fields = kitti.read_fields(file)
+    if len(fields) != count:
+        raise FormatError(
+            f"{file}: found {len(fields)} records, allowed one for each of {count} points"
+        )
+    return fields
+
+
+def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
+    camera = read_cameras(folder, [number]).different[0]
+    labels = kitti.read_labels(kitti.frame_file(folder, "label_2", number), calibration=camera)
+    k, boxes = len(labels), labels.boxes
+    inside = np.array([_count_inside(points, box) for box in boxes], dtype=np.int64)
+    return Objects(
+        ids=np.arange(k),
+        names=labels.names,
+        boxes=boxes,
+        speed=np.full(k, np.nan),
+        points=inside,
+        points_in_box=inside,
+        distance=np.hypot(boxes[:, 0], boxes[:, 1]),
+        visibility=np.full(k, -1.0),
+    )
+
+
+def _count_inside(points: npt.NDArray[np.float32], box: FloatArray) -> int:
+    offset = points[:, :3] - box[:3]
+    cos, sin = np.cos(box[6]), np.sin(box[6])
+    ahead, left = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
+    own = np.column_stack([ahead, left, offset[:, 2]])
+    return int((np.abs(own) <= box[3:6] / 2).all(axis=1).sum())
