@@ -1,7 +1,8 @@
 """The tables of nuScenes, as `nuscenes-devkit` and what builds on it read them.
 
     v1.0-infrasim/*.json           thirteen tables; a row's key is its `token`, others refer to it
-    v1.0-infrasim/splits.json      names of the scenes of `train`, `val` and `all`
+    v1.0-infrasim/splits.json      scenes of infrasim_train, infrasim_val and infrasim_all; the
+                                   devkit keeps `train` and `val` for its own scenes
     samples/LIDAR_TOP/*.pcd.bin    float32 x y z intensity ring
     maps/none.png                  a mask without anything; the devkit wants a file
 By the public description of the schema (docs/schema_nuscenes.md of the devkit):
@@ -12,7 +13,8 @@ By the public description of the schema (docs/schema_nuscenes.md of the devkit):
   its x; the sensor, LIDAR_TOP, is above it. Its frame is the levelled LiDAR frame, x forward.
 - Intensity is 0 to 255. The ring is -1 without `fields`.
 - Annotations are all vehicles in reach, also those without points, which the devkit's evaluation
-  leaves out. `num_lidar_pts` counts the points in the box. Unknown visibility is an empty token.
+  leaves out. `num_lidar_pts` counts the points in the box, or up to 1 cm outside. An unknown
+  visibility is an empty token.
 - Classes have the names of nuScenes; a Van is a vehicle.car, unknown ones stay as they are.
 """
 
@@ -99,7 +101,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
                 _write_cloud(out / common.cloud_name(frame.number), frame)
             scene.close()
         common.add_categories()
-    splits = {scene.part: [scene.name] for scene in scenes}
+    splits = {f"infrasim_{scene.part}": [scene.name] for scene in scenes}
     with replacing(out / VERSION / "splits.json") as beside:
         beside.write_text(json.dumps(splits), encoding="utf-8")
 

@@ -15,6 +15,7 @@ from pyinfra.data.frame_tables import read_cameras
 from pyinfra.evaluation.ground_truth import PERIOD_S
 from pyinfra.kitti import FloatArray, FormatError, Objects
 
+_MARGIN_M = 0.01  # points_in_box of `objects` has the same
 _KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
 
 
@@ -54,7 +55,7 @@ def read_recording(lidar_folder: Path) -> Recording:
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
     folder = lidar_folder.resolve()
-    about = _about(lidar_folder.resolve().parent / "dataset.yaml")
+    about = _about(folder.parent / "dataset.yaml")
     return Recording(
         lidar_folder=lidar_folder,
         lidar=lidar.name if lidar else folder.name,
@@ -77,7 +78,7 @@ def read_frames(recording: Recording, numbers: Sequence[int]) -> Iterator[Frame]
     for number in sorted(numbers):
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
         if has_objects:
-            objects = kitti.read_objects(kitti.frame_file(folder, "objects", number))
+            objects = _objects(kitti.frame_file(folder, "objects", number))
         else:
             objects = _labels(folder, number, points)
             objects = replace(objects, ids=objects.ids + labels_before)
@@ -123,6 +124,14 @@ def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | Non
     return fields
 
 
+def _objects(file: Path) -> Objects:
+    objects = kitti.read_objects(file)
+    ids, counts = np.unique(objects.ids, return_counts=True)
+    if (counts > 1).any():
+        raise FormatError(f"{file}: id: found {ids[counts > 1][0]} twice, allowed once a frame")
+    return objects
+
+
 def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
     camera = read_cameras(folder, [number]).different[0]
     labels = kitti.read_labels(kitti.frame_file(folder, "label_2", number), calibration=camera)
@@ -145,4 +154,4 @@ def _count_inside(points: npt.NDArray[np.float32], box: FloatArray) -> int:
     cos, sin = np.cos(box[6]), np.sin(box[6])
     ahead, left = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
     own = np.column_stack([ahead, left, offset[:, 2]])
-    return int((np.abs(own) <= box[3:6] / 2).all(axis=1).sum())
+    return int((np.abs(own) <= box[3:6] / 2 + _MARGIN_M).all(axis=1).sum())

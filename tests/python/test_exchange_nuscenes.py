@@ -89,7 +89,8 @@ def test_image_sets_become_scenes_that_share_no_instance(tmp_path: Path) -> None
     scenes = {scene["name"]: scene["nbr_samples"] for scene in database.rows("scene")}
     assert scenes == {f"made_up-pole-{part}": 1 for part in ("train", "val", "all")}
     splits = json.loads((tmp_path / "out/v1.0-infrasim/splits.json").read_text())
-    assert splits == {part: [f"made_up-pole-{part}"] for part in ("train", "val", "all")}
+    expected = {f"infrasim_{part}": [f"made_up-pole-{part}"] for part in ("train", "val", "all")}
+    assert splits == expected
     assert len(database.rows("instance")) == 3
 
 
