@@ -21,13 +21,13 @@ from mcap.records import Schema
 from mcap_ros2.writer import Writer
 
 from pyinfra.atomic import replacing
-from pyinfra.exchange.recording import (
+from pyinfra.exchange.source import (
     Frame,
-    Recording,
+    Source,
     nanoseconds,
     quaternion,
     read_frames,
-    read_recording,
+    read_source,
 )
 
 Message = dict[str, Any]
@@ -153,25 +153,23 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
     Raises FileNotFoundError for a frame that is not whole, and FormatError; then there is no file.
     """
-    recording = read_recording(lidar_folder)
-    file = out / f"{recording.lidar}.mcap"
+    source = read_source(lidar_folder)
+    file = out / f"{source.lidar}.mcap"
     with replacing(file) as beside, beside.open("wb") as stream, Writer(stream) as writer:
-        writer.add_metadata("infrasim", recording.about)
+        writer.add_metadata("infrasim", source.about)
         schemas = {name: writer.register_msgdef(name, text) for name, text in _DEFINITIONS.items()}
-        for frame in read_frames(recording, frames):
-            _write_frame(writer, schemas, recording, frame)
+        for frame in read_frames(source, frames):
+            _write_frame(writer, schemas, source, frame)
 
 
-def _write_frame(
-    writer: Writer, schemas: dict[str, Schema], recording: Recording, frame: Frame
-) -> None:
-    name = recording.lidar
+def _write_frame(writer: Writer, schemas: dict[str, Schema], source: Source, frame: Frame) -> None:
+    name = source.lidar
     messages = (
-        ("/tf", "tf2_msgs/msg/TFMessage", transforms(recording, frame)),
+        ("/tf", "tf2_msgs/msg/TFMessage", transforms(source, frame)),
         (f"/{name}/points", "sensor_msgs/msg/PointCloud2", cloud(name, frame)),
         (f"/{name}/boxes", "visualization_msgs/msg/MarkerArray", markers(name, frame)),
     )
-    logged = nanoseconds(frame.start_s + recording.period_s)
+    logged = nanoseconds(frame.start_s + source.period_s)
     for topic, schema, message in messages:
         writer.write_message(topic, schemas[schema], message, logged, sequence=frame.number)
 
@@ -216,18 +214,18 @@ def markers(frame_id: str, frame: Frame) -> Message:
     return {"markers": [clear, *cubes]}
 
 
-def transforms(recording: Recording, frame: Frame) -> Message:
+def transforms(source: Source, frame: Frame) -> Message:
     """tf2_msgs/TFMessage: the sensor's pose at the time of the cloud and at that of the boxes."""
-    pose = recording.T_world_lidar
+    pose = source.T_world_lidar
     transform = {
         "translation": _xyz((pose.x, pose.y, pose.z)),
-        "rotation": _xyzw(recording.quaternion()),
+        "rotation": _xyzw(quaternion(pose.yaw)),
     }
     return {
         "transforms": [
             {
                 "header": _header(time_s, WORLD),
-                "child_frame_id": recording.lidar,
+                "child_frame_id": source.lidar,
                 "transform": transform,
             }
             for time_s in (frame.start_s, frame.middle_s)

@@ -34,7 +34,7 @@ import numpy as np
 
 from pyinfra.atomic import replacing
 from pyinfra.evaluation.ground_truth import frame_numbers
-from pyinfra.exchange.recording import Frame, Recording, quaternion, read_frames, read_recording
+from pyinfra.exchange.source import Frame, Source, quaternion, read_frames, read_source
 from pyinfra.kitti import FloatArray
 
 Row = dict[str, Any]
@@ -82,23 +82,24 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """
     if not frames:
         raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
-    recording = read_recording(lidar_folder)
+    source = read_source(lidar_folder)
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
     matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
-    parts = parts_of(lidar_folder, frames)
+    parts = parts_of(lidar_folder, frames[:])
     with ExitStack() as stack:
         files = {name: out / VERSION / f"{name}.json" for name in TABLES}
         add = {name: stack.enter_context(_table(file)) for name, file in files.items()}
-        common = _Common(recording, add)
+        common = _Common(source, add)
         common.add_sensor()
         common.add_levels()
         scenes = [_Scene(common, part, numbers) for part, numbers in parts.items()]
+        scene_of = {number: scene for scene in scenes for number in scene.frames}
+        for frame in read_frames(source, frames):
+            scene_of[frame.number].add_sample(frame)
+            scene_of[frame.number].add_annotations(frame)
+            _write_cloud(out / common.cloud_name(frame.number), frame)
         for scene in scenes:
-            for frame in read_frames(recording, scene.frames):
-                scene.add_sample(frame)
-                scene.add_annotations(frame)
-                _write_cloud(out / common.cloud_name(frame.number), frame)
             scene.close()
         common.add_categories()
     splits = {f"infrasim_{scene.part}": [scene.name] for scene in scenes}
@@ -137,38 +138,38 @@ def _table(file: Path) -> Iterator[Add]:
 class _Common:
     """What all scenes refer to."""
 
-    def __init__(self, recording: Recording, add: dict[str, Add]) -> None:
-        self.recording, self.add = recording, add
-        self.name = f"{recording.scene}-{recording.lidar}"
+    def __init__(self, source: Source, add: dict[str, Add]) -> None:
+        self.source, self.add = source, add
+        self.name = f"{source.scene}-{source.lidar}"
         self.categories: set[str] = set()
 
     def token(self, kind: str, key: object) -> str:
-        """The same for the same recording, and no other has it: 32 hexadecimal digits."""
-        name = [self.name, *self.recording.about.values(), kind, str(key)]
+        """The same for the same source, and no other has it: 32 hexadecimal digits."""
+        name = [self.name, *self.source.about.values(), kind, str(key)]
         return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
 
     def cloud_name(self, frame: int) -> str:
         return f"samples/{CHANNEL}/{self.name}__{CHANNEL}__{frame:06d}.pcd.bin"
 
     def add_sensor(self) -> None:
-        recording, token = self.recording, self.token
+        source, token = self.source, self.token
         sensor = {"token": token("sensor", CHANNEL), "channel": CHANNEL, "modality": "lidar"}
         self.add["sensor"](sensor)
         self.add["calibrated_sensor"](
             {
                 "token": token("calibrated_sensor", CHANNEL),
                 "sensor_token": sensor["token"],
-                "translation": [0.0, 0.0, recording.T_world_lidar.z],
+                "translation": [0.0, 0.0, source.T_world_lidar.z],
                 "rotation": [1.0, 0.0, 0.0, 0.0],
                 "camera_intrinsic": [],
             }
         )
         log = {
             "token": token("log", ""),
-            "logfile": recording.lidar_folder.name,
-            "vehicle": recording.lidar,
+            "logfile": source.lidar_folder.name,
+            "vehicle": source.lidar,
             "date_captured": "1970-01-01",  # simulated time has no date
-            "location": recording.scene,
+            "location": source.scene,
         }
         self.add["log"](log)
         self.add["map"](
@@ -217,7 +218,7 @@ class _Scene:
 
     def add_sample(self, frame: Frame) -> None:
         time_us = round(frame.middle_s * 1e6)
-        pose = self.common.recording.T_world_lidar
+        pose = self.common.source.T_world_lidar
         sample = self.neighbours("sample", frame.number)
         sample |= {"timestamp": time_us, "scene_token": self.token("scene", "")}
         self.add["sample"](sample)
@@ -251,7 +252,7 @@ class _Scene:
         }
 
     def add_annotations(self, frame: Frame) -> None:
-        o, places = frame.objects, _to_world(self.common.recording, frame.objects.boxes)
+        o, places = frame.objects, _to_world(self.common.source, frame.objects.boxes)
         for i, number in enumerate(o.ids.tolist()):
             category = CATEGORIES.get(o.names[i], Category(str(o.names[i])))
             row = {
@@ -297,7 +298,7 @@ class _Scene:
             self.add["sample_annotation"](row)
         for row in self.instances.values():
             self.add["instance"](row)
-        about = self.common.recording.about
+        about = self.common.source.about
         self.add["scene"](
             {
                 "token": self.token("scene", ""),
@@ -309,7 +310,6 @@ class _Scene:
                 "last_sample_token": self.token("sample", self.frames[-1]),
             }
         )
-        self.last, self.instances = {}, {}
 
 
 def visibility_token(visibility: float) -> str:
@@ -318,9 +318,9 @@ def visibility_token(visibility: float) -> str:
     return str(levels) if levels else ""
 
 
-def _to_world(recording: Recording, boxes: FloatArray) -> FloatArray:
+def _to_world(source: Source, boxes: FloatArray) -> FloatArray:
     """x y z heading (k, 4) of boxes (k, 7)."""
-    pose = recording.T_world_lidar
+    pose = source.T_world_lidar
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     x, y, z = boxes[:, :3].T
     return np.column_stack(

@@ -20,13 +20,13 @@ from typing import Any, TextIO
 import numpy as np
 
 from pyinfra.atomic import replacing
-from pyinfra.exchange.recording import (
+from pyinfra.exchange.source import (
     Frame,
-    Recording,
+    Source,
     copy_cloud,
     quaternion,
     read_frames,
-    read_recording,
+    read_source,
 )
 from pyinfra.kitti import Objects
 
@@ -46,18 +46,18 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """
     if not frames:
         raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
-    recording, presence = read_recording(lidar_folder), Presence()
+    source, presence = read_source(lidar_folder), Presence()
     (out / "points").mkdir()
     parts: dict[str, Json | Iterable[Item]] = {
-        "metadata": _metadata(recording),
-        "coordinate_systems": _coordinate_systems(recording),
-        "streams": {recording.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
-        "frames": _frames(recording, frames, presence, out),
+        "metadata": _metadata(source),
+        "coordinate_systems": _coordinate_systems(source),
+        "streams": {source.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
+        "frames": _frames(source, frames, presence, out),
         # After the frames, which say when the objects are there.
-        "objects": presence.objects(recording.lidar),
+        "objects": presence.objects(source.lidar),
     }
     with (
-        replacing(out / f"{recording.lidar}.json") as beside,
+        replacing(out / f"{source.lidar}.json") as beside,
         beside.open("w", encoding="utf-8") as stream,
     ):
         stream.write('{"openlabel": {\n')
@@ -101,25 +101,25 @@ class Presence:
 
 
 def _frames(
-    recording: Recording, numbers: Sequence[int], presence: Presence, out: Path
+    source: Source, numbers: Sequence[int], presence: Presence, out: Path
 ) -> Iterator[Item]:
-    for index, frame in enumerate(read_frames(recording, numbers)):
+    for index, frame in enumerate(read_frames(source, numbers)):
         cloud = f"points/{frame.number:06d}.bin"
-        copy_cloud(recording, frame.number, out / cloud)
+        copy_cloud(source, frame.number, out / cloud)
         presence.add(index, frame.objects)
         yield (
             str(index),
             {
-                "frame_properties": _frame_properties(recording, frame, cloud),
-                "objects": dict(_cuboids(recording.lidar, frame.objects)),
+                "frame_properties": _frame_properties(source, frame, cloud),
+                "objects": dict(_cuboids(source.lidar, frame.objects)),
             },
         )
 
 
-def _frame_properties(recording: Recording, frame: Frame, cloud: str) -> Json:
+def _frame_properties(source: Source, frame: Frame, cloud: str) -> Json:
     sync = {"frame_stream": frame.number, "timestamp": round(frame.start_s, 9)}
     stream = {"uri": cloud, "stream_properties": {"sync": sync}}
-    return {"timestamp": round(frame.middle_s, 9), "streams": {recording.lidar: stream}}
+    return {"timestamp": round(frame.middle_s, 9), "streams": {source.lidar: stream}}
 
 
 def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
@@ -140,26 +140,26 @@ def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
         yield str(number), {"object_data": {"cuboid": [cuboid]}}
 
 
-def _metadata(recording: Recording) -> Json:
+def _metadata(source: Source) -> Json:
     return {
         "schema_version": "1.0.0",
-        "name": f"{recording.scene}, {recording.lidar}",
-        "annotator": f"infrasim {recording.about.get('version', '')}".strip(),
-        "comment": ", ".join(f"{key} {value}" for key, value in recording.about.items()),
+        "name": f"{source.scene}, {source.lidar}",
+        "annotator": f"infrasim {source.about.get('version', '')}".strip(),
+        "comment": ", ".join(f"{key} {value}" for key, value in source.about.items()),
     }
 
 
-def _coordinate_systems(recording: Recording) -> Json:
+def _coordinate_systems(source: Source) -> Json:
     """The pose of a system takes its points to the parent's."""
-    pose = recording.T_world_lidar
+    pose = source.T_world_lidar
     return {
-        WORLD: {"type": "scene_cs", "parent": "", "children": [recording.lidar]},
-        recording.lidar: {
+        WORLD: {"type": "scene_cs", "parent": "", "children": [source.lidar]},
+        source.lidar: {
             "type": "sensor_cs",
             "parent": WORLD,
             "children": [],
             "pose_wrt_parent": {
-                "quaternion": list(recording.quaternion()),
+                "quaternion": list(quaternion(pose.yaw)),
                 "translation": [pose.x, pose.y, pose.z],
             },
         },

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import matplotlib.image
 import numpy as np
-import nuscenes_tables
+import nuscenes_reader
 import pytest
 from exchange_data import BOXES, FRAMES, LIDARS, points, to_world, without, write_recording
-from nuscenes_tables import Database
+from nuscenes_reader import Database
 
 from pyinfra import kitti
 from pyinfra.exchange import nuscenes
@@ -18,7 +18,7 @@ from pyinfra.exchange import nuscenes
 def exported(folder: Path, frames: list[int], out: Path) -> Database:
     out.mkdir()
     nuscenes.export(folder, frames, out)
-    return nuscenes_tables.read(out, "v1.0-infrasim")
+    return nuscenes_reader.read(out, "v1.0-infrasim")
 
 
 def names(database: Database, annotation: dict) -> tuple[str, list[str], str]:

@@ -1,4 +1,4 @@
-"""Frames of a LiDAR's folder one after another, with what the exports need besides the cloud."""
+"""What an export reads: a LiDAR's frames one after another, and where they come from."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import yaml
 
 from pyinfra import kitti
 from pyinfra.data.frame_tables import read_cameras
@@ -20,19 +21,16 @@ _KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
 
 
 @dataclass(frozen=True)
-class Recording:
+class Source:
     """What holds for every frame of a LiDAR's folder."""
 
     lidar_folder: Path
     lidar: str
     scene: str
     about: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
+    ids_are_tracks: bool  # an object's id is the same in all frames
     period_s: float
     T_world_lidar: kitti.WorldPose  # nothing moved or turned without lidar.yaml
-
-    def quaternion(self) -> tuple[float, float, float, float]:
-        """x y z w of the rotation of T_world_lidar."""
-        return quaternion(self.T_world_lidar.yaw)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,7 @@ class Frame:
     objects: Objects
 
 
-def read_recording(lidar_folder: Path) -> Recording:
+def read_source(lidar_folder: Path) -> Source:
     """What is known of a folder; of any in the KITTI layout, with or without lidar.yaml.
 
     Raises FormatError with file and line.
@@ -56,38 +54,45 @@ def read_recording(lidar_folder: Path) -> Recording:
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
     folder = lidar_folder.resolve()
     about = _about(folder.parent / "dataset.yaml")
-    return Recording(
+    has_objects = (folder / "training/objects").is_dir()
+    return Source(
         lidar_folder=lidar_folder,
         lidar=lidar.name if lidar else folder.name,
         scene=about.get("name", folder.parent.name),
-        about=about,
+        about={key: about[key] for key in _KEYS if key in about},
+        # A recording whose objects were never tracked says `ids: rows`; labels have none.
+        ids_are_tracks=has_objects and about.get("ids") != "rows",
         period_s=lidar.period_s if lidar else PERIOD_S,
         T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),
     )
 
 
-def read_frames(recording: Recording, numbers: Sequence[int]) -> Iterator[Frame]:
-    """The frames in the order of their numbers, one in memory at a time.
+def read_frames(source: Source, numbers: Sequence[int]) -> Iterator[Frame]:
+    """The frames of ascending numbers, one in memory at a time.
 
-    Without `objects` the boxes are the labels: speed is nan, visibility -1, and every one is an
-    object of its own, because labels know no identity.
-    Raises FileNotFoundError for a frame that is not whole, and FormatError.
+    Without `objects` the boxes are the labels: speed is nan, visibility -1. Where ids are no tracks
+    every box is an object of its own.
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError for numbers
+    that do not ascend.
     """
-    folder, labels_before = recording.lidar_folder, 0
-    has_objects = (folder / "training/objects").is_dir()
-    for number in sorted(numbers):
+    folder, before, named = source.lidar_folder, -1, 0
+    for number in numbers:
+        if number <= before:
+            raise ValueError(f"found frame {number} after {before}, allowed ascending ones")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
-        if has_objects:
-            objects = _objects(kitti.frame_file(folder, "objects", number))
-        else:
-            objects = _labels(folder, number, points)
-            objects = replace(objects, ids=objects.ids + labels_before)
-            labels_before += len(objects)
-        start_s = number * recording.period_s
-        middle_s = start_s + recording.period_s / 2
+        objects = _boxes(folder, number, points)
+        if not source.ids_are_tracks:
+            objects = replace(objects, ids=np.arange(named, named + len(objects)))
+            named += len(objects)
         yield Frame(
-            number, start_s, middle_s, points, _fields(folder, number, len(points)), objects
+            number=number,
+            start_s=number * source.period_s,
+            middle_s=(number + 0.5) * source.period_s,
+            points=points,
+            fields=_fields(folder, number, len(points)),
+            objects=objects,
         )
+        before = number
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:
@@ -100,16 +105,18 @@ def nanoseconds(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
-def copy_cloud(recording: Recording, number: int, to: Path) -> None:
+def copy_cloud(source: Source, number: int, to: Path) -> None:
     """The .bin of a frame, byte for byte."""
-    shutil.copyfile(kitti.frame_file(recording.lidar_folder, "velodyne", number), to)
+    shutil.copyfile(kitti.frame_file(source.lidar_folder, "velodyne", number), to)
 
 
 def _about(file: Path) -> dict[str, str]:
     if not file.is_file():
         return {}
-    top = kitti.read_yaml(file)
-    return {key: top.at(key).text() for key in _KEYS}
+    top = kitti.read_yaml(file).node
+    if not isinstance(top, yaml.MappingNode):
+        raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
+    return {k.value: v.value for k, v in top.value if isinstance(v, yaml.ScalarNode)}
 
 
 def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | None:
@@ -124,7 +131,10 @@ def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | Non
     return fields
 
 
-def _objects(file: Path) -> Objects:
+def _boxes(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
+    if not (folder / "training/objects").is_dir():
+        return _labels(folder, number, points)
+    file = kitti.frame_file(folder, "objects", number)
     objects = kitti.read_objects(file)
     ids, counts = np.unique(objects.ids, return_counts=True)
     if (counts > 1).any():
@@ -138,7 +148,7 @@ def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objec
     k, boxes = len(labels), labels.boxes
     inside = np.array([_count_inside(points, box) for box in boxes], dtype=np.int64)
     return Objects(
-        ids=np.arange(k),
+        ids=np.full(k, -1),
         names=labels.names,
         boxes=boxes,
         speed=np.full(k, np.nan),
