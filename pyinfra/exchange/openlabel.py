@@ -4,7 +4,7 @@
     points/NNNNNN.bin    float32 x y z intensity, as KITTI has them
 - Frames count from 0 without gaps, because intervals are in them; a stream's `frame_stream` is the
   number of our frame. Times are seconds since the start of the run: of a frame its middle, where
-  the boxes hold, of its cloud the start.
+  the boxes hold, of its cloud the start. They are strings, which more readers take than fractions.
 - A cuboid is x y z, quaternion x y z w, length width height, in the coordinate system of the LiDAR;
   the system's pose takes it to the world, which is the scene's.
 - Attributes: points in the box (or up to 1 cm outside); speed (m/s) and visibility where known.
@@ -117,9 +117,9 @@ def _frames(
 
 
 def _frame_properties(source: Source, frame: Frame, cloud: str) -> Json:
-    sync = {"frame_stream": frame.number, "timestamp": round(frame.start_s, 9)}
+    sync = {"frame_stream": frame.number, "timestamp": f"{frame.start_s:.9f}"}
     stream = {"uri": cloud, "stream_properties": {"sync": sync}}
-    return {"timestamp": round(frame.middle_s, 9), "streams": {source.lidar: stream}}
+    return {"timestamp": f"{frame.middle_s:.9f}", "streams": {source.lidar: stream}}
 
 
 def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:

@@ -54,11 +54,16 @@ def read_source(lidar_folder: Path) -> Source:
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
     folder = lidar_folder.resolve()
     about = _about(folder.parent / "dataset.yaml")
+    name = lidar.name if lidar else folder.name
+    scene = about.get("name", folder.parent.name)
+    for file, part in ((folder / "lidar.yaml", name), (folder.parent / "dataset.yaml", scene)):
+        if "/" in part:  # files are named by it
+            raise FormatError(f"{file}: name: found '{part}', allowed a name without '/'")
     has_objects = (folder / "training/objects").is_dir()
     return Source(
         lidar_folder=lidar_folder,
-        lidar=lidar.name if lidar else folder.name,
-        scene=about.get("name", folder.parent.name),
+        lidar=name,
+        scene=scene,
         about={key: about[key] for key in _KEYS if key in about},
         # A recording whose objects were never tracked says `ids: rows`; labels have none.
         ids_are_tracks=has_objects and about.get("ids") != "rows",

@@ -59,10 +59,10 @@ def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
     assert list(found["frames"]) == ["0", "1", "2"]
     for (number, ids), frame in zip(FRAMES.items(), found["frames"].values(), strict=True):
         properties = frame["frame_properties"]
-        assert properties["timestamp"] == pytest.approx(number * 0.1 + 0.05)
+        assert properties["timestamp"] == f"0.{number}50000000"
         stream = properties["streams"]["pole"]
-        start = pytest.approx(number * 0.1)
-        assert stream["stream_properties"]["sync"] == {"frame_stream": number, "timestamp": start}
+        sync = {"frame_stream": number, "timestamp": f"0.{number}00000000"}
+        assert stream["stream_properties"]["sync"] == sync
         cloud = np.fromfile(tmp_path / "out" / stream["uri"], dtype="<f4").reshape(-1, 4)
         np.testing.assert_array_equal(cloud, points(number))
         got = cuboids(frame)

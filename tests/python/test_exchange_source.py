@@ -1,12 +1,15 @@
 """What every export is given: one frame after another, with or without the optional parts."""
 
+import tracemalloc
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
-from exchange_data import BOXES, without, write_recording
+from exchange_data import BOXES, boxes_of, names_of, objects_of, without, write_recording
 
 from pyinfra import kitti
+from pyinfra.exchange import mcap, nuscenes, openlabel
 from pyinfra.exchange.source import read_frames, read_source
 
 
@@ -68,4 +71,36 @@ def test_a_description_that_is_no_mapping_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     (tmp_path / "dataset.yaml").write_text("highway\n")
     with pytest.raises(kitti.FormatError, match=r"dataset\.yaml:1: found no mapping"):
+        read_source(folder)
+
+
+@pytest.mark.parametrize("module", [mcap, nuscenes, openlabel])
+def test_memory_holds_some_frames_and_not_all(tmp_path: Path, module: ModuleType) -> None:
+    folder = write_recording(tmp_path)
+    cloud = np.random.default_rng(1).random((20_000, 4), dtype=np.float32)
+    fields = np.zeros(len(cloud), dtype=kitti.FIELDS)
+    labels = kitti.Labels(names_of((3,)), boxes_of((3,)), None)
+    for frame in range(60):
+        objects = objects_of((3,))
+        kitti.write_frame(folder, frame, cloud, labels, objects=objects, fields=fields)
+    for name in ("first", "out"):
+        (tmp_path / name).mkdir()
+    module.export(folder, range(2), tmp_path / "first")  # packages load parts when first used
+    tracemalloc.start()
+    module.export(folder, range(60), tmp_path / "out")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 15 * cloud.nbytes
+
+
+@pytest.mark.parametrize(
+    ("file", "name"), [("pole/lidar.yaml", "pole"), ("dataset.yaml", "made_up")]
+)
+def test_a_name_that_leads_out_of_the_folder_is_an_error(
+    tmp_path: Path, file: str, name: str
+) -> None:
+    folder = write_recording(tmp_path)
+    text = (tmp_path / file).read_text()
+    (tmp_path / file).write_text(text.replace(f'"{name}"', '"../x"'))
+    with pytest.raises(kitti.FormatError, match=rf"{file}: name: found '\.\./x', allowed a name"):
         read_source(folder)
