@@ -35,7 +35,7 @@ import numpy as np
 from pyinfra.atomic import replacing
 from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.exchange.source import Frame, Source, quaternion, read_frames, read_source
-from pyinfra.kitti import FloatArray
+from pyinfra.kitti import FloatArray, FormatError
 
 Row = dict[str, Any]
 Add = Callable[[Row], None]  # adds a row to a table
@@ -86,6 +86,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
     matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
+    # A slice, because a caller may show how far the one pass over `frames` below has come.
     parts = parts_of(lidar_folder, frames[:])
     with ExitStack() as stack:
         files = {name: out / VERSION / f"{name}.json" for name in TABLES}
@@ -111,10 +112,16 @@ def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
     """Which frames ImageSets give to `train` and `val`; `all` are those that neither has.
 
     A scene is the least that nuScenes can split, so each part becomes one.
+    Raises FormatError for a frame that both lists have.
     """
     listed = {part: lidar_folder / f"ImageSets/{part}.txt" for part in ("train", "val")}
     there = [part for part, file in listed.items() if file.is_file()]
     numbers = {part: frame_numbers(lidar_folder, part) for part in there}
+    both = set(numbers.get("train", ())) & set(numbers.get("val", ()))
+    if both:
+        raise FormatError(
+            f"{listed['val']}: found frame {min(both)}, which train.txt has too, allowed in one"
+        )
     parts = {part: sorted(set(frames) & set(own)) for part, own in numbers.items()}
     parts["all"] = sorted(set(frames).difference(*numbers.values()))
     return {part: own for part, own in parts.items() if own}

@@ -94,6 +94,15 @@ def test_image_sets_become_scenes_that_share_no_instance(tmp_path: Path) -> None
     assert len(database.rows("instance")) == 3
 
 
+def test_a_frame_of_both_lists_is_an_error(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path)
+    (folder / "ImageSets").mkdir()
+    for part in ("train", "val"):
+        (folder / f"ImageSets/{part}.txt").write_text("000005\n")
+    with pytest.raises(kitti.FormatError, match=r"val\.txt: found frame 5, which train\.txt has"):
+        nuscenes.export(folder, [5], tmp_path)
+
+
 def test_without_fields_and_objects_and_dataset_every_label_is_an_instance(tmp_path: Path) -> None:
     whole = write_recording(tmp_path)
     folder = without(whole, tmp_path / "bare", "fields", "objects")
