@@ -16,8 +16,8 @@ build:
 	@$(call configure,dev)
 	cmake --build --preset dev
 
-setup:
-	scripts/setup.sh build detectors exchange test dev
+setup: build
+	scripts/setup.sh detectors exchange test dev
 
 demo: build
 	$(PYTHON) -m pyinfra demo

@@ -11,8 +11,10 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.benchmark import measure, pool, store, worlds
+from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.value import KEY, value_table
+from pyinfra.training.recipe import read_recipe
 
 KEYS = {  # of the rows of each table
     "cells": KEY,
@@ -21,9 +23,10 @@ KEYS = {  # of the rows of each table
     "value": KEY,
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
+    "claims": ["scene", "preset"],
     **{name: ["scene", "preset"] for name in worlds.STATISTICS},
 }
-VALUED = ("cells", "areas", "distance", "lidars", "hits")
+READ = ("cells", "areas", "distance", "lidars", "hits")
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
             left=place.without_row,
             lost=lambda cell, error: place.put(measure.failed(cell, error)),
         )
-    put_prices(place, plan)
+    conclude(place, plan)
 
 
 def forget_failed(place: Place, plan: Plan) -> None:
@@ -98,8 +101,9 @@ def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
     with store.held(run.with_suffix(".lock"), wait=False) as ours:
         if not ours or not place.without_row([cell]):
             return
-        recipe, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
+        file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
         try:
+            recipe = read_recipe(file, cell.tier)
             found = measure.tables(cell, recipe, folder, run, device=device)
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
@@ -127,8 +131,14 @@ def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
         print(f"{cell.title}: {rows.latency_p50_ms.iloc[0]} ms", file=sys.stderr, flush=True)
 
 
-def put_prices(place: Place, plan: Plan) -> None:
-    """Works out the table of values again, if there is a finished cell."""
-    tables = {name: store.read(place.table(name)) for name in VALUED}
-    if all(len(table) for table in tables.values()):
-        place.put({"value": value_table(tables, plan.costs)})
+def conclude(place: Place, plan: Plan) -> None:
+    """Works out prices and claims again, if there is a finished cell."""
+    tables = {name: store.read(place.table(name)) for name in READ}
+    if not all(len(table) for table in tables.values()):
+        return
+    tables["value"] = value_table(tables, plan.costs)
+    tables["stress"] = store.read(place.results / "stress.csv")
+    place.put({"value": tables["value"]})
+    found = claims_table(tables)
+    if len(found):
+        place.put({"claims": found})

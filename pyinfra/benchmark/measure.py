@@ -19,16 +19,16 @@ from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti import FloatArray
 from pyinfra.train import train
-from pyinfra.training.recipe import read_recipe
+from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source
 
 Tables = dict[str, pd.DataFrame]
 
 
-def tables(cell: Cell, recipe: Path, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
+def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
     """The rows of a cell: `cells`, `areas`, `distance`.
 
-    recipe: file of configs/detectors; folder: the LiDAR's, split; run: where the model goes.
+    folder: the LiDAR's, split; run: where the model goes.
     A training that was stopped goes on.
     """
     seconds = trained(cell, recipe, folder, run, device)
@@ -41,12 +41,12 @@ def tables(cell: Cell, recipe: Path, folder: Path, run: Path, *, device: str = "
     }
 
 
-def trained(cell: Cell, recipe: Path, folder: Path, run: Path, device: str) -> float:
+def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
     """CPU seconds of the training, over all goes that ended by themselves."""
     spent = run / "cpu_seconds"
     before = time.process_time()
     source = read_source(folder, cell.tier)
-    train(read_recipe(recipe, cell.tier), [source], run, seed=cell.seed, device=device, quiet=True)
+    train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
     seconds = time.process_time() - before
     seconds += float(spent.read_text()) if spent.exists() else 0
     spent.write_text(f"{seconds}")
