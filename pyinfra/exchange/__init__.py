@@ -1,1 +1,1 @@
-"""Frames for other tools: one module per format, each with `export`."""
+"""Frames for other tools, and other tools' frames as data sets."""

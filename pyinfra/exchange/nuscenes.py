@@ -350,4 +350,4 @@ def _write_cloud(file: Path, frame: Frame) -> None:
     cloud[:, :4] = frame.points * np.array([1, 1, 1, MAX_INTENSITY], dtype=np.float32)
     if frame.fields is not None:
         cloud[:, 4] = frame.fields["ring"]
-    cloud.tofile(file)
+    file.write_bytes(cloud.tobytes())
