@@ -17,19 +17,19 @@ build:
 	cmake --build --preset dev
 
 setup: build
-	scripts/setup.sh detectors test dev
+	scripts/setup.sh detectors exchange test dev
 
 demo: build
 	$(PYTHON) -m pyinfra demo
 
 test: build
-	@scripts/setup.sh detectors test
+	@scripts/setup.sh detectors exchange test
 	ctest --preset dev --no-tests=error
 	$(PYTHON) -m pytest
 
 # clang-tidy reads how the files are compiled from the dev build.
 lint:
-	@scripts/setup.sh build detectors dev
+	@scripts/setup.sh build detectors exchange dev
 	@mkdir -p build
 	@$(call configure,dev)
 	.venv/bin/pre-commit run --all-files --show-diff-on-failure
