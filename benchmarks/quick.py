@@ -10,7 +10,6 @@ latency of the rows again, on a quiet machine.
 from __future__ import annotations
 
 import argparse
-import fcntl
 import itertools
 import os
 import platform
@@ -18,14 +17,13 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pyinfra import __version__, detect, kitti
-from pyinfra.atomic import replacing
+from pyinfra.atomic import held, replacing
 from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.hits import infrasim, lidar_file, scene_file
 
@@ -51,19 +49,6 @@ def cells(args: argparse.Namespace) -> Iterator[dict[str, object]]:
     for scene, detector, lidar in itertools.product(args.scenes, args.detectors, args.lidars):
         names = (scene, lidar, PRESET, detector, TIER, args.seed)
         yield dict(zip(CELL, names, strict=True))
-
-
-@contextmanager
-def held(file: Path, *, wait: bool) -> Iterator[bool]:
-    """Whether this process alone holds the lock; waits until it does, or says no at once."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            yield False
-            return
-        yield True
 
 
 def prepared(scene: str, work: Path) -> Path:

@@ -39,6 +39,7 @@ COMMANDS = (
     Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
     Command("train", "pyinfra.train", "a detector learns from frames"),
     Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),
+    Command("stress", "pyinfra.stress.command", "where detectors fail, and what fails first"),
     Command("onnx", "pyinfra.onnx", "a dense detector as one ONNX file"),
     Command("split", "pyinfra.split", "which frames train and which test"),
 )
