@@ -84,8 +84,12 @@ def plan(
     """Every cell: first without stress, then stressor by stressor, so that early rows compare.
 
     The first run of a detector is stressed; its others are dials of the training's stressors.
-    Raises ValueError for runs that differ from the first in more than one of them, or in none.
+    Raises ValueError for runs that differ from the first in more than one of them, or in none, and
+    for worlds of a folder without dataset.yaml.
     """
+    if not base.scene and any(stressor.world for stressor in stressors):
+        place = base.folder.parent
+        raise ValueError(f"{place}: found no dataset.yaml, allowed --stressors of clouds alone")
     first: dict[str, Run] = {}
     for run in runs:
         first.setdefault(run.detector, run)

@@ -98,10 +98,8 @@ def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
     """The LiDAR's folder of the base's frames in another world; what is there already stays.
 
     name: of its folder in the cache, for a reader; a digest of the configuration follows.
-    Raises ValueError if the base or its LiDAR is not of this simulator, and SimulatorError.
+    Raises ValueError for a LiDAR that is not in the catalogue, and SimulatorError.
     """
-    if not base.scene:
-        raise ValueError(f"{base.folder.parent}: found no dataset.yaml, needed to simulate again")
     lidar = lidar_file(world.lidar or base.lidar.name)
     if not lidar.is_file():
         raise ValueError(f"{lidar}: found no such LiDAR, needed to simulate again")
@@ -131,7 +129,9 @@ def frame_words(frames: Sequence[int]) -> str:
 
 
 def _times(base: Base, times: float | str, *keys: str) -> str:
-    value = base.scene["traffic"]
+    value: Any = base.scene.get("traffic")
+    if not isinstance(value, dict):
+        raise ValueError(f"{base.folder.parent}: found no traffic, needed for density and speed")
     for key in keys:
         value = value[key]
     return f"{float(times) * float(value):g}"
