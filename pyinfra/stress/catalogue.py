@@ -92,7 +92,8 @@ STRESSORS = {
             each_frame=False,
         ),
         Stressor("blocked_sector", "deg", (0.0, 10.0, 20.0, 40.0, 80.0), clouds.blocked_sector),
-        Stressor("density", "times", (1.0, 2.0, 4.0, 6.0, 8.0), world=worlds.density),
+        # The motorway of the catalogue holds no more than four times its own.
+        Stressor("density", "times", (1.0, 2.0, 4.0), world=worlds.density),
         Stressor("speed", "times", (1.0, 1.25, 1.5, 2.0), world=worlds.speed),
         Stressor("tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=worlds.tilt),
         Stressor("unseen_lidar", "name", (OWN, *LIDARS), world=worlds.other_lidar),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -44,8 +45,10 @@ def stress(table: pd.DataFrame) -> Figure:
         for ax, name in zip(axes.flat, names, strict=False):
             for key, stressor, curve in found:
                 if stressor.name == name:
-                    _line(ax, curve, stressor, key["detector"], looks.index(key["detector"]))
+                    _line(ax, curve, stressor, looks, key["detector"])
             _finish(ax, STRESSORS[name])
+        for ax in axes[:, 0]:
+            ax.set_ylabel("AP")
         for ax in axes.flat[len(names) :]:
             ax.remove()
         handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -53,13 +56,16 @@ def stress(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _line(ax: Axes, curve: pd.DataFrame, stressor: Stressor, label: str, at: int) -> None:
+def _line(
+    ax: Axes, curve: pd.DataFrame, stressor: Stressor, labels: Sequence[str], label: str
+) -> None:
+    at = labels.index(label)
     colour = sns.color_palette("colorblind")[at % 10]
     style = {"color": colour, "marker": MARKERS[at % len(MARKERS)], "markersize": 4}
     if stressor.named:
         # Names have no order: points beside each other, and no line.
         ax.errorbar(
-            curve["at"] + 0.12 * at,
+            curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
             curve.ap,
             yerr=_reach(curve),
             linestyle="",
@@ -80,8 +86,7 @@ def _reach(curve: pd.DataFrame) -> list[pd.Series]:
 
 
 def _finish(ax: Axes, stressor: Stressor) -> None:
-    ax.set(title=stressor.name, ylim=(0, 102), ylabel="AP")
+    ax.set(title=stressor.name.replace("_", " "), ylim=(0, 102))
     ax.set_xlabel(UNITS.get(stressor.unit, stressor.unit))
     if stressor.name == "training_frames":
         ax.invert_xaxis()
-    ax.label_outer(remove_inner_ticks=False) if not stressor.named else None

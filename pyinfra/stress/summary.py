@@ -70,19 +70,20 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
     return f"{at:.3g}" if math.isfinite(at) else BEYOND
 
 
-def first_failure(curve: pd.DataFrame) -> tuple[str, float]:
-    """The error to blame at the first dial with a fall of 10 or more, and its share of the fall.
+def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
+    """What fails first, the error with the largest blame, and its share of the fall.
 
-    `mixed` if none has a fifth of it; nothing if there is no such fall.
+    At the first dial with a fall of 10 or more. What fails first is `mixed` if no error has a fifth
+    of the fall; nothing if there is no such fall.
     """
     base = curve.iloc[0]
     down = curve[curve.ap <= base.ap - FALL]
     if len(down) == 0:
-        return "", math.nan
+        return "", "", math.nan
     row = down.iloc[0]
     blame = {e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap - row.ap) for e in ERRORS}
     worst = max(blame, key=lambda error: blame[error])
-    return (worst if blame[worst] >= LEAST_SHARE else "mixed"), float(blame[worst])
+    return (worst if blame[worst] >= LEAST_SHARE else "mixed"), worst, float(blame[worst])
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
@@ -99,7 +100,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for key, stressor, curve in curves(table):
         base, worst = curve.ap.iloc[0], curve.loc[curve.ap.idxmin()]
-        failure, share = first_failure(curve)
+        failure, worst_error, share = first_failure(curve)
         rows.append(
             {
                 **key,
@@ -112,6 +113,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
                 "falls_by_10": fallen(curve, stressor, base - FALL),
                 "falls_to_half": fallen(curve, stressor, base / 2),
                 "fails_first": failure,
+                "largest_blame": worst_error,
                 "share_of_fall": share,
                 "gentleness": gentleness(curve, stressor),
             }
