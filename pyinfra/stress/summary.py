@@ -122,7 +122,10 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Detectors of each LiDAR by their mean gentleness, over what all of them went through."""
+    """Detectors of each LiDAR by their mean gentleness, over what all of them went through.
+
+    Nothing for a LiDAR without such a stressor.
+    """
     rows = summary(table)
     if len(rows) == 0:
         return rows
@@ -136,6 +139,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
         )
         whole = by_run["dials"].notna().all() & (by_run["dials"].nunique() == 1)
         common = by_run["gentleness"].loc[:, _names(whole)].dropna(axis=1)
+        if common.shape[1] == 0:
+            continue
         mean = common.mean(axis=1).sort_values(ascending=False)
         for rank, ((detector, run), value) in enumerate(mean.items(), start=1):
             names = dict(zip(["lidar", "preset", "scene", "seed", "frames"], key, strict=True))

@@ -230,6 +230,8 @@ def test_ranking_takes_what_all_detectors_went_through() -> None:
     assert [row["detector"] for row in found] == ["b", "a"]
     assert [row["gentleness"] for row in found] == pytest.approx([0.875, 0.75])
     assert {row["stressors"] for row in found} == {1}
+    apart = pd.concat([rows("fog", {"0": 90, "5": 80}, "a"), rows("rain", {"0": 9, "5": 8}, "b")])
+    assert len(summary.ranking(apart)) == 0
 
 
 def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
