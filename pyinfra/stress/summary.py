@@ -23,12 +23,12 @@ BEYOND = "beyond"
 def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.DataFrame]]:
     """The rows of each curve from none on, in the order of the dials; `at` is their place.
 
-    Curves without a row for no stress, and those with nothing else, are left out.
+    Curves without an AP for no stress, and those with nothing else, are left out.
     """
     for key, rows in table.groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
         for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
-            if len(base) == 1 and name in STRESSORS:
+            if base.ap.notna().sum() == 1 and name in STRESSORS:
                 stressor = STRESSORS[str(name)]
                 own = base.assign(dial=_own_dial(stressor, base), stressor=name)
                 curve = pd.concat([own, part], ignore_index=True)
@@ -87,7 +87,9 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
-    """Mean of AP / AP(none) over the dials, stretched to 0 to 1; nan for an undefined AP."""
+    """Mean of AP / AP(none) over the dials, stretched to 0 to 1; nan for an undefined AP, or 0."""
+    if curve.ap.iloc[0] == 0:
+        return math.nan
     ratio = curve.ap.to_numpy(float) / curve.ap.iloc[0]
     if stressor.named:
         return float(ratio[1:].mean())

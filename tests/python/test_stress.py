@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from detector_data import SITE
 
 from pyinfra import cli, kitti
 from pyinfra.detectors.background import Background
@@ -242,6 +243,47 @@ def test_runs_of_one_detector_are_dials_of_the_training(base: worlds.Base) -> No
     assert sum(c.stressor.name == "fog" for c in found) == 4
     with pytest.raises(ValueError, match="found 200 frames and seed 2, allowed another number"):
         cells.plan([first, cells.Run(Path("d"), "pointpillars", 200, 2)], stressors, base)
+
+
+def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
+    """A run of a small PointPillars that learnt nothing."""
+    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    from pyinfra.config import as_plain
+    from pyinfra.detectors import pointpillars
+    from pyinfra.training import checkpoint
+
+    config = pointpillars.Config()
+    network = checkpoint.build("pointpillars", config, SITE)
+    names = {"lidar": lidar, "preset": "paper", "scene": "highway"}
+    about = checkpoint.About(
+        "pointpillars", as_plain(config), SITE, **names, seed=1, step=1, steps=1
+    )
+    folder.mkdir()
+    checkpoint.save(folder / "last.safetensors", network, {}, about)
+    (folder / "run.yaml").write_text(f"frames: {frames}\n")
+    return folder
+
+
+def test_a_smaller_training_is_a_row_of_its_reference(data: Path, tmp_path: Path) -> None:
+    runs = [untrained(tmp_path / "a", 800), untrained(tmp_path / "b", 200)]
+    words = ["--data", str(data), "--out", str(tmp_path), "--stressors", "training_frames"]
+    assert cli.main(["stress", *map(str, runs), *words]) == 0
+    table = pd.read_csv(tmp_path / "stress.csv")
+    columns = ["detector", "run", "stressor", "dial", "trained_frames", "trained_seed"]
+    assert table[columns].to_numpy().tolist() == [
+        ["pointpillars", "a", "none", 0, 800, 1],
+        ["pointpillars", "a", "training_frames", 200, 200, 1],
+    ]
+    (curve,) = pd.read_csv(tmp_path / "stress_summary.csv").to_dict("records")
+    assert curve["dials"] == 2
+
+
+def test_a_run_of_another_lidar_is_one_line(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = untrained(tmp_path / "run", 800, "ruby_plus")
+    assert cli.main(["stress", str(run), "--data", str(data), "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.endswith("lidar: found ruby_plus, allowed helios_16\n")
 
 
 def test_the_own_lidar_scene_and_preset_are_no_stress(base: worlds.Base) -> None:

@@ -175,6 +175,13 @@ def test_a_curve_that_stays_up_is_beyond_and_blames_nobody() -> None:
     assert row["fails_first"] == ""
 
 
+def test_a_detector_that_finds_nothing_has_no_gentleness() -> None:
+    (row,) = summary.summary(rows("fog", {"0": 0, "5": 0})).to_dict("records")
+    assert math.isnan(row["gentleness"])
+    assert row["falls_by_10"] == "beyond"
+    assert len(summary.summary(rows("fog", {"0": math.nan, "5": 9}))) == 0
+
+
 def test_the_first_crossing_counts_and_undefined_dials_are_passed_over() -> None:
     at = np.array([0.0, 1, 2, 3])
     assert summary.crossing(at, np.array([90.0, 70, 90, 10]), 80) == 0.5
