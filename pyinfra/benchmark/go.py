@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.atomic import held
 from pyinfra.benchmark import measure, pool, store, worlds
 from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.matrix import Cell, Plan
@@ -108,7 +109,7 @@ def is_described(place: Place, cells: Sequence[Cell]) -> bool:
 def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
     """The rows of one cell, unless another process is at it; an exception becomes its reason."""
     run = place.work / "runs" / cell.name
-    with store.held(run.with_suffix(".lock"), wait=False) as ours:
+    with held(run.with_suffix(".lock"), wait=False) as ours:
         if not ours or not place.without_row([cell]):
             return
         file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
