@@ -20,7 +20,7 @@ from pyinfra.atomic import held, replacing
 from pyinfra.detect import detect, load_detector, model_file
 from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import VEHICLE_TYPES
+from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.stress import score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base

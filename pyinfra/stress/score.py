@@ -17,10 +17,11 @@ from pyinfra import ap
 from pyinfra.data.frame_tables import Predictions
 from pyinfra.detectors import Detections
 from pyinfra.evaluation.ground_truth import GroundTruth
-from pyinfra.evaluation.judge import VEHICLE_TYPES, Contest, Settings, Verdict, causes, contest
+from pyinfra.evaluation.judge import Contest, Settings, Verdict, causes, contest
 from pyinfra.evaluation.judge import judge as judged
 from pyinfra.evaluation.matching import pairs_of_frames
 from pyinfra.evaluation.tables import ap_row
+from pyinfra.kitti import VEHICLE_TYPES
 
 IntArray = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]

@@ -99,10 +99,12 @@ def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
     assert found[text] == "fails"
 
 
-def test_tilt_takes_the_best_pitch_below_the_horizontal() -> None:
-    curve = pd.DataFrame({"dial": [0.0, -5, -10, -20, 5], "ap": [80.0, 81, 84, 70, 99]})
-    curve = curve.assign(stressor="tilt", lidar="livox_avia", scene="road", preset="paper")
-    curve = curve.assign(detector="dsvt", seed=1, version="1", ap_low=curve.ap, ap_high=curve.ap)
+def test_tilt_takes_the_best_angle_against_none() -> None:
+    dials = {"none": ["0"], "tilt": ["5", "10", "20", "30"], "unseen_lidar": ["pandar_64"]}
+    curve = pd.DataFrame([{"stressor": s, "dial": d} for s, own in dials.items() for d in own])
+    curve = curve.assign(ap=[80.0, 81, 84, 70, 99, 99])
+    curve = curve.assign(lidar="livox_avia", scene="road", preset="paper", detector="dsvt")
+    curve = curve.assign(seed=1, version="1", ap_low=curve.ap, ap_high=curve.ap)
     row = claims_table({"cells": cells(), "stress": curve}).iloc[-1]
     assert (row.claim, row.value, row.verdict) == ("tilt", 4, "fails")
 
