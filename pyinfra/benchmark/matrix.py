@@ -22,10 +22,10 @@ FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0
 class Block:
     """All combinations of what it lists; names of configs/, or files beside the benchmark's."""
 
-    scenes: tuple[str, ...]
-    lidars: tuple[str, ...]
-    presets: tuple[Preset, ...]
-    detectors: tuple[str, ...]
+    scenes: tuple[str, ...]  # of configs/scenes
+    lidars: tuple[str, ...]  # of configs/lidars
+    presets: tuple[Preset, ...]  # of the LiDARs
+    detectors: tuple[str, ...]  # of configs/detectors
     seeds: tuple[int, ...] = (1,)  # of the training; the world keeps the scene's own
 
 
@@ -33,7 +33,7 @@ class Block:
 class Benchmark:
     """A union of blocks, in their order."""
 
-    matrix: tuple[Block, ...]
+    matrix: tuple[Block, ...]  # combinations to measure
     frames: str = ""  # A:B[:STEP] in place of the tier's
     costs: Costs = field(default_factory=Costs)
 

@@ -20,12 +20,12 @@ REGION_M = 100.0
 class Costs:
     """What a site costs beside its LiDAR: assumptions of the user, nothing by default."""
 
-    pole_usd: float = ruled(0.0, 0, 1e7)
-    installation_usd: float = ruled(0.0, 0, 1e7)
-    computer_usd: float = ruled(0.0, 0, 1e7)
-    power_w: float = ruled(0.0, 0, 1e5)
-    usd_per_kwh: float = ruled(0.0, 0, 100)
-    years: float = ruled(0.0, 0, 100)
+    pole_usd: float = ruled(0.0, 0, 1e7)  # of all poles of the site
+    installation_usd: float = ruled(0.0, 0, 1e7)  # work and permits
+    computer_usd: float = ruled(0.0, 0, 1e7)  # that runs the detector
+    power_w: float = ruled(0.0, 0, 1e5)  # of LiDAR and computer, all day
+    usd_per_kwh: float = ruled(0.0, 0, 100)  # price of energy
+    years: float = ruled(0.0, 0, 100)  # of energy that are counted
 
     @property
     def site_usd(self) -> float:

@@ -24,8 +24,8 @@ HEADINGS = (0.0, math.pi / 2)
 class AnchorConfig:
     """Sizes are dx dy dz in metres."""
 
-    car_m: tuple[float, float, float] = ruled((4.3, 1.85, 1.6), 0.1, 30)
-    long_m: tuple[float, float, float] = ruled((9.0, 2.5, 3.2), 0.1, 30)
+    car_m: tuple[float, float, float] = ruled((4.3, 1.85, 1.6), 0.1, 30)  # length, width, height
+    long_m: tuple[float, float, float] = ruled((9.0, 2.5, 3.2), 0.1, 30)  # the second size
     matched: float = ruled(0.6, 0, 1)  # an anchor stands for a box from this overlap on
     unmatched: float = ruled(0.45, 0, 1)  # and for none below this one
 

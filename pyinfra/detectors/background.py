@@ -32,6 +32,7 @@ from scipy.spatial import cKDTree
 
 from pyinfra.atomic import replacing
 from pyinfra.boxes import IntArray, bev_overlap
+from pyinfra.config import ruled
 from pyinfra.detectors import Detections, Points
 from pyinfra.kitti import FloatArray
 
@@ -59,13 +60,17 @@ _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZi
 class Config:
     """What is background and what is one vehicle."""
 
-    range_m: float = 120.0  # each way along x and y
-    cell_m: float = 1.0  # of the grid of the ground
-    clearance_m: float = 0.15  # a point this far above the ground is of something
-    ceiling_m: float = 5.0  # and below this of a vehicle
-    permanent_share: float = 0.7  # of the frames: what is hit more often stands for good
-    gap_m: float = 0.8  # between points of a vehicle across the road, near the sensor
-    gap_along_m: float = 1.2  # and along it
+    range_m: float = ruled(120.0, 1, 1000)  # each way along x and y
+    cell_m: float = ruled(1.0, 0.1, 20)  # of the grid of the ground
+    clearance_m: float = ruled(0.15, 0, 5)  # a point this far above the ground is of something
+    ceiling_m: float = ruled(5.0, 0.1, 50)  # and below this of a vehicle
+    permanent_share: float = ruled(
+        0.7, 0, 1
+    )  # of the frames: what is hit more stands for good
+    gap_m: float = ruled(
+        0.8, 0.05, 10
+    )  # between points of a vehicle across the road, nearby
+    gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
 
 
 DEFAULT = Config()

@@ -18,10 +18,10 @@ from pyinfra.config import ruled
 class BevConfig:
     """Per block: layers after the strided one, width, stride; and the width brought up."""
 
-    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)
-    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)
-    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)
-    up_width: int = ruled(128, 1, 1024)
+    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)  # convolutions of each level, after its first
+    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels of each level
+    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # of the first convolution of each level
+    up_width: int = ruled(128, 1, 1024)  # channels that each level adds to the output
 
     def __post_init__(self) -> None:
         if not len(self.layers) == len(self.widths) == len(self.strides):

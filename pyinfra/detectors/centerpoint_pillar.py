@@ -23,10 +23,10 @@ from pyinfra.detectors.site import Site
 class Config:
     """Widths and depths; the defaults are the published ones."""
 
-    pillar_m: float = ruled(0.2, 0.05, 2)
-    pillar_width: int = ruled(64, 1, 512)
+    pillar_m: float = ruled(0.2, 0.05, 2)  # side of a pillar
+    pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
     bev: BevConfig = field(default_factory=BevConfig)
-    head_width: int = ruled(64, 1, 512)
+    head_width: int = ruled(64, 1, 512)  # channels of each branch of the head
 
 
 class CenterPointPillar(Network):

@@ -35,17 +35,17 @@ def _bev() -> BevConfig:
 class Config:
     """Widths and depths; the defaults are the published ones."""
 
-    pillar_m: float = ruled(0.32, 0.05, 2)
+    pillar_m: float = ruled(0.32, 0.05, 2)  # side of a pillar
     point_layers: int = ruled(2, 1, 4)  # of the pillar encoder
-    width: int = ruled(192, 2, 1024)
-    blocks: int = ruled(4, 1, 16)
-    heads: int = ruled(8, 1, 64)
-    feed_width: int = ruled(384, 1, 4096)
-    set_size: int = ruled(36, 1, 1024)
+    width: int = ruled(192, 2, 1024)  # channels of a pillar
+    blocks: int = ruled(4, 1, 16)  # of attention
+    heads: int = ruled(8, 1, 64)  # of each attention
+    feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
+    set_size: int = ruled(36, 1, 1024)  # pillars that attend to each other
     windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # cells; blocks take turns
-    shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)
+    shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # of the windows, in cells
     bev: BevConfig = field(default_factory=_bev)
-    head_width: int = ruled(64, 1, 512)
+    head_width: int = ruled(64, 1, 512)  # channels of each branch of the head
     iou_share: float = ruled(0.68, 0, 1)  # of the score
 
     def __post_init__(self) -> None:

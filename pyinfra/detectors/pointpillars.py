@@ -28,8 +28,8 @@ BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
 class Config:
     """Widths and depths; the defaults are the published ones."""
 
-    pillar_m: float = ruled(0.16, 0.05, 2)
-    pillar_width: int = ruled(64, 1, 512)
+    pillar_m: float = ruled(0.16, 0.05, 2)  # side of a pillar
+    pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
     bev: BevConfig = field(default_factory=BevConfig)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
 

@@ -84,18 +84,18 @@ HARD, HARD_SHARE = 0.05, 0.8  # of the proposals that are not refined
 class Config:
     """The defaults are the published ones, except for the anchor's size."""
 
-    sampling: Literal["faithful", "remedied"] = "faithful"
+    sampling: Literal["faithful", "remedied"] = "faithful"  # remedied: by area, above the ground
     points: int = ruled(16384, 64, 1_000_000)  # of a frame
     clearance_m: float = ruled(0.2, 0, 5)  # remedied: what is lower is ground
     cell_m: float = ruled(1.0, 0.1, 20)  # remedied: side of a square
-    levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)
+    levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points each
     width: float = ruled(1.0, 0.05, 4)  # share of the published layers' widths
     size_m: tuple[float, float, float] = ruled((4.3, 1.85, 1.6), 0.1, 30)  # boxes start as this
     proposal_iou: float = ruled(0.85, 0.05, 1)  # that overlap more (footprints) are one
     proposals: int = ruled(512, 1, 4096)  # of a frame, to draw from in training
     rois: int = ruled(128, 2, 1024)  # of a frame, drawn in training
     rois_found: int = ruled(100, 1, 1024)  # of a frame, refined in use
-    roi_points: int = ruled(512, 16, 4096)
+    roi_points: int = ruled(512, 16, 4096)  # drawn in each proposal
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,21 +57,21 @@ def _published_bev() -> BevConfig:
 class Config:
     """Widths and depths; the defaults are the published ones."""
 
-    voxel_m: float = ruled(0.05, 0.02, 1)
-    voxel_height_m: float = ruled(0.1, 0.02, 2)
+    voxel_m: float = ruled(0.05, 0.02, 1)  # side of a voxel
+    voxel_height_m: float = ruled(0.1, 0.02, 2)  # and its height
     widths: tuple[int, int, int, int] = ruled((16, 32, 64, 64), 1, 512)  # of the levels
     strides: tuple[int, int, int] = ruled((2, 2, 2), 1, 4)  # along x and y, to the next level
-    canvas_width: int = ruled(128, 1, 512)
+    canvas_width: int = ruled(128, 1, 512)  # channels of the image from above
     bev: BevConfig = field(default_factory=_published_bev)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
     key_points: int = ruled(2048, 1, 65536)  # of a frame
     around_m: float = ruled(0.0, 0, 100)  # key points only this far around proposals; 0: anywhere
     neighbours: int = ruled(16, 1, 256)  # in each ball
-    key_width: int = ruled(128, 1, 1024)
+    key_width: int = ruled(128, 1, 1024)  # channels of a key point
     proposals: int = ruled(128, 1, 1024)  # of a frame
     grid: int = ruled(6, 1, 16)  # points along each side of a proposal
     grid_width: int = ruled(64, 1, 512)  # for each radius
-    head_width: int = ruled(256, 1, 2048)
+    head_width: int = ruled(256, 1, 2048)  # channels of the layers that refine
 
 
 class KeyPoints(nn.Module):

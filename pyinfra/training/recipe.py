@@ -18,10 +18,10 @@ from pyinfra.training.sources import TIERS, Tier
 class Learning:
     """One-cycle AdamW over all steps of the budget."""
 
-    steps: int = ruled(1000, 1, 10_000_000)
-    batch: int = ruled(4, 1, 1024)
-    rate: float = ruled(0.003, 1e-7, 1)
-    weight_decay: float = ruled(0.01, 0, 1)
+    steps: int = ruled(1000, 1, 10_000_000)  # batches until the end
+    batch: int = ruled(4, 1, 1024)  # frames in a batch
+    rate: float = ruled(0.003, 1e-7, 1)  # the highest learning rate
+    weight_decay: float = ruled(0.01, 0, 1)  # of AdamW
     clip: float = ruled(10.0, 0, 1e6)  # of the gradients' norm
 
 

@@ -14,6 +14,7 @@ struct CommandResult {
 // Each adds one subcommand; its callback throws ConfigError or IoError.
 void add_run_command(CLI::App& app, CommandResult& result);
 void add_check_command(CLI::App& app);
+void add_keys_command(CLI::App& app);
 void add_pattern_command(CLI::App& app);
 void add_trajectories_command(CLI::App& app);
 void add_filter_command(CLI::App& app);

@@ -6,6 +6,7 @@
 
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
+#include "infrasim/config/key_list.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
 #include "infrasim/io/atomic_file.h"
@@ -82,6 +83,22 @@ void add_check_command(CLI::App& app) {
   command->add_option("--preset", o->preset, "preset of a LiDAR; else datasheet");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
   command->callback([o] { check_command(*o); });
+}
+
+void add_keys_command(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "keys",
+      "List every key: path, type, default, what is allowed, meaning, with tabs between.\n"
+      "Example: infrasim keys scene");
+  auto kind = std::make_shared<std::string>();
+  command->add_option("kind", *kind, "scene or lidar")
+      ->required()
+      ->check(CLI::IsMember({"scene", "lidar"}));
+  command->callback([kind] {
+    const bool scene = *kind == "scene";
+    const auto text = scene ? config::list_scene_keys() : config::list_lidar_keys();
+    std::fputs(text.c_str(), stdout);
+  });
 }
 
 void add_pattern_command(CLI::App& app) {

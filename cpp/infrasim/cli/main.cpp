@@ -80,6 +80,7 @@ int main(int argc, char** argv) {
   infrasim::cli::CommandResult result;
   infrasim::cli::add_run_command(app, result);
   infrasim::cli::add_check_command(app);
+  infrasim::cli::add_keys_command(app);
   infrasim::cli::add_pattern_command(app);
   infrasim::cli::add_trajectories_command(app);
   infrasim::cli::add_filter_command(app);

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/config/key_list.h"
 #include "infrasim/config/lidar_tables.h"
 #include "infrasim/core/rng.h"
 
@@ -292,5 +293,7 @@ std::string dump_lidar(const LidarConfig& lidar) {
   }
   return config::dump_struct(keys);
 }
+
+std::string config::list_lidar_keys() { return list_keys<LidarFile>(); }
 
 }  // namespace infrasim

@@ -1,6 +1,7 @@
 #include "infrasim/config/scene_config.h"
 
 #include "infrasim/config/fields.h"
+#include "infrasim/config/key_list.h"
 #include "infrasim/core/aggregation.h"
 #include "infrasim/core/classes.h"
 
@@ -321,5 +322,7 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
 }
 
 std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }
+
+std::string config::list_scene_keys() { return list_keys<SceneConfig>(); }
 
 }  // namespace infrasim

@@ -1,0 +1,131 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "infrasim/config/fields.h"
+
+namespace infrasim::config {
+
+/// Lists the keys of a struct as a reader would take them, one line each: path, type, default,
+/// what is allowed and meaning, with tabs between. N and NAME stand for any entry of a list or map.
+class FieldLister {
+ public:
+  template <class T>
+  void field(const char* key, T& value, const char* doc, Rule rule = {}) {
+    const std::string path = path_ + key;
+    text_ += path + '\t' + type(value) + '\t' + (rule.required ? "required" : standard(value)) +
+             '\t' + allowed(value, rule) + '\t' + doc + '\n';
+    inside(value, path);
+  }
+  void here(const Place&) const {}
+  void check(bool, const char*, const std::string&) const {}
+
+  const std::string& text() const { return text_; }
+
+ private:
+  static std::string type(double) { return "number"; }
+  static std::string type(int) { return "whole number"; }
+  static std::string type(std::uint64_t) { return "whole number"; }
+  static std::string type(bool) { return "true or false"; }
+  static std::string type(const std::string&) { return "text"; }
+  static std::string type(const Vec2&) { return "pair"; }
+  template <class E>
+    requires std::is_enum_v<E>
+  static std::string type(E) {
+    return "word";
+  }
+  template <Struct T>
+  static std::string type(const T&) {
+    return "section";
+  }
+  template <class T>
+  static std::string type(const std::optional<T>&) {
+    return type(T{});
+  }
+  template <class T>
+  static std::string type(const std::vector<T>&) {
+    return "list of " + type(T{}) + "s";
+  }
+  template <class T>
+  static std::string type(const std::map<std::string, T>&) {
+    return type(T{}) + "s by name";
+  }
+
+  /// The default as `dump_struct` writes it; nothing for what holds other keys or is absent.
+  template <class T>
+  static std::string standard(T& value) {
+    if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, std::string>) {
+      FieldWriter writer;
+      writer.field("", value, "");
+      return writer.text().substr(2);  // after ": "
+    } else {
+      return "";
+    }
+  }
+
+  template <class T>
+  static std::string allowed(const T&, const Rule& rule) {
+    if constexpr (std::is_enum_v<T>) {
+      std::string words;
+      for (const char* name : enum_names(T{}))
+        words += (words.empty() ? "" : ", ") + std::string(name);
+      return words;
+    } else if constexpr (std::is_same_v<T, std::uint64_t>) {
+      return "from 0";
+    } else {
+      return range(rule);
+    }
+  }
+  static std::string range(const Rule& rule) {
+    constexpr double kUnbounded = Rule{}.max;
+    const bool low = rule.min > -kUnbounded, high = rule.max < kUnbounded;
+    const std::string from =
+        low ? (rule.above_min ? "above " : "from ") + number_text(rule.min) : "";
+    const std::string to = high ? "up to " + number_text(rule.max) : "";
+    return from + (low && high ? " " : "") + to;
+  }
+
+  template <class T>
+  void inside(const T&, const std::string& path) {
+    if constexpr (Struct<T>) {
+      T value;
+      const std::string before = std::exchange(path_, path + ".");
+      visit(*this, value);
+      path_ = before;
+    }
+  }
+  template <class T>
+  void inside(const std::optional<T>&, const std::string& path) {
+    inside(T{}, path);
+  }
+  template <class T>
+  void inside(const std::vector<T>&, const std::string& path) {
+    inside(T{}, path + ".N");
+  }
+  template <class T>
+  void inside(const std::map<std::string, T>&, const std::string& path) {
+    inside(T{}, path + ".NAME");
+  }
+
+  std::string path_;
+  std::string text_;
+};
+
+template <class T>
+std::string list_keys() {
+  FieldLister lister;
+  T value;
+  visit(lister, value);
+  return lister.text();
+}
+
+/// The keys of scene and LiDAR files, as FieldLister has them.
+std::string list_scene_keys();
+std::string list_lidar_keys();
+
+}  // namespace infrasim::config

@@ -1,0 +1,229 @@
+"""Writes docs/reference.md: every configuration key, from the code that reads it.
+
+Scene and LiDAR keys are those of `infrasim keys`, detector and benchmark keys the fields of the
+dataclasses with their comments. `make reference` calls it; a test compares the page with it.
+"""
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import math
+import subprocess
+import textwrap
+import types
+import typing
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from pyinfra._launch import binary
+from pyinfra.benchmark.matrix import Benchmark
+from pyinfra.config import Rule, as_plain
+from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.training.recipe import Learning
+from pyinfra.training.samples import Augmentation
+from pyinfra.training.sources import TIERS
+
+PAGE = Path(__file__).resolve().parents[1] / "docs/reference.md"
+
+UNITS = {  # of a number, by the end of its key; the first that fits
+    "_mm_per_h": "mm/h",
+    "_km_h": "km/h",
+    "usd_per_kwh": "USD/kWh",
+    "_per_km_lane": "per km and lane",
+    "_per_s": "per s",
+    "_percent_m": "m",
+    "_usd": "USD",
+    "_deg": "degrees",
+    "_hz": "per s",
+    "_us": "µs",
+    "rpm": "per min",
+    "years": "years",
+    "_m": "m",
+    "_s": "s",
+    "_w": "W",
+}
+WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
+
+
+@dataclass(frozen=True)
+class Key:
+    """One row of the page."""
+
+    path: str
+    kind: str
+    default: str
+    allowed: str
+    meaning: str
+
+    @property
+    def unit(self) -> str:
+        name = self.path.rsplit(".", 1)[-1]
+        number = any(word in self.kind for word in ("number", "pair"))
+        return next((u for end, u in UNITS.items() if number and name.endswith(end)), "")
+
+
+def simulator_keys(kind: str) -> list[Key]:
+    """The keys of `scene` or `lidar` files. Raises CalledProcessError."""
+    words = [str(binary()), "keys", kind]
+    text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    return [Key(*line.split("\t")) for line in text.splitlines()]
+
+
+def dataclass_keys(kind: type[Any], path: str = "", values: object = None) -> Iterator[Key]:
+    """The keys of a dataclass; `values` holds defaults that differ from the class's own."""
+    hints, meanings = typing.get_type_hints(kind), comments(kind)
+    for field in dataclasses.fields(kind):
+        default = default_of(field) if values is None else getattr(values, field.name)
+        rule = field.metadata.get("rule", Rule())
+        place, hint = path + field.name, hints[field.name]
+        inner = next((a for a in (hint, *typing.get_args(hint)) if is_struct(a)), None)
+        meaning = meanings.get(field.name) or (first_line(inner) if inner else "")
+        yield Key(place, type_of(hint), shown(default, inner), allowed(hint, rule), meaning)
+        if inner is not None:
+            several = inner is not hint
+            yield from dataclass_keys(
+                inner, f"{place}.N." if several else f"{place}.", None if several else default
+            )
+
+
+def default_of(field: Any) -> object:
+    if field.default_factory is not dataclasses.MISSING:
+        return field.default_factory()
+    return field.default
+
+
+def is_struct(hint: object) -> bool:
+    return isinstance(hint, type) and dataclasses.is_dataclass(hint)
+
+
+def type_of(hint: Any) -> str:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if is_struct(hint):
+        return "section"
+    if origin is typing.Literal:
+        return "word"
+    if origin in (typing.Union, types.UnionType):
+        return type_of(next(a for a in arguments if a is not type(None)))
+    if origin is tuple:
+        many = "list of" if arguments[-1] is Ellipsis else str(len(arguments))
+        return f"{many} {type_of(arguments[0])}s"
+    return WORDS[hint]
+
+
+def shown(default: object, inner: object) -> str:
+    if default is dataclasses.MISSING:
+        return "required"
+    if inner is not None:
+        return ""
+    plain = as_plain(default)
+    return f'"{plain}"' if isinstance(plain, str) else str(plain)
+
+
+def allowed(hint: Any, rule: Rule) -> str:
+    words = [a for a in (hint, *typing.get_args(hint)) if typing.get_origin(a) is typing.Literal]
+    if words:
+        return ", ".join(typing.get_args(words[0]))
+    ends = {"from": rule.low, "up to": rule.high}
+    return " ".join(f"{w} {number(v)}" for w, v in ends.items() if math.isfinite(v))
+
+
+def number(value: float) -> str:
+    return f"{value:.9f}".rstrip("0").rstrip(".")
+
+
+def first_line(kind: object) -> str:
+    return (inspect.getdoc(kind) or "").split("\n")[0].rstrip(".").lower()
+
+
+def comments(kind: type[Any]) -> dict[str, str]:
+    """Of each field, the comment behind it, else the first sentence of the one above."""
+    lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
+    (body,) = ast.parse("\n".join(lines)).body
+    found = {}
+    for node in typing.cast(ast.ClassDef, body).body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            text = lines[(node.end_lineno or 0) - 1][node.end_col_offset :]
+            found[node.target.id] = text.strip(" #") or above(lines[: node.lineno - 1])
+    return found
+
+
+def above(lines: list[str]) -> str:
+    block: list[str] = []
+    while lines and lines[-1].lstrip().startswith("#"):
+        block.insert(0, lines.pop().strip(" #"))
+    return " ".join(block).split(". ")[0].rstrip(".")
+
+
+def table(keys: Iterable[Key]) -> str:
+    rows = [("key", "type", "default", "unit", "allowed", "meaning"), ("---",) * 6]
+    for key in keys:
+        default = "required" if key.default == "required" else code(key.default)
+        rows.append((code(key.path), key.kind, default, key.unit, key.allowed, key.meaning))
+    return "".join(f"| {' | '.join(cell or ' ' for cell in row)} |\n" for row in rows)
+
+
+def code(text: str) -> str:
+    return f"`{text}`" if text else ""
+
+
+def sections(keys: list[Key]) -> str:
+    """A table of the keys without others inside, and one for each section."""
+    groups = {k: list(g) for k, g in groupby(keys, lambda key: key.path.split(".")[0])}
+    plain = [key for group in groups.values() if len(group) == 1 for key in group]
+    text = table(plain) if plain else ""
+    for name, group in groups.items():
+        if len(group) > 1:
+            text += f"\n### {name}\n{table(group)}"
+    return text
+
+
+def networks() -> str:
+    """A table for each Config; detectors that share a class share a table."""
+    named = {
+        name: importlib.import_module(entry.module).Config for name, entry in DETECTORS.items()
+    }
+    text = ""
+    for config, names in groupby(named, lambda name: named[name]):
+        title = ", ".join(names)
+        text += f"\n### network of {title}\n{table(dataclass_keys(config, values=config()))}"
+    return text
+
+
+def page() -> str:
+    return f"""# Configuration keys
+
+Written by `make reference` from the code that reads the keys; do not edit it by hand. N stands
+for a place in a list, NAME for a name of your choice. A key is required where it says so; else it
+may be left out. Unknown keys, wrong types and values out of range are errors that name file, line
+and key. Paths inside a file are relative to it.
+
+## Scene (`configs/scenes`, read by `infrasim run`)
+`--set KEY=VALUE` overrides a key by its path, such as `--set mounts.pole.z_m=8`.
+
+{sections(simulator_keys("scene"))}
+## LiDAR (`configs/lidars`, read by `infrasim run --lidar`)
+A file holds either `pattern`, `returns` and `price_usd`, or a `bundle`; and `pattern` holds one of
+`spinning`, `wedges` and `table`. Below `presets` stand blocks (`paper`, `equal`, `datasheet`) of
+the same keys, which are laid over the rest of the file when that preset is asked for.
+
+{sections(simulator_keys("lidar"))}
+## Detector (`configs/detectors`, read by `pyinfra train`)
+`detector` is one of {", ".join(DETECTORS)}.
+`tiers` has the sections {", ".join(TIERS)}; each holds `network`, `learning` and `augmentation`,
+and what it leaves out keeps its default.
+
+### learning
+{table(dataclass_keys(Learning, values=Learning()))}
+### augmentation
+{table(dataclass_keys(Augmentation, values=Augmentation()))}{networks()}
+## Benchmark (`configs/benchmarks`, read by `pyinfra benchmark`)
+{table(dataclass_keys(Benchmark))}"""
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
+    print(PAGE)
