@@ -1,13 +1,17 @@
 # Each target does its own set-up; see `make setup`.
 PYTHON := .venv/bin/python
 FUZZ_SECONDS := 60
+# Of `make dataset`: frames of a scene (5000 are all), the LiDARs' preset, where to.
+FRAMES := 5000
+PRESET := paper
+OUT := data/$(PRESET)
 
 # A build type's configure step; pybind11 comes from the virtual environment.
 configure = cmake --preset $(1) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo test lint stubs bench wheel sanitize fuzz clean
+.PHONY: setup build demo dataset test lint stubs bench wheel sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -21,6 +25,10 @@ setup:
 
 demo: build
 	$(PYTHON) -m pyinfra demo
+
+# About 25 GB; a stopped one goes on.
+dataset: build
+	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
 
 test: build
 	@scripts/setup.sh detectors test

@@ -32,6 +32,7 @@ class Command:
 
 COMMANDS = (
     Command("demo", "pyinfra.hits", "the paper's hit points, a few frames and their pictures"),
+    Command("dataset", "pyinfra.dataset", "three scenes, four LiDARs, split, data card, SHA-256"),
     Command("pictures", "pyinfra.pictures", "a frame from above, the scene, vehicles close up"),
     Command("statistics", "pyinfra.statistics.command", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
