@@ -13,6 +13,7 @@ import pandas as pd
 from pyinfra.benchmark import measure, pool, store, worlds
 from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.matrix import Cell, Plan
+from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY, value_table
 from pyinfra.training.recipe import read_recipe
 
@@ -24,6 +25,7 @@ KEYS = {  # of the rows of each table
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
     "claims": ["scene", "preset"],
+    "paper": ["scene", "preset"],
     **{name: ["scene", "preset"] for name in worlds.STATISTICS},
 }
 READ = ("cells", "areas", "distance", "lidars", "hits")
@@ -92,7 +94,15 @@ def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     pool.call_all(worlds.simulate, shards, where)
     for world, cells in plan.worlds().items():
         worlds.split_by_time(place.data(world))
-        place.put(worlds.described(place.data(world), cells))
+        if not is_described(place, cells):
+            place.put(worlds.described(place.data(world), cells))
+
+
+def is_described(place: Place, cells: Sequence[Cell]) -> bool:
+    """Whether every LiDAR of the cells of one data set has its row of hits."""
+    hits = store.read(place.table("hits"))
+    wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
+    return all(store.has(hits, key) for key in wanted)
 
 
 def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
@@ -139,6 +149,9 @@ def conclude(place: Place, plan: Plan) -> None:
     tables["value"] = value_table(tables, plan.costs)
     tables["stress"] = store.read(place.results / "stress.csv")
     place.put({"value": tables["value"]})
-    found = claims_table(tables)
-    if len(found):
-        place.put({"claims": found})
+    for name, rows in (
+        ("claims", claims_table(tables)),
+        ("paper", paper_table(tables["cells"])),
+    ):
+        if len(rows):
+            place.put({name: rows})

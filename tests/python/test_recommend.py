@@ -7,6 +7,7 @@ import pytest
 
 from pyinfra import cli
 from pyinfra.benchmark.claims import Figure, claims_table, slope
+from pyinfra.benchmark.paper import paper_ap, paper_table
 from pyinfra.benchmark.value import KEY
 
 PRICES = {"ruby_plus": 24000, "livox_avia": 2000, "pandar_64": 6000, "helios_16": 1000}
@@ -104,6 +105,17 @@ def test_tilt_takes_the_best_pitch_below_the_horizontal() -> None:
     curve = curve.assign(detector="dsvt", seed=1, version="1", ap_low=curve.ap, ap_high=curve.ap)
     row = claims_table({"cells": cells(), "stress": curve}).iloc[-1]
     assert (row.claim, row.value, row.verdict) == ("tilt", 4, "fails")
+
+
+def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
+    own = paper_ap().assign(preset="paper", seed=1)
+    found = paper_table(own.assign(ap=own.ap / 2)).set_index("scene")
+    assert list(found.cells) == [16, 16, 16, 48]
+    assert found.rank_correlation.to_list() == pytest.approx([1] * 4)
+    # The paper's mean over the curve's 16 cells is 70.6.
+    assert found.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
+    turned = paper_table(own.assign(ap=100 - own.ap))
+    assert turned.rank_correlation.to_list() == pytest.approx([-1] * 4)
 
 
 @pytest.fixture
