@@ -78,13 +78,11 @@ def _train_network(
         step=0,
         steps=recipe.learning.steps,
     )
-    begun = loop.read_begun(out, about)
+    description = loop.describe(about, recipe, len(frames))
+    begun = loop.read_begun(out, description)
     done = begun.about.step if begun is not None else 0
-    description = {**as_plain(about), "learning": as_plain(recipe.learning)}
-    description["augmentation"] = as_plain(recipe.augmentation)
-    description["frames"] = len(frames)
     with replacing(out / "run.yaml") as beside:
-        beside.write_text(yaml.safe_dump(description, sort_keys=False))
+        beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
     log = loop.Log(out / "log.csv", done)
     board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     # Without `quiet`, None: on a terminal only.

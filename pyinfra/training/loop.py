@@ -11,26 +11,27 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from pyinfra.config import ConfigError, as_plain
+from pyinfra.config import ConfigError, as_plain, read_config
 from pyinfra.detectors.batch import Batch, make_batch
 from pyinfra.detectors.network import Network, one_thread
 from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
 from pyinfra.training.recipe import Learning, Recipe
-from pyinfra.training.samples import Frames, augmented
+from pyinfra.training.samples import Augmentation, Frames, augmented
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
 DIVIDED = 10.0  # the first rate is the highest by this
 LAST = 1e-4  # the last rate is the first by this
 MOMENTA = (0.95, 0.85)
 SAVES = 20  # checkpoints over a run
+PASSING = ("step", "version")  # may change while a run goes on
 
 
 class TrainingDiverged(RuntimeError):
@@ -137,21 +138,51 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     }
 
 
-def read_begun(out: Path, about: About) -> Checkpoint | None:
+@dataclass(frozen=True)
+class Description(About):
+    """`run.yaml`: what a checkpoint says of itself, and how the run learns."""
+
+    learning: Learning = field(default_factory=Learning)
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    frames: int = 0  # learnt from
+
+
+def describe(about: About, recipe: Recipe, frames: int) -> Description:
+    own = {f.name: getattr(about, f.name) for f in dataclasses.fields(about)}
+    return Description(
+        **own, learning=recipe.learning, augmentation=recipe.augmentation, frames=frames
+    )
+
+
+def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     """The last checkpoint of a run; none if it has not begun.
 
-    Raises ConfigError if the checkpoint there is of another run.
+    Raises ConfigError if the checkpoint there is of another run, or of one that learns otherwise.
     """
     file = out / "last.safetensors"
     if not file.exists():
         return None
     found = checkpoint.load(file)
-    same = dataclasses.replace(found.about, step=about.step, version=about.version)
-    theirs, ours = as_plain(same), as_plain(about)
-    if theirs != ours:
-        different = [key for key, value in ours.items() if theirs[key] != value]
+    theirs, wanted = as_plain(found.about), as_plain(ours)
+    different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
+    if different:
         raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")
+    described = out / "run.yaml"
+    before, now = (_ways(d) for d in (read_config(described, Description), ours))
+    for key, value in before.items():
+        if value != now[key]:
+            raise ConfigError(f"{described}: {key}: found {value}, allowed {now[key]} to go on")
     return found
+
+
+def _ways(description: Description) -> dict[str, object]:
+    """How a run learns, by keys with a dot."""
+    plain = as_plain(description)
+    return {"frames": description.frames} | {
+        f"{name}.{key}": value
+        for name in ("learning", "augmentation")
+        for key, value in plain[name].items()
+    }
 
 
 def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint) -> int:

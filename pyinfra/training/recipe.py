@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pyinfra.config import read_config, ruled
 from pyinfra.detectors.catalogue import DETECTORS
@@ -35,17 +35,13 @@ class Recipe:
     augmentation: Augmentation
 
 
-@dataclass(frozen=True)
-class _Name:
-    detector: str
-    tiers: Any = None
-
-
 def read_recipe(file: Path, tier: Tier) -> Recipe:
     """Raises ConfigError with file, line and key, and FileNotFoundError."""
-    name = read_config(file, _Name).detector
-    if name not in DETECTORS:
-        raise ValueError(f"{file}: detector: found '{name}', allowed {', '.join(DETECTORS)}")
+    named: list[tuple[str, Any, Any]] = [
+        ("detector", Literal[*DETECTORS], field()),
+        ("tiers", Any, None),
+    ]
+    name: str = read_config(file, dataclasses.make_dataclass("Name", named)).detector
     config = importlib.import_module(DETECTORS[name].module).Config
     kind = dataclasses.make_dataclass(
         "TierConfig",

@@ -119,10 +119,71 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
-    before = {file: file.read_bytes() for file in trained.rglob("*") if file.is_file()}
+    before = files_of(trained)
     with pytest.raises(ConfigError, match="found another run: steps differ"):
         run(lidar_folder, trained, steps=7)
-    assert {file: file.read_bytes() for file in trained.rglob("*") if file.is_file()} == before
+    assert files_of(trained) == before
+
+
+def files_of(folder: Path) -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "message"),
+    [
+        ("learning", {"rate": 0.01}, "learning.rate: found 0.003, allowed 0.01 to go on"),
+        ("learning", {"batch": 3}, "learning.batch: found 2, allowed 3 to go on"),
+        ("augmentation", {"flip": False}, "augmentation.flip: found True, allowed False to go on"),
+        ("augmentation", {"pasted": 0}, "augmentation.pasted: found 3, allowed 0 to go on"),
+    ],
+)
+def test_a_run_that_learns_otherwise_does_not_go_on(
+    lidar_folder: Path, trained: Path, part: str, change: dict[str, object], message: str
+) -> None:
+    other = dataclasses.replace(getattr(recipe(), part), **change)
+    before = files_of(trained)
+    with pytest.raises(ConfigError, match=re.escape(f"run.yaml: {message}")):
+        train.train(
+            dataclasses.replace(recipe(), **{part: other}),
+            [read_source(lidar_folder, "smoke")],
+            trained,
+            quiet=True,
+        )
+    assert files_of(trained) == before
+
+
+def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
+    source, before = read_source(lidar_folder, "smoke"), files_of(trained)
+    boxes = source.read_boxes()  # all of them, so that the site is the same
+    fewer = dataclasses.replace(
+        source,
+        clouds=source.clouds[:7],
+        read_boxes=lambda: (*boxes[:6], np.concatenate(boxes[6:])),
+    )
+    with pytest.raises(ConfigError, match=r"run.yaml: frames: found 8, allowed 7 to go on"):
+        train.train(recipe(), [fewer], trained, quiet=True)
+    assert files_of(trained) == before
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("detector: pointpilars\ntiers: {}\n", "1: detector: found 'pointpilars', allowed backgr"),
+        ("tiers: {}\n", "1: detector: found nothing, required"),
+        (
+            "detector: dsvt\ntiers:\n  smoke: {}\n  huge: {}\n",
+            "4: tiers.huge: found an unknown key, allowed smoke, quick, full",
+        ),
+        ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: found nothing, required"),
+    ],
+)
+def test_a_wrong_recipe_is_named_by_file_line_and_key(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "r.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=re.escape(f"{tmp_path}/r.yaml:{message}")):
+        read_recipe(tmp_path / "r.yaml", "smoke")
 
 
 def test_a_loss_that_is_no_number_stops_with_the_step_and_the_checkpoint(
