@@ -28,9 +28,10 @@ def load_detector(run: Path, *, device: str = "cpu") -> Detector:
     file = model_file(run)
     if file.suffix == ".npz":
         return Background.load(file)
+    from pyinfra.detectors.fused import fused
     from pyinfra.training import checkpoint
 
-    return checkpoint.load(file).network().to(device)
+    return fused(checkpoint.load(file).network()).to(device)
 
 
 def model_file(run: Path) -> Path:

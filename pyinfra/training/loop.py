@@ -20,7 +20,7 @@ from torch import Tensor
 
 from pyinfra.config import ConfigError, as_plain, read_config
 from pyinfra.detectors.batch import Batch, make_batch
-from pyinfra.detectors.network import Network, one_thread
+from pyinfra.detectors.network import Network, keep_memory, one_thread
 from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
 from pyinfra.training.recipe import Learning, Recipe
@@ -72,6 +72,7 @@ def train(
     last = out / "last.safetensors"
     done = resume(network, optimizer, begun) if begun is not None else 0
     start = time.monotonic()
+    keep_memory()
     with one_thread():
         for step in range(done, learning.steps):
             rate = set_rate(optimizer, learning, step)
