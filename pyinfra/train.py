@@ -60,10 +60,7 @@ def _train_network(
     from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
 
-    frames = Frames(
-        clouds=tuple(cloud for source in sources for cloud in source.clouds),
-        boxes=tuple(boxes for source in sources for boxes in source.read_boxes()),
-    )
+    frames, held_out = _frames(sources, recipe.learning.validate_frames)
     torch.manual_seed(seed)
     site = site_of(frames.boxes)
     network = checkpoint.build(recipe.detector, recipe.network, site)
@@ -98,8 +95,38 @@ def _train_network(
 
     with bar, board:
         where = torch.device(device)
-        loop.train(network, frames, recipe, about, out, begun=begun, device=where, report=report)
+        loop.train(
+            network,
+            frames,
+            recipe,
+            about,
+            out,
+            begun=begun,
+            held_out=held_out,
+            device=where,
+            report=report,
+        )
     return out / "last.safetensors"
+
+
+def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
+    """The frames to learn from, and the last `kept` ones of each LiDAR; None for 0.
+
+    Raises ValueError if nothing is left to learn from, or no vehicle stands in what is kept.
+    """
+    learnt, held_out = Frames((), ()), Frames((), ())
+    for source in sources:
+        whole = Frames(source.clouds, source.read_boxes())
+        if 0 < len(whole) <= kept:
+            raise ValueError(
+                f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "
+                f"the frames of {source.lidar}"
+            )
+        learnt += whole.part(slice(0, len(whole) - kept))
+        held_out += whole.part(slice(len(whole) - kept, None))
+    if kept > 0 and not any(map(len, held_out.boxes)):
+        raise ValueError(f"found no vehicle in the last {kept} frames, allowed one or more")
+    return learnt, held_out if kept > 0 else None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

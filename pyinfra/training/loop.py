@@ -25,6 +25,7 @@ from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
 from pyinfra.training.recipe import Learning, Recipe
 from pyinfra.training.samples import Augmentation, Frames, augmented
+from pyinfra.training.validation import Checks
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
 DIVIDED = 10.0  # the first rate is the highest by this
@@ -58,11 +59,13 @@ def train(
     out: Path,
     *,
     begun: Checkpoint | None = None,
+    held_out: Frames | None = None,
     device: torch.device | None = None,
     report: Callable[[Progress], None] = lambda _: None,
 ) -> Network:
     """Trains to the end and writes `out`/last.safetensors now and then and at the end.
 
+    held_out: frames by which best.safetensors is chosen, which changes nothing of the last one.
     begun: what `read_begun` found of this run, to go on from. Raises TrainingDiverged with the
     step, the loss and the checkpoint to go back to.
     """
@@ -71,6 +74,7 @@ def train(
     optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
     last = out / "last.safetensors"
     done = resume(network, optimizer, begun) if begun is not None else 0
+    checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
     start = time.monotonic()
     keep_memory()
     with one_thread():
@@ -88,8 +92,11 @@ def train(
             torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
             optimizer.step()
             done = step + 1
+            here = dataclasses.replace(about, step=done)
+            # Before the last one is written: a kill between them leads back to before the check.
+            if checks is not None and checks.find_best(network, done, learning.steps):
+                checkpoint.save(out / "best.safetensors", network, {}, here)
             if done % max(1, learning.steps // SAVES) == 0 or done == learning.steps:
-                here = dataclasses.replace(about, step=done)
                 checkpoint.save(last, network, optimizer_tensors(optimizer), here)
             numbers = {name: part.item() for name, part in parts.items()}
             seconds = time.monotonic() - start
