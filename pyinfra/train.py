@@ -7,6 +7,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 import yaml
 from tqdm import tqdm
@@ -15,7 +16,7 @@ from pyinfra.atomic import replacing
 from pyinfra.config import as_plain
 from pyinfra.detectors.background import Background
 from pyinfra.detectors.catalogue import DETECTORS
-from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.training.samples import Frames
 from pyinfra.training.sources import TIERS, Source, read_source, simulated_source, spread
 
@@ -29,6 +30,7 @@ def train(
     *,
     seed: int = 1,
     device: str = "cpu",
+    precision: Precision = "float32",
     quiet: bool = False,
 ) -> Path:
     """Trains a detector into the folder `out`, or goes on there; returns the model's file.
@@ -38,7 +40,7 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
-    return _train_network(recipe, sources, out, seed, device, quiet)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet)
 
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> Path:
@@ -52,7 +54,13 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> P
 
 
 def _train_network(
-    recipe: Recipe, sources: Sequence[Source], out: Path, seed: int, device: str, quiet: bool
+    recipe: Recipe,
+    sources: Sequence[Source],
+    out: Path,
+    seed: int,
+    device: str,
+    precision: Precision,
+    quiet: bool,
 ) -> Path:
     import torch
     from torch.utils.tensorboard import SummaryWriter
@@ -75,7 +83,7 @@ def _train_network(
         step=0,
         steps=recipe.learning.steps,
     )
-    description = loop.describe(about, recipe, len(frames))
+    description = loop.describe(about, recipe, len(frames), precision)
     begun = loop.read_begun(out, description)
     done = begun.about.step if begun is not None else 0
     with replacing(out / "run.yaml") as beside:
@@ -104,6 +112,7 @@ def _train_network(
             begun=begun,
             held_out=held_out,
             device=where,
+            precision=precision,
             report=report,
         )
     return out / "last.safetensors"
@@ -145,6 +154,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
     parser.add_argument(
+        "--precision",
+        choices=get_args(Precision),
+        default="float32",
+        help="of the layers; default: float32",
+    )
+    parser.add_argument(
         "--budget", type=float, default=1.0, help="share of the tier's steps, the schedule with it"
     )
 
@@ -157,7 +172,8 @@ def run(args: argparse.Namespace) -> int:
         steps = max(1, round(args.budget * recipe.learning.steps))
         learning = dataclasses.replace(recipe.learning, steps=steps)
         recipe = dataclasses.replace(recipe, learning=learning)
-    print(train(recipe, _sources(args), args.out, seed=args.seed, device=args.device))
+    how = {"seed": args.seed, "device": args.device, "precision": args.precision}
+    print(train(recipe, _sources(args), args.out, **how))
     return 0
 
 

@@ -23,7 +23,7 @@ from pyinfra.detectors.batch import Batch, make_batch
 from pyinfra.detectors.network import Network, keep_memory, one_thread
 from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
-from pyinfra.training.recipe import Learning, Recipe
+from pyinfra.training.recipe import Learning, Precision, Recipe
 from pyinfra.training.samples import Augmentation, Frames, augmented
 from pyinfra.training.validation import Checks
 
@@ -61,6 +61,7 @@ def train(
     begun: Checkpoint | None = None,
     held_out: Frames | None = None,
     device: torch.device | None = None,
+    precision: Precision = "float32",
     report: Callable[[Progress], None] = lambda _: None,
 ) -> Network:
     """Trains to the end and writes `out`/last.safetensors now and then and at the end.
@@ -81,7 +82,8 @@ def train(
         for step in range(done, learning.steps):
             rate = set_rate(optimizer, learning, step)
             batch = batch_of(frames, recipe, network, about.seed, step).to(device)
-            parts = network.losses(batch)
+            with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
+                parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
             if not math.isfinite(loss.item()):
                 raise TrainingDiverged(
@@ -153,12 +155,17 @@ class Description(About):
     learning: Learning = field(default_factory=Learning)
     augmentation: Augmentation = field(default_factory=Augmentation)
     frames: int = 0  # learnt from
+    precision: Precision = "float32"
 
 
-def describe(about: About, recipe: Recipe, frames: int) -> Description:
+def describe(about: About, recipe: Recipe, frames: int, precision: Precision) -> Description:
     own = {f.name: getattr(about, f.name) for f in dataclasses.fields(about)}
     return Description(
-        **own, learning=recipe.learning, augmentation=recipe.augmentation, frames=frames
+        **own,
+        learning=recipe.learning,
+        augmentation=recipe.augmentation,
+        frames=frames,
+        precision=precision,
     )
 
 
@@ -186,7 +193,7 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
 def _ways(description: Description) -> dict[str, object]:
     """How a run learns, by keys with a dot."""
     plain = as_plain(description)
-    return {"frames": description.frames} | {
+    return {"frames": description.frames, "precision": description.precision} | {
         f"{name}.{key}": value
         for name in ("learning", "augmentation")
         for key, value in plain[name].items()

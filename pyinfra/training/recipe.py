@@ -13,6 +13,9 @@ from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import TIERS, Tier
 
+# Of the layers; places of points, losses and boxes always have 32 bits.
+Precision = Literal["float32", "bfloat16"]
+
 
 @dataclass(frozen=True)
 class Learning:

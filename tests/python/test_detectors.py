@@ -120,6 +120,28 @@ def test_a_frame_without_vehicles_is_a_valid_negative(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LEARNT)
+def test_layers_of_half_the_bits_learn_in_whole_ones(name: str) -> None:
+    batch = make_batch([road_sample(1), road_sample(2)], network_of(name).site.area)
+    whole, half = network_of(name).train(), network_of(name).train()
+    expected = whole.losses(batch)
+    half_bits = []
+    for module in half.modules():
+        if isinstance(module, torch.nn.Linear | torch.nn.Conv2d):
+            module.register_forward_hook(lambda _m, _i, out: half_bits.append(out.dtype))
+    with torch.autocast("cpu", torch.bfloat16):
+        found = half.losses(batch)
+    assert set(half_bits) == {torch.bfloat16}
+    for key, loss in found.items():
+        assert loss.dtype == torch.float32
+        assert loss.item() == pytest.approx(expected[key].item(), rel=0.25, abs=0.02), key
+    torch.stack(list(found.values())).sum().backward()
+    for parameter in half.parameters():
+        if parameter.grad is not None:
+            assert parameter.grad.dtype == torch.float32
+            assert torch.isfinite(parameter.grad).all()
+
+
+@pytest.mark.parametrize("name", LEARNT)
 def test_frames_of_a_batch_do_not_see_each_other(name: str) -> None:
     network = network_of(name).eval()
     clouds = [road_sample(seed).points for seed in (4, 5)]

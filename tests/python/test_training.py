@@ -295,6 +295,24 @@ def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path)
     assert files_of(trained) == before
 
 
+def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
+    lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", str(CONFIG), "--data", str(lidar_folder), "--tier", "smoke"]
+    words += ["--budget", "0.07", "--out", str(tmp_path), "--precision"]
+    assert cli.main([*words, "bfloat16"]) == 0
+    before = files_of(tmp_path)
+    tensors = load_file(tmp_path / "last.safetensors").values()
+    assert {t.dtype for t in tensors} <= {torch.float32, torch.int64}
+    assert cli.main([*words, "float32"]) == 2
+    message = "run.yaml: precision: found bfloat16, allowed float32 to go on"
+    assert message in capsys.readouterr().err
+    assert files_of(tmp_path) == before
+    assert cli.main([*words, "bfloat16"]) == 0
+    with pytest.raises(SystemExit):
+        cli.main([*words, "float16"])
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
