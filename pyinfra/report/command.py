@@ -10,7 +10,18 @@ from pyinfra import __version__
 from pyinfra.report.blocks import Section
 from pyinfra.report.material import Material, read_material
 from pyinfra.report.page import Page, write_page
-from pyinfra.report.sections import accuracy, answer, areas, claims, distance, hits
+from pyinfra.report.sections import (
+    accuracy,
+    answer,
+    areas,
+    claims,
+    distance,
+    fidelity,
+    hits,
+    speed,
+    stability,
+    value,
+)
 
 SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
     answer.section,
@@ -19,6 +30,10 @@ SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
     accuracy.section,
     distance.section,
     areas.section,
+    value.section,
+    speed.section,
+    stability.section,
+    fidelity.section,
 )
 TITLE = "Roadside LiDAR: which sensor, which detector"
 

@@ -15,6 +15,7 @@ import matplotlib as mpl
 import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from pyinfra.statistics.figures import LINES, MARKERS
 
@@ -103,3 +104,10 @@ def panel(width: float = 3.7, height: float = 2.6, left: float = 0.5) -> tuple[F
     return figure, figure.subplots(
         gridspec_kw=edges | {"right": 1 - 0.12 / width, "top": 1 - 0.08 / height}
     )
+
+
+def log_ticks(axis: Any) -> None:
+    """Plain numbers at 1, 2 and 5 times the powers of ten."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter("{x:,g}")

@@ -60,8 +60,9 @@ KINDS = {
     "claims": _kind("claims.csv", "claim preset statement verdict", "value low high"),
     "ap_claims": _kind("ap_claims.csv", "claim preset statement verdict", "value low high"),
     "stress": _kind(
-        "stress.csv", "detector lidar scene stressor unit seed", "dial ap ap_low ap_high"
+        "stress.csv", "detector lidar scene stressor dial unit seed", "ap ap_low ap_high"
     ),
+    "stress_ranking": _kind("stress_ranking.csv", "", ""),
     "stress_summary": _kind("stress_summary.csv", "", ""),
     "fidelity": _kind(
         "fidelity.csv",

@@ -91,7 +91,7 @@ def _ap(own: pd.DataFrame, name: str, printed: float) -> Cell:
     row = own.loc[name]
     below = span(row.ap_low, row.ap_high)
     if np.isfinite(printed):
-        below = f"{below} paper {printed:.1f}"
+        below = f"{below}\npaper {printed:.1f}"
     return Cell(shown(row.ap), float(row.ap), str(row.origin), below=below)
 
 
