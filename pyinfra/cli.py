@@ -41,6 +41,7 @@ COMMANDS = (
     Command("train", "pyinfra.train", "a detector learns from frames"),
     Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),
     Command("onnx", "pyinfra.onnx", "a dense detector as one ONNX file"),
+    Command("benchmark", "pyinfra.benchmark.command", "accuracy, speed and price, cell by cell"),
     Command("split", "pyinfra.split", "which frames train and which test"),
 )
 

@@ -1,0 +1,1 @@
+"""Scene x LiDAR x preset x detector x seed: every cell a row that can be repeated."""

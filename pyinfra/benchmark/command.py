@@ -1,0 +1,85 @@
+"""`pyinfra benchmark configs/benchmarks/NAME.yaml --tier TIER --out RESULTS`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.benchmark import store
+from pyinfra.benchmark.go import Place, benchmark
+from pyinfra.benchmark.matrix import Cell, Plan, read_plan
+from pyinfra.benchmark.pool import BACKENDS, Pool
+from pyinfra.training.sources import TIERS
+
+# CPU seconds of a cell on one core where no row says better: training, detection, evaluation.
+SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
+BACKGROUND_S = 20.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Fills a matrix scene x LiDAR x preset x detector x seed: a row a cell, with everything "
+        "needed to repeat it. The same command goes on after a stop."
+    )
+    parser.epilog = (
+        "example: pyinfra benchmark configs/benchmarks/demo.yaml --tier smoke --out out/demo"
+    )
+    parser.add_argument("config", type=Path, help="file of configs/benchmarks")
+    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the tables")
+    parser.add_argument(
+        "--work", type=Path, default=Path("data/benchmark"), help="folder of frames and runs"
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="cells at a time; default: all cores"
+    )
+    parser.add_argument("--backend", choices=BACKENDS, default="local")
+    parser.add_argument("--address", default="", help="of a Ray or Dask cluster that is there")
+    parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
+    parser.add_argument("--dry-run", action="store_true", help="print the cells and their time")
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.jobs < 1:
+        raise ValueError(f"--jobs: found {args.jobs}, allowed 1 or more")
+    plan = read_plan(args.config, args.tier)
+    place = Place(args.work, args.out, args.tier)
+    if args.dry_run:
+        print(outlook(plan, place, args.jobs))
+        return 0
+    where = Pool(args.backend, args.jobs, args.address)
+    benchmark(plan, place, where, device=args.device)
+    table = store.read(place.table("cells"))
+    own = [store.has(table, vars(cell)) for cell in plan.cells]
+    failed = int(table.reason.notna().sum()) if "reason" in table else 0
+    print(f"{sum(own) - failed} of {len(plan.cells)} cells in {place.table('cells')}")
+    return 1 if failed else 0
+
+
+def outlook(plan: Plan, place: Place, jobs: int) -> str:
+    """The cells that have no row, and how long they will take by the rows that are there."""
+    left = place.without_row(plan.cells)
+    seconds = expected_seconds(left, store.read(place.table("cells")))
+    lines = [
+        f"{cell.name.replace('_', ' ')}  {s:.0f} s" for cell, s in zip(left, seconds, strict=True)
+    ]
+    total = sum(seconds)
+    lines.append(
+        f"{len(left)} of {len(plan.cells)} cells to do: {total / 60:.0f} core-minutes, "
+        f"about {total / 60 / jobs:.0f} minutes with {jobs} jobs"
+    )
+    return "\n".join(lines)
+
+
+def expected_seconds(cells: Sequence[Cell], table: pd.DataFrame) -> list[float]:
+    """Of each cell: the median of its detector's rows, else what the tier allows."""
+    known = table.groupby("detector").train_seconds.median() if len(table) else {}
+    own = {"background": BACKGROUND_S}
+    return [
+        float(known.get(cell.detector, own.get(cell.detector, SECONDS[cell.tier])))
+        for cell in cells
+    ]

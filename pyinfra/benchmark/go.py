@@ -1,0 +1,121 @@
+"""The way of a benchmark: simulate, describe the data sets, fill the cells, put prices to them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.benchmark import measure, pool, store, worlds
+from pyinfra.benchmark.matrix import Cell, Plan
+from pyinfra.benchmark.value import KEY, value_table
+
+KEYS = {  # of the rows of each table
+    "cells": KEY,
+    "areas": KEY,
+    "distance": KEY,
+    "value": KEY,
+    "lidars": ["lidar", "preset"],
+    "hits": ["scene", "preset", "lidar"],
+    **{name: ["scene", "preset"] for name in worlds.STATISTICS},
+}
+VALUED = ("cells", "areas", "distance", "lidars", "hits")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a benchmark works, and where its tables are."""
+
+    work: Path
+    results: Path
+    tier: str
+
+    def data(self, world: str) -> Path:
+        return self.work / "data" / world
+
+    def table(self, name: str) -> Path:
+        """`TIER.csv` has the cells, `TIER_areas.csv` their areas; LiDARs know no tier."""
+        file = {"lidars": "lidars", "cells": self.tier}.get(name, f"{self.tier}_{name}")
+        return self.results / f"{file}.csv"
+
+    def put(self, tables: dict[str, pd.DataFrame]) -> None:
+        for name, rows in tables.items():
+            store.put(self.table(name), rows, KEYS[name], self.work / "results.lock")
+
+    def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
+        table = store.read(self.table("cells"))
+        return [cell for cell in cells if not store.has(table, asdict(cell))]
+
+
+def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu") -> None:
+    """Fills the tables; cells with a row are left out, those that failed are tried again.
+
+    Raises SimulatorError if a data set cannot be made; a cell that fails is a row with its reason.
+    """
+    forget_failed(place, plan)
+    left = place.without_row(plan.cells)
+    if left:
+        simulate_worlds(plan, place, where)
+        pool.run(
+            partial(fill, plan=plan, place=place, device=device),
+            left,
+            where,
+            left=place.without_row,
+            lost=lambda cell, error: place.put(measure.failed(cell, error)),
+        )
+    put_prices(place, plan)
+
+
+def forget_failed(place: Place, plan: Plan) -> None:
+    """Takes the rows of failed cells of the plan out of the table."""
+    file = place.table("cells")
+    table = store.read(file)
+    if "reason" not in table:
+        return
+    wanted = store.among(table, pd.DataFrame([asdict(cell) for cell in plan.cells]), KEY)
+    rows = table[table.reason.notna() & wanted]
+    if len(rows):
+        store.drop(file, rows, KEY, place.work / "results.lock")
+
+
+def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
+    """All data sets of the plan, split, and their tables."""
+    shards = worlds.shards(plan, place.work, where.jobs)
+    print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
+    pool.call_all(worlds.simulate, shards, where)
+    for world, cells in plan.worlds().items():
+        worlds.split_by_time(place.data(world))
+        place.put(worlds.described(place.data(world), cells))
+
+
+def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
+    """The rows of one cell, unless another process is at it; an exception becomes its reason."""
+    run = place.work / "runs" / cell.name
+    with store.held(run.with_suffix(".lock"), wait=False) as ours:
+        if not ours or not place.without_row([cell]):
+            return
+        recipe, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
+        try:
+            found = measure.tables(cell, recipe, folder, run, device=device)
+        except Exception as error:  # whatever it is, the other cells go on
+            found = measure.failed(cell, error)
+        place.put(found)
+    print(progress(found["cells"].iloc[0]), file=sys.stderr, flush=True)
+
+
+def progress(row: pd.Series) -> str:
+    name = " ".join(str(row[key]) for key in KEY)
+    if pd.notna(row.get("reason")):
+        return f"{name}: failed: {row.reason}"
+    return f"{name}: AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}], {row.train_seconds} s"
+
+
+def put_prices(place: Place, plan: Plan) -> None:
+    """Works out the table of values again, if there is a finished cell."""
+    tables = {name: store.read(place.table(name)) for name in VALUED}
+    if all(len(table) for table in tables.values()):
+        place.put({"value": value_table(tables, plan.costs)})

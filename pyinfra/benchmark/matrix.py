@@ -1,0 +1,118 @@
+"""`configs/benchmarks/*.yaml`: which cells a benchmark has."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from pyinfra.benchmark.value import Costs
+from pyinfra.config import ConfigError, read_config
+from pyinfra.hits import configs
+from pyinfra.training.sources import Tier
+
+Preset = Literal["paper", "equal", "datasheet"]
+# Of the 5,000 frames of 500 s.
+FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """All combinations of what it lists; names of configs/, or files beside the benchmark's."""
+
+    scenes: tuple[str, ...]
+    lidars: tuple[str, ...]
+    presets: tuple[Preset, ...]
+    detectors: tuple[str, ...]
+    seeds: tuple[int, ...] = (1,)  # of the training; the world keeps the scene's own
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A union of blocks, in their order."""
+
+    matrix: tuple[Block, ...]
+    frames: str = ""  # A:B[:STEP] in place of the tier's
+    costs: Costs = field(default_factory=Costs)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row of the results; its fields are the row's key."""
+
+    scene: str
+    lidar: str
+    preset: str
+    detector: str
+    tier: Tier
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return "_".join(str(value) for value in asdict(self).values())
+
+    @property
+    def title(self) -> str:
+        return " ".join(str(value) for value in asdict(self).values())
+
+    @property
+    def world(self) -> str:
+        """The data set it needs."""
+        return f"{self.scene}_{self.preset}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The cells of a benchmark on one tier, and the files their names stand for."""
+
+    cells: tuple[Cell, ...]
+    frames: str
+    files: dict[tuple[str, str], Path]  # by kind and name
+    costs: Costs
+
+    def worlds(self) -> dict[str, list[Cell]]:
+        """The cells by the data set they need."""
+        found: dict[str, list[Cell]] = {}
+        for cell in self.cells:
+            found.setdefault(cell.world, []).append(cell)
+        return found
+
+
+def read_plan(file: Path, tier: Tier) -> Plan:
+    """Raises ConfigError with file, key, what was found and what is allowed."""
+    benchmark = read_config(file, Benchmark)
+    files: dict[tuple[str, str], Path] = {}
+
+    def known(kind: str, words: tuple[str, ...]) -> list[str]:
+        paths = [config_file(file, kind, word) for word in words]
+        files.update({(kind, path.stem): path for path in paths})
+        return [path.stem for path in paths]
+
+    def cells() -> Iterator[Cell]:
+        for block in benchmark.matrix:
+            # Detectors before LiDARs: the first rows say most.
+            for scene, preset, detector, lidar, seed in itertools.product(
+                known("scenes", block.scenes),
+                block.presets,
+                known("detectors", block.detectors),
+                known("lidars", block.lidars),
+                block.seeds,
+            ):
+                yield Cell(scene, lidar, preset, detector, tier, seed)
+
+    found = tuple(dict.fromkeys(cells()))
+    if not found:
+        raise ConfigError(f"{file}: matrix: found no cell, allowed one or more")
+    return Plan(found, benchmark.frames or FRAMES[tier], files, benchmark.costs)
+
+
+def config_file(benchmark: Path, kind: str, word: str) -> Path:
+    """`ruby_plus` of configs/lidars, or `own.yaml` beside the benchmark's file."""
+    folder = configs() / kind
+    path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
+    if not path.is_file():
+        names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+        raise ConfigError(f"{benchmark}: {kind}: found '{word}', allowed a file or {names}")
+    return path

@@ -1,0 +1,100 @@
+"""One cell: train, detect, evaluate, time."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra import __version__, detect, kitti
+from pyinfra.benchmark.matrix import Cell
+from pyinfra.evaluate import evaluate
+from pyinfra.evaluation.ground_truth import SETS, frame_numbers
+from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.result import Evaluation
+from pyinfra.train import train
+from pyinfra.training.recipe import read_recipe
+from pyinfra.training.sources import read_source
+
+Tables = dict[str, pd.DataFrame]
+
+
+def tables(cell: Cell, recipe: Path, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
+    """The rows of a cell: `cells`, `areas`, `distance`.
+
+    recipe: file of configs/detectors; folder: the LiDAR's, split; run: where the model goes.
+    A training that was stopped goes on.
+    """
+    seconds = trained(cell, recipe, folder, run, device)
+    times = detected(run, folder, device)
+    evaluation = evaluate(folder, run / "predictions", Settings(ground_truths=SETS))
+    return {
+        "areas": keyed(cell, evaluation.areas),
+        "distance": keyed(cell, evaluation.distance_ap),
+        "cells": pd.DataFrame([row(cell, evaluation, seconds, times)]),
+    }
+
+
+def trained(cell: Cell, recipe: Path, folder: Path, run: Path, device: str) -> float:
+    """CPU seconds of the training, over all goes that ended by themselves."""
+    spent = run / "cpu_seconds"
+    before = time.process_time()
+    source = read_source(folder, cell.tier)
+    train(read_recipe(recipe, cell.tier), [source], run, seed=cell.seed, device=device, quiet=True)
+    seconds = time.process_time() - before
+    seconds += float(spent.read_text()) if spent.exists() else 0
+    spent.write_text(f"{seconds}")
+    return seconds
+
+
+def detected(run: Path, folder: Path, device: str) -> np.ndarray:
+    """Milliseconds a test frame, points to boxes; writes the predictions."""
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    detector = detect.load_detector(run, device=device)
+    detect.detect(detector, files[:5], None)  # the first calls are slower
+    return detect.detect(detector, files, run / "predictions")[1]
+
+
+def row(cell: Cell, evaluation: Evaluation, seconds: float, times: np.ndarray) -> dict[str, object]:
+    found = evaluation.ap.set_index("ground_truth")
+    captured = found.loc["captured"]
+    p50, p95 = np.percentile(times, (50, 95))
+    return {
+        **asdict(cell),
+        "ap": captured.ap,
+        "ap_low": captured.ap_low,
+        "ap_high": captured.ap_high,
+        "ap_common": found.ap["common"],
+        "ap_all": found.ap["all"],
+        "objects": int(captured.objects),
+        "train_seconds": round(seconds, 1),
+        "latency_p50_ms": round(p50, 2),
+        "latency_p95_ms": round(p95, 2),
+        **provenance(),
+    }
+
+
+def failed(cell: Cell, error: BaseException) -> Tables:
+    """The row of a cell that failed, with its reason in one line."""
+    reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
+    return {"cells": pd.DataFrame([{**asdict(cell), **provenance(), "reason": reason}])}
+
+
+def provenance() -> dict[str, object]:
+    return {
+        "command": "pyinfra benchmark",
+        "version": __version__,
+        "latency_version": __version__,
+        "machine": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
+    }
+
+
+def keyed(cell: Cell, rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows of an evaluation's table, named by their cell."""
+    own = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)
+    return pd.concat([pd.DataFrame([asdict(cell)] * len(own)), own], axis=1)

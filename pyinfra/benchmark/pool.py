@@ -1,0 +1,86 @@
+"""Tasks on several processes through joblib: local ones, or those of a Ray or Dask cluster."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar, get_args
+
+import joblib
+
+Task = TypeVar("Task")
+Backend = Literal["local", "ray", "dask"]
+BACKENDS: tuple[Backend, ...] = get_args(Backend)
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Where tasks run. address: of a cluster that is there; without it one is started here."""
+
+    backend: Backend = "local"
+    jobs: int = 1
+    address: str = ""
+
+
+@contextmanager
+def workers(pool: Pool) -> Iterator[None]:
+    """joblib's tasks inside run on the pool. Raises ImportError without the back-end's package."""
+    if pool.backend == "dask":
+        from dask.distributed import Client
+
+        own = {} if pool.address else {"n_workers": pool.jobs, "threads_per_worker": 1}
+        with Client(pool.address or None, **own), joblib.parallel_config("dask"):
+            yield
+    elif pool.backend == "ray":
+        import ray
+        from ray.util.joblib import register_ray
+
+        register_ray()
+        size: dict[str, Any]
+        size = {"address": pool.address} if pool.address else {"num_cpus": pool.jobs}
+        with (
+            ray.init(**size, include_dashboard=False),
+            joblib.parallel_config("ray", n_jobs=pool.jobs),
+        ):
+            yield
+    else:
+        with joblib.parallel_config("loky", n_jobs=pool.jobs, inner_max_num_threads=1):
+            yield
+
+
+def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> None:
+    """Calls each task once. Raises what a call raises, after those under way."""
+    with workers(pool):
+        joblib.Parallel(batch_size=1)(joblib.delayed(call)(task) for task in tasks)
+
+
+def run(
+    call: Callable[[Task], Any],
+    tasks: Sequence[Task],
+    pool: Pool,
+    left: Callable[[Sequence[Task]], list[Task]],
+    lost: Callable[[Task, Exception], None],
+) -> None:
+    """Calls each task once at least, also when workers die; `call` itself does not raise.
+
+    left: those of the tasks that are not done. lost: is told of a task whose worker died although
+    it ran alone.
+    """
+    groups = [list(tasks)]
+    while groups:
+        group = groups.pop(0)
+        try:
+            call_all(call, group, pool)
+        except ImportError:
+            raise
+        except Exception as error:
+            rest = left(group)
+            print(f"pyinfra: a worker died, {len(rest)} tasks left: {error!r}", file=sys.stderr)
+            if len(rest) < len(group):
+                groups.append(rest)
+            elif len(group) > 1:
+                groups.extend([task] for task in rest)
+            else:
+                lost(group[0], error)

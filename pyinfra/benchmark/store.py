@@ -1,0 +1,67 @@
+"""The tables of a benchmark: rows that are added whole, by several processes."""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.atomic import replacing
+
+
+@contextmanager
+def held(file: Path, *, wait: bool) -> Iterator[bool]:
+    """Whether this process alone holds the lock; waits until it does, or says no at once.
+
+    A process that ends, however it ends, holds none.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+
+
+def read(file: Path) -> pd.DataFrame:
+    """The table; empty if there is none."""
+    return pd.read_csv(file) if file.is_file() else pd.DataFrame()
+
+
+def put(file: Path, rows: pd.DataFrame, key: Sequence[str], lock: Path) -> None:
+    """Adds rows; those of the table with the same key go."""
+    with held(lock, wait=True):
+        kept = without(read(file), rows, key)
+        write(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))
+
+
+def drop(file: Path, rows: pd.DataFrame, key: Sequence[str], lock: Path) -> None:
+    """Takes out the rows with the same key."""
+    with held(lock, wait=True):
+        write(file, without(read(file), rows, key))
+
+
+def write(file: Path, table: pd.DataFrame) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as beside:
+        table.to_csv(beside, index=False, float_format="%.6g")
+
+
+def without(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.DataFrame:
+    return table[~among(table, rows, key)] if len(table) else table
+
+
+def among(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.Series:
+    """Which rows of the table have the key of one of the rows."""
+    wanted = pd.MultiIndex.from_frame(rows[list(key)].astype(str))
+    found = pd.MultiIndex.from_frame(table[list(key)].astype(str)).isin(wanted)
+    return pd.Series(found, index=table.index)
+
+
+def has(table: pd.DataFrame, key: Mapping[str, object]) -> bool:
+    return len(table) > 0 and bool(among(table, pd.DataFrame([key]), list(key)).any())

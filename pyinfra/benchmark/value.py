@@ -1,0 +1,97 @@
+"""Price against performance: what a dollar buys, and which options another one beats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.config import ruled
+from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
+
+KEY = ["scene", "lidar", "preset", "detector", "tier", "seed"]  # of a cell
+RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
+HQ_AP = 85.0
+REGION_M = 100.0
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What a site costs beside its LiDAR: assumptions of the user, nothing by default."""
+
+    pole_usd: float = ruled(0.0, 0, 1e7)
+    installation_usd: float = ruled(0.0, 0, 1e7)
+    computer_usd: float = ruled(0.0, 0, 1e7)
+    power_w: float = ruled(0.0, 0, 1e5)
+    usd_per_kwh: float = ruled(0.0, 0, 100)
+    years: float = ruled(0.0, 0, 100)
+
+    @property
+    def site_usd(self) -> float:
+        energy_kwh = self.power_w / 1000 * 24 * 365.25 * self.years
+        fixed = self.pole_usd + self.installation_usd + self.computer_usd
+        return fixed + energy_kwh * self.usd_per_kwh
+
+
+def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
+    """One row a finished cell.
+
+    tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
+    middle of the LiDAR's low and high, and the site's costs; areas and metres are those of the
+    ground truth `all`, the same for every LiDAR. An option is dominated if another one of the same
+    scene, preset, tier and seed costs no more and finds no less of `all`, and is better in one.
+    """
+    cells = tables["cells"].dropna(subset=["ap"])[[*KEY, "ap", "ap_all"]]
+    price = tables["lidars"].assign(
+        lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2, site_usd=costs.site_usd
+    )[["lidar", "preset", "lidar_usd", "site_usd"]]
+    areas = tables["areas"]
+    areas = areas[areas.ground_truth == "all"].groupby(KEY, as_index=False)[["n_hqda"]].sum()
+    hits = tables["hits"][["scene", "preset", "lidar", "vehicle_points_per_frame"]]
+    t = cells.merge(price, on=["lidar", "preset"]).merge(areas, on=KEY, how="left")
+    t = t.merge(covered(tables["distance"]), on=KEY, how="left")
+    t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
+    usd = t.lidar_usd + t.site_usd
+    t.insert(len(KEY), "price_usd", usd)
+    t["ap_per_1000_usd"] = 1000 * t.ap / usd
+    t["ap_all_per_1000_usd"] = 1000 * t.ap_all / usd
+    t["usd_per_hq_area"] = (usd / t.n_hqda).replace(np.inf, np.nan)
+    t["usd_per_m_road"] = (usd / t.covered_m).replace(np.inf, np.nan)
+    t["points_per_1000_usd"] = 1000 * t.vehicle_points_per_frame / usd
+    t["dominated_by"] = (
+        pd.concat(
+            [rivals.apply(best_rival, axis=1, rivals=rivals) for _, rivals in t.groupby(RIVALS)]
+        )
+        if len(t)
+        else ""
+    )
+    t.insert(len(t.columns) - 1, "pareto", t.dominated_by == "")
+    return t
+
+
+def covered(distance: pd.DataFrame) -> pd.DataFrame:
+    """Metres of road inside windows whose AP of `all` is above 85, by cell: column covered_m."""
+    good = distance[(distance.ground_truth == "all") & (distance.ap > HQ_AP)]
+    steps = round(WINDOW_M / WINDOW_STEP_M)
+    pieces = pd.concat(
+        [
+            good[[*KEY, "road"]].assign(piece=good.s + WINDOW_STEP_M * (i - steps / 2))
+            for i in range(steps)
+        ]
+    ).drop_duplicates()
+    inside = pieces[(pieces.piece >= -REGION_M) & (pieces.piece < REGION_M)]
+    every = distance[KEY].drop_duplicates()
+    metres = WINDOW_STEP_M * inside.groupby(KEY).size().rename("covered_m")
+    return every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
+
+
+def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
+    """The option that dominates this one with the highest AP; nothing if there is none."""
+    as_good = (rivals.price_usd <= option.price_usd) & (rivals.ap_all >= option.ap_all)
+    better = (rivals.price_usd < option.price_usd) | (rivals.ap_all > option.ap_all)
+    found = rivals[as_good & better]
+    if found.empty:
+        return ""
+    best = found.loc[found.ap_all.idxmax()]
+    return f"{best.lidar} {best.detector}"

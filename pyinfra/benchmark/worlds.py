@@ -1,0 +1,133 @@
+"""The data sets of a benchmark: simulated in shards, split by time, counted."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra import kitti, split
+from pyinfra.benchmark.matrix import Cell, Plan
+from pyinfra.config import ConfigError
+from pyinfra.data.frame_tables import read_vehicles
+from pyinfra.hits import infrasim
+from pyinfra.statistics.command import vehicle_tables
+from pyinfra.statistics.data import read_data_set
+from pyinfra.statistics.data import read_vehicles as read_compared
+from pyinfra.statistics.intervals import time_blocks
+
+POINT_BYTES = 16
+STATISTICS = ("points_per_vehicle", "quality")
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Frames of one data set that one process simulates."""
+
+    folder: Path
+    scene: Path
+    lidars: tuple[Path, ...]
+    preset: str
+    frames: str  # A:B:STEP
+
+
+def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
+    """Every data set of the plan in so many parts, each of neighbouring frames."""
+    return [
+        Shard(
+            folder=work / "data" / world,
+            scene=plan.files["scenes", cells[0].scene],
+            lidars=tuple(plan.files["lidars", name] for name in lidars_of(cells)),
+            preset=cells[0].preset,
+            frames=frames,
+        )
+        for world, cells in plan.worlds().items()
+        for frames in parts_of(plan.frames, parts)
+    ]
+
+
+def lidars_of(cells: Sequence[Cell]) -> list[str]:
+    """Their LiDARs, each once."""
+    return list(dict.fromkeys(cell.lidar for cell in cells))
+
+
+def parts_of(frames: str, parts: int) -> list[str]:
+    """A:B[:STEP] cut into at most so many ranges; together they hold the same frames.
+
+    Raises ConfigError if it is no range.
+    """
+    words = frames.split(":")
+    if len(words) not in (2, 3) or not all(word.isdecimal() for word in words):
+        raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")
+    numbers = range(*map(int, words)) if "0" not in words[2:] else range(0)
+    if not numbers:
+        raise ConfigError(f"frames: found '{frames}', allowed a range with frames")
+    cuts = [len(numbers) * i // parts for i in range(parts + 1)]
+    pieces = [numbers[a:b] for a, b in itertools.pairwise(cuts) if a < b]
+    return [f"{p[0]}:{p[-1] + 1}:{numbers.step}" for p in pieces]
+
+
+def simulate(shard: Shard) -> None:
+    """Frames that are there stay as they are. Raises SimulatorError."""
+    words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]
+    infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
+
+
+def split_by_time(folder: Path) -> None:
+    """Raises FileExistsError if the data set is split in another way."""
+    data = read_data_set(folder)
+    split.write(data, split.by_time(data.frames, data.period_s))
+
+
+def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
+    """Tables of a data set: `lidars`, `hits`, and those of STATISTICS."""
+    key = {"scene": cells[0].scene, "preset": cells[0].preset}
+    names = lidars_of(cells)
+    tables = {
+        "lidars": pd.DataFrame([lidar_row(folder / name) for name in names]),
+        "hits": pd.DataFrame([key | hit_row(folder / name) for name in names]),
+    }
+    data = read_data_set(folder)
+    blocks = time_blocks(pd.Series(data.frames).to_numpy(), data.period_s)
+    found = vehicle_tables(read_compared(data), blocks)
+    for name in STATISTICS:
+        rows = found[name]
+        tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)
+    return tables
+
+
+def lidar_row(folder: Path) -> dict[str, object]:
+    """Price, field of view and range of a LiDAR, as the run resolved them."""
+    lidar, top = kitti.read_lidar(folder), kitti.read_yaml(folder / "lidar.yaml")
+    price, units = top.at("price_usd"), lidar.field_of_view
+    widths = [unit.azimuth[1] - unit.azimuth[0] for unit in units]
+    heights = [unit.elevation[1] - unit.elevation[0] for unit in units]
+    return {
+        "lidar": lidar.name,
+        "preset": lidar.preset,
+        "model": lidar.model,
+        "units": len(units),
+        "price_low_usd": lidar.price_usd[0],
+        "price_high_usd": lidar.price_usd[1],
+        "price_source": price.at("source").text(),
+        "price_date": price.at("date").text(),
+        "horizontal_fov_deg": min(360.0, math.degrees(sum(widths))),
+        "vertical_fov_deg": math.degrees(max(heights)),
+        "range_m": max(unit.range_m[1] for unit in units),
+    }
+
+
+def hit_row(folder: Path) -> dict[str, object]:
+    """Points per frame, and those of them on vehicles."""
+    frames = kitti.frames(folder)
+    sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in frames]
+    return {
+        "lidar": folder.name,
+        "frames": len(frames),
+        "hits_per_frame": sum(sizes) / POINT_BYTES / len(frames),
+        "vehicle_points_per_frame": read_vehicles(folder, frames).points.sum() / len(frames),
+    }

@@ -1,0 +1,314 @@
+"""A benchmark of a few small cells: its rows, and what happens when something goes wrong."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pyinfra import cli
+from pyinfra.benchmark import pool, store, worlds
+from pyinfra.benchmark.matrix import Cell, read_plan
+from pyinfra.benchmark.value import KEY, Costs, covered, value_table
+from pyinfra.config import ConfigError
+
+TINY = """
+detector: pointpillars
+tiers:
+  {tier}:
+    network:
+      pillar_m: 0.8
+      pillar_width: 8
+      bev: {{layers: [1, 1], widths: [8, 8], strides: [2, 2], up_width: 8}}
+    learning: {{steps: 3, batch: 2}}
+  quick: {{}}
+  full: {{}}
+"""
+MATRIX = """
+frames: 0:5000:250
+matrix:
+  - scenes: [highway]
+    lidars: [helios_16, livox_avia]
+    presets: [paper]
+    detectors: [background, tiny.yaml]
+"""
+MEASURED = ["train_seconds", "latency_p50_ms", "latency_p95_ms"]
+CELLS = 4
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    (tmp_path / "tiny.yaml").write_text(TINY.format(tier="smoke"))
+    file = tmp_path / "small.yaml"
+    file.write_text(MATRIX)
+    return file
+
+
+def words(config: Path, out: Path, *more: object) -> list[str]:
+    paths = [str(config), "--tier", "smoke", "--out", str(out), "--work", f"{out}-work"]
+    return ["benchmark", *paths, *map(str, more)]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The tables of an uninterrupted run with one process."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    (folder / "tiny.yaml").write_text(TINY.format(tier="smoke"))
+    (folder / "small.yaml").write_text(MATRIX)
+    assert cli.main(words(folder / "small.yaml", folder / "out", "--jobs", 1)) == 0
+    return folder / "out"
+
+
+def cells_of(results: Path) -> pd.DataFrame:
+    """The rows without what a clock says, in the order of their keys."""
+    table = pd.read_csv(results / "smoke.csv").sort_values(KEY, ignore_index=True)
+    return table.drop(columns=MEASURED)
+
+
+def test_a_cell_is_a_row_with_what_repeats_it(results: Path) -> None:
+    table = pd.read_csv(results / "smoke.csv")
+    assert len(table) == CELLS
+    assert set(zip(table.lidar, table.detector, strict=True)) == {
+        (lidar, detector)
+        for lidar in ("helios_16", "livox_avia")
+        for detector in ("background", "tiny")
+    }
+    assert (table.tier == "smoke").all()
+    assert table.version.notna().all()
+    assert (table.objects > 0).all()
+    assert (table.ap_low <= table.ap).sum() + table.ap_low.isna().sum() == CELLS
+
+
+def test_each_cell_has_areas_distances_and_a_price(results: Path) -> None:
+    for name in ("areas", "distance", "value"):
+        table = pd.read_csv(results / f"smoke_{name}.csv")
+        assert len(table[KEY].drop_duplicates()) == CELLS, name
+    lidars = pd.read_csv(results / "lidars.csv").set_index("lidar")
+    assert lidars.price_low_usd["livox_avia"] == 2079
+    assert lidars.horizontal_fov_deg["helios_16"] == pytest.approx(360, abs=1)
+    hits = pd.read_csv(results / "smoke_hits.csv").set_index("lidar")
+    assert (hits.frames == 20).all()
+    assert (hits.vehicle_points_per_frame < hits.hits_per_frame).all()
+
+
+def test_the_same_command_again_computes_nothing(results: Path, config: Path) -> None:
+    before = (results / "smoke.csv").read_bytes()
+    started = time.monotonic()
+    assert cli.main(words(results.parent / "small.yaml", results)) == 0
+    assert time.monotonic() - started < 20
+    assert (results / "smoke.csv").read_bytes() == before
+
+
+def test_a_failed_cell_is_a_row_with_its_reason_and_is_tried_again(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good = (tmp_path / "tiny.yaml").read_text()
+    (tmp_path / "tiny.yaml").write_text(good.replace("steps: 3", "steps: 0"))
+    assert cli.main(words(config, tmp_path / "out", "--jobs", 1)) == 1
+    table = pd.read_csv(tmp_path / "out/smoke.csv").set_index("detector")
+    assert table.reason["background"].isna().all()
+    assert table.reason["tiny"].str.contains("steps: found 0").all()
+    (tmp_path / "tiny.yaml").write_text(good)
+    assert cli.main(words(config, tmp_path / "out", "--jobs", 1)) == 0
+    assert cells_of(tmp_path / "out").get("reason", pd.Series()).isna().all()
+
+
+def test_a_run_killed_and_resumed_equals_an_uninterrupted_one(
+    results: Path, config: Path, tmp_path: Path
+) -> None:
+    command = [sys.executable, "-m", "pyinfra", *words(config, tmp_path / "out", "--jobs", 2)]
+    for wait_s in (4.0, 7.0, 9.0):
+        with subprocess.Popen(command, start_new_session=True) as process:
+            try:
+                process.wait(wait_s)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+    assert subprocess.run(command, check=False).returncode == 0
+    pd.testing.assert_frame_equal(cells_of(tmp_path / "out"), cells_of(results))
+    for name in ("areas", "distance"):
+        mine, theirs = (pd.read_csv(f / f"smoke_{name}.csv") for f in (tmp_path / "out", results))
+        order = [*KEY, "ground_truth", "road", *(["s"] if name == "distance" else [])]
+        pd.testing.assert_frame_equal(
+            mine.sort_values(order, ignore_index=True), theirs.sort_values(order, ignore_index=True)
+        )
+
+
+def dies_once(task: Path) -> None:
+    """Writes that it began; the first time the task named `victim` kills its process."""
+    begun = task.with_suffix(".begun")
+    first = not begun.exists()
+    begun.touch()
+    if task.name == "victim" and first:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.05)
+    task.touch()
+
+
+def dies(task: Path) -> None:
+    if task.name == "victim":
+        os.kill(os.getpid(), signal.SIGKILL)
+    task.touch()
+
+
+def not_there(group: list[Path]) -> list[Path]:
+    return [task for task in group if not task.exists()]
+
+
+@pytest.mark.parametrize("backend", pool.BACKENDS)
+def test_the_tasks_of_a_killed_worker_are_done_by_others(
+    backend: pool.Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # workers import this file
+    tasks = [tmp_path / name for name in (*"abcdef", "victim")]
+    lost: list[Path] = []
+    where = pool.Pool(backend, 2)
+    pool.run(dies_once, tasks, where, left=not_there, lost=lambda task, _: lost.append(task))
+    assert not_there(tasks) == []
+    assert lost == []
+
+
+def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> None:
+    tasks = [tmp_path / name for name in (*"abc", "victim")]
+    lost: list[Path] = []
+    pool.run(dies, tasks, pool.Pool("local", 2), not_there, lambda task, _: lost.append(task))
+    assert lost == [tmp_path / "victim"]
+    assert not_there(tasks) == lost
+
+
+@pytest.mark.parametrize("backend", ["ray", "dask"])
+def test_a_cluster_gives_the_same_rows(
+    backend: str, results: Path, config: Path, tmp_path: Path
+) -> None:
+    assert cli.main(words(config, tmp_path / "out", "--jobs", 2, "--backend", backend)) == 0
+    pd.testing.assert_frame_equal(cells_of(tmp_path / "out"), cells_of(results))
+
+
+def test_a_dry_run_names_the_cells_and_their_time(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(words(config, tmp_path / "out", "--dry-run", "--jobs", 2)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "highway helios_16 paper background smoke 1: 20 s"
+    # Two of 20 s and two of 60 s.
+    assert lines[-1] == "4 of 4 cells to do: 3 core-minutes, about 1 minutes with 2 jobs"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("highway", "motorway"), r"scenes: found 'motorway', allowed a file or .*crossroad"),
+        (("[paper]", "[other]"), r"small.yaml:6: matrix.0.presets.0: found 'other', allowed paper"),
+        (("helios_16", "helios"), r"lidars: found 'helios', allowed a file or .*helios_16"),
+        (("tiny.yaml", "none.yaml"), r"detectors: found 'none.yaml', allowed a file or"),
+        (("0:5000:250", "'5:5'"), r"frames: found '5:5', allowed a range with frames"),
+        (("[highway]", "[]"), r"matrix: found no cell, allowed one or more"),
+    ],
+)
+def test_a_wrong_benchmark_says_where(
+    change: tuple[str, str], message: str, config: Path, tmp_path: Path
+) -> None:
+    config.write_text(MATRIX.replace(*change))
+    with pytest.raises(ConfigError, match=message):
+        worlds.shards(read_plan(config, "smoke"), tmp_path, 1)
+
+
+def test_every_benchmark_of_the_package_has_its_files() -> None:
+    folder = Path(__file__).resolve().parents[2] / "configs/benchmarks"
+    sizes = {file.stem: len(read_plan(file, "quick").cells) for file in folder.glob("*.yaml")}
+    assert sizes == {"demo": 8, "paper": 3 * 4 * 7 + 3 + 8, "datasheet": 48}
+
+
+@pytest.mark.parametrize(
+    ("frames", "parts", "expected"),
+    [
+        ("0:10", 2, ["0:5:1", "5:10:1"]),
+        ("0:10:5", 3, ["0:1:5", "5:6:5"]),
+        ("3:20:5", 2, ["3:9:5", "13:19:5"]),
+    ],
+)
+def test_shards_hold_each_frame_once(frames: str, parts: int, expected: list[str]) -> None:
+    assert worlds.parts_of(frames, parts) == expected
+
+
+CELL = Cell("road", "lidar", "paper", "net", "quick", 1)
+
+
+def key_of(**changes: object) -> dict[str, object]:
+    return vars(CELL) | changes
+
+
+def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame]:
+    """Tables of LiDARs `NAME` at a price, AP of all and of their own alike."""
+    keys = [key_of(lidar=name) for name in detectors]
+    prices = [price for price, _ in detectors.values()]
+    ap = [value for _, value in detectors.values()]
+    return {
+        "cells": pd.DataFrame(keys).assign(ap=ap, ap_all=ap),
+        "areas": pd.DataFrame(keys).assign(ground_truth="all", n_hqda=[4] * len(keys)),
+        "distance": pd.DataFrame(keys).assign(ground_truth="all", road="a", s=0.0, ap=90.0),
+        "lidars": pd.DataFrame(
+            {
+                "lidar": list(detectors),
+                "preset": "paper",
+                "price_low_usd": prices,
+                "price_high_usd": prices,
+            }
+        ),
+        "hits": pd.DataFrame(keys)[["scene", "preset", "lidar"]].assign(
+            vehicle_points_per_frame=500.0
+        ),
+    }
+
+
+def test_value_by_hand() -> None:
+    table = value_table(made_up({"a": (2000, 80)}), Costs()).iloc[0]
+    assert table.ap_per_1000_usd == 40
+    assert table.usd_per_hq_area == 500
+    assert table.covered_m == 20
+    assert table.usd_per_m_road == 100
+    assert table.points_per_1000_usd == 250
+
+
+def test_a_site_costs_what_its_owner_says() -> None:
+    costs = Costs(pole_usd=100, power_w=1000, usd_per_kwh=0.1, years=2)
+    # 1 kW for two years of 8,766 hours at 0.1 dollars.
+    assert costs.site_usd == pytest.approx(100 + 1753.2)
+    table = value_table(made_up({"a": (2000, 80)}), costs).iloc[0]
+    assert table.price_usd == pytest.approx(3853.2)
+
+
+def test_the_dominated_are_named_with_what_beats_them() -> None:
+    options = {"cheap": (1000, 50), "good": (3000, 90), "dear": (4000, 80), "same": (3000, 90)}
+    table = value_table(made_up(options), Costs()).set_index("lidar")
+    assert table.pareto.to_dict() == {"cheap": True, "good": True, "dear": False, "same": True}
+    assert table.dominated_by["dear"] == "good net"
+
+
+def test_windows_that_overlap_count_their_road_once() -> None:
+    rows = pd.DataFrame([key_of()] * 4).assign(
+        ground_truth="all",
+        road=["a", "a", "b", "a"],
+        s=[0.0, 5.0, 100.0, 50.0],
+        ap=[90, 86, 99, 85],
+    )
+    # -10 to 15 of road a; 90 to 100 of road b, where the region ends; 85 is not above 85.
+    assert covered(rows).covered_m.tolist() == [25 + 10]
+
+
+def test_rows_of_two_processes_are_all_there(tmp_path: Path) -> None:
+    code = (
+        "import sys, pandas as pd; from pathlib import Path; from pyinfra.benchmark import store\n"
+        "for i in range(20):\n"
+        "    row = pd.DataFrame([{'who': sys.argv[1], 'i': i}])\n"
+        f"    store.put(Path({str(tmp_path / 't.csv')!r}), row, ['who', 'i'],"
+        f" Path({str(tmp_path / 'lock')!r}))"
+    )
+    both = [subprocess.Popen([sys.executable, "-c", code, name]) for name in "ab"]
+    assert [process.wait(60) for process in both] == [0, 0]
+    table = store.read(tmp_path / "t.csv")
+    assert sorted(zip(table.who, table.i, strict=True)) == [(w, i) for w in "ab" for i in range(20)]
