@@ -7,7 +7,7 @@ configure = cmake --preset $(1) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo test lint stubs bench wheel sanitize fuzz clean
+.PHONY: setup build demo test lint stubs viewer bench wheel sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -40,6 +40,10 @@ lint:
 stubs: build
 	@scripts/setup.sh test
 	.venv/bin/pybind11-stubgen pyinfra._core -o .
+
+# The script of the 3-D view, which is checked in; needs Node.js 18 or newer with npm.
+viewer:
+	cd viewer && npm ci --ignore-scripts && npm run build
 
 bench: build
 	@scripts/setup.sh bench

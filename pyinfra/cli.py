@@ -33,6 +33,7 @@ class Command:
 COMMANDS = (
     Command("demo", "pyinfra.hits", "the paper's hit points, a few frames and their pictures"),
     Command("pictures", "pyinfra.pictures", "a frame from above, the scene, vehicles close up"),
+    Command("view", "pyinfra.viewer.command", "frames in 3-D, as an HTML file without a network"),
     Command("statistics", "pyinfra.statistics.command", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),

@@ -1,0 +1,168 @@
+"""The interactive view as HTML: a fragment for each view, and the library once in a page.
+
+Nothing is fetched: the library, the style and the data are in the page. The data stands in a script
+element of JSON in which every `<` is escaped; names become text and never markup.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from pyinfra import __version__
+from pyinfra.viewer.encoding import STEP_M, pack_points
+from pyinfra.viewer.frames import ViewFrame
+
+Views = Mapping[str, Sequence[ViewFrame]]
+
+MIN_SCORE = 0.3  # of the predictions shown at first
+_GROUND_PERCENTILE = 20  # of the points' heights: a sensor at the roadside sees mostly ground
+# No request can leave the page, whatever a name in the data may hold.
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="generator" content="pyinfra {version}">
+<title>{title}</title>
+<style>
+:root {{ color-scheme: light dark; }}
+:root[data-theme="light"] {{ color-scheme: light; }}
+:root[data-theme="dark"] {{ color-scheme: dark; }}
+body {{
+  box-sizing: border-box; min-height: 100dvh; margin: 0; padding: 0.75rem 1rem;
+  display: flex; flex-direction: column; gap: 0.5rem; background: light-dark(#fff, #0b0f14);
+}}
+h1 {{ margin: 0; font: 600 1.125rem/1.3 system-ui, sans-serif; overflow-wrap: anywhere; }}
+.lidar-view {{ flex: 1; }}
+.lidar-view .lv-stage {{ flex: 1; min-height: 20rem; height: auto; }}
+</style>
+</head>
+<body>
+<h1>{title}</h1>
+{fragment}
+{library}
+</body>
+</html>
+"""
+
+
+def library() -> str:
+    """The style and the script that must be once in a page, after its fragments."""
+    folder = files("pyinfra.viewer")
+    style = (folder / "viewer.css").read_text(encoding="utf-8")
+    script = (folder / "viewer.min.js").read_text(encoding="utf-8")
+    return f"<style>\n{style}</style>\n<script>\n{script}</script>"
+
+
+def fragment(views: Views, *, element_id: str, most_points: int | None = None) -> str:
+    """An interactive view of the frames of some LiDARs that see one world.
+
+    views: frames by the name that is shown, the same frames for each. element_id: of the figure,
+    letters, digits, - and _. most_points: frames with more are thinned to so many, and the page
+    says so. Raises ValueError without a frame and for LiDARs that have different frames.
+    """
+    if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
+        raise ValueError(
+            f"element_id: found '{element_id}', allowed a letter, then letters, - or _"
+        )
+    data = json.dumps(_view(views, most_points), separators=(",", ":"), allow_nan=False)
+    safe = data.replace("<", "\\u003c")
+    label = html.escape(f"Interactive 3-D view: {', '.join(views)}")
+    return (
+        f'<figure class="lidar-view" id="{element_id}" aria-label="{label}">\n'
+        f'<script type="application/json">{safe}</script>\n'
+        "<noscript>The 3-D view needs JavaScript.</noscript>\n</figure>"
+    )
+
+
+def page(views: Views, *, title: str, most_points: int | None = None) -> str:
+    """A whole page with one view. Raises ValueError as fragment() does."""
+    return _PAGE.format(
+        policy=_POLICY,
+        version=__version__,
+        title=html.escape(title),
+        fragment=fragment(views, element_id="view", most_points=most_points),
+        library=library(),
+    )
+
+
+def _view(views: Views, most_points: int | None) -> dict[str, Any]:
+    frames = _common_frames(views)
+    first = next(iter(views.values()))[0]
+    lidars = [
+        {"name": name, "frames": [_frame(view, most_points) for view in own]}
+        for name, own in views.items()
+    ]
+    return {
+        "frames": [{"number": k, "start_s": round(k * first.period_s, 6)} for k in frames],
+        "period_s": first.period_s,
+        "sensor": vars(first.sensor),
+        "ground_m": _ground([view for own in views.values() for view in own]),
+        "min_score": MIN_SCORE,
+        "note": _note(lidars),
+        "lidars": lidars,
+    }
+
+
+def _common_frames(views: Views) -> list[int]:
+    lists = {name: [view.frame for view in own] for name, own in views.items()}
+    if not lists or not all(lists.values()):
+        raise ValueError("view: found no frame, allowed one or more for each LiDAR")
+    frames = next(iter(lists.values()))
+    for name, own in lists.items():
+        if own != frames:
+            raise ValueError(f"view: {name}: found frames {own}, allowed {frames} as for the first")
+    return frames
+
+
+def _frame(view: ViewFrame, most_points: int | None) -> dict[str, Any]:
+    hits = [None] * len(view.boxes) if view.hits is None else view.hits.tolist()
+    vehicles = zip(view.names, view.boxes, hits, strict=True)
+    packed: dict[str, Any] = {
+        "points": pack_points(view, most_points),
+        "vehicles": [{"name": str(n), "box": _short(b), "points": h} for n, b, h in vehicles],
+    }
+    found = view.predictions
+    if found is not None and found.scores is not None:
+        rows = zip(found.names, found.boxes, found.scores, strict=True)
+        packed["predictions"] = [
+            {"name": str(n), "box": _short(b), "score": round(float(s), 4)} for n, b, s in rows
+        ]
+    return packed
+
+
+def _short(box: np.ndarray[Any, Any]) -> list[float]:
+    return [round(float(value), 4) for value in box]
+
+
+def _ground(views: Sequence[ViewFrame]) -> float:
+    """Height of the ground: where vehicles stand, else where most points are, else 0."""
+    boxes = np.concatenate([view.boxes for view in views])
+    if len(boxes):
+        return float(np.median(boxes[:, 2] - boxes[:, 5] / 2))
+    heights = np.concatenate([view.points[:, 2] for view in views])
+    return float(np.percentile(heights, _GROUND_PERCENTILE)) if len(heights) else 0.0
+
+
+def _note(lidars: Sequence[Mapping[str, Any]]) -> str:
+    """How to use it, and what the picture leaves out."""
+    packed = [frame["points"] for lidar in lidars for frame in lidar["frames"]]
+    step = max((p["step_m"] for p in packed), default=STEP_M)
+    note = (
+        "Drag to turn; right button or two fingers to move; wheel or pinch to zoom; or the arrow "
+        "keys, with Shift to move, + and -. Point at a box to read it. Squares on the ground are "
+        f"20 m wide; positions are rounded to {100 * step:.2g} cm."
+    )
+    if any(p["count"] < p["of"] for p in packed):
+        note += " Some frames have more points than are shown: see the count of each."
+    return note
