@@ -18,15 +18,20 @@ from pyinfra.report.sections import (
     distance,
     fidelity,
     hits,
+    methods,
+    pictures,
+    points,
     speed,
     stability,
     value,
+    view,
 )
 
 SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
     answer.section,
     claims.section,
     hits.section,
+    points.section,
     accuracy.section,
     distance.section,
     areas.section,
@@ -34,14 +39,18 @@ SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
     speed.section,
     stability.section,
     fidelity.section,
+    pictures.section,
+    view.section,
 )
 TITLE = "Roadside LiDAR: which sensor, which detector"
 
 
 def page(material: Material) -> Page:
     """All sections for which there is something."""
-    found = [section(material) for section in SECTIONS]
-    return Page(TITLE, _subtitle(material), _footer(material), [s for s in found if s is not None])
+    made = [section(material) for section in SECTIONS]
+    found = [s for s in made if s is not None]
+    found.append(methods.section(material, found))
+    return Page(TITLE, _subtitle(material), _footer(material), found)
 
 
 def _subtitle(material: Material) -> str:

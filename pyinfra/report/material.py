@@ -63,10 +63,12 @@ def read_material(
     results = read_results(folder, tier)
     sets = tuple(read_data_set(folder) for folder in data)
     named = [name for t in results.tables.values() if "lidar" in t for name in t.lidar]
-    own = [name for d in sets for name in d.names]
+    own = {lidar.name: lidar.model for d in sets for lidar in d.lidars}
+    lidars = results.table("lidars")
+    models = dict(zip(lidars.lidar, lidars.model, strict=True)) if "model" in lidars else {}
     return Material(
         results=results,
-        names=read_names(_lidars([*named, *own])),
+        names=read_names(_lidars([*named, *own]), models | own),
         data=sets,
         runs=tuple(read_run(run, sets) for run in runs),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,11 +61,14 @@ class Names:
         return [name for name in self.lidars if name in found]
 
 
-def read_names(lidars: Iterable[str]) -> Names:
-    """Those of the paper first, so that their looks are the same in every report."""
+def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
+    """Those of the paper first, so that their looks are the same in every report.
+
+    models: by name, where they are known; others are looked up among the LiDARs of this package.
+    """
     order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
-    models = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in order}
-    return Names(order, {name: model for name, model in models.items() if model})
+    own = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in order}
+    return Names(order, {name: model for name, model in (own | dict(models)).items() if model})
 
 
 def detector(name: str) -> str:

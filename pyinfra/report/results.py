@@ -49,10 +49,15 @@ KINDS = {
         "s ap ap_low ap_high objects predictions",
     ),
     "hits": _kind("{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame"),
+    "points": _kind(
+        "{tier}_points_per_vehicle.csv",
+        "scene preset set lidar",
+        "from_m to_m vehicles apv ci_low ci_high",
+    ),
     "value": _kind(
         "{tier}_value.csv",
         f"{_CELL} pareto dominated_by",
-        "price_usd ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
+        "price_usd ap ap_all ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
     ),
     "lidars": _kind(
         "lidars.csv", "lidar price_source price_date", "units price_low_usd price_high_usd"

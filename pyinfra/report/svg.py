@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -25,8 +26,8 @@ def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
 
     dpi: of the dense clouds of points in it, which are stored as pictures.
     """
-    for line in figure.findobj(Line2D):
-        if len(line.get_xydata()) > DENSE:
+    for line in (line for axes in figure.axes for line in axes.lines):
+        if np.size(line.get_xdata()) > DENSE:
             line.set_rasterized(True)
     with mpl.rc_context(STYLE | {"svg.hashsalt": name}), io.StringIO() as text:
         figure.savefig(text, format="svg", dpi=dpi, transparent=True, metadata={"Date": None})
@@ -88,7 +89,9 @@ def _bare(markup: str) -> str:
 
 
 def _short(attribute: re.Match[str]) -> str:
-    return " ".join(re.sub(r"(\.\d\d)\d+", r"\1", attribute[0]).split())
+    """A tenth of a point is finer than a screen; scales of transforms need more."""
+    digits = 3 if attribute[1] == "transform" else 1
+    return " ".join(re.sub(rf"(\.\d{{{digits}}})\d+", r"\1", attribute[0]).split())
 
 
 def _named(markup: str, name: str, label: str) -> str:

@@ -77,7 +77,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
         for lidar in material.names.sorted(rows.lidar):
             own = rows[rows.lidar == lidar].sort_values("s")
             look = material.names.look(lidar)
-            ax.plot(own.s, own.ap, markersize=2.8, markevery=2, linewidth=1.2, **look.style())
+            ax.plot(own.s, own.ap, markersize=2.8, markevery=4, linewidth=1.2, **look.style())
             ax.fill_between(
                 own.s, own.ap_low, own.ap_high, color=look.colour, alpha=0.18, linewidth=0
             )

@@ -87,11 +87,11 @@ def _cost_of_slices(table: pd.DataFrame) -> str:
         return ""
     exact = rows.loc["exact"]
     others = [
-        f"{name} takes {row.ms_per_frame_set:.1f} ms and has {row.outside_box_percent:.1f} %"
+        f"{name} takes {row.ms_per_frame_set:.1f} ms, with {row.outside_box_percent:.1f} %"
         for name, row in rows.drop(index="exact").iterrows()
     ]
     text = (
-        f"Aggregation exact takes {exact.ms_per_frame_set:.1f} ms for a frame of all LiDARs and has "
+        f"Aggregation exact takes {exact.ms_per_frame_set:.1f} ms for a frame of all LiDARs, with "
         f"{exact.outside_box_percent:.1f} % of the points on moving vehicles outside their boxes"
     )
     return f"{text}; {'; '.join(others)}." if others else f"{text}."

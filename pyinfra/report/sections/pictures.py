@@ -21,15 +21,13 @@ from pyinfra.report.blocks import Block, Figure, LegendEntry, Panel, Section, So
 from pyinfra.report.looks import drawing, panel
 from pyinfra.report.material import Material, Run
 from pyinfra.report.names import detector
-from pyinfra.report.sections.distance import legend
-from pyinfra.statistics import tables
-from pyinfra.statistics.command import blocks_of, described, sets_of, speed_table
-from pyinfra.statistics.data import DataSet, read_vehicles
+from pyinfra.statistics.command import described, speed_table
+from pyinfra.statistics.data import DataSet
 
 PATTERN_S = 2.0
 SHOWN_SCORE = 0.3  # of predicted boxes
 FIRST_RUNS = ("pv-rcnn", "pointpillars")  # the paper's pair
-PREDICTED = "#D55E00"
+PREDICTED = "#b3006e"
 WIDE_DPI = 110
 
 
@@ -39,7 +37,7 @@ def section(material: Material) -> Section | None:
         return None
     exact = [d for d in material.data if d.aggregation == "exact"] or list(material.data)
     blocks: list[Block] = [*_patterns(material, exact[0]), _plans(exact), _sheet(material, exact)]
-    blocks += [*_points(material, exact), *(_cutouts(material, d) for d in exact)]
+    blocks += [_cutouts(material, d) for d in exact]
     blocks += [*_aggregations(material), *_boxes(material), _speeds(exact)]
     lead = "Drawn from frames on disk; x is along the LiDAR's view, y to its left, in metres."
     return Section("pictures", "What the LiDARs see", lead, blocks)
@@ -110,44 +108,6 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
     return Figure("figure-sheet", caption, panels, wide=True, plate=True)
 
 
-def _points(material: Material, data_sets: Sequence[DataSet]) -> list[Block]:
-    """Average points per vehicle by distance, over all frames."""
-    parts = []
-    for data in data_sets:
-        chosen = sets_of(read_vehicles(data))
-        for name in ("common", "view"):
-            rows = tables.points_per_vehicle(chosen[name], blocks_of(data))
-            parts.append(described(data, rows.assign(set=name), above_road=False))
-    table = pd.concat(parts, ignore_index=True)
-    if not (table.apv > 0).any():
-        return []
-    groups = table.groupby(["scene", "preset", "set"], sort=False)
-    panels = [_points_panel(material, rows) for _, rows in groups if (rows.apv > 0).any()]
-    caption = (
-        "Points per vehicle by distance, with 95 % intervals where there are frames enough. "
-        "Common: vehicles in view and range of all LiDARs; view: the same without the range."
-    )
-    source = Source("report_points_per_vehicle.csv", table)
-    lidars = legend(material.names, material.names.sorted(table.lidar))
-    return [Figure("figure-points", caption, panels, source, lidars)]
-
-
-def _points_panel(material: Material, rows: pd.DataFrame) -> Panel:
-    first = rows.iloc[0]
-    title = f"{first.scene}, {first.preset}: {first['set']}"
-    with drawing():
-        figure, ax = panel()
-        for lidar in material.names.sorted(rows.lidar):
-            own = rows[(rows.lidar == lidar) & (rows.apv > 0)]
-            middle, look = (own.from_m + own.to_m) / 2, material.names.look(lidar)
-            ax.plot(middle, own.apv, markersize=3, linewidth=1.2, **look.style())
-            style: dict[str, Any] = {"color": look.colour, "alpha": 0.18, "linewidth": 0}
-            ax.fill_between(middle, own.ci_low, own.ci_high, **style)
-        ax.set(yscale="log", xlabel="horizontal distance (m)", ylabel="points per vehicle")
-        label = f"Points per vehicle by distance, {title}"
-        return Panel(title, svg.inline(figure, svg.identifier("points", title), label))
-
-
 def _cutouts(material: Material, data: DataSet) -> Block:
     frame = frame_of(material, data)
     picture = cutouts.cutouts(scene.read_scene(folders(material, data)), frame)
@@ -183,22 +143,30 @@ def _one_way(material: Material, data: DataSet, frame: int) -> Panel:
 
 
 def _boxes(material: Material) -> list[Block]:
-    """Predicted boxes on one frame of each data set and LiDAR that two detectors were run on."""
+    """Predicted boxes of two detectors on one frame of a LiDAR, for each data set."""
     found: list[Block] = []
     for data in material.data:
         frame = frame_of(material, data)
-        for lidar in material.names.sorted(data.names):
-            runs = [r for r in material.runs if is_of(r, data) and r.lidar == lidar]
-            runs = [r for r in runs if r.prediction(frame).is_file()]
-            runs = sorted(runs, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
-            if runs:
-                found.append(_boxes_figure(material, data, lidar, runs, frame, len(found) > 0))
+        own = [r for r in material.runs if is_of(r, data) and r.prediction(frame).is_file()]
+        pairs = [_pair(own, lidar) for lidar in material.names.sorted(data.names)]
+        runs = max(pairs, key=lambda pair: (_of_the_paper(pair), len(pair)))
+        if runs:
+            found.append(_boxes_figure(material, data, runs, frame))
     return found
 
 
-def _boxes_figure(
-    material: Material, data: DataSet, lidar: str, runs: list[Run], frame: int, closed: bool
-) -> Block:
+def _pair(runs: list[Run], lidar: str) -> list[Run]:
+    """At most two runs of a LiDAR, those of the paper's pair first."""
+    own = [run for run in runs if run.lidar == lidar]
+    return sorted(own, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
+
+
+def _of_the_paper(runs: list[Run]) -> int:
+    return sum(run.detector in FIRST_RUNS for run in runs)
+
+
+def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int) -> Block:
+    lidar = runs[0].lidar
     view = clouds.read_view(data.lidar_folder(lidar), frame)
     panels = [_boxes_panel(data, view, run, frame) for run in runs]
     caption = (
@@ -207,10 +175,12 @@ def _boxes_figure(
     )
     entries = [
         LegendEntry("predicted", svg.line_swatch(PREDICTED, "-", "")),
-        LegendEntry("vehicle, by points as above", svg.line_swatch(clouds.QUALITIES[3].colour, "-", "")),
+        LegendEntry(
+            "vehicle, by points as above", svg.line_swatch(clouds.QUALITIES[3].colour, "-", "")
+        ),
     ]
     name = f"figure-boxes-{data.scene}-{data.preset}-{lidar}"
-    return Figure(name, caption, panels, None, entries, wide=True, plate=True, closed=closed)
+    return Figure(name, caption, panels, None, entries, wide=True, plate=True)
 
 
 def _boxes_panel(data: DataSet, view: clouds.View, run: Run, frame: int) -> Panel:
@@ -251,7 +221,7 @@ def _speeds(data_sets: Sequence[DataSet]) -> Block:
     first = list({d.scene: d for d in data_sets}.values())
     table = pd.concat([described(d, speed_table(d), above_road=False) for d in first])
     panels = [_speed_panel(rows) for _, rows in table.groupby("scene", sort=False)]
-    caption = "Speeds of all vehicles at the times of the frames; what is beyond the axis is counted."
+    caption = "Speeds of all vehicles at the times of the frames."
     return Figure("figure-speeds", caption, panels, Source("report_speeds.csv", table))
 
 
@@ -269,6 +239,4 @@ def _speed_panel(rows: pd.DataFrame) -> Panel:
         ax.set(xlabel="speed (km/h)", ylabel="samples (%)")
         label = f"Speeds of vehicles, {place}"
         drawn = svg.inline(figure, svg.identifier("speeds", place), label)
-    return Panel(f"{place}: {beyond:,} beyond", drawn)
-
-
+    return Panel(f"{place}, {beyond:,} beyond" if beyond else place, drawn)

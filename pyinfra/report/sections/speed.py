@@ -26,12 +26,11 @@ def section(material: Material) -> Section | None:
     """AP against latency and training time, with the Pareto front of each."""
     cells = material.results.done()
     presets = in_order(cells.preset, PRESETS)
-    figures = [_figure(material, cells, preset, cost) for cost in COSTS for preset in presets]
-    figures = [f for f in figures if f is not None]
+    made = [_figure(material, cells, preset, cost) for cost in COSTS for preset in presets]
+    figures = [f for f in made if f is not None]
     if not figures:
         return None
-    opened = [figures[0], *(f for f in figures if f.name.startswith("figure-training"))][:2]
-    blocks = [Figure(**vars(f) | {"closed": f not in opened}) for f in figures]
+    blocks = [Figure(**vars(f) | {"closed": not f.name.endswith(presets[0])}) for f in figures]
     fronts = [_fronts(cells[cells.preset == preset]) for preset in presets]
     table = _table(material, pd.concat(fronts, ignore_index=True))
     lead = (

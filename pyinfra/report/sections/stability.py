@@ -60,8 +60,8 @@ TITLES = {
 
 def _figure(material: Material, table: pd.DataFrame, scene: str) -> list[Block]:
     stressors = [name for name in table.stressor.unique() if name != NONE]
-    panels = [_panel(material.names, table, name) for name in stressors]
-    panels = [p for p in panels if p is not None]
+    drawn = [_panel(material.names, table, name) for name in stressors]
+    panels = [p for p in drawn if p is not None]
     if not panels:
         return []
     caption = f"AP under stress, {scene}, with 95 % intervals; colours are LiDARs, lines detectors."
@@ -72,7 +72,9 @@ def _figure(material: Material, table: pd.DataFrame, scene: str) -> list[Block]:
 
 def _legend(names: Names, table: pd.DataFrame) -> list[LegendEntry]:
     lidars = names.sorted(table.lidar)
-    found = [LegendEntry(names.label(x), svg.patch_swatch(names.look(x).colour, "")) for x in lidars]
+    found = [
+        LegendEntry(names.label(x), svg.patch_swatch(names.look(x).colour, "")) for x in lidars
+    ]
     for name in in_order(table.detector, DETECTORS):
         line, marker = _style(name)
         found.append(LegendEntry(detector(name), svg.line_swatch(FAINT, line, marker)))
@@ -105,9 +107,8 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
 
 def _start(base: pd.DataFrame, own: pd.DataFrame) -> Any:
     """The dial that is no stress: all frames, once the scene's own, else nothing."""
-    if own.stressor.iloc[0] == "training_frames":
-        frames = base["trained_frames"] if "trained_frames" in base else math.nan
-        return pd.to_numeric(frames, errors="coerce") if isinstance(frames, pd.Series) else frames
+    if own.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
+        return pd.to_numeric(base["trained_frames"], errors="coerce")
     return 1.0 if own.unit.iloc[0] == "times" else 0.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pandas as pd
@@ -13,7 +14,6 @@ from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.report.sections.distance import legend
 
-CELL = ["scene", "lidar", "preset", "detector", "tier", "seed"]
 HEADS = {
     "price_usd": ("Price, US$", ",.0f"),
     "ap_per_1000_usd": ("AP per US$ 1,000", ".2f"),
@@ -40,11 +40,9 @@ def section(material: Material) -> Section | None:
 
 
 def _value(material: Material) -> pd.DataFrame:
-    """Rows of value of the lowest seed, with the AP and interval of their cells."""
+    """The rows of the lowest seed."""
     table = material.results.table("value")
-    cells = material.results.done()[[*CELL, "ap", "ap_low", "ap_high"]]
-    own = [c for c in table if c not in ("ap", "ap_low", "ap_high")]
-    return table[own].merge(cells, on=CELL)
+    return table[table.seed == table.seed.min()]
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
@@ -57,8 +55,8 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         rows = value[(value.preset == preset) & (value.scene == scene) & _on_front(value)]
         names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
         parts += [f"{scene}: {', '.join(names)}"] if names else []
-    found = f" On the Pareto front of AP and price (preset {preset}) are, {'; '.join(parts)}."
-    return text + found if parts else text
+    found = f"Beaten by no other in price and AP on all vehicles, preset {preset}"
+    return f"{text} {found}: {'; '.join(parts)}." if parts else text
 
 
 def _on_front(value: pd.DataFrame) -> pd.Series:
@@ -70,8 +68,8 @@ def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
     panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
     return Figure(
         f"figure-price-{preset}",
-        f"AP against price, preset {preset}, with intervals; every detector is a mark. The line "
-        "joins the choices that no other beats in both; what is beaten is hollow.",
+        f"AP on all vehicles against price, preset {preset}. Every detector is a mark; the line "
+        "joins the choices that no other beats in both, and what is beaten is hollow.",
         panels,
         material.results.source("value"),
         legend(material.names, material.names.sorted(rows.lidar)),
@@ -82,30 +80,23 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     with drawing():
         figure, ax = panel()
-        front = rows[_on_front(rows)].sort_values(["price_usd", "ap"])
-        ax.step(front.price_usd, front.ap, where="post", color=FAINT, linewidth=0.9)
+        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_all"])
+        ax.step(front.price_usd, front.ap_all, where="post", color=FAINT, linewidth=0.9)
         for row in rows.assign(front=_on_front(rows)).itertuples():
-            _mark(material, ax, row, float(row.price_usd), bool(row.front))
-        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP")
+            look = material.names.look(str(row.lidar))
+            face = look.colour if row.front else GROUND
+            style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
+            ax.plot(row.price_usd, row.ap_all, marker=look.marker, markersize=5, **style)
+        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP on all vehicles")
         log_ticks(ax.xaxis)
         title = str(first.scene)
         label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
-        return Panel(title, svg.inline(figure, svg.identifier("price", *first[CELL[:3]]), label))
-
-
-def _mark(material: Material, ax: Any, row: Any, x: float, front: bool) -> None:
-    """A cell at x with the interval of its AP; hollow if it is not on the front."""
-    look = material.names.look(row.lidar)
-    ends = [[max(row.ap - row.ap_low, 0)], [max(row.ap_high - row.ap, 0)]]
-    ends = [[e if e == e else 0.0 for e in end] for end in ends]
-    face = look.colour if front else GROUND
-    style: dict[str, Any] = {"color": look.colour, "marker": look.marker, "markerfacecolor": face}
-    ax.errorbar(x, row.ap, ends, markersize=5, elinewidth=0.7, **style)
+        return Panel(title, svg.inline(figure, svg.identifier("price", title, first.preset), label))
 
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
     heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
-    heads += [Column("AP", number=True)]
+    heads += [Column("AP", number=True), Column("AP all", number=True)]
     heads += [Column(title, number=True) for title, _ in HEADS.values()]
     rows = [_row(material, row) for _, row in value.iterrows()]
     return Table(
@@ -121,7 +112,7 @@ def _row(material: Material, row: pd.Series) -> list[Cell]:
     texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
     values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
     beaten = Cell(_spelled(material, str(row.dominated_by)))
-    return [*(Cell(str(t)) for t in texts), number(row.ap), *values, beaten]
+    return [*(Cell(str(t)) for t in texts), number(row.ap), number(row.ap_all), *values, beaten]
 
 
 def _spelled(material: Material, text: str) -> str:
@@ -131,25 +122,31 @@ def _spelled(material: Material, text: str) -> str:
 
 
 def _prices(material: Material, prices: pd.DataFrame) -> Table:
-    """The LiDARs; columns that the file has beyond those that are needed are shown as they are."""
-    known = ("lidar", "units", "price_low_usd", "price_high_usd", "price_source", "price_date")
-    more = [c for c in prices if c not in (*known, "origin")]
-    titles = [c.replace("_deg", ", °").replace("_m", ", m").replace("_", " ") for c in more]
+    """The LiDARs, and what else their file says of them."""
+    known = ("lidar", "model", "units", "origin")
+    more = [c for c in prices if c not in known and not c.startswith("price_")]
+    numbers = prices[more].apply(pd.to_numeric, errors="coerce")
     heads = [Column("LiDAR"), Column("Units", number=True), Column("Price, US$", number=True)]
-    heads += [*(Column(t.capitalize(), number=True) for t in titles), Column("Source of the price")]
+    heads += [Column(_title(c), number=bool(numbers[c].notna().any())) for c in more]
     rows = []
-    for _, row in prices.iterrows():
+    for at, row in prices.iterrows():
         low, high = float(row.price_low_usd), float(row.price_high_usd)
         price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
         first = [Cell(material.names.label(row.lidar)), number(row.units, ".0f")]
-        numbers = [_value_cell(str(row[c])) for c in more]
+        others = [_value_cell(str(row[c]), float(numbers[c][at]), row.origin) for c in more]
         source = Cell(f"{row.price_source}, {row.price_date}".strip(", "))
-        rows.append([*first, Cell(price, low, row.origin), *numbers, source])
+        rows.append([*first, Cell(price, low, row.origin), *others, source])
+    heads.append(Column("Source of the price"))
     return Table("The LiDARs.", heads, rows, material.results.source("lidars"))
 
 
-def _value_cell(text: str) -> Cell:
-    try:
-        return Cell(text, float(text))
-    except ValueError:
-        return Cell(text, float("nan"))
+def _title(column: str) -> str:
+    """horizontal_fov_deg: Horizontal fov, °."""
+    for unit, shown in (("_deg", ", °"), ("_m", ", m")):
+        if column.endswith(unit):
+            column = column.removesuffix(unit) + shown
+    return column.replace("_", " ").replace("fov", "field of view").capitalize()
+
+
+def _value_cell(text: str, value: float, origin: str) -> Cell:
+    return Cell(text) if math.isnan(value) else Cell(f"{value:.4g}", value, origin)
