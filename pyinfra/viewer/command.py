@@ -170,15 +170,15 @@ def _title(folders: Sequence[Path], frames: Sequence[int]) -> str:
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """Models of the LiDARs; where two are the same, with the data set's folder."""
+    """Models of the LiDARs; where two are the same, with data set and folder."""
     models = [
         kitti.read_lidar(folder).model if (folder / "lidar.yaml").is_file() else folder.name
         for folder in folders
     ]
     names = [
-        f"{model} ({folder.resolve().parent.name})" if models.count(model) > 1 else model
+        f"{model} ({'/'.join(folder.resolve().parts[-2:])})" if models.count(model) > 1 else model
         for model, folder in zip(models, folders, strict=True)
     ]
     if len(set(names)) < len(names):
-        raise ValueError(f"found {', '.join(names)}, allowed each LiDAR of a data set once")
+        raise ValueError(f"found {', '.join(map(str, folders))}, allowed each LiDAR once")
     return names

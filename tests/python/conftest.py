@@ -3,13 +3,14 @@
 import hashlib
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from browser import Browser, start_browser
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
@@ -75,3 +76,10 @@ def pattern(infrasim: Infrasim, tmp_path: Path) -> Callable[..., npt.NDArray[np.
         return array
 
     return rays
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A headless Chromium, for the tests of one file."""
+    with start_browser() as started:
+        yield started

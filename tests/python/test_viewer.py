@@ -1,0 +1,318 @@
+"""What the viewer reads and writes, without a browser."""
+
+import base64
+import hashlib
+import html.parser
+import json
+import sys
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from evaluation_data import car, perfect, write_lidar, write_predictions
+from view_data import blob, view_frame
+
+from pyinfra import cli, kitti
+from pyinfra.viewer import command
+from pyinfra.viewer.encoding import pack_points
+from pyinfra.viewer.frames import read_view_frames
+from pyinfra.viewer.page import fragment, library, page
+
+ROOT = Path(__file__).resolve().parents[2]
+BUNDLE = ROOT / "pyinfra/viewer/viewer.min.js"
+HOSTILE = "</script><script>document.title='taken'</script><!-- \"'&"
+
+
+class Elements(html.parser.HTMLParser):
+    """Tags of a page in their order, and what stands in its first script."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.scripts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        self.tags.append(tag)
+
+    def handle_data(self, data: str) -> None:
+        if self.tags and self.tags[-1] == "script" and data.strip():
+            self.scripts.append(data)
+
+
+def data_of(text: str) -> Any:
+    return json.loads(Elements(text).scripts[0])
+
+
+def unpacked(packed: Any, columns: int) -> tuple[Any, bytes]:
+    """Coordinates (n, 3), and the rest, by the description in encoding.py."""
+    raw, n = zlib.decompress(base64.b64decode(packed["data"])), packed["count"]
+    axes = np.frombuffer(raw[: 6 * n], np.uint8).reshape(3, 2, n).astype(np.int64)
+    steps = (axes[:, 0] + 256 * axes[:, 1]).cumsum(axis=1) % 65536
+    assert len(raw) == columns * n
+    return packed["origin"] + packed["step_m"] * steps.T, raw[6 * n :]
+
+
+def test_the_bundle_is_made_of_the_sources() -> None:
+    folder = ROOT / "viewer"
+    names = ["build.mjs", "package-lock.json", "package.json"]
+    digest = hashlib.sha256()
+    for name in sorted([*names, *(f"src/{file.name}" for file in (folder / "src").iterdir())]):
+        digest.update(f"{name}\0".encode() + (folder / name).read_bytes() + b"\0")
+    first = BUNDLE.read_text().splitlines()[0]
+    assert first == f"/*! sources sha256 {digest.hexdigest()}", "run `make viewer`"
+
+
+def test_the_bundle_is_small_has_its_licence_and_ends_no_script() -> None:
+    text = BUNDLE.read_text()
+    assert BUNDLE.stat().st_size <= 700_000
+    assert "Permission is hereby granted, free of charge" in text
+    assert "</script" not in text.lower()
+    assert library().count("<script") == library().count("</script>") == 1
+
+
+def test_coordinates_are_within_half_a_centimetre_and_the_rest_stays_with_its_point() -> None:
+    random = np.random.default_rng(1)
+    points = random.uniform((-250, -80, -18), (250, 80, 20), (5000, 3))
+    ids = random.integers(-1, 40, 5000).astype(np.int32) * 1000
+    time = random.uniform(0, 0.1, 5000).astype(np.float32)
+    view = view_frame(points, time_s=time, object_id=ids, intensity=(ids % 7 / 7).astype("f4"))
+    packed = pack_points(view)
+    xyz, rest = unpacked(packed, columns=10)
+    order = np.lexsort(np.rint(100 * (xyz - packed["origin"])).T)
+    truth = view.points.astype(np.float64)
+    truth_order = np.lexsort(np.rint(100 * (truth - packed["origin"])).T)
+    assert np.abs(xyz[order] - truth[truth_order]).max() <= 0.00501
+    n = packed["count"]
+    columns = np.frombuffer(rest, np.uint8).reshape(4, n)[:, order]
+    found = np.array(packed["objects"])[columns[2] + 256 * columns[3].astype(int)]
+    assert (found == ids[truth_order]).all()
+    assert np.abs(columns[0] / 255 - view.intensity[truth_order]).max() <= 0.5 / 255 + 1e-6
+    assert np.abs(columns[1] / 2550 - time[truth_order]).max() <= 0.05 / 255 + 1e-6
+
+
+def test_a_frame_wider_than_16_bits_of_centimetres_has_a_larger_step_and_the_page_says_it() -> None:
+    view = view_frame([[0, 0, 0], [1310.7, 0, 0]])
+    packed = pack_points(view)
+    assert packed["step_m"] == pytest.approx(0.02)
+    assert unpacked(packed, columns=7)[0][:, 0] == pytest.approx([0, 1310.7], abs=1e-3)
+    assert "rounded to 2 cm" in data_of(fragment({"a": [view]}, element_id="v"))["note"]
+
+
+def test_a_frame_without_points_or_vehicles_is_one() -> None:
+    view = view_frame([])
+    assert pack_points(view)["count"] == 0
+    assert data_of(fragment({"a": [view]}, element_id="v"))["ground_m"] == 0
+
+
+def test_points_are_left_out_only_if_asked_and_the_page_says_so() -> None:
+    view = view_frame(blob(10, 0, count=1000))
+    whole = data_of(fragment({"a": [view]}, element_id="v"))
+    thin = data_of(fragment({"a": [view]}, element_id="v", most_points=100))
+    points = [data["lidars"][0]["frames"][0]["points"] for data in (whole, thin)]
+    assert [(p["count"], p["of"]) for p in points] == [(1000, 1000), (100, 1000)]
+    assert ["more points than are shown" in data["note"] for data in (whole, thin)] == [False, True]
+    away = unpacked(points[1], columns=7)[0][:, None] - view.points[None]
+    assert (np.abs(away).max(axis=2).min(axis=1) <= 0.00501).all()
+
+
+def lidar_folder(folder: Path, frames: int = 2) -> Path:
+    """Cars 20 m ahead, each with 3 points, of a sensor at (10, 20, 6) that looks along +y."""
+    vehicles = [[car(20.0, 0.0), car(30.0, 4.0, points=0)] for _ in range(frames)]
+    write_lidar(folder, vehicles)
+    cloud = np.array([[19, 0, -5, 0.2], [20, 0, -5, 0.4], [1, 0, 0, 1]], np.float32)
+    for k in range(frames):
+        kitti.write_points(kitti.frame_file(folder, "velodyne", k), cloud)
+    write_predictions(folder.parent / "predictions", perfect(vehicles))
+    return folder
+
+
+def test_points_boxes_and_predictions_are_in_the_world(tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path / "data/one")
+    first, second = read_view_frames(folder, [0, 1], folder.parent / "predictions")
+    # Turned by 90 degrees: x of the LiDAR is y of the world, and the sensor is 6 m up.
+    assert first.points == pytest.approx(np.array([[10, 39, 1], [10, 40, 1], [10, 21, 6]]))
+    assert first.intensity == pytest.approx([0.2, 0.4, 1.0])
+    expected = [[10, 40, 0.75, 4, 2, 1.5, np.pi / 2], [6, 50, 0.75, 4, 2, 1.5, np.pi / 2]]
+    assert first.boxes == pytest.approx(np.array(expected))
+    assert first.hits is not None
+    assert first.hits.tolist() == [20, 0]
+    assert first.predictions is not None
+    assert first.predictions.boxes == pytest.approx(first.boxes[:1], abs=1e-5)
+    assert (first.time_s, first.object_id, second.frame) == (None, None, 1)
+
+
+def test_a_folder_of_labels_alone_stands_at_the_origin(tmp_path: Path) -> None:
+    folder = tmp_path / "kitti"
+    write_lidar(folder, [[car(20.0, 0.0)]], objects=False)
+    (folder / "lidar.yaml").unlink()
+    (view,) = read_view_frames(folder, [0])
+    assert view.boxes[0] == pytest.approx([20, 0, -5.25, 4, 2, 1.5, 0], abs=1e-5)
+    assert view.hits is None
+    data = data_of(fragment({"a": [view]}, element_id="v"))
+    assert data["ground_m"] == pytest.approx(-6, abs=1e-5)
+
+
+def test_no_file_of_predictions_is_not_a_frame_without_detections(
+    tmp_path: Path,
+) -> None:
+    folder = lidar_folder(tmp_path / "data/one")
+    predictions = folder.parent / "predictions"
+    (predictions / "000001.txt").unlink()
+    first, second = read_view_frames(folder, [0, 1], predictions)
+    assert first.predictions is not None
+    assert second.predictions is None
+
+
+def test_fields_of_another_cloud_are_refused(tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path / "data/one")
+    file = kitti.frame_file(folder, "fields", 0)
+    file.parent.mkdir()
+    kitti.write_fields(file, np.zeros(2, kitti.FIELDS))
+    with pytest.raises(kitti.FormatError, match=r"fields/000000.bin: found 2 records, allowed 3"):
+        read_view_frames(folder, [0])
+
+
+def test_names_are_text_and_never_markup() -> None:
+    box = np.array([[28.0, 0, 0.75, 4, 2, 1.5, 0]])
+    view = view_frame(blob(28, 0), boxes=box, names=np.array([HOSTILE]), hits=np.array([3]))
+    text = page({HOSTILE: [view]}, title=HOSTILE)
+    plain = page({"a": [view_frame(blob(28, 0))]}, title="a")
+    assert Elements(text).tags == Elements(plain).tags
+    data = data_of(text[text.index("<figure") :])
+    assert data["lidars"][0]["name"] == HOSTILE
+    assert data["lidars"][0]["frames"][0]["vehicles"][0]["name"] == HOSTILE
+
+
+@pytest.mark.parametrize(
+    ("views", "element_id", "words"),
+    [
+        ({"a": [view_frame([])]}, "1 2", "element_id: found '1 2', allowed"),
+        ({}, "v", "found no frame"),
+        ({"a": []}, "v", "found no frame"),
+        (
+            {"a": [view_frame([])], "b": [view_frame([], frame=7)]},
+            "v",
+            r"b: found frames \[7\], allowed \[0\]",
+        ),
+    ],
+)
+def test_what_is_no_view_is_refused(views: Any, element_id: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        fragment(views, element_id=element_id)
+
+
+def test_the_command_writes_one_page_and_says_its_size(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "two"):
+        lidar_folder(tmp_path / "data" / name, frames=4)
+    out = tmp_path / "new/view.html"
+    assert cli.main(["view", str(tmp_path / "data"), "--frames", "1:4:2", "--out", str(out)]) == 0
+    size = out.stat().st_size / 1e6
+    assert capsys.readouterr().out == f"{out}: {size:.2f} MB, 2 LiDARs, 2 frames\n"
+    data = data_of(out.read_text()[out.read_text().index("<figure") :])
+    assert [frame["number"] for frame in data["frames"]] == [1, 3]
+    assert [frame["start_s"] for frame in data["frames"]] == [0.1, 0.3]
+    # Both are of one model, so that their folders tell them apart.
+    assert [lidar["name"] for lidar in data["lidars"]] == [
+        "made up (data/one)",
+        "made up (data/two)",
+    ]
+
+
+def test_with_predictions_the_first_frame_that_has_some_is_shown(tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path / "data/one", frames=3)
+    (tmp_path / "data/predictions/000000.txt").unlink()
+    pred = str(tmp_path / "data/predictions")
+    out = tmp_path / "view.html"
+    assert cli.main(["view", str(folder), "--pred", pred, "--out", str(out)]) == 0
+    data = data_of(out.read_text()[out.read_text().index("<figure") :])
+    assert data["frames"][0]["number"] == 1
+    assert len(data["lidars"][0]["frames"][0]["predictions"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ("--frames 5:9", "found no frame of 5:9, allowed 0 to 1"),
+        ("--frame 5", "found no frame of 5, allowed 0 to 1"),
+        ("--frames 0-4", "--frames: found '0-4', allowed A:B or A:B:STEP"),
+        ("--frames 0:4:0", "--frames: found '0:4:0', allowed A:B or A:B:STEP"),
+        ("--lidar three", "--lidar: found 'three', allowed one, two"),
+        ("--pred there", "--pred: found 'there', allowed LIDAR=DIR with LIDAR one, two"),
+        ("--pred three=there", "--pred: found 'three=there', allowed LIDAR=DIR"),
+        ("DATA/one", "found DATA/one, DATA/two, DATA/one, allowed each LiDAR once"),
+        ("--most-points 0", "--most-points: found 0, allowed 1 or more"),
+    ],
+)
+def test_wrong_words_end_in_one_line_and_no_page(
+    words: str, error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "two"):
+        lidar_folder(tmp_path / "data" / name)
+    data, out = str(tmp_path / "data"), tmp_path / "view.html"
+    words = words.replace("DATA", data)
+    assert cli.main(["view", data, *words.split(), "--out", str(out)]) == 2
+    said = capsys.readouterr().err.replace(data, "DATA")
+    assert error in said
+    assert said.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = lidar_folder(tmp_path / "data/one")
+    out = tmp_path / "view.html"
+    out.write_text("old")
+    monkeypatch.setattr(command, "LARGEST_MB", 0.5)
+    assert cli.main(["view", str(folder), "--out", str(out)]) == 2
+    assert "MB, allowed 0.5 MB: fewer --frames, one --lidar, or --most" in capsys.readouterr().err
+    assert out.read_text() == "old"
+    assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
+
+
+def test_a_folder_that_is_none_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert cli.main(["view", str(tmp_path), "--out", str(tmp_path / "view.html")]) == 1
+    assert "found no LiDAR folder" in capsys.readouterr().err
+
+
+def test_without_the_extra_a_recording_is_refused_with_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = lidar_folder(tmp_path / "data/one")
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    monkeypatch.delitem(sys.modules, "pyinfra.viewer.recording", raising=False)
+    assert cli.main(["view", str(folder), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 1
+    assert "pip install 'infrasim[rerun]'" in capsys.readouterr().err
+    assert not (tmp_path / "a.rrd").exists()
+
+
+def test_a_recording_has_every_frame_and_opens_for_this_machine_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+    import subprocess
+
+    folder = lidar_folder(tmp_path / "data/one")
+    pred, out = str(tmp_path / "data/predictions"), tmp_path / "view.rrd"
+    opened: list[list[str]] = []
+
+    def start(words: list[str], check: bool) -> Any:
+        opened.append(words)
+        return subprocess.CompletedProcess(words, 0)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pyinfra.viewer.recording.subprocess.run", start)
+        words = ["--frames", "0:2", "--pred", pred, "--rerun", "--out", str(out)]
+        assert cli.main(["view", str(folder), *words]) == 0
+    assert capsys.readouterr().out.endswith("MB, 1 LiDAR, 2 frames\n")
+    assert opened[0][opened[0].index("--bind") + 1] == "127.0.0.1"
+    assert opened[0][-1] == str(out)
+    read = [sys.executable, "-m", "rerun", "rrd", "print", "-vv", str(out)]
+    text = subprocess.run(read, capture_output=True, text=True, check=True).stdout
+    for part in ("points", "vehicles", "predictions"):
+        assert f"/world/made\\ up/{part}" in text
