@@ -94,8 +94,8 @@ class Panel:
 class Figure:
     """Drawings under one caption, beside each other where there is room.
 
-    wide: each takes the whole width, and scrolls on a narrow screen; plate: they have a light
-    ground in the dark too.
+    layout: small, half (two beside each other) or wide; wide ones scroll on a narrow screen.
+    plate: they have a light ground in the dark too.
     """
 
     name: str
@@ -103,7 +103,7 @@ class Figure:
     panels: Sequence[Panel]
     source: Source | None = None
     legend: Sequence[LegendEntry] = ()
-    wide: bool = False
+    layout: str = "small"
     plate: bool = False
     closed: bool = False
     kind = "figure"

@@ -42,7 +42,7 @@ def _lead(material: Material, cells: pd.DataFrame) -> str:
     text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
     text += f" in its own field of view: AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}."
     if len(tied) > 0:
-        text += f" {_listed(material, tied)} cannot be told apart from it."
+        text += f" {_listed(material, tied)} cannot be told from it."
     if rows.ap_all.notna().any():
         whole = rows.loc[rows.ap_all.idxmax()]
         text += f" Of all vehicles on the road, {_name(material, whole)} finds most"
@@ -59,7 +59,7 @@ def _card(material: Material, cells: pd.DataFrame, question: str, choose: Choice
 def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
     best = rows.loc[rows.ap.idxmax()]
     tied = _tied(rows, best)
-    rest = f"; not told apart from {_listed(material, tied)}" if len(tied) > 0 else ""
+    rest = f"; cannot be told from {_listed(material, tied)}" if len(tied) > 0 else ""
     reason = f"AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}{rest}"
     return _line(material, best, reason)
 

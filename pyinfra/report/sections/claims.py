@@ -61,10 +61,15 @@ def _lead(rows: pd.DataFrame, presets: list[str]) -> str:
     parts = []
     for preset in presets:
         counts = rows[rows.preset == preset].verdict.value_counts()
-        found = [f"{counts[v]} {v}" for v in VERDICTS if v in counts]
-        parts.append(f"{preset}: {', '.join(found)}")
+        found = [f"{counts[v]} {_plural(v, counts[v])}" for v in VERDICTS if v in counts]
+        parts.append(f"under preset {preset} {', '.join(found)}")
     tested = rows.claim.nunique()
-    return f"{tested} of the paper's {len(CLAIMS)} claims were tested. {'; '.join(parts)}."
+    of_all = f"{tested} of the paper's {len(CLAIMS)} claims were tested, some in several ways."
+    return f"{of_all} Of the tests, {'; '.join(parts)}."
+
+
+def _plural(verdict: str, count: int) -> str:
+    return verdict.removesuffix("s") if count > 1 else verdict
 
 
 def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[list[Cell]]:

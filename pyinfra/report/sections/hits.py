@@ -20,7 +20,7 @@ from pyinfra.report.blocks import (
     Table,
     number,
 )
-from pyinfra.report.looks import FAINT, drawing, panel
+from pyinfra.report.looks import FAINT, drawing, log_ticks, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import PRESETS, in_order
 
@@ -118,12 +118,14 @@ def _swatch(material: Material, lidar: str) -> str:
 def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     scene = str(rows.scene.iloc[0])
     with drawing():
-        figure, ax = panel()
+        figure, ax = panel(left=0.6)
         ends = (0.8 * rows.paper_hits.min(), 1.25 * rows.paper_hits.max())
         ax.plot(ends, ends, color=FAINT, linewidth=0.8)
         for row in rows.itertuples():
             style: dict[str, Any] = material.names.look(str(row.lidar)).style()
             ax.plot(row.paper_hits, row.hits_per_frame, **style)
         ax.set(xscale="log", yscale="log", xlabel="the paper", ylabel="simulated")
+        log_ticks(ax.xaxis)
+        log_ticks(ax.yaxis)
         label = f"Hit points simulated against the paper's, {scene}"
         return Panel(scene, svg.inline(figure, svg.identifier("hits", scene), label))

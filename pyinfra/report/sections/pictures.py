@@ -78,7 +78,7 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
     picture = clouds.pattern_picture(found)
     drawn = _drawn(picture, "patterns", f"Rays of {', '.join(found)} in one frame")
     caption = f"Scanning patterns, preset {data.preset}: a frame, and a car's rear 60 m ahead."
-    return [Figure("figure-patterns", caption, [drawn], wide=True, plate=True)]
+    return [Figure("figure-patterns", caption, [drawn], layout="wide", plate=True)]
 
 
 def _plans(data_sets: Sequence[DataSet]) -> Block:
@@ -89,23 +89,45 @@ def _plans(data_sets: Sequence[DataSet]) -> Block:
         label = f"Plan of {data.scene} with the LiDAR's pose and the fields of view"
         panels.append(_drawn(scene.plan([read]), f"plan {data.scene}", label))
     caption = "Plans of the scenes: pose of the LiDARs, fields of view, evaluation region."
-    return Figure("figure-plans", caption, panels, wide=True, plate=True)
+    return Figure("figure-plans", caption, panels, layout="wide", plate=True)
 
 
 def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
-    """A row for each data set, a column for each LiDAR."""
+    """A picture from above for each data set and LiDAR."""
     panels = []
     for data in data_sets:
         frame = frame_of(material, data)
-        views = [clouds.read_view(folder, frame) for folder in folders(material, data)]
-        label = f"Clouds of {len(views)} LiDARs from above, {data.scene}, frame {frame}"
-        name = f"sheet {data.scene} {data.preset}"
-        panels.append(_drawn(clouds.sheet([views]), name, label, f"{data.scene}, {data.preset}"))
+        for folder in folders(material, data):
+            view = clouds.read_view(folder, frame)
+            title = f"{data.scene}, {data.preset}: {view.lidar.model}, {view.counts()}"
+            name = f"above {data.scene} {data.preset} {folder.name}"
+            panels.append(_drawn(_above(view), name, f"{title}, from above", title))
     caption = (
         "One frame from above. Boxes of vehicles are darker and more solid the more points they "
-        "have; those without a point are crossed out."
+        "have; those without a point are crossed out. Dashed: field of view and range."
     )
-    return Figure("figure-sheet", caption, panels, wide=True, plate=True)
+    return Figure("figure-sheet", caption, panels, legend=_box_legend(), layout="half", plate=True)
+
+
+def _box_legend() -> list[LegendEntry]:
+    return [
+        LegendEntry(q.name, svg.line_swatch(q.colour, q.line, "x" if q.most == 0 else ""))
+        for q in clouds.QUALITIES
+    ]
+
+
+def _above(view: clouds.View, boxes: kitti.FloatArray | None = None) -> Drawing:
+    """A frame from above, with boxes (k, 7) over it."""
+    window = clouds.region_window(view)
+    width, height = window.shape()
+    with mpl.rc_context(clouds.STYLE):
+        figure = Drawing(figsize=(5.6, 5.6 * height / width + 0.3), layout="constrained")
+        axes = figure.subplots()
+        clouds.bird_view(axes, view, window, point_size=0.6, headings=False)
+        axes.tick_params(labelsize=7, length=2)
+        if boxes is not None:
+            _outline(axes, boxes)
+    return figure
 
 
 def _cutouts(material: Material, data: DataSet) -> Block:
@@ -115,7 +137,7 @@ def _cutouts(material: Material, data: DataSet) -> Block:
     drawn = _drawn(picture, f"cutouts {data.scene} {data.preset} {data.aggregation}", label)
     name = f"figure-cutouts-{data.scene}-{data.preset}"
     caption = f"Cars cut out, at five distances, {data.scene}, preset {data.preset}."
-    return Figure(name, caption, [drawn], wide=True, plate=True)
+    return Figure(name, caption, [drawn], layout="wide", plate=True)
 
 
 def _aggregations(material: Material) -> list[Block]:
@@ -132,7 +154,7 @@ def _aggregations(material: Material) -> list[Block]:
             panels = [_one_way(material, data, frame) for data in own]
             caption = f"The same cars under each aggregation, {place}, preset {preset}."
             name = f"figure-aggregation-{place}-{preset}"
-            found.append(Figure(name, caption, panels, wide=True, plate=True))
+            found.append(Figure(name, caption, panels, layout="wide", plate=True))
     return found
 
 
@@ -173,29 +195,18 @@ def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int
         f"Predicted boxes (thick, score {SHOWN_SCORE:g} or more) on frame {frame} of "
         f"{material.names.model(lidar)}, {data.scene}, preset {data.preset}. Thin: vehicles."
     )
-    entries = [
-        LegendEntry("predicted", svg.line_swatch(PREDICTED, "-", "")),
-        LegendEntry(
-            "vehicle, by points as above", svg.line_swatch(clouds.QUALITIES[3].colour, "-", "")
-        ),
-    ]
+    predicted = LegendEntry("predicted", svg.line_swatch(PREDICTED, "-", ""))
+    entries = [predicted, *_box_legend()]
     name = f"figure-boxes-{data.scene}-{data.preset}-{lidar}"
-    return Figure(name, caption, panels, None, entries, wide=True, plate=True)
+    return Figure(name, caption, panels, None, entries, layout="half", plate=True)
 
 
 def _boxes_panel(data: DataSet, view: clouds.View, run: Run, frame: int) -> Panel:
     boxes = _predicted(data, run, frame)
-    window = clouds.region_window(view)
-    width, height = window.shape()
-    with mpl.rc_context(clouds.STYLE):
-        figure = Drawing(figsize=(8.5, 8.5 * height / width + 0.5), layout="constrained")
-        axes = figure.subplots()
-        clouds.bird_view(axes, view, window, point_size=0.75, headings=False)
-        _outline(axes, boxes)
     title = f"{detector(run.detector)}: {len(boxes)} boxes"
     label = f"Boxes of {title} on {view.lidar.model}, {data.scene}, frame {frame}"
     name = f"boxes {data.scene} {data.preset} {run.lidar} {run.detector}"
-    return _drawn(figure, name, label, title)
+    return _drawn(_above(view, boxes), name, label, title)
 
 
 def _predicted(data: DataSet, run: Run, frame: int) -> kitti.FloatArray:

@@ -166,5 +166,5 @@ def _plain(material: Material, rows: pd.DataFrame, source: Source, caption: str)
 
 def _cell(names: Names, text: str, value: float, origin: str, is_number: bool) -> Cell:
     if not is_number:
-        return Cell(names.spelled(text))
+        return Cell(DETECTORS.get(text, names.spelled(text)))
     return Cell(f"{value:.4g}" if math.isfinite(value) else text, value, origin)
