@@ -50,7 +50,8 @@ def page(material: Material) -> Page:
     made = [section(material) for section in SECTIONS]
     found = [s for s in made if s is not None]
     found.append(methods.section(material, found))
-    return Page(TITLE, _subtitle(material), _footer(material), found)
+    tables = material.results.sources()
+    return Page(TITLE, _subtitle(material), _footer(material), found, tables)
 
 
 def _subtitle(material: Material) -> str:

@@ -43,6 +43,7 @@ NAMES = {INK: "ink", FAINT: "faint", GRID: "grid", GROUND: "ground", ACCENT: "ac
 NAMES |= {colour: name for colour, (name, _, _) in QUALITIES.items()}
 STYLE: Any = {
     "svg.fonttype": "none",
+    "text.parse_math": False,  # a name may hold dollars
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.labelsize": 8.5,

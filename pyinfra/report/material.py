@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from pyinfra import kitti
 from pyinfra.report.names import PRESETS, Names, in_order, read_names
 from pyinfra.report.results import Results, read_results
@@ -46,14 +48,16 @@ class Material:
     def presets(self) -> list[str]:
         return in_order(self.results.table("cells").preset, PRESETS)
 
-    def preset_of_answers(self) -> str:
-        """The preset nearest to the LiDARs one can buy, of those with two LiDARs or more."""
-        cells = self.results.done()
-        counts = cells.groupby("preset").lidar.nunique()
+    def preset_of_answers(self, rows: pd.DataFrame) -> str:
+        """The preset nearest to the LiDARs one can buy, of those with two LiDARs or more.
+
+        rows: one or more, with columns preset and lidar.
+        """
+        counts = rows.groupby("preset").lidar.nunique()
         for preset in reversed(PRESETS):
             if counts.get(preset, 0) >= 2:
                 return preset
-        return str(cells.preset.iloc[0])
+        return str(rows.preset.iloc[0])
 
 
 def read_material(

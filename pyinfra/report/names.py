@@ -67,7 +67,8 @@ def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
     models: by name, where they are known; others are looked up among the LiDARs of this package.
     """
     order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
-    own = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in order}
+    plain = [name for name in order if re.fullmatch(r"[\w-]+", name)]
+    own = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in plain}
     return Names(order, {name: model for name, model in (own | dict(models)).items() if model})
 
 
@@ -85,6 +86,6 @@ def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
 
 def _model(file: Path) -> str:
     """The model that a LiDAR's file names; nothing without one."""
-    if "/" in file.stem or not file.is_file():
+    if not file.is_file():
         return ""
     return str(yaml.safe_load(file.read_text(encoding="utf-8")).get("model", ""))

@@ -12,6 +12,7 @@ import jinja2
 from pyinfra.atomic import replacing
 from pyinfra.report.blocks import Section, Source
 from pyinfra.report.looks import themes
+from pyinfra.report.svg import identifier
 
 HERE = Path(__file__).parent
 CSV_DIGITS = "%.6g"
@@ -19,19 +20,20 @@ CSV_DIGITS = "%.6g"
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """A report without its place."""
+    """A report without its place; tables: what is beside it besides what its sections name."""
 
     title: str
     subtitle: str
     footer: str
     sections: Sequence[Section]
+    tables: Sequence[Source] = ()
 
 
 def write_page(page: Page, file: Path) -> Path:
-    """Writes the page, and first the tables that it names into NAME_data beside it."""
+    """Writes the page, and first the tables that it is from into NAME_data beside it."""
     folder = file.with_name(f"{file.stem}_data")
     folder.mkdir(parents=True, exist_ok=True)
-    for source in sources(page.sections):
+    for source in [*page.tables, *sources(page.sections)]:
         _write_source(source, folder / source.name)
     text = render(page, folder.name)
     with replacing(file) as beside:
@@ -46,6 +48,7 @@ def render(page: Page, folder: str) -> str:
         loader=jinja2.FileSystemLoader(HERE),
         undefined=jinja2.StrictUndefined,
     )
+    environment.filters["identifier"] = identifier
     light, dark = themes()
     return environment.get_template("page.html").render(
         **vars(page),

@@ -107,6 +107,10 @@ class Results:
     def file(self, name: str) -> str:
         return KINDS[name].file.format(tier=self.tier)
 
+    def sources(self) -> list[Source]:
+        """All tables that have rows."""
+        return [self.source(name) for name, table in self.tables.items() if len(table) > 0]
+
     def source(self, name: str) -> Source:
         return Source(self.file(name), self.folder / self.file(name))
 

@@ -6,17 +6,18 @@ import html
 import io
 import re
 import zlib
-from functools import cache
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.markers import MarkerStyle
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
 
-from pyinfra.report.looks import INK, NAMES, STYLE, drawing
+from pyinfra.report.looks import NAMES, STYLE
 
+DASHES = {"-": "none", "--": "6 3", "-.": "7 3 2 3", ":": "2 3"}
 DENSE = 400  # a line with more points is stored as a picture
 POINTS_PER_PIXEL = 0.75
 
@@ -40,39 +41,39 @@ def identifier(*words: object) -> str:
     return "-".join(re.sub(r"\W+", "-", str(word)).strip("-") for word in words).lower()
 
 
-@cache
 def line_swatch(colour: str, line: Any, marker: str) -> str:
-    """The picture of a line for a legend."""
-    with drawing():
-        figure = Figure(figsize=(0.42, 0.16))
-        style: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
-        artist = Line2D([0.05, 0.5, 0.95], [0.5] * 3, markevery=[1], markersize=4.5, **style)
-        figure.add_artist(artist)
-        return _swatch(figure, f"{colour}{line}{marker}")
+    """The picture of a line and its marker for a legend; it has no ids, so it may be repeated."""
+    shape = MarkerStyle(marker or "none")
+    path = shape.get_path().transformed(shape.get_transform() + Affine2D().scale(6, -6))
+    drawn = "".join(
+        f"{'M' if code == Path.MOVETO else 'L'}{x + 20:.1f} {y + 7:.1f}"
+        for (x, y), code in path.cleaned(curves=False).iter_segments()
+        if code in (Path.MOVETO, Path.LINETO)
+    )
+    paint = _paint(colour)
+    drawn = f'<path d="{drawn}z" fill="{paint}" stroke="{paint}"/>'
+    if line != "none":
+        dashes = DASHES[line] if isinstance(line, str) else " ".join(f"{n:g}" for n in line[1])
+        stroke = f'stroke="{paint}" stroke-width="2" stroke-dasharray="{dashes}"'
+        drawn = f'<path d="M0 7H40" {stroke}/>{drawn}'
+    return _swatch(40, drawn)
 
 
-@cache
 def patch_swatch(colour: str, hatch: str) -> str:
-    """The picture of a filled area for a legend."""
-    with drawing():
-        figure = Figure(figsize=(0.3, 0.16))
-        look: dict[str, Any] = {"facecolor": colour, "hatch": hatch, "edgecolor": INK}
-        patch = Patch(linewidth=0.6, **look)
-        figure.legend(
-            handles=[patch],
-            labels=[""],
-            loc="center",
-            frameon=False,
-            handlelength=1.8,
-            borderpad=0,
-            handletextpad=0,
-        )
-        return _swatch(figure, f"{colour}{hatch}")
+    """The picture of a filled area for a legend; hatched with strokes or not."""
+    strokes = '<path d="M2 13L12 1M10 13L20 1M18 13L26 3" stroke="var(--ink)"/>' if hatch else ""
+    look = f'fill="{_paint(colour)}" stroke="var(--ink)"'
+    return _swatch(28, f'<rect x="1" y="1" width="26" height="12" {look}/>{strokes}')
 
 
-def _swatch(figure: Figure, name: str) -> str:
-    markup = inline(figure, identifier("swatch", name), "")
-    return markup.replace('role="img" aria-label=""', 'aria-hidden="true"')
+def _swatch(width: int, drawn: str) -> str:
+    size = f'viewBox="0 0 {width} 14" width="{width}" height="14"'
+    return f'<svg {size} aria-hidden="true">{drawn}</svg>'
+
+
+def _paint(colour: str) -> str:
+    """A colour as the page names it."""
+    return f"var(--{NAMES[colour.lower()]})" if colour.lower() in NAMES else colour
 
 
 def _bare(markup: str) -> str:

@@ -20,7 +20,7 @@ def section(material: Material) -> Section | None:
     done = material.results.done()
     if done.empty:
         return None
-    preset = material.preset_of_answers()
+    preset = material.preset_of_answers(done)
     cells = done[done.preset == preset]
     cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
     blocks: list[Block] = [

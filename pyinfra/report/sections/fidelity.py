@@ -16,7 +16,7 @@ from pyinfra.report.blocks import (
     Table,
     number,
 )
-from pyinfra.report.looks import FAINT, drawing, panel
+from pyinfra.report.looks import FAINT, drawing, log_ticks, panel
 from pyinfra.report.material import Material
 from pyinfra.report.names import in_order
 from pyinfra.report.sections.distance import legend
@@ -111,7 +111,7 @@ def _figure(material: Material, ladder: pd.DataFrame, source: Source) -> Figure:
         ax.axhline(ALLOWED_PERCENT, color=FAINT, linewidth=0.8, linestyle=(0, (6, 3)))
         ax.set(yscale="log", xlabel=f"time, detail {REFERENCE} = 1")
         ax.set(ylabel="change of points (%)")
-        ax.yaxis.set_major_formatter("{x:g}")
+        log_ticks(ax.yaxis)
         label = "Change of the points on vehicles against time, by detail of the meshes"
         drawn = Panel("", svg.inline(figure, "fidelity", label))
     caption = (

@@ -99,7 +99,8 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
         frame = frame_of(material, data)
         for folder in folders(material, data):
             view = clouds.read_view(folder, frame)
-            title = f"{data.scene}, {data.preset}: {view.lidar.model}, {view.counts()}"
+            title = f"{view.lidar.model}: {view.counts()}"
+            title = f"{data.scene}, {data.preset}: {title}" if len(data_sets) > 1 else title
             name = f"above {data.scene} {data.preset} {folder.name}"
             panels.append(_drawn(_above(view), name, f"{title}, from above", title))
     caption = (

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyinfra.report import svg
 from pyinfra.report.blocks import Figure, Panel, Section, Source
-from pyinfra.report.looks import drawing, panel
+from pyinfra.report.looks import drawing, log_ticks, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import PRESETS, in_order
 from pyinfra.report.sections.distance import legend
@@ -73,7 +73,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     title = f"{first.scene}: {first['set']}"
     with drawing():
-        figure, ax = panel()
+        figure, ax = panel(left=0.55)
         for lidar in material.names.sorted(rows.lidar):
             own = rows[rows.lidar == lidar].sort_values("from_m")
             middle, look = (own.from_m + own.to_m) / 2, material.names.look(lidar)
@@ -81,6 +81,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             style: dict[str, Any] = {"color": look.colour, "alpha": 0.18, "linewidth": 0}
             ax.fill_between(middle, own.ci_low, own.ci_high, **style)
         ax.set(yscale="log", xlabel="horizontal distance (m)", ylabel="points per vehicle")
+        log_ticks(ax.yaxis)
         label = f"Points per vehicle by distance, {title}, preset {first.preset}"
         name = svg.identifier("points", title, first.preset)
         return Panel(title, svg.inline(figure, name, label))

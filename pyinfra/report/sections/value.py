@@ -49,7 +49,7 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
     text = "Prices are of LiDARs alone, as their sources state them: no pole, computer or power."
     if value.empty:
         return text
-    preset = material.preset_of_answers()
+    preset = material.preset_of_answers(value)
     parts = []
     for scene in in_order(value.scene, SCENES):
         rows = value[(value.preset == preset) & (value.scene == scene) & _on_front(value)]
