@@ -51,7 +51,8 @@ def line_swatch(colour: str, line: Any, marker: str) -> str:
         if code in (Path.MOVETO, Path.LINETO)
     )
     paint = _paint(colour)
-    drawn = f'<path d="{drawn}z" fill="{paint}" stroke="{paint}"/>'
+    if drawn:
+        drawn = f'<path d="{drawn}z" fill="{paint}" stroke="{paint}"/>'
     if line != "none":
         dashes = DASHES[line] if isinstance(line, str) else " ".join(f"{n:g}" for n in line[1])
         stroke = f'stroke="{paint}" stroke-width="2" stroke-dasharray="{dashes}"'

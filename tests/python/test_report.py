@@ -9,6 +9,7 @@ import report_data
 from report_data import HOSTILE, Read
 
 from pyinfra import cli
+from pyinfra.report import svg
 from pyinfra.report.material import read_material
 from pyinfra.report.names import read_names
 from pyinfra.report.results import read_results
@@ -247,6 +248,12 @@ def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) 
     assert made.lead.startswith("Recommended: detail low, ")
     assert "(0.50 % at most), in 0.90 of their time" in made.lead
     assert "slices:100 takes 40.9 ms" in made.lead
+
+
+def test_a_legend_draws_lines_without_markers_and_markers_without_lines() -> None:
+    assert svg.line_swatch("#000000", "-", "").count("<path") == 1
+    assert svg.line_swatch("#000000", "none", "s").count("<path") == 1
+    assert 'd="z"' not in svg.line_swatch("#000000", "--", "")
 
 
 def test_a_lidar_looks_the_same_in_every_report() -> None:
