@@ -16,20 +16,20 @@ build:
 	@$(call configure,dev)
 	cmake --build --preset dev
 
-setup:
-	scripts/setup.sh build detectors test dev
+setup: build
+	scripts/setup.sh detectors exchange test dev
 
 demo: build
 	$(PYTHON) -m pyinfra demo
 
 test: build
-	@scripts/setup.sh detectors test
+	@scripts/setup.sh detectors exchange test
 	ctest --preset dev --no-tests=error
 	$(PYTHON) -m pytest
 
 # clang-tidy reads how the files are compiled from the dev build.
 lint:
-	@scripts/setup.sh build detectors dev
+	@scripts/setup.sh build detectors exchange dev
 	@mkdir -p build
 	@$(call configure,dev)
 	.venv/bin/pre-commit run --all-files --show-diff-on-failure
@@ -59,6 +59,7 @@ wheel:
 	cd / && $(CURDIR)/build/wheel-env/bin/infrasim --version
 	cd / && $(CURDIR)/build/wheel-env/bin/python -c \
 		"import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
+	cd / && $(CURDIR)/build/wheel-env/bin/python -c "from pyinfra.viewer.page import library; library()"
 	ls build/wheel-env/lib/python3*/site-packages/pyinfra/configs
 
 sanitize:

@@ -41,8 +41,12 @@ COMMANDS = (
     Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
     Command("train", "pyinfra.train", "a detector learns from frames"),
     Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),
+    Command("stress", "pyinfra.stress.command", "where detectors fail, and what fails first"),
     Command("onnx", "pyinfra.onnx", "a dense detector as one ONNX file"),
     Command("benchmark", "pyinfra.benchmark.command", "accuracy, speed and price, cell by cell"),
+    Command("recommend", "pyinfra.recommend", "which LiDAR and detector for a budget"),
+    Command("export", "pyinfra.exchange.export_command", "frames for other tools"),
+    Command("import", "pyinfra.exchange.import_command", "other tools' frames as a data set"),
     Command("split", "pyinfra.split", "which frames train and which test"),
 )
 

@@ -120,6 +120,8 @@ def run(args: argparse.Namespace) -> int:
         other = transfer(args.model, args.data)
         if other and not args.allow_transfer:
             print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
+    if not files:
+        raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
     found, times = detect(detector, files, args.out)
     if args.out is None:
         _print_boxes(files, found)

@@ -18,11 +18,12 @@ from pyinfra import cli
 from pyinfra.atomic import replacing
 from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.evaluation.ground_truth import SETS, frame_numbers, read_ground_truth
-from pyinfra.evaluation.judge import PROTOCOLS, VEHICLE_TYPES, Settings
+from pyinfra.evaluation.judge import PROTOCOLS, Settings
 from pyinfra.evaluation.matching import Metric
 from pyinfra.evaluation.prediction_checks import check_predictions, find_files
 from pyinfra.evaluation.result import Evaluation, evaluate_tables
 from pyinfra.evaluation.summary import summary
+from pyinfra.kitti import VEHICLE_TYPES
 
 METRICS: tuple[Metric, ...] = ("bev", "3d")
 
@@ -48,7 +49,7 @@ def evaluate(
     found = find_files(pred, chosen, known, allow_missing=allow_missing)
     truth = read_ground_truth(gt, chosen, beyond_range="all" in settings.ground_truths)
     predictions = read_predictions(found.files, read_cameras(gt, chosen))
-    types = [t for name, own in settings.classes.items() for t in (*own, name)]
+    types = settings.types
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
     findings = [
         *found.findings,

@@ -121,6 +121,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--val-data", type=Path, help="with --by seed: the data set that is val")
     parser.add_argument("--seed", type=int, default=1, help="of --by random")
+    for name, default in (("train-until-s", TRAIN_UNTIL_S), ("val-from-s", VAL_FROM_S)):
+        parser.add_argument(
+            f"--{name}", type=float, default=default, help=f"of --by time; default: {default:g}"
+        )
     parser.add_argument("--force", action="store_true", help="replace another split")
 
 
@@ -134,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.by == "random":
         pairs = [(data, by_random(data.frames, args.seed))]
     else:
-        pairs = [(data, by_time(data.frames, data.period_s))]
+        pairs = [(data, by_time(data.frames, data.period_s, args.train_until_s, args.val_from_s))]
     for folder, split in pairs:
         write(folder, split, force=args.force)
         print(f"{folder.folder}: train {len(split.train)}, val {len(split.val)} frames")

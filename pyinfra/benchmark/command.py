@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.benchmark import store
-from pyinfra.benchmark.go import Place, benchmark
+from pyinfra.benchmark.go import Place, benchmark, time_again
 from pyinfra.benchmark.matrix import Cell, Plan, read_plan
 from pyinfra.benchmark.pool import BACKENDS, Pool
 from pyinfra.training.sources import TIERS
@@ -40,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--backend", choices=BACKENDS, default="local")
     parser.add_argument("--address", default="", help="of a Ray or Dask cluster that is there")
     parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
+    parser.add_argument(
+        "--latency", action="store_true", help="time the finished cells again, one at a time"
+    )
     parser.add_argument("--dry-run", action="store_true", help="print the cells and their time")
 
 
@@ -50,6 +53,9 @@ def run(args: argparse.Namespace) -> int:
     place = Place(args.work, args.out, args.tier)
     if args.dry_run:
         print(outlook(plan, place, args.jobs))
+        return 0
+    if args.latency:
+        time_again(plan, place, device=args.device)
         return 0
     where = Pool(args.backend, args.jobs, args.address)
     benchmark(plan, place, where, device=args.device)

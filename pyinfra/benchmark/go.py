@@ -10,9 +10,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.atomic import held
 from pyinfra.benchmark import measure, pool, store, worlds
+from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.matrix import Cell, Plan
+from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY, value_table
+from pyinfra.training.recipe import read_recipe
 
 KEYS = {  # of the rows of each table
     "cells": KEY,
@@ -21,9 +25,11 @@ KEYS = {  # of the rows of each table
     "value": KEY,
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
+    "claims": ["scene", "preset"],
+    "paper": ["scene", "preset"],
     **{name: ["scene", "preset"] for name in worlds.STATISTICS},
 }
-VALUED = ("cells", "areas", "distance", "lidars", "hits")
+READ = ("cells", "areas", "distance", "lidars", "hits")
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
             left=place.without_row,
             lost=lambda cell, error: place.put(measure.failed(cell, error)),
         )
-    put_prices(place, plan)
+    conclude(place, plan)
 
 
 def forget_failed(place: Place, plan: Plan) -> None:
@@ -89,17 +95,26 @@ def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     pool.call_all(worlds.simulate, shards, where)
     for world, cells in plan.worlds().items():
         worlds.split_by_time(place.data(world))
-        place.put(worlds.described(place.data(world), cells))
+        if not is_described(place, cells):
+            place.put(worlds.described(place.data(world), cells))
+
+
+def is_described(place: Place, cells: Sequence[Cell]) -> bool:
+    """Whether every LiDAR of the cells of one data set has its row of hits."""
+    hits = store.read(place.table("hits"))
+    wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
+    return all(store.has(hits, key) for key in wanted)
 
 
 def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
     """The rows of one cell, unless another process is at it; an exception becomes its reason."""
     run = place.work / "runs" / cell.name
-    with store.held(run.with_suffix(".lock"), wait=False) as ours:
+    with held(run.with_suffix(".lock"), wait=False) as ours:
         if not ours or not place.without_row([cell]):
             return
-        recipe, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
+        file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
         try:
+            recipe = read_recipe(file, cell.tier)
             found = measure.tables(cell, recipe, folder, run, device=device)
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
@@ -114,8 +129,30 @@ def progress(row: pd.Series) -> str:
     return f"{name}: AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}], {row.train_seconds} s"
 
 
-def put_prices(place: Place, plan: Plan) -> None:
-    """Works out the table of values again, if there is a finished cell."""
-    tables = {name: store.read(place.table(name)) for name in VALUED}
-    if all(len(table) for table in tables.values()):
-        place.put({"value": value_table(tables, plan.costs)})
+def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
+    """Measures the latency of every finished cell whose run is here, one after the other."""
+    for cell in plan.cells:
+        run, table = place.work / "runs" / cell.name, store.read(place.table("cells"))
+        if not run.is_dir() or not store.has(table, asdict(cell)):
+            continue
+        rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)]
+        times = measure.detected(run, place.data(cell.world) / cell.lidar, device)
+        rows = rows.assign(**measure.latency_columns(times))
+        place.put({"cells": rows})
+        print(f"{cell.title}: {rows.latency_p50_ms.iloc[0]} ms", file=sys.stderr, flush=True)
+
+
+def conclude(place: Place, plan: Plan) -> None:
+    """Works out prices and claims again, if there is a finished cell."""
+    tables = {name: store.read(place.table(name)) for name in READ}
+    if not all(len(table) for table in tables.values()):
+        return
+    tables["value"] = value_table(tables, plan.costs)
+    tables["stress"] = store.read(place.results / "stress.csv")
+    place.put({"value": tables["value"]})
+    for name, rows in (
+        ("claims", claims_table(tables)),
+        ("paper", paper_table(tables["cells"])),
+    ):
+        if len(rows):
+            place.put({name: rows})

@@ -17,17 +17,18 @@ from pyinfra.evaluate import evaluate
 from pyinfra.evaluation.ground_truth import SETS, frame_numbers
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
+from pyinfra.kitti import FloatArray
 from pyinfra.train import train
-from pyinfra.training.recipe import read_recipe
+from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source
 
 Tables = dict[str, pd.DataFrame]
 
 
-def tables(cell: Cell, recipe: Path, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
+def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
     """The rows of a cell: `cells`, `areas`, `distance`.
 
-    recipe: file of configs/detectors; folder: the LiDAR's, split; run: where the model goes.
+    folder: the LiDAR's, split; run: where the model goes.
     A training that was stopped goes on.
     """
     seconds = trained(cell, recipe, folder, run, device)
@@ -40,19 +41,19 @@ def tables(cell: Cell, recipe: Path, folder: Path, run: Path, *, device: str = "
     }
 
 
-def trained(cell: Cell, recipe: Path, folder: Path, run: Path, device: str) -> float:
+def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
     """CPU seconds of the training, over all goes that ended by themselves."""
     spent = run / "cpu_seconds"
     before = time.process_time()
     source = read_source(folder, cell.tier)
-    train(read_recipe(recipe, cell.tier), [source], run, seed=cell.seed, device=device, quiet=True)
+    train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
     seconds = time.process_time() - before
     seconds += float(spent.read_text()) if spent.exists() else 0
     spent.write_text(f"{seconds}")
     return seconds
 
 
-def detected(run: Path, folder: Path, device: str) -> np.ndarray:
+def detected(run: Path, folder: Path, device: str) -> FloatArray:
     """Milliseconds a test frame, points to boxes; writes the predictions."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detector = detect.load_detector(run, device=device)
@@ -60,10 +61,18 @@ def detected(run: Path, folder: Path, device: str) -> np.ndarray:
     return detect.detect(detector, files, run / "predictions")[1]
 
 
-def row(cell: Cell, evaluation: Evaluation, seconds: float, times: np.ndarray) -> dict[str, object]:
+def latency_columns(times: FloatArray) -> dict[str, object]:
+    p50, p95 = np.percentile(times, (50, 95))
+    return {
+        "latency_p50_ms": round(p50, 2),
+        "latency_p95_ms": round(p95, 2),
+        "latency_version": __version__,
+    }
+
+
+def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -> dict[str, object]:
     found = evaluation.ap.set_index("ground_truth")
     captured = found.loc["captured"]
-    p50, p95 = np.percentile(times, (50, 95))
     return {
         **asdict(cell),
         "ap": captured.ap,
@@ -73,8 +82,7 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: np.ndarray) -
         "ap_all": found.ap["all"],
         "objects": int(captured.objects),
         "train_seconds": round(seconds, 1),
-        "latency_p50_ms": round(p50, 2),
-        "latency_p95_ms": round(p95, 2),
+        **latency_columns(times),
         **provenance(),
     }
 
@@ -89,7 +97,6 @@ def provenance() -> dict[str, object]:
     return {
         "command": "pyinfra benchmark",
         "version": __version__,
-        "latency_version": __version__,
         "machine": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
     }
 

@@ -2,30 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.atomic import replacing
-
-
-@contextmanager
-def held(file: Path, *, wait: bool) -> Iterator[bool]:
-    """Whether this process alone holds the lock; waits until it does, or says no at once.
-
-    A process that ends, however it ends, holds none.
-    """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            yield False
-            return
-        yield True
+from pyinfra.atomic import held, replacing
 
 
 def read(file: Path) -> pd.DataFrame:

@@ -70,9 +70,14 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     return t
 
 
-def covered(distance: pd.DataFrame) -> pd.DataFrame:
-    """Metres of road inside windows whose AP of `all` is above 85, by cell: column covered_m."""
-    good = distance[(distance.ground_truth == "all") & (distance.ap > HQ_AP)]
+def covered(
+    distance: pd.DataFrame, above: float = HQ_AP, within_m: float = REGION_M
+) -> pd.DataFrame:
+    """Metres of road inside windows whose AP of `all` is above 85, by cell: column covered_m.
+
+    within_m: how far along the road, to both sides, from the foot of the sensor.
+    """
+    good = distance[(distance.ground_truth == "all") & (distance.ap > above)]
     steps = round(WINDOW_M / WINDOW_STEP_M)
     pieces = pd.concat(
         [
@@ -80,7 +85,7 @@ def covered(distance: pd.DataFrame) -> pd.DataFrame:
             for i in range(steps)
         ]
     ).drop_duplicates()
-    inside = pieces[(pieces.piece >= -REGION_M) & (pieces.piece < REGION_M)]
+    inside = pieces[(pieces.piece >= -within_m) & (pieces.piece < within_m)]
     every = distance[KEY].drop_duplicates()
     metres = WINDOW_STEP_M * inside.groupby(KEY).size().rename("covered_m")
     return every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})

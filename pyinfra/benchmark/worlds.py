@@ -103,7 +103,8 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
 def lidar_row(folder: Path) -> dict[str, object]:
     """Price, field of view and range of a LiDAR, as the run resolved them."""
     lidar, top = kitti.read_lidar(folder), kitti.read_yaml(folder / "lidar.yaml")
-    price, units = top.at("price_usd"), lidar.field_of_view
+    units = lidar.field_of_view
+    price = top.at("price_usd") if len(units) == 1 else None
     widths = [unit.azimuth[1] - unit.azimuth[0] for unit in units]
     heights = [unit.elevation[1] - unit.elevation[0] for unit in units]
     return {
@@ -113,8 +114,8 @@ def lidar_row(folder: Path) -> dict[str, object]:
         "units": len(units),
         "price_low_usd": lidar.price_usd[0],
         "price_high_usd": lidar.price_usd[1],
-        "price_source": price.at("source").text(),
-        "price_date": price.at("date").text(),
+        "price_source": price.at("source").text() if price else "sum of the units",
+        "price_date": price.at("date").text() if price else "",
         "horizontal_fov_deg": min(360.0, math.degrees(sum(widths))),
         "vertical_fov_deg": math.degrees(max(heights)),
         "range_m": max(unit.range_m[1] for unit in units),

@@ -31,6 +31,7 @@ from pyinfra.evaluation.matching import (
     overlapping_pairs,
     reaches,
 )
+from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.statistics.intervals import Blocks, time_blocks
 
 FloatArray = npt.NDArray[np.float64]
@@ -41,7 +42,6 @@ BoolArray = npt.NDArray[np.bool_]
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 CAUSES = ("ghost", "duplicate", "localisation")
-VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle")
 LEAST_BLOCKS_WITH_OBJECTS = 5  # a quantity whose objects are in fewer has no interval
 
 
@@ -73,6 +73,12 @@ class Settings:
             raise ValueError(
                 "found a setting out of range, allowed score 0-1, draws and points > 0"
             )
+
+    @property
+    def types(self) -> list[str]:
+        """Names of vehicles and predictions that are evaluated, each once."""
+        every = (t for name, own in self.classes.items() for t in (*own, name))
+        return list(dict.fromkeys(every))
 
 
 @dataclass(frozen=True, eq=False)

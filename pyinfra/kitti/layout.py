@@ -28,6 +28,8 @@ OBJECT_COLUMNS = (
     "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(",")
 )
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
+# What is a vehicle; the last one is of unknown type.
+VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
 
 
 class FormatError(ValueError):

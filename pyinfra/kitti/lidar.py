@@ -42,7 +42,7 @@ class Lidar:
     name: str
     model: str
     preset: str
-    price_usd: tuple[float, float]  # low, high; the sum over the units
+    price_usd: tuple[float, float]  # low, high; the sum over the units; nan: not known
     period_s: float
     T_world_levelled: WorldPose
     field_of_view: tuple[FieldOfView, ...]  # one per unit
@@ -123,7 +123,7 @@ class YamlNode:
     def number(self) -> float:
         text = self.text()
         try:
-            return float(text.replace(".inf", "inf"))
+            return float(text.replace(".inf", "inf").replace(".nan", "nan"))
         except ValueError:
             self._fail(f"found '{text}', allowed a number")
 

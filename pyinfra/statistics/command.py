@@ -71,25 +71,34 @@ def speed_table(data: DataSet) -> pd.DataFrame:
 
 
 def pattern_tables(data: DataSet) -> Tables:
-    """lit_share and angular_density of the LiDARs. Raises ImportError without the extension."""
+    """lit_share and angular_density of the LiDARs whose pattern is known; none without one.
+
+    Raises ImportError without the extension.
+    """
     from pyinfra.statistics import patterns
 
     tables: dict[str, list[pd.DataFrame]] = {"lit_share": [], "angular_density": []}
     for lidar in data.lidars:
         file = data.lidar_folder(lidar.name) / "lidar.yaml"
+        if not patterns.has_pattern(file):
+            continue
         rays = patterns.read_rays(file, patterns.FIELD_S, data.period_s)
         tables["lit_share"].append(patterns.lit_share(rays).assign(lidar=lidar.name))
         tables["angular_density"].append(patterns.angular_density(rays).assign(lidar=lidar.name))
-    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items() if parts}
 
 
 def data_set_tables(data: DataSet, vehicles: Vehicles, *, above_road: bool) -> Tables:
-    """All tables of one data set but those of its patterns, with columns that name it."""
+    """All tables of one data set but those of its patterns, with columns that name it.
+
+    A recording, which has no trajectories, has no table of speeds.
+    """
     blocks = blocks_of(data)
     counts = {x.name: hit_counts(data, x, above_road=above_road) for x in data.lidars}
     tables = vehicle_tables(vehicles, blocks)
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
-    tables["speed"] = speed_table(data)
+    if (data.folder / "trajectories.csv").is_file():
+        tables["speed"] = speed_table(data)
     return {name: described(data, rows, above_road) for name, rows in tables.items()}
 
 
@@ -146,7 +155,7 @@ def statistics(
         data_set_tables(data, v, above_road=above_road)
         for data, v in zip(data_sets, vehicles, strict=True)
     ]
-    tables = {name: pd.concat([p[name] for p in parts], ignore_index=True) for name in parts[0]}
+    tables = _joined(parts)
     change = aggregation_table(data_sets, vehicles, above_road=above_road)
     if len(change) > 0:
         tables["aggregation"] = change
@@ -193,13 +202,20 @@ def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:
     seen: dict[tuple[str, tuple[str, ...]], DataSet] = {}
     for data in data_sets:
         seen.setdefault((data.preset, data.names), data)
-    parts = [(data, pattern_tables(data)) for data in seen.values()]
+    return _joined(
+        [
+            {name: described(data, rows, above_road) for name, rows in pattern_tables(data).items()}
+            for data in seen.values()
+        ]
+    )
+
+
+def _joined(parts: Sequence[Tables]) -> Tables:
+    """Tables of the same name under one another."""
+    names = list(dict.fromkeys(name for part in parts for name in part))
     return {
-        name: pd.concat(
-            [described(data, tables[name], above_road) for data, tables in parts],
-            ignore_index=True,
-        )
-        for name in parts[0][1]
+        name: pd.concat([part[name] for part in parts if name in part], ignore_index=True)
+        for name in names
     }
 
 

@@ -236,10 +236,12 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
     keys, values, points = [], [], []
     for frame in data.frames:
         k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
+        vehicle = np.isin(k.names, kitti.VEHICLE_TYPES)
         on_vehicle = k.points if level is None else _points_above(folder, frame, k.ids, level)
-        keys.append(np.stack([np.full(len(k), frame), k.ids], axis=1))
-        values.append(np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility]))
-        points.append(np.stack([on_vehicle, k.points_in_box], axis=1))
+        keys.append(np.stack([np.full(len(k), frame), k.ids], axis=1)[vehicle])
+        columns = np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility])
+        values.append(columns[vehicle])
+        points.append(np.stack([on_vehicle, k.points_in_box], axis=1)[vehicle])
     return _ObjectTable(np.concatenate(keys), np.concatenate(values), np.concatenate(points))
 
 

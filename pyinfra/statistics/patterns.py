@@ -52,6 +52,11 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
     return Rays(np.degrees(rays[:, 0]), np.degrees(rays[:, 1]), rays[:, 2])
 
 
+def has_pattern(lidar_yaml: Path) -> bool:
+    """Whether a `lidar.yaml` says where the rays go; that of a recording does not."""
+    return "returns" in yaml.safe_load(lidar_yaml.read_text(encoding="utf-8"))
+
+
 def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
     """Share of the field of view lit after a time; the field is that of all given rays.
 

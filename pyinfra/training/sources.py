@@ -14,7 +14,7 @@ import yaml
 from pyinfra import kitti, split
 from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.detectors import Points
-from pyinfra.kitti import FloatArray, read_yaml
+from pyinfra.kitti import VEHICLE_TYPES, FloatArray, read_yaml
 
 if TYPE_CHECKING:
     from pyinfra import sim
@@ -24,7 +24,6 @@ TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
 
-VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
 VEHICLE_CLASSES = range(10, 15)  # of the simulator: Car to Motorcycle
 PERIOD_S = 0.1  # of the simulator's frames
 

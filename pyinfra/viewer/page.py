@@ -40,9 +40,10 @@ _PAGE = """<!DOCTYPE html>
 :root[data-theme="dark"] {{ color-scheme: dark; }}
 body {{
   box-sizing: border-box; min-height: 100dvh; margin: 0; padding: 0.75rem 1rem;
-  display: flex; flex-direction: column; gap: 0.5rem; background: light-dark(#fff, #0b0f14);
+  display: flex; flex-direction: column; gap: 0.5rem;
+  background: light-dark(#fff, #0b0f14); font-family: system-ui, sans-serif;
 }}
-h1 {{ margin: 0; font: 600 1.125rem/1.3 system-ui, sans-serif; overflow-wrap: anywhere; }}
+h1 {{ margin: 0; font-size: 1.125rem; line-height: 1.3; overflow-wrap: anywhere; }}
 .lidar-view {{ flex: 1; }}
 .lidar-view .lv-stage {{ flex: 1; min-height: 20rem; height: auto; }}
 </style>

@@ -49,6 +49,18 @@ def run_command() -> Callable[..., list[str]]:
 
 
 @pytest.fixture(scope="session")
+def motorway(
+    infrasim: Infrasim, run_command: Callable[..., list[str]], tmp_path_factory: Any
+) -> Path:
+    """Three frames of four LiDARs on the motorway, with fields; to be read only."""
+    out = tmp_path_factory.mktemp("motorway") / "data"
+    lidars = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
+    result = infrasim(*run_command(*lidars, frames="0:3"), "--set", "fields=true", "--out", out)
+    assert result.returncode == 0, result.stderr
+    return out
+
+
+@pytest.fixture(scope="session")
 def digests() -> Callable[[Path], dict[str, str]]:
     """SHA-256 of every file of a data set by its path; times are in summary.csv, so without it."""
 

@@ -103,6 +103,16 @@ def test_the_same_command_again_computes_nothing(results: Path, config: Path) ->
     assert (results / "smoke.csv").read_bytes() == before
 
 
+def test_latency_can_be_measured_again_alone(results: Path) -> None:
+    before = pd.read_csv(results / "smoke.csv")
+    before.assign(latency_p50_ms=-1.0).to_csv(results / "smoke.csv", index=False)
+    assert cli.main([*words(results.parent / "small.yaml", results), "--latency"]) == 0
+    after = pd.read_csv(results / "smoke.csv")
+    assert (after.latency_p50_ms > 0).all()
+    assert list(after.columns) == list(before.columns)
+    assert after.ap.to_list() == before.ap.to_list()
+
+
 def test_a_failed_cell_is_a_row_with_its_reason_and_is_tried_again(
     config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

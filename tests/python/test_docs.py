@@ -45,3 +45,27 @@ def test_the_configuration_of_the_page_is_one(tmp_path: Path) -> None:
     recipe = read_recipe(tmp_path / "own.yaml", "smoke")
     assert recipe.network.pillar_m == yaml.safe_load(text)["tiers"]["smoke"]["network"]["pillar_m"]
     assert recipe.augmentation.pasted == 10
+
+
+@pytest.mark.slow
+def test_the_commands_for_own_data_run(
+    infrasim: Callable[..., object],
+    run_command: Callable[..., list[str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On 30 frames of a simulation as somebody else's recording, with a short training."""
+    infrasim(*run_command("helios_16", frames="0:30", out=tmp_path / "site"), check=True)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "configs").symlink_to(DOCS.parent / "configs")
+    recording = ["--to", "pcd", "--out", "recordings/junction"]
+    assert cli.main(["export", "site/helios_16", *recording]) == 0
+    commands = [c for block in blocks("own_data.md", "") for c in block.splitlines()]
+    assert len(commands) == 16
+    for command in commands:
+        short = command.replace("--tier quick", "--tier smoke --budget 0.1")
+        short += " --no-figures" if " evaluate " in command else ""
+        program, *words = short.split()
+        assert program == "pyinfra"
+        assert cli.main(words) == 0, command
+    assert pd.read_csv("out/junction_background/ap.csv").objects[0] > 0

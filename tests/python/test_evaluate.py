@@ -189,6 +189,11 @@ def test_classes_are_chosen_by_name(run: Callable[..., Evaluation]) -> None:
     assert row(result, **{"class": "large"}).predictions == 0
 
 
+def test_a_vehicle_of_unknown_type_counts_as_one(run: Callable[..., Evaluation]) -> None:
+    frames = [[car(20, **{"class": "vehicle"}), car(40), car(60, **{"class": "Tram"})]]
+    assert row(run(frames, perfect(frames))).objects == 2
+
+
 # --- input
 
 

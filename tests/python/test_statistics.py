@@ -341,6 +341,19 @@ def test_frames_without_vehicles_give_tables_without_numbers(tmp_path: Path) -> 
     assert len(statistics.write(drawn, tmp_path / "out")) == 2
 
 
+def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path: Path) -> None:
+    """Nor has it a pattern, so those tables are left out; beside a run both stay."""
+    rows = [row(1, 40, 9), row(2, 45, 4).replace("Car", "Pedestrian")]
+    recording = write_folder(tmp_path / "recording", {"a": {0: rows}})
+    (recording / "trajectories.csv").unlink()
+    assert read_vehicles(read_data_set(recording)).ids.tolist() == [1]
+    tables = statistics.statistics([recording])
+    assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
+    assert not {"speed", "lit_share", "angular_density"} & set(tables)
+    run = write_folder(tmp_path / "run", {"a": {0: rows}})
+    assert "speed" in statistics.statistics([recording, run], patterns=False)
+
+
 @pytest.mark.slow
 def test_a_real_run_gives_every_table_and_figure(infrasim: Infrasim, tmp_path: Path) -> None:
     files = [f"configs/lidars/{name}.yaml" for name in ("livox_avia", "helios_16")]

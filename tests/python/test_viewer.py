@@ -6,6 +6,7 @@ import html.parser
 import json
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -232,6 +233,24 @@ def test_with_predictions_the_first_frame_that_has_some_is_shown(tmp_path: Path)
     data = data_of(out.read_text()[out.read_text().index("<figure") :])
     assert data["frames"][0]["number"] == 1
     assert len(data["lidars"][0]["frames"][0]["predictions"]) == 1
+
+
+def test_a_run_of_the_simulator_has_time_and_objects(
+    infrasim: Callable[..., Any], run_command: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    data, out = tmp_path / "data", tmp_path / "view.html"
+    infrasim(*run_command("helios_16", "livox_avia", frames="0:2", out=data), "--fields")
+    assert cli.main(["view", str(data), "--frames", "0:2", "--out", str(out)]) == 0
+    lidars = data_of(out.read_text()[out.read_text().index("<figure") :])["lidars"]
+    assert [lidar["name"] for lidar in lidars] == ["RoboSense Helios 16P", "Livox Avia"]
+    for lidar in lidars:
+        for k, frame in enumerate(lidar["frames"]):
+            assert frame["points"]["time"]
+            folder = data / ("helios_16" if "Helios" in lidar["name"] else "livox_avia")
+            objects = kitti.read_objects(kitti.frame_file(folder, "objects", k))
+            hit = set(objects.ids[objects.points > 0].tolist())
+            assert set(frame["points"]["objects"]) == {-1} | hit
+            assert sum(v["points"] for v in frame["vehicles"]) == objects.points.sum()
 
 
 @pytest.mark.parametrize(

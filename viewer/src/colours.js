@@ -23,7 +23,7 @@ export function endsOf(mode, view) {
     height: ["ground", `${HEIGHT_M} m above`],
     intensity: ["intensity 0", "1"],
     time: ["0 s", `${view.period_s} s`],
-    object: ["background", "one colour each"],
+    object: ["background", "objects"],
   }[mode];
 }
 

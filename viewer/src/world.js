@@ -13,8 +13,8 @@ import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeome
 ColorManagement.enabled = false; // colours go to the screen as they stand in the style sheet
 
 const GRID_M = 200, CELL_M = 20; // half the width of the grid, and of one square
-const POINT_PX = [1, 1.8], LINE_PX = 1.7; // points grow with the width of the picture
-const FULL_WIDTH_PX = 1100;
+const POINT_PX = [1, 1.8], LINE_PX = 1.7; // points grow with the width of the picture,
+const FULL_WIDTH_PX = 1100, NEAR_M = 45, MOST = 1.7; // and when the camera is near
 const UNIT = new Box3(new Vector3(-0.5, -0.5, -0.5), new Vector3(0.5, 0.5, 0.5));
 // Corners by sign of x, y, z; the edges between them; from the middle of the roof to the front.
 const CORNERS = [[-1, -1], [-1, 1], [1, 1], [1, -1]].flatMap(([x, y]) => [[x, y, -1], [x, y, 1]]);
@@ -54,6 +54,8 @@ export function makeWorld(canvas, view) {
   let asked = false;
   const render = () => {
     asked = false;
+    const base = MathUtils.lerp(...POINT_PX, Math.min(canvas.clientWidth / FULL_WIDTH_PX, 1));
+    cloud.material.size = base * MathUtils.clamp(NEAR_M / controls.getDistance(), 1, MOST);
     renderer.render(scene, camera);
   };
   const ask = () => {
@@ -71,7 +73,6 @@ export function makeWorld(canvas, view) {
     const { clientWidth: width, clientHeight: height } = canvas.parentElement;
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     renderer.setSize(width, height, false);
-    cloud.material.size = MathUtils.lerp(...POINT_PX, Math.min(width / FULL_WIDTH_PX, 1));
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
     render();

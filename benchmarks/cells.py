@@ -1,0 +1,84 @@
+"""What `pyinfra benchmark` adds to its cells, and two workers against one: results/cells.csv.
+
+    .venv/bin/python benchmarks/cells.py
+
+Smoke tier, where cells are shortest and the share of what surrounds them is largest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra import __version__
+from pyinfra.atomic import replacing
+from pyinfra.benchmark import measure
+from pyinfra.benchmark.go import Place, benchmark, simulate_worlds
+from pyinfra.benchmark.matrix import Plan, read_plan
+from pyinfra.benchmark.pool import Pool
+from pyinfra.training.recipe import read_recipe
+
+ROOT = Path(__file__).resolve().parent.parent
+MATRIX = """
+matrix:
+  - scenes: [highway]
+    lidars: [livox_avia, helios_16]
+    presets: [paper]
+    detectors: [pointpillars, centerpoint-pillar]
+"""
+
+
+def seconds(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def alone(plan: Plan, place: Place) -> None:
+    """The cells one after the other in this process, no rows written."""
+    for cell in plan.cells:
+        recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
+        folder = place.data(cell.world) / cell.lidar
+        measure.tables(cell, recipe, folder, place.work / "alone" / cell.name)
+
+
+def through(plan: Plan, place: Place, jobs: int) -> None:
+    """The same cells through the benchmark, from the start but for the frames."""
+    shutil.rmtree(place.work / "runs", ignore_errors=True)
+    shutil.rmtree(place.results, ignore_errors=True)
+    benchmark(plan, place, Pool(jobs=jobs))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "cells.csv")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        (work / "cells.yaml").write_text(MATRIX)
+        plan = read_plan(work / "cells.yaml", "smoke")
+        place = Place(work, work / "results", "smoke")
+        simulate_worlds(plan, place, Pool())
+        times = {
+            "cells alone": seconds(lambda: alone(plan, place)),
+            "benchmark, one worker": seconds(lambda: through(plan, place, 1)),
+            "benchmark, two workers": seconds(lambda: through(plan, place, 2)),
+        }
+    bare, one, two = times.values()
+    rows = [{"what": what, "value": value, "unit": "s"} for what, value in times.items()]
+    rows.append({"what": "overhead", "value": 100 * (one / bare - 1), "unit": "%"})
+    rows.append({"what": "two workers against one", "value": one / two, "unit": "speed-up"})
+    table = pd.DataFrame(rows).assign(command="benchmarks/cells.py", version=__version__)
+    with replacing(args.out) as beside:
+        table.to_csv(beside, index=False, float_format="%.4g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()

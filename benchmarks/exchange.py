@@ -1,0 +1,109 @@
+"""Rates of every export and import, on one core: 100 frames of each of four LiDARs.
+
+Writes results/exchange.csv:
+    .venv/bin/python benchmarks/exchange.py
+Seconds are of the core, the system's share included: what a clock shows on a machine that does
+nothing else and whose disk keeps up. Files are in the page cache; MB are those written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before numpy
+
+import pandas as pd
+
+from pyinfra import __version__
+from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.exchange.data_set import About
+from pyinfra.exchange.export_command import export
+from pyinfra.exchange.formats import EXPORTS, IMPORTS
+from pyinfra.exchange.import_command import import_recording
+from pyinfra.exchange.rates import size_of
+from pyinfra.exchange.recording import Options
+
+ROOT = Path(__file__).resolve().parent.parent
+LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
+Row = dict[str, object]
+
+
+def simulate(folder: Path, frames: int) -> None:
+    """Frames with all fields; raises CalledProcessError."""
+    lidars = [f"configs/lidars/{name}.yaml" for name in LIDARS]
+    command = [Path(sys.executable).with_name("infrasim"), "run", "configs/scenes/highway.yaml"]
+    command += ["--lidar", *lidars, "--preset", "paper", "--frames", f"0:{frames}"]
+    command += ["--set", "fields=true", "--out", folder]
+    subprocess.run([str(word) for word in command], cwd=ROOT, check=True, capture_output=True)
+
+
+def rows(data: Path, folder: Path) -> Iterator[Row]:
+    """A row for each LiDAR, format and direction."""
+    for lidar in LIDARS:
+        source = data / lidar
+        frames = frame_numbers(source, "all")
+        for name in EXPORTS:
+            out = folder / f"{lidar}-{name}"
+            seconds = timed(lambda n=name, s=source, f=frames, o=out: export(s, f, n, o))
+            yield row("export", name, lidar, len(frames), out, seconds)
+        for name in IMPORTS:
+            recording = source if name == "kitti" else folder / f"{lidar}-{name}"
+            out = folder / f"{lidar}-from-{name}" / lidar
+            about = About(lidar, "highway")
+            seconds = timed(
+                lambda n=name, r=recording, a=about, o=out: import_recording(r, n, o, a, Options())
+            )
+            yield row("import", name, lidar, len(frames), out, seconds)
+
+
+def warm_up(folder: Path) -> None:
+    """Each way once on two frames, so that no row has the imports of its packages."""
+    simulate(folder / "few", 2)
+    list(rows(folder / "few", folder / "warm"))
+
+
+def timed(work: Callable[[], object]) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def row(way: str, name: str, lidar: str, frames: int, out: Path, seconds: float) -> Row:
+    megabytes = size_of(out) / 1e6
+    return {
+        "way": way,
+        "format": name,
+        "lidar": lidar,
+        "frames": frames,
+        "megabytes": megabytes,
+        "frames_per_s": frames / seconds,
+        "megabytes_per_s": megabytes / seconds,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "exchange.csv")
+    parser.add_argument("--frames", type=int, default=100, help="of each LiDAR")
+    args = parser.parse_args()
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        simulate(folder / "data", args.frames)
+        warm_up(folder)
+        table = pd.DataFrame(list(rows(folder / "data", folder / "out")))
+    described = table.assign(command="benchmarks/exchange.py", seed=1, version=__version__)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    described.to_csv(args.out, index=False, float_format="%.4g")
+    print(table.to_string(index=False, float_format="%.4g"))
+
+
+if __name__ == "__main__":
+    main()

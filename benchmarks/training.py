@@ -1,0 +1,106 @@
+"""What a budget and a split do to AP: results/budget.csv and results/split.csv.
+
+    .venv/bin/python benchmarks/training.py --work data/benchmark
+
+Highway, Avia, preset `paper`, quick tier. Rows that are there are left out; the whole budget and
+the split by time are the rows of results/quick.csv, so `pyinfra benchmark` comes first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra import split
+from pyinfra.benchmark import measure, store
+from pyinfra.benchmark.matrix import Cell
+from pyinfra.benchmark.value import KEY
+from pyinfra.hits import configs
+from pyinfra.statistics.data import read_data_set
+from pyinfra.training.recipe import Recipe, read_recipe
+
+ROOT = Path(__file__).resolve().parent.parent
+LIDAR = "livox_avia"
+BUDGETS = (0.25, 0.5)
+STARVED = ("pv-rcnn", "dsvt", "pointrcnn-remedied")
+LEAKING = ("pointpillars", "centerpoint-pillar")
+SPLIT_SEED = 1
+
+
+def cell_of(detector: str) -> Cell:
+    return Cell("highway", LIDAR, "paper", detector, "quick", 1)
+
+
+def cut(recipe: Recipe, budget: float) -> Recipe:
+    """The recipe with a share of its steps; the schedule spans them."""
+    steps = round(budget * recipe.learning.steps)
+    return dataclasses.replace(recipe, learning=dataclasses.replace(recipe.learning, steps=steps))
+
+
+def split_at_random(data: Path) -> Path:
+    """A twin of the data set whose frames are those of the first, split at random."""
+    twin = data.with_name(f"{data.name}_random")
+    for file in data.glob("*.*"):
+        link(twin / file.name, file)
+    for folder in data.glob("*/lidar.yaml"):
+        for name in ("lidar.yaml", "training"):
+            link(twin / folder.parent.name / name, folder.parent / name)
+    found = read_data_set(twin)
+    split.write(found, split.by_random(found.frames, SPLIT_SEED))
+    return twin
+
+
+def link(at: Path, to: Path) -> None:
+    at.parent.mkdir(parents=True, exist_ok=True)
+    if not at.exists():
+        at.symlink_to(to.resolve())
+
+
+def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folder: Path) -> None:
+    """The row of a cell with a change, unless it is there."""
+    key = dataclasses.asdict(cell) | change
+    if store.has(store.read(file), key):
+        return
+    words = "_".join(str(value) for value in change.values())
+    run = folder.parents[2] / "runs" / f"{cell.name}_{words}"
+    rows = measure.tables(cell, recipe, folder, run)["cells"].assign(**change)
+    rows["command"] = "benchmarks/training.py"
+    store.put(file, rows, list(key), run.with_suffix(".lock"))
+    print(*rows.iloc[0][["detector", *change, "ap", "ap_low", "ap_high"]], flush=True)
+
+
+def add_known(
+    file: Path, results: Path, detectors: tuple[str, ...], change: dict[str, object]
+) -> None:
+    """The rows of the matrix with what is not changed."""
+    table = store.read(results / "quick.csv")
+    wanted = pd.DataFrame([dataclasses.asdict(cell_of(name)) for name in detectors])
+    rows = table[store.among(table, wanted, KEY)].assign(**change)
+    if len(rows):
+        store.put(file, rows, [*KEY, *change], file.with_suffix(".lock"))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
+    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    args = parser.parse_args()
+    data = args.work / "data/highway_paper"
+    for detector in STARVED:
+        recipe = read_recipe(configs() / f"detectors/{detector}.yaml", "quick")
+        for budget in BUDGETS:
+            file = args.out / "budget.csv"
+            add(file, cell_of(detector), {"budget": budget}, cut(recipe, budget), data / LIDAR)
+    add_known(args.out / "budget.csv", args.out, STARVED, {"budget": 1.0})
+    twin = split_at_random(data)
+    for detector in LEAKING:
+        recipe = read_recipe(configs() / f"detectors/{detector}.yaml", "quick")
+        add(args.out / "split.csv", cell_of(detector), {"split": "random"}, recipe, twin / LIDAR)
+    add_known(args.out / "split.csv", args.out, LEAKING, {"split": "time"})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Frames for other tools, and other tools' frames as data sets."""

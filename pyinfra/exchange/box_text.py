@@ -1,0 +1,29 @@
+"""Labels as lines `x y z dx dy dz heading category`: box centre, LiDAR frame, metres, radians."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pyinfra.exchange.recording import Boxes
+from pyinfra.kitti import FloatArray
+from pyinfra.kitti.layout import Names
+from pyinfra.kitti.table import Table, lines_of
+
+COLUMNS = "x y z dx dy dz heading category".split()
+
+
+def read_boxes(file: Path) -> Boxes:
+    """Raises FormatError with file and line."""
+    rows = [line.split() for line in lines_of(file) if line.strip()]
+    table = Table(file, 1, rows, COLUMNS, "category")
+    table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
+    return Boxes(table.names, table.values)
+
+
+def write_boxes(file: Path, names: Names, boxes: FloatArray) -> None:
+    """names: (k,), boxes: (k, 7); places to a micrometre."""
+    lines = [
+        " ".join([*(f"{value:.6f}" for value in box), str(name)]) + "\n"
+        for name, box in zip(names, boxes, strict=True)
+    ]
+    file.write_text("".join(lines), encoding="utf-8")

@@ -1,0 +1,234 @@
+"""A recording as one LiDAR of a data set: what `infrasim run` would write, as far as it is known.
+
+There is no scene, so there are no roads.csv and no trajectories.csv; see docs/own_data.md for what
+each command makes of that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+from scipy.spatial.transform import Rotation
+
+from pyinfra import __version__, kitti
+from pyinfra.atomic import replacing
+from pyinfra.exchange.box_points import points_in_boxes
+from pyinfra.exchange.object_types import types_of
+from pyinfra.exchange.recording import Boxes, Points, RecordedFrame, Recording
+from pyinfra.exchange.view import View
+from pyinfra.kitti import VEHICLE_TYPES, FloatArray, Labels, Objects, WorldPose
+
+RECORDED = "recorded"  # preset and aggregation of an imported data set
+PERIOD_S = 0.1
+SEEN = 1.0  # visibility of an object that somebody labelled
+
+
+@dataclass(frozen=True)
+class About:
+    """What the user knows of the LiDAR; None is not known."""
+
+    name: str
+    scene: str
+    model: str | None = None
+    price_usd: tuple[float, float] | None = None
+    period_s: float | None = None
+    height_m: float | None = None  # above the road
+    tilt: tuple[float, float] | None = None  # pitch (positive looks down), roll; radians
+    types: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Found:
+    """What was in the frames, counted while they are written."""
+
+    frames: int = 0
+    points: int = 0
+    without_return: int = 0  # points left out
+    types: Counter[str] = field(default_factory=Counter)
+    bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles'
+    view: View = field(default_factory=View)
+
+
+def write_lidar(
+    recording: Recording, out: Path, about: About, places: Iterable[int] | None = None
+) -> Found:
+    """Frames, lists and lidar.yaml into the folder `out`; returns what was there.
+
+    places: in the recording, all by default. Raises what reading the frames raises, and ValueError
+    if the tilt is given twice or there is no return at all.
+    """
+    if about.tilt and recording.tilt:
+        raise ValueError("found a tilt in the recording and in the options, allowed one of them")
+    tilt = recording.tilt or about.tilt or (0.0, 0.0)
+    T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
+    numbers = recording.numbers()
+    found = Found()
+    for i in range(len(numbers)) if places is None else places:
+        frame = recording.read(i)
+        if about.tilt:
+            frame = levelled(frame, T_levelled_sensor)
+        _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor)
+    _write_lists(out, recording, numbers)
+    (out / "lidar.yaml").write_text(_lidar_yaml(recording, about, found, tilt), encoding="utf-8")
+    return found
+
+
+def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
+    """dataset.yaml, unless it is there for the same scene.
+
+    Raises ValueError for a data set that the LiDAR cannot join: of a simulation, or one whose
+    objects have no common numbers.
+    """
+    file = data / "dataset.yaml"
+    ids = "tracks" if ids_are_tracks else "rows"
+    if file.exists():
+        top = kitti.read_yaml(file)
+        joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
+        if not joined:
+            raise ValueError(
+                f"{data}: found a data set, allowed a new folder: its vehicles and those of "
+                "this recording have no numbers in common"
+            )
+        return
+    lines = {
+        "name": scene,
+        "preset": RECORDED,
+        "aggregation": RECORDED,
+        "seed": 0,
+        "version": __version__,
+        "ids": ids,
+    }
+    with replacing(file) as beside:
+        beside.write_text(yaml.safe_dump(lines, sort_keys=False), encoding="utf-8")
+
+
+def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFrame:
+    """Points and boxes of a leaning sensor turned upright; boxes stand upright afterwards."""
+    points = frame.points.copy()
+    points[:, :3] = points[:, :3] @ T_levelled_sensor.T.astype(np.float32)
+    b = frame.boxes
+    boxes = b.boxes.copy()
+    boxes[:, :3] = boxes[:, :3] @ T_levelled_sensor.T
+    ahead = np.column_stack([np.cos(boxes[:, 6]), np.sin(boxes[:, 6]), np.zeros(len(boxes))])
+    ahead = ahead @ T_levelled_sensor.T
+    boxes[:, 6] = np.arctan2(ahead[:, 1], ahead[:, 0])
+    return RecordedFrame(points, Boxes(b.names, boxes, b.ids, b.visibility), frame.fields)
+
+
+def _write_frame(
+    out: Path,
+    number: int,
+    frame: RecordedFrame,
+    about: About,
+    found: Found,
+    T_levelled_sensor: FloatArray,
+) -> None:
+    keep = has_return(frame.points)
+    points = np.ascontiguousarray(frame.points[keep], dtype=np.float32)
+    fields = None if frame.fields is None else frame.fields[keep]
+    types = types_of(frame.boxes.names, about.types)
+    labels = Labels(types, frame.boxes.boxes, None)
+    objects = objects_of(points, frame.boxes, types)
+    kitti.write_frame(out, number, points, labels, objects=objects, fields=fields)
+    found.frames += 1
+    found.points += len(points)
+    found.without_return += len(keep) - len(points)
+    found.types.update(types.tolist())
+    vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
+    found.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
+    found.view.add(_in_sensor_frame(points, T_levelled_sensor))
+
+
+def has_return(points: Points) -> npt.NDArray[np.bool_]:
+    """Points (n, 4) that are finite and not 0 0 0, which stands for no return: (n,)."""
+    finite = np.isfinite(points @ np.ones(4, dtype=np.float32))  # ten times as fast as all(axis=1)
+    x, y, z = points[:, 0], points[:, 1], points[:, 2]
+    return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
+
+
+def objects_of(points: Points, boxes: Boxes, types: kitti.layout.Names) -> Objects:
+    """The labelled objects, with the points that lie in their boxes.
+
+    Which point came from which object is not known, so both counts are that of the box. A speed is
+    not known and stands as 0.
+    """
+    n = len(boxes)
+    counts = points_in_boxes(points, boxes.boxes)
+    return Objects(
+        ids=np.arange(n) if boxes.ids is None else boxes.ids,
+        names=types,
+        boxes=boxes.boxes,
+        speed=np.zeros(n),
+        points=counts,
+        points_in_box=counts,
+        distance=np.hypot(boxes.boxes[:, 0], boxes.boxes[:, 1]),
+        visibility=np.full(n, SEEN) if boxes.visibility is None else boxes.visibility,
+    )
+
+
+def _in_sensor_frame(points: Points, T_levelled_sensor: FloatArray) -> Points:
+    if np.array_equal(T_levelled_sensor, np.eye(3)):
+        return points
+    return points[:, :3] @ T_levelled_sensor.astype(np.float32)
+
+
+def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> None:
+    """ImageSets as the recording has them, and which frame is which of its files."""
+    written = set(kitti.frames(out))
+    of_name = dict(zip(recording.names, numbers, strict=True))
+    for part, names in recording.splits.items():
+        (out / "ImageSets").mkdir(exist_ok=True)
+        own = sorted(written & {of_name[name] for name in names})
+        text = "".join(f"{number:06d}\n" for number in own)
+        (out / f"ImageSets/{part}.txt").write_text(text, encoding="utf-8")
+    rows = [f"{n},{name}\n" for name, n in of_name.items() if n in written]
+    (out / "sources.csv").write_text("".join(["frame,source\n", *rows]), encoding="utf-8")
+
+
+def _lidar_yaml(recording: Recording, about: About, found: Found, tilt: tuple[float, float]) -> str:
+    view = found.view.measured()
+    pose = recording.pose or WorldPose(0.0, 0.0, _height(about, found), 0.0)
+    low, high = about.price_usd or (math.nan, math.nan)
+    degrees = [[round(math.degrees(v), 6) for v in pair] for pair in (view.azimuth, view.elevation)]
+    content = {
+        "name": about.name,
+        "model": about.model or about.name,
+        "preset": RECORDED,
+        "price_total_usd": {"low": low, "high": high},
+        "period_s": about.period_s or recording.period_s or PERIOD_S,
+        "T_world_levelled": {
+            "x_m": pose.x,
+            "y_m": pose.y,
+            "z_m": pose.z,
+            "yaw_deg": math.degrees(pose.yaw),
+        },
+        "T_levelled_sensor": {
+            "pitch_deg": math.degrees(tilt[0]),
+            "roll_deg": math.degrees(tilt[1]),
+        },
+        "field_of_view": [
+            {
+                "yaw_deg": 0,
+                "pitch_deg": 0,
+                "azimuth_deg": degrees[0],
+                "elevation_deg": degrees[1],
+                "range_m": list(view.range_m),
+            }
+        ],
+    }
+    return str(yaml.safe_dump(content, sort_keys=False))
+
+
+def _height(about: About, found: Found) -> float:
+    """Of the sensor above the road, where the vehicles stand; 0 if neither is known."""
+    if about.height_m is not None:
+        return about.height_m
+    bottoms = np.concatenate([np.empty(0), *found.bottoms])
+    return round(-float(np.median(bottoms)), 3) if len(bottoms) else 0.0

@@ -1,0 +1,70 @@
+"""MMDetection3D's custom layout: points/*.bin and info files, boxes by the middle of their bottom.
+
+After its public guide "Customize Datasets" (version 1.4). The info files are pickles because that
+is the format; they hold plain lists, numbers and words, and this package never reads one.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pyinfra import __version__
+from pyinfra.exchange.box_points import points_in_boxes
+from pyinfra.exchange.road_level import (
+    CLASSES,
+    RoadFrame,
+    read_labels,
+    road_frames,
+    site_of,
+    train_and_val,
+    write_lists,
+    write_sensor,
+)
+
+PROTOCOL = 4  # of the pickles; Python 3.4 on
+METAINFO = {
+    "classes": list(CLASSES),
+    "categories": {name: i for i, name in enumerate(CLASSES)},
+    "dataset": "custom",
+    "info_version": "1.1",
+    "source": f"infrasim {__version__}",
+}
+
+
+def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
+    """At road level, see road_level. Raises ValueError if the frames have no vehicle."""
+    labels = read_labels(lidar_folder, frames)
+    site = site_of(lidar_folder, labels)
+    lists = train_and_val(lidar_folder, frames)
+    write_lists(out, lists)
+    write_sensor(out, site)
+    (out / "points").mkdir()
+    infos = {}
+    for frame in road_frames(lidar_folder, frames, labels, site):
+        (out / f"points/{frame.number:06d}.bin").write_bytes(frame.points.tobytes())
+        infos[frame.number] = _info(frame)
+    for part, own in lists.items():
+        content = {"metainfo": METAINFO, "data_list": [infos[k] for k in own]}
+        file = out / f"custom_infos_{part}.pkl"
+        file.write_bytes(pickle.dumps(content, protocol=PROTOCOL))
+
+
+def _info(frame: RoadFrame) -> dict[str, Any]:
+    boxes = frame.boxes.copy()
+    boxes[:, 2] -= boxes[:, 5] / 2  # from the centre to the middle of the bottom
+    counts = points_in_boxes(frame.points, frame.boxes)
+    return {
+        "sample_idx": frame.number,
+        "lidar_points": {"num_pts_feats": 4, "lidar_path": f"{frame.number:06d}.bin"},
+        "instances": [
+            {
+                "bbox_3d": [float(value) for value in box],
+                "bbox_label_3d": CLASSES.index(str(name)),
+                "num_lidar_pts": int(count),
+            }
+            for name, box, count in zip(frame.names, boxes, counts, strict=True)
+        ],
+    }

@@ -1,0 +1,353 @@
+"""The tables of nuScenes, as `nuscenes-devkit` and what builds on it read them.
+
+    v1.0-infrasim/*.json           thirteen tables; a row's key is its `token`, others refer to it
+    v1.0-infrasim/splits.json      scenes of infrasim_train, infrasim_val and infrasim_all; the
+                                   devkit keeps `train` and `val` for its own scenes
+    samples/LIDAR_TOP/*.pcd.bin    float32 x y z intensity ring
+    maps/none.png                  a mask without anything; the devkit wants a file
+By the public description of the schema (docs/schema_nuscenes.md of the devkit):
+- Every frame is a sample. Those of ImageSets/train.txt are one scene, those of val.txt another, the
+  rest a third; an object of two scenes is two instances. Times are microseconds since the start of
+  the run, at the middle of the frame, where the boxes hold.
+- Global is the world. The ego stands on the world's plane z = 0 below the sensor and looks along
+  its x; the sensor, LIDAR_TOP, is above it. Its frame is the levelled LiDAR frame, x forward.
+- Intensity is 0 to 255. The ring is -1 without `fields`.
+- Annotations are all vehicles in reach, also those without points, which the devkit's evaluation
+  leaves out. `num_lidar_pts` counts the points in the box, or up to 1 cm outside. An unknown
+  visibility is an empty token.
+- Classes have the names of nuScenes; a Van is a vehicle.car, unknown ones stay as they are.
+"""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+
+from pyinfra.atomic import replacing
+from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.exchange.source import Frame, Source, quaternion, read_frames, read_source
+from pyinfra.kitti import FloatArray, FormatError
+
+Row = dict[str, Any]
+Add = Callable[[Row], None]  # adds a row to a table
+
+VERSION = "v1.0-infrasim"
+CHANNEL = "LIDAR_TOP"  # the devkit knows a LiDAR by this name only
+MAX_INTENSITY = 255
+STILL_MPS = 0.2  # slower stands
+TABLES = (
+    "attribute calibrated_sensor category ego_pose instance log map sample sample_annotation "
+    "sample_data scene sensor visibility"
+).split()
+VISIBILITY = {"v0-40": 0.0, "v40-60": 0.4, "v60-80": 0.6, "v80-100": 0.8}  # from
+
+
+@dataclass(frozen=True)
+class Category:
+    """Name of a class, and of the attribute of one that drives and of one that stands."""
+
+    name: str
+    moving: str | None = None
+    standing: str | None = None
+
+
+_DRIVES = ("vehicle.moving", "vehicle.stopped")
+_RIDDEN = ("cycle.with_rider", "cycle.with_rider")
+_WALKS = ("pedestrian.moving", "pedestrian.standing")
+CATEGORIES = {
+    "Car": Category("vehicle.car", *_DRIVES),
+    "Van": Category("vehicle.car", *_DRIVES),
+    "Truck": Category("vehicle.truck", *_DRIVES),
+    "Bus": Category("vehicle.bus.rigid", *_DRIVES),
+    "Motorcycle": Category("vehicle.motorcycle", *_RIDDEN),
+    "Cyclist": Category("vehicle.bicycle", *_RIDDEN),
+    "Pedestrian": Category("human.pedestrian.adult", *_WALKS),
+}
+
+
+def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
+    """Writes the tables, clouds and the mask into the folder `out`.
+
+    Memory holds one frame, and of each object of a scene its last annotation.
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError without any.
+    """
+    if not frames:
+        raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
+    source = read_source(lidar_folder)
+    for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
+        (out / folder).mkdir(parents=True)
+    matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
+    # A slice, because a caller may show how far the one pass over `frames` below has come.
+    parts = parts_of(lidar_folder, frames[:])
+    with ExitStack() as stack:
+        files = {name: out / VERSION / f"{name}.json" for name in TABLES}
+        add = {name: stack.enter_context(_table(file)) for name, file in files.items()}
+        common = _Common(source, add)
+        common.add_sensor()
+        common.add_levels()
+        scenes = [_Scene(common, part, numbers) for part, numbers in parts.items()]
+        scene_of = {number: scene for scene in scenes for number in scene.frames}
+        for frame in read_frames(source, frames):
+            scene_of[frame.number].add_sample(frame)
+            scene_of[frame.number].add_annotations(frame)
+            _write_cloud(out / common.cloud_name(frame.number), frame)
+        for scene in scenes:
+            scene.close()
+        common.add_categories()
+    splits = {f"infrasim_{scene.part}": [scene.name] for scene in scenes}
+    with replacing(out / VERSION / "splits.json") as beside:
+        beside.write_text(json.dumps(splits), encoding="utf-8")
+
+
+def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
+    """Which frames ImageSets give to `train` and `val`; `all` are those that neither has.
+
+    A scene is the least that nuScenes can split, so each part becomes one.
+    Raises FormatError for a frame that both lists have.
+    """
+    listed = {part: lidar_folder / f"ImageSets/{part}.txt" for part in ("train", "val")}
+    there = [part for part, file in listed.items() if file.is_file()]
+    numbers = {part: frame_numbers(lidar_folder, part) for part in there}
+    both = set(numbers.get("train", ())) & set(numbers.get("val", ()))
+    if both:
+        raise FormatError(
+            f"{listed['val']}: found frame {min(both)}, which train.txt has too, allowed in one"
+        )
+    parts = {part: sorted(set(frames) & set(own)) for part, own in numbers.items()}
+    parts["all"] = sorted(set(frames).difference(*numbers.values()))
+    return {part: own for part, own in parts.items() if own}
+
+
+@contextmanager
+def _table(file: Path) -> Iterator[Add]:
+    """Gives a function that adds a row to the list in a JSON file."""
+    with replacing(file) as beside, beside.open("w", encoding="utf-8") as stream:
+        before = "[\n"
+
+        def add(row: Row) -> None:
+            nonlocal before
+            stream.write(before + json.dumps(row, allow_nan=False))
+            before = ",\n"
+
+        yield add
+        stream.write("[]\n" if before == "[\n" else "\n]\n")
+
+
+class _Common:
+    """What all scenes refer to."""
+
+    def __init__(self, source: Source, add: dict[str, Add]) -> None:
+        self.source, self.add = source, add
+        self.name = f"{source.scene}-{source.lidar}"
+        self.categories: set[str] = set()
+
+    def token(self, kind: str, key: object) -> str:
+        """The same for the same source, and no other has it: 32 hexadecimal digits."""
+        name = [self.name, *self.source.about.values(), kind, str(key)]
+        return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
+
+    def cloud_name(self, frame: int) -> str:
+        return f"samples/{CHANNEL}/{self.name}__{CHANNEL}__{frame:06d}.pcd.bin"
+
+    def add_sensor(self) -> None:
+        source, token = self.source, self.token
+        sensor = {"token": token("sensor", CHANNEL), "channel": CHANNEL, "modality": "lidar"}
+        self.add["sensor"](sensor)
+        self.add["calibrated_sensor"](
+            {
+                "token": token("calibrated_sensor", CHANNEL),
+                "sensor_token": sensor["token"],
+                "translation": [0.0, 0.0, source.T_world_lidar.z],
+                "rotation": [1.0, 0.0, 0.0, 0.0],
+                "camera_intrinsic": [],
+            }
+        )
+        log = {
+            "token": token("log", ""),
+            "logfile": source.lidar_folder.name,
+            "vehicle": source.lidar,
+            "date_captured": "1970-01-01",  # simulated time has no date
+            "location": source.scene,
+        }
+        self.add["log"](log)
+        self.add["map"](
+            {
+                "token": token("map", ""),
+                "log_tokens": [log["token"]],
+                "category": "semantic_prior",
+                "filename": "maps/none.png",
+            }
+        )
+
+    def add_levels(self) -> None:
+        """Visibilities and attributes, used or not."""
+        for number, (level, least) in enumerate(VISIBILITY.items(), start=1):
+            text = f"visible from {least:.0%} on"
+            self.add["visibility"]({"token": str(number), "level": level, "description": text})
+        for name in sorted({*_DRIVES, *_RIDDEN, *_WALKS}):
+            row = {"token": self.token("attribute", name), "name": name, "description": ""}
+            self.add["attribute"](row)
+
+    def attributes(self, category: Category, speed: float) -> list[str]:
+        """Tokens of what is known: none without a speed or for a class of the user's own."""
+        name = category.moving if speed > STILL_MPS else category.standing
+        return [] if name is None or np.isnan(speed) else [self.token("attribute", name)]
+
+    def add_categories(self) -> None:
+        for name in sorted(self.categories):
+            row = {"token": self.token("category", name), "name": name, "description": ""}
+            self.add["category"](row)
+
+
+class _Scene:
+    """Frames whose samples and annotations name their neighbours in time."""
+
+    def __init__(self, common: _Common, part: str, frames: list[int]) -> None:
+        self.common, self.part, self.frames, self.add = common, part, frames, common.add
+        self.name = f"{common.name}-{part}"
+        self.following = dict(pairwise(frames))
+        self.preceding = dict(pairwise(reversed(frames)))
+        self.last: dict[int, Row] = {}  # annotation of each object, not written yet
+        self.instances: dict[int, Row] = {}
+
+    def token(self, kind: str, key: object) -> str:
+        """Nothing for no key."""
+        return "" if key is None else self.common.token(kind, f"{self.part}/{key}")
+
+    def add_sample(self, frame: Frame) -> None:
+        time_us = round(frame.middle_s * 1e6)
+        pose = self.common.source.T_world_lidar
+        sample = self.neighbours("sample", frame.number)
+        sample |= {"timestamp": time_us, "scene_token": self.token("scene", "")}
+        self.add["sample"](sample)
+        ego_pose = {
+            "token": self.token("ego_pose", frame.number),
+            "timestamp": time_us,
+            "translation": [pose.x, pose.y, 0.0],
+            "rotation": _wxyz(pose.yaw),
+        }
+        self.add["ego_pose"](ego_pose)
+        self.add["sample_data"](
+            self.neighbours("sample_data", frame.number)
+            | {
+                "sample_token": sample["token"],
+                "ego_pose_token": ego_pose["token"],
+                "calibrated_sensor_token": self.common.token("calibrated_sensor", CHANNEL),
+                "filename": self.common.cloud_name(frame.number),
+                "fileformat": "pcd",
+                "width": 0,
+                "height": 0,
+                "timestamp": time_us,
+                "is_key_frame": True,
+            }
+        )
+
+    def neighbours(self, kind: str, frame: int) -> Row:
+        return {
+            "token": self.token(kind, frame),
+            "next": self.token(kind, self.following.get(frame)),
+            "prev": self.token(kind, self.preceding.get(frame)),
+        }
+
+    def add_annotations(self, frame: Frame) -> None:
+        o, places = frame.objects, _to_world(self.common.source, frame.objects.boxes)
+        for i, number in enumerate(o.ids.tolist()):
+            category = CATEGORIES.get(o.names[i], Category(str(o.names[i])))
+            row = {
+                "token": self.token("sample_annotation", f"{frame.number}/{number}"),
+                "sample_token": self.token("sample", frame.number),
+                "instance_token": self.token("instance", number),
+                "attribute_tokens": self.common.attributes(category, o.speed[i]),
+                "visibility_token": visibility_token(o.visibility[i]),
+                "translation": places[i, :3].tolist(),
+                "size": [o.boxes[i, 4], o.boxes[i, 3], o.boxes[i, 5]],
+                "rotation": _wxyz(places[i, 3]),
+                "num_lidar_pts": int(o.points_in_box[i]),
+                "num_radar_pts": 0,
+                "prev": "",
+                "next": "",
+            }
+            self.chain(number, row)
+            self.count(number, row, category)
+
+    def chain(self, number: int, row: Row) -> None:
+        """An annotation is written when that after it is known, so that it can name it."""
+        last = self.last.get(number)
+        if last is not None:
+            row["prev"], last["next"] = last["token"], row["token"]
+            self.add["sample_annotation"](last)
+        self.last[number] = row
+
+    def count(self, number: int, row: Row, category: Category) -> None:
+        new = {
+            "token": row["instance_token"],
+            "category_token": self.common.token("category", category.name),
+            "nbr_annotations": 0,
+            "first_annotation_token": row["token"],
+        }
+        instance = self.instances.setdefault(number, new)
+        instance["nbr_annotations"] += 1
+        instance["last_annotation_token"] = row["token"]
+        self.common.categories.add(category.name)
+
+    def close(self) -> None:
+        """Writes what the last frame ends."""
+        for row in self.last.values():
+            self.add["sample_annotation"](row)
+        for row in self.instances.values():
+            self.add["instance"](row)
+        about = self.common.source.about
+        self.add["scene"](
+            {
+                "token": self.token("scene", ""),
+                "name": self.name,
+                "description": ", ".join(f"{key} {value}" for key, value in about.items()),
+                "log_token": self.common.token("log", ""),
+                "nbr_samples": len(self.frames),
+                "first_sample_token": self.token("sample", self.frames[0]),
+                "last_sample_token": self.token("sample", self.frames[-1]),
+            }
+        )
+
+
+def visibility_token(visibility: float) -> str:
+    """Key of the level that a share in [0, 1] lies in; nothing if it is unknown, -1."""
+    levels = sum(visibility >= least for least in VISIBILITY.values())
+    return str(levels) if levels else ""
+
+
+def _to_world(source: Source, boxes: FloatArray) -> FloatArray:
+    """x y z heading (k, 4) of boxes (k, 7)."""
+    pose = source.T_world_lidar
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    x, y, z = boxes[:, :3].T
+    return np.column_stack(
+        [
+            pose.x + cos * x - sin * y,
+            pose.y + sin * x + cos * y,
+            pose.z + z,
+            pose.yaw + boxes[:, 6],
+        ]
+    )
+
+
+def _wxyz(yaw: float) -> list[float]:
+    x, y, z, w = quaternion(yaw)
+    return [w, x, y, z]
+
+
+def _write_cloud(file: Path, frame: Frame) -> None:
+    cloud = np.full((len(frame.points), 5), -1, dtype="<f4")
+    cloud[:, :4] = frame.points * np.array([1, 1, 1, MAX_INTENSITY], dtype=np.float32)
+    if frame.fields is not None:
+        cloud[:, 4] = frame.fields["ring"]
+    file.write_bytes(cloud.tobytes())

@@ -1,0 +1,221 @@
+"""Key frames of one LiDAR of a set in the nuScenes format: JSON tables and .pcd.bin clouds.
+
+After the public schema of nuScenes (version 1.0). Boxes are turned from the global frame into the
+levelled LiDAR frame, and so are the points of a LiDAR that leans.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin, scaled
+from pyinfra.kitti import FloatArray, FormatError, WorldPose
+
+COLUMNS = 5  # x y z intensity ring
+INTENSITY_MAX = 255.0
+VISIBILITY = {"1": 0.2, "2": 0.5, "3": 0.7, "4": 0.9}  # middles of 0-40, 40-60, 60-80, 80-100 %
+NEEDED = (
+    *("sample", "sample_data", "calibrated_sensor", "sensor", "ego_pose"),
+    *("sample_annotation", "instance", "category"),
+)
+Row = dict[str, Any]
+
+
+def read(source: Path, options: Options) -> Recording:
+    """A folder with the tables, or one whose only sub-folder with tables has them.
+
+    Raises FileNotFoundError, FormatError that names table and row, and ValueError if one of
+    several LiDARs must be chosen. Frames come in order of time.
+    """
+    tables = Tables(_table_folder(source))
+    rows = _key_frames(tables, _sensor(tables, options.channel))
+    poses = [_pose(tables, row) for row in rows]
+    annotations: dict[str, list[Row]] = {}
+    for row in tables.rows("sample_annotation"):
+        annotations.setdefault(tables.cell("sample_annotation", row, "sample_token"), []).append(
+            row
+        )
+
+    def frame(i: int) -> RecordedFrame:
+        file = source / tables.cell("sample_data", rows[i], "filename")
+        points = read_bin(file, options.columns or COLUMNS)
+        points = scaled(points, options.intensity_max, INTENSITY_MAX)
+        if not np.allclose(poses[i].leaning, np.eye(3), atol=1e-9):
+            points = points.copy()
+            points[:, :3] = points[:, :3] @ poses[i].leaning.T.astype(np.float32)
+        own = annotations.get(tables.cell("sample_data", rows[i], "sample_token"), [])
+        return RecordedFrame(points, _boxes(tables, own, poses[i]))
+
+    x, y, z = (float(value) for value in poses[0].origin)
+    times = np.array([float(row["timestamp"]) for row in rows]) / 1e6
+    return Recording(
+        names=tuple(Path(row["filename"]).name.split(".")[0] for row in rows),
+        read=frame,
+        labelled=len(annotations) > 0,
+        period_s=round(float(np.median(np.diff(times))), 4) if len(rows) > 1 else None,
+        pose=WorldPose(x, y, z, poses[0].yaw),
+        tilt=poses[0].tilt,
+        ids_are_tracks=True,
+    )
+
+
+class Tables:
+    """The JSON tables of a folder, rows by token; errors name table, row and key."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.tables = {name: self._read(name) for name in NEEDED}
+        self.instances = {token: i for i, token in enumerate(self.tables["instance"])}
+
+    def rows(self, table: str) -> list[Row]:
+        return list(self.tables[table].values())
+
+    def row(self, table: str, token: object) -> Row:
+        found = self.tables[table].get(str(token))
+        if found is None:
+            raise FormatError(f"{self._file(table)}: found no row with token '{token}', needed")
+        return found
+
+    def cell(self, table: str, row: Row, key: str) -> str:
+        if key not in row:
+            token = row.get("token")
+            raise FormatError(f"{self._file(table)}: row '{token}': found no '{key}', needed")
+        return str(row[key])
+
+    def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
+        """A cell of `shape` finite numbers; () is one number."""
+        found = row.get(key)
+        want = (shape,) if isinstance(shape, int) else shape
+        try:
+            values = np.array(found, dtype=np.float64)
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if values.shape != want or not np.isfinite(values).all():
+            place = f"{self._file(table)}: row '{row.get('token')}': {key}"
+            raise FormatError(f"{place}: found {found}, allowed {shape or 'one'} finite number(s)")
+        return values
+
+    def _file(self, table: str) -> Path:
+        return self.folder / f"{table}.json"
+
+    def _read(self, table: str) -> dict[str, Row]:
+        file = self._file(table)
+        try:
+            rows = json.loads(file.read_text(encoding="utf-8"))
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise FormatError(f"{file}: is not JSON: {error}") from None
+        if not isinstance(rows, list) or not all(
+            isinstance(row, dict) and "token" in row for row in rows
+        ):
+            raise FormatError(f"{file}: found something else, allowed a list of rows with a token")
+        return {str(row["token"]): row for row in rows}
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a LiDAR stands in the global frame."""
+
+    origin: FloatArray  # (3,)
+    yaw: float
+    tilt: tuple[float, float]  # pitch, roll
+    leaning: FloatArray  # (3, 3): T_levelled_sensor
+
+
+def _table_folder(source: Path) -> Path:
+    found = [
+        f.parent for f in (source / "sample.json", *source.glob("*/sample.json")) if f.is_file()
+    ]
+    if len(found) != 1:
+        names = ", ".join(folder.name for folder in found) or "none"
+        raise ValueError(
+            f"{source}: found {names} with a sample.json, allowed one folder of tables"
+        )
+    return found[0]
+
+
+def _sensor(tables: Tables, channel: str | None) -> str:
+    """Token of the LiDAR."""
+    lidars = [row for row in tables.rows("sensor") if row.get("modality") == "lidar"]
+    chosen = [row for row in lidars if channel in (None, row.get("channel"))]
+    if len(chosen) != 1:
+        names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
+        raise ValueError(f"{tables.folder}: found LiDARs {names}, allowed one of them: --channel")
+    return str(chosen[0]["token"])
+
+
+def _key_frames(tables: Tables, sensor: str) -> list[Row]:
+    """Rows of sample_data, by time."""
+    rows = []
+    for row in tables.rows("sample_data"):
+        token = tables.cell("sample_data", row, "calibrated_sensor_token")
+        mount = tables.row("calibrated_sensor", token)
+        if row.get("is_key_frame") and mount.get("sensor_token") == sensor:
+            rows.append(row)
+    if not rows:
+        raise ValueError(f"{tables.folder}: found no key frame of the LiDAR, allowed one or more")
+    for row in rows:
+        name = Path(tables.cell("sample_data", row, "filename"))
+        if name.is_absolute() or ".." in name.parts:
+            raise FormatError(
+                f"{tables.folder}/sample_data.json: found '{name}', allowed a file inside"
+            )
+    return sorted(rows, key=lambda row: float(tables.numbers("sample_data", row, "timestamp", ())))
+
+
+def _pose(tables: Tables, row: Row) -> Pose:
+    ego = tables.row("ego_pose", row.get("ego_pose_token"))
+    mount = tables.row("calibrated_sensor", row["calibrated_sensor_token"])
+    R_global_ego = _rotation(tables, "ego_pose", ego)
+    turn = R_global_ego @ _rotation(tables, "calibrated_sensor", mount)
+    origin = tables.numbers("ego_pose", ego, "translation", 3)
+    origin = origin + R_global_ego @ tables.numbers("calibrated_sensor", mount, "translation", 3)
+    yaw, pitch, roll = angles_of(turn)
+    leaning = Rotation.from_euler("ZYX", [0, pitch, roll]).as_matrix()
+    return Pose(origin, yaw, (pitch, roll), leaning)
+
+
+def angles_of(turn: FloatArray) -> tuple[float, float, float]:
+    """Yaw, pitch and roll of a rotation (3, 3); straight up or down there is no roll."""
+    flat = math.hypot(turn[0, 0], turn[1, 0])
+    pitch = math.atan2(-turn[2, 0], flat)
+    if flat < 1e-6:
+        return math.atan2(-turn[0, 1], turn[1, 1]), pitch, 0.0
+    return math.atan2(turn[1, 0], turn[0, 0]), pitch, math.atan2(turn[2, 1], turn[2, 2])
+
+
+def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
+    """(3, 3) of a row's quaternion, w first."""
+    w, x, y, z = tables.numbers(table, row, "rotation", 4)
+    if w == x == y == z == 0:
+        raise FormatError(f"{tables.folder / table}.json: row '{row['token']}': rotation: found 0")
+    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
+
+
+def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
+    """Global boxes, sizes width length height, in the levelled LiDAR frame."""
+    table = "sample_annotation"
+    names, boxes, ids, visibility = [], [], [], []
+    back = Rotation.from_euler("Z", -pose.yaw).as_matrix()
+    for row in rows:
+        instance = tables.row("instance", row.get("instance_token"))
+        category = tables.row("category", instance.get("category_token"))
+        names.append(tables.cell("category", category, "name"))
+        centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
+        width, length, height = tables.numbers(table, row, "size", 3)
+        ahead = back @ _rotation(tables, table, row)[:, 0]
+        boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
+        ids.append(tables.instances[str(instance["token"])])
+        visibility.append(VISIBILITY.get(str(row.get("visibility_token")), 1.0))
+    return Boxes(
+        np.array(names, dtype=np.str_),
+        np.array(boxes, dtype=np.float64).reshape(-1, 7),
+        np.array(ids, dtype=np.int64),
+        np.array(visibility, dtype=np.float64),
+    )

@@ -1,0 +1,179 @@
+"""ASAM OpenLABEL 1.0.0: boxes as cuboids in one JSON file, with the clouds they belong to.
+
+    NAME.json            labels, valid against the standard's JSON schema
+    points/NNNNNN.bin    float32 x y z intensity, as KITTI has them
+- Frames count from 0 without gaps, because intervals are in them; a stream's `frame_stream` is the
+  number of our frame. Times are seconds since the start of the run: of a frame its middle, where
+  the boxes hold, of its cloud the start. They are strings, which more readers take than fractions.
+- A cuboid is x y z, quaternion x y z w, length width height, in the coordinate system of the LiDAR;
+  the system's pose takes it to the world, which is the scene's.
+- Attributes: points in the box (or up to 1 cm outside); speed (m/s) and visibility where known.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from pyinfra.atomic import replacing
+from pyinfra.exchange.source import (
+    Frame,
+    Source,
+    copy_cloud,
+    quaternion,
+    read_frames,
+    read_source,
+)
+from pyinfra.kitti import Objects
+
+Json = dict[str, Any]
+Item = tuple[str, Json]
+
+WORLD = "world"
+CUBOID = "shape"  # name of each object's one cuboid
+FORMAT = "KITTI: float32 little-endian x y z intensity, metres, intensity 0 to 1"
+
+
+def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
+    """Writes NAME.json and the clouds into the folder `out`.
+
+    Memory holds one frame, and of each object when it was there.
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError without any.
+    """
+    if not frames:
+        raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
+    source, presence = read_source(lidar_folder), Presence()
+    (out / "points").mkdir()
+    parts: dict[str, Json | Iterable[Item]] = {
+        "metadata": _metadata(source),
+        "coordinate_systems": _coordinate_systems(source),
+        "streams": {source.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
+        "frames": _frames(source, frames, presence, out),
+        # After the frames, which say when the objects are there.
+        "objects": presence.objects(source.lidar),
+    }
+    with (
+        replacing(out / f"{source.lidar}.json") as beside,
+        beside.open("w", encoding="utf-8") as stream,
+    ):
+        stream.write('{"openlabel": {\n')
+        for name, part in parts.items():
+            stream.write(f'"{name}": ')
+            _write_items(stream, part.items() if isinstance(part, dict) else part)
+            stream.write(",\n")
+        stream.write(f'"frame_intervals": {json.dumps([_interval(0, len(frames) - 1)])}\n}}}}\n')
+
+
+class Presence:
+    """When each object was there, as closed intervals of frames; they only grow."""
+
+    def __init__(self) -> None:
+        self.names: dict[int, str] = {}
+        self.intervals: dict[int, list[list[int]]] = {}
+
+    def add(self, index: int, objects: Objects) -> None:
+        for number, name in zip(objects.ids.tolist(), objects.names.tolist(), strict=True):
+            self.names.setdefault(number, name)
+            intervals = self.intervals.setdefault(number, [])
+            if intervals and intervals[-1][1] == index - 1:
+                intervals[-1][1] = index
+            else:
+                intervals.append([index, index])
+
+    def objects(self, coordinate_system: str) -> Iterator[Item]:
+        for number, name in self.names.items():
+            intervals = [_interval(*ends) for ends in self.intervals[number]]
+            shape = {"type": "cuboid", "frame_intervals": intervals}
+            yield (
+                str(number),
+                {
+                    "name": f"{name} {number}",
+                    "type": name,
+                    "coordinate_system": coordinate_system,
+                    "frame_intervals": intervals,
+                    "object_data_pointers": {CUBOID: shape},
+                },
+            )
+
+
+def _frames(
+    source: Source, numbers: Sequence[int], presence: Presence, out: Path
+) -> Iterator[Item]:
+    for index, frame in enumerate(read_frames(source, numbers)):
+        cloud = f"points/{frame.number:06d}.bin"
+        copy_cloud(source, frame.number, out / cloud)
+        presence.add(index, frame.objects)
+        yield (
+            str(index),
+            {
+                "frame_properties": _frame_properties(source, frame, cloud),
+                "objects": dict(_cuboids(source.lidar, frame.objects)),
+            },
+        )
+
+
+def _frame_properties(source: Source, frame: Frame, cloud: str) -> Json:
+    sync = {"frame_stream": frame.number, "timestamp": f"{frame.start_s:.9f}"}
+    stream = {"uri": cloud, "stream_properties": {"sync": sync}}
+    return {"timestamp": f"{frame.middle_s:.9f}", "streams": {source.lidar: stream}}
+
+
+def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
+    """object_data of each object of a frame."""
+    for i, number in enumerate(o.ids.tolist()):
+        box = o.boxes[i].tolist()
+        known = {"points_in_box": int(o.points_in_box[i])}
+        if not np.isnan(o.speed[i]):
+            known["speed"] = o.speed[i]
+        if o.visibility[i] >= 0:
+            known["visibility"] = o.visibility[i]
+        cuboid = {
+            "name": CUBOID,
+            "val": [*box[:3], *quaternion(box[6]), *box[3:6]],
+            "coordinate_system": coordinate_system,
+            "attributes": {"num": [{"name": name, "val": val} for name, val in known.items()]},
+        }
+        yield str(number), {"object_data": {"cuboid": [cuboid]}}
+
+
+def _metadata(source: Source) -> Json:
+    return {
+        "schema_version": "1.0.0",
+        "name": f"{source.scene}, {source.lidar}",
+        "annotator": f"infrasim {source.about.get('version', '')}".strip(),
+        "comment": ", ".join(f"{key} {value}" for key, value in source.about.items()),
+    }
+
+
+def _coordinate_systems(source: Source) -> Json:
+    """The pose of a system takes its points to the parent's."""
+    pose = source.T_world_lidar
+    return {
+        WORLD: {"type": "scene_cs", "parent": "", "children": [source.lidar]},
+        source.lidar: {
+            "type": "sensor_cs",
+            "parent": WORLD,
+            "children": [],
+            "pose_wrt_parent": {
+                "quaternion": list(quaternion(pose.yaw)),
+                "translation": [pose.x, pose.y, pose.z],
+            },
+        },
+    }
+
+
+def _interval(start: int, end: int) -> Json:
+    return {"frame_start": start, "frame_end": end}
+
+
+def _write_items(stream: TextIO, items: Iterable[tuple[str, Any]]) -> None:
+    """An object, one item a line."""
+    before = "{\n"
+    for key, value in items:
+        stream.write(f"{before}{json.dumps(key)}: {json.dumps(value, allow_nan=False)}")
+        before = ",\n"
+    stream.write("{}" if before == "{\n" else "\n}")

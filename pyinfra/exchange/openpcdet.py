@@ -1,0 +1,119 @@
+"""OpenPCDet's custom layout: points/*.npy, labels/*.txt, ImageSets, and its configurations.
+
+After its public guide "Custom Dataset Tutorial". Its class names, and that a listed frame must have
+a label, are those of its CustomDataset.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra import kitti
+from pyinfra.exchange.box_text import read_boxes, write_boxes
+from pyinfra.exchange.openpcdet_configs import write_configs
+from pyinfra.exchange.recording import (
+    NO_BOXES,
+    Boxes,
+    Options,
+    Points,
+    RecordedFrame,
+    Recording,
+    check_pairs,
+    read_bin,
+    read_splits,
+    scaled,
+    sorted_files,
+    stem,
+)
+from pyinfra.exchange.road_level import (
+    read_labels,
+    read_sensor_height,
+    road_frames,
+    site_of,
+    train_and_val,
+    write_lists,
+    write_sensor,
+)
+from pyinfra.kitti import FormatError
+
+
+def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
+    """At road level, see road_level. Raises ValueError if the frames have no vehicle."""
+    labels = read_labels(lidar_folder, frames)
+    site = site_of(lidar_folder, labels)
+    # Its info maker stops at a frame without a label, so such frames are written but not listed.
+    listed = {k for k, own in zip(frames, labels, strict=True) if len(own) > 0}
+    lists = train_and_val(lidar_folder, frames)
+    write_lists(out, {part: [k for k in own if k in listed] for part, own in lists.items()})
+    write_sensor(out, site)
+    write_configs(out, site.vehicles, kitti.read_lidar(lidar_folder))
+    for part in ("points", "labels"):
+        (out / part).mkdir()
+    for frame in road_frames(lidar_folder, frames, labels, site):
+        _write_cloud(out / f"points/{frame.number:06d}.npy", frame.points)
+        write_boxes(out / f"labels/{frame.number:06d}.txt", frame.names, frame.boxes)
+
+
+def read(source: Path, options: Options) -> Recording:
+    """A folder in that layout, also with points/*.bin; without labels/ nothing is labelled.
+
+    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    frame FormatError. `sensor.yaml`, if there, takes the frames back from road level.
+    """
+    clouds = sorted_files(source / "points", [".npy", ".bin"])
+    folder = options.labels or source / "labels"
+    labelled = folder.is_dir() or options.labels is not None
+    if labelled:
+        check_pairs(clouds, sorted_files(folder, [".txt"]))
+    height = read_sensor_height(source)
+    names = tuple(stem(file) for file in clouds)
+
+    def frame(i: int) -> RecordedFrame:
+        points = _read_cloud(clouds[i], options.columns or 4)
+        points = scaled(points, options.intensity_max)
+        boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
+        return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
+
+    return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
+
+
+def _lowered(points: Points, height: float) -> Points:
+    """From road level to the sensor's."""
+    if height != 0:
+        points = points.copy()
+        points[:, 2] -= np.float32(height)
+    return points
+
+
+def _lowered_boxes(found: Boxes, height: float) -> Boxes:
+    boxes = found.boxes.copy()
+    boxes[:, 2] -= height
+    return Boxes(found.names, boxes)
+
+
+def _write_cloud(file: Path, points: Points) -> None:
+    """Through memory: `np.save` does not see that a disk is full when it closes the file."""
+    buffer = io.BytesIO()
+    np.save(buffer, points)
+    file.write_bytes(buffer.getbuffer())
+
+
+def _read_cloud(file: Path, columns: int) -> Points:
+    """(n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
+    if file.suffix == ".bin":
+        return read_bin(file, columns)
+    try:
+        with file.open("rb") as stream:
+            points = np.lib.format.read_array(stream, allow_pickle=False)
+    except (ValueError, EOFError, MemoryError) as error:
+        raise FormatError(f"{file}: is no whole array of numbers: {error}") from None
+    if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
+        raise FormatError(
+            f"{file}: found {points.shape} {points.dtype}, allowed (n, 4 or more) floats: x y z "
+            "intensity"
+        )
+    return np.ascontiguousarray(points[:, :4], dtype=np.float32)

@@ -1,0 +1,116 @@
+"""OpenPCDet's configuration files for frames at road level.
+
+The networks are those of its public configurations (pointpillar, pv_rcnn and dsvt of Waymo,
+pointrcnn of KITTI); ranges, voxels, anchors and sizes are those of the exported vehicles.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from pyinfra import kitti
+from pyinfra.kitti import FloatArray
+
+MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
+TEMPLATES = Path(__file__).parent / "openpcdet_models"
+
+PILLAR_M = 0.32
+VOXEL_M = 0.1
+CELLS = 16  # a grid's sides are multiples of it
+LAYERS = 40  # of voxels, from bottom to top
+LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # the usual range at road level; wider where vehicles are
+MARGIN_M = 0.5
+AROUND_M = 2.0  # of the area around the vehicles
+BEYOND_M = 12.0  # the LiDAR's range: a vehicle whose rear it reaches
+
+LONG_FROM_M = 6.0  # two sizes of anchors: a bus never reaches the overlap with one of a car
+USUAL_CAR_M, USUAL_LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # where the frames have none
+
+
+@dataclass(frozen=True)
+class Box:
+    """x y z of two corners, metres, at road level."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def on_grid(self, cell_m: float) -> Box:
+        """Grown to sides of whole multiples of CELLS cells, corners on multiples of a cell."""
+        low, high = list(self.low), list(self.high)
+        for i in range(2):
+            first = math.floor(self.low[i] / cell_m + 1e-9)
+            count = math.ceil(self.high[i] / cell_m - 1e-9) - first
+            count = CELLS * math.ceil(count / CELLS)
+            low[i], high[i] = first * cell_m, (first + count) * cell_m
+        return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+    def cells(self, cell_m: float) -> list[int]:
+        """Of its x and y sides."""
+        return [round((self.high[i] - self.low[i]) / cell_m) for i in range(2)]
+
+
+def area_of(vehicles: FloatArray, reach_m: float) -> Box:
+    """The area that holds the vehicles (m, 7), as far as the LiDAR reaches."""
+    cos, sin = np.abs(np.cos(vehicles[:, 6])), np.abs(np.sin(vehicles[:, 6]))
+    half_x = (cos * vehicles[:, 3] + sin * vehicles[:, 4]) / 2 + AROUND_M
+    half_y = (sin * vehicles[:, 3] + cos * vehicles[:, 4]) / 2 + AROUND_M
+    x, y = vehicles[:, 0], vehicles[:, 1]
+    farthest = reach_m + BEYOND_M
+    low = np.maximum([(x - half_x).min(), (y - half_y).min()], -farthest)
+    high = np.minimum([(x + half_x).max(), (y + half_y).max()], farthest)
+    bottom = (vehicles[:, 2] - vehicles[:, 5] / 2).min() - MARGIN_M
+    top = (vehicles[:, 2] + vehicles[:, 5] / 2).max() + MARGIN_M
+    return Box(
+        (float(low[0]), float(low[1]), min(LOW_Z_M, math.floor(bottom))),
+        (float(high[0]), float(high[1]), max(HIGH_Z_M, math.ceil(top))),
+    )
+
+
+def sizes_of(vehicles: FloatArray) -> list[list[float]]:
+    """Mean length, width and height of the short and of the long vehicles (m, 7)."""
+    long = vehicles[:, 3] > LONG_FROM_M
+    return [
+        [round(float(v), 2) for v in vehicles[own, 3:6].mean(axis=0)] if own.any() else usual
+        for own, usual in ((~long, list(USUAL_CAR_M)), (long, list(USUAL_LONG_M)))
+    ]
+
+
+def values(vehicles: FloatArray, reach_m: float) -> dict[str, str]:
+    """What the templates ask for."""
+    area = area_of(vehicles, reach_m)
+    pillars, voxels = area.on_grid(PILLAR_M), area.on_grid(VOXEL_M)
+    height = area.high[2] - area.low[2]
+    sizes = sizes_of(vehicles)
+    grid = pillars.cells(PILLAR_M)
+    return {
+        "pillar_range": _numbers([*pillars.low, *pillars.high]),
+        "voxel_range": _numbers([*voxels.low, *voxels.high]),
+        "pillar": _numbers([PILLAR_M, PILLAR_M, height]),
+        "voxel": _numbers([VOXEL_M, VOXEL_M, height / LAYERS]),
+        "grid": str(grid),
+        "grid_3d": str([*grid, 1]),
+        "anchors": f"[{_numbers(sizes[0])}, {_numbers(sizes[1])}]",
+        "mean_size": f"[{_numbers(vehicles[:, 3:6].mean(axis=0).round(2).tolist())}]",
+    }
+
+
+def write_configs(out: Path, vehicles: FloatArray, lidar: kitti.Lidar) -> None:
+    """`cfgs` as it goes into OpenPCDet/tools, and a README with the commands."""
+    reach = max(unit.range_m[1] for unit in lidar.field_of_view)
+    known = values(vehicles, reach)
+    places = {"custom_dataset": "cfgs/dataset_configs"}
+    places |= dict.fromkeys(MODELS, "cfgs/custom_models")
+    for name, folder in places.items():
+        text = (TEMPLATES / f"{name}.yaml").read_text(encoding="utf-8")
+        (out / folder).mkdir(parents=True, exist_ok=True)
+        (out / folder / f"{name}.yaml").write_text(Template(text).substitute(known))
+    (out / "README.md").write_text((TEMPLATES / "README.md").read_text(encoding="utf-8"))
+
+
+def _numbers(found: list[float]) -> str:
+    return "[" + ", ".join(f"{round(value, 4):g}" for value in found) + "]"

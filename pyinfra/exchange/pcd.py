@@ -1,0 +1,109 @@
+"""PCD: points/NNNNNN.pcd with all that is known of a point, and labels/NNNNNN.txt."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import kitti
+from pyinfra.data.frame_tables import read_cameras
+from pyinfra.exchange.box_text import read_boxes, write_boxes
+from pyinfra.exchange.pcd_file import Records, read_pcd, write_pcd
+from pyinfra.exchange.recording import (
+    NO_BOXES,
+    Options,
+    Points,
+    RecordedFrame,
+    Recording,
+    check_pairs,
+    read_splits,
+    scaled,
+    sorted_files,
+    stem,
+)
+from pyinfra.kitti import FormatError
+
+PLACE: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
+# Of a field here, its name in kitti.FIELDS and its type.
+MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
+INTENSITIES = ("intensity", "reflectivity", "i")  # names in use; without one it is 0
+
+
+def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
+    """Levelled LiDAR frame, metres, seconds. Raises FormatError for frames that are none."""
+    for part in ("points", "labels"):
+        (out / part).mkdir()
+    cameras = read_cameras(lidar_folder, frames)
+    has_fields = (lidar_folder / "training/fields").is_dir()
+    for frame, camera in zip(frames, cameras.of_frame, strict=True):
+        points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
+        file = kitti.frame_file(lidar_folder, "fields", frame)
+        fields = kitti.read_fields(file) if has_fields else None
+        if fields is not None and len(fields) != len(points):
+            raise FormatError(f"{file}: found {len(fields)} records, allowed {len(points)}")
+        write_pcd(out / f"points/{frame:06d}.pcd", _records(points, fields))
+        file = kitti.frame_file(lidar_folder, "label_2", frame)
+        labels = kitti.read_labels(file, calibration=cameras.different[camera])
+        write_boxes(out / f"labels/{frame:06d}.txt", labels.names, labels.boxes)
+
+
+def read(source: Path, options: Options) -> Recording:
+    """Clouds in the folder or in points/ of it, and boxes in labels/; without it no labels.
+
+    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    frame FormatError.
+    """
+    inside = source / "points"
+    clouds = sorted_files(inside if inside.is_dir() else source, [".pcd"])
+    folder = options.labels or source / "labels"
+    labelled = folder.is_dir() or options.labels is not None
+    if labelled:
+        check_pairs(clouds, sorted_files(folder, [".txt"]))
+    names = tuple(stem(file) for file in clouds)
+
+    def frame(i: int) -> RecordedFrame:
+        records = read_pcd(clouds[i])
+        points = scaled(_points(clouds[i], records), options.intensity_max)
+        boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
+        return RecordedFrame(points, boxes, _fields(records))
+
+    return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
+
+
+def _records(points: Points, fields: npt.NDArray[np.void] | None) -> Records:
+    more = [(name, kitti.FIELDS[own]) for name, own in MORE.items()]
+    out = np.empty(len(points), dtype=PLACE if fields is None else [*PLACE, *more])
+    for i, (name, _) in enumerate(PLACE):
+        out[name] = points[:, i]
+    if fields is not None:
+        for name, own in MORE.items():
+            out[name] = fields[own]
+    return out
+
+
+def _points(file: Path, records: Records) -> Points:
+    names = records.dtype.names or ()
+    if not {"x", "y", "z"} <= set(names):
+        raise FormatError(f"{file}: FIELDS: found {' '.join(names)}, allowed x y z and others")
+    intensity = next((name for name in INTENSITIES if name in names), None)
+    out = np.zeros((len(records), 4), dtype=np.float32)
+    for i, name in enumerate(("x", "y", "z", intensity)):
+        if name is not None:
+            out[:, i] = records[name]
+    return out
+
+
+def _fields(records: Records) -> npt.NDArray[np.void] | None:
+    """Time and ring if both are there; what is not known of a point is its background's."""
+    names = records.dtype.names or ()
+    if not {"time", "ring"} <= set(names):
+        return None
+    out = np.zeros(len(records), dtype=kitti.FIELDS)
+    out["object_id"] = -1
+    for name in set(MORE) & set(names):
+        out[MORE[name]] = records[name]
+    return out

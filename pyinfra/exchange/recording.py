@@ -1,0 +1,136 @@
+"""A recording of another tool or of a real LiDAR, read frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra.kitti import FloatArray, FormatError, WorldPose
+from pyinfra.kitti.layout import IntArray, Names
+from pyinfra.kitti.table import lines_of
+
+Points = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a reader cannot see in the files; None is what the format usually has."""
+
+    intensity_max: float | None = None  # of the source; 1 here
+    columns: int | None = None  # of a .bin file, float32; the first four are x y z intensity
+    labels: Path | None = None  # folder, in place of the usual one
+    channel: str | None = None  # which LiDAR of several
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """The k labelled objects of a frame, in the frame of its points."""
+
+    names: Names  # (k,) as the source has them
+    boxes: FloatArray  # (k, 7) x y z dx dy dz heading
+    ids: IntArray | None = None  # (k,) the same for the same object in all frames; None: unknown
+    visibility: FloatArray | None = None  # (k,) [0, 1]; None: unknown
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+NO_BOXES = Boxes(np.empty(0, dtype=np.str_), np.empty((0, 7)))
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedFrame:
+    """One frame of a recording."""
+
+    points: Points  # (n, 4) x y z intensity, intensity in [0, 1]
+    boxes: Boxes
+    fields: npt.NDArray[np.void] | None = None  # (n,) kitti.FIELDS
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Frames of one LiDAR that stands still."""
+
+    names: tuple[str, ...]  # of the frames in the source, in order of time
+    read: Callable[[int], RecordedFrame]  # by place in `names`
+    labelled: bool
+    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # train, val: some of `names`
+    period_s: float | None = None
+    pose: WorldPose | None = None
+    tilt: tuple[float, float] | None = None  # pitch, roll (rad) that are out of the points already
+    ids_are_tracks: bool = False
+
+    def numbers(self) -> tuple[int, ...]:
+        """Frame numbers: those of six digits that the names are, else counted from 0."""
+        if all(len(name) == 6 and name.isdecimal() for name in self.names):
+            return tuple(int(name) for name in self.names)
+        return tuple(range(len(self.names)))
+
+
+def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
+    """The files of a folder with one of the suffixes, by name; numbers in names count as numbers.
+
+    Raises FileNotFoundError without the folder, and ValueError if there is no such file.
+    """
+    files = [file for file in folder.iterdir() if file.name.endswith(tuple(suffixes))]
+    if not files:
+        raise ValueError(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
+    return sorted(files, key=lambda file: (_digits(file.name), file.name))
+
+
+def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """The lists train and val of an ImageSets folder, without other frames; both or none."""
+    known = set(names)
+    splits = {}
+    for part in ("train", "val"):
+        file = folder / f"{part}.txt"
+        listed = lines_of(file) if file.is_file() else []
+        splits[part] = tuple(name for line in listed for name in line.split() if name in known)
+    return splits if all(splits.values()) else {}
+
+
+def scaled(points: Points, intensity_max: float | None, usual: float = 1.0) -> Points:
+    """The points (n, 4) with intensities divided by what is the highest in the source."""
+    highest = usual if intensity_max is None else intensity_max
+    if highest != 1:
+        points = points.copy()
+        points[:, 3] /= highest
+    return points
+
+
+def read_bin(file: Path, columns: int) -> Points:
+    """The first four of some float32 columns: (n, 4). Raises FormatError for a file cut short."""
+    size = file.stat().st_size
+    if size % (4 * columns) != 0:
+        raise FormatError(
+            f"{file}: found {size} bytes, allowed a multiple of {4 * columns} ({columns} float32 "
+            "a point)"
+        )
+    return np.fromfile(file, dtype="<f4").reshape(-1, columns)[:, :4]
+
+
+def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
+    """Raises ValueError for a label without a cloud, and for a cloud without a label."""
+    have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}
+    for file in labels:
+        if stem(file) not in have:
+            raise ValueError(f"{file}: found no cloud of this label, allowed one for each")
+    for file in clouds:
+        if stem(file) not in want:
+            raise ValueError(
+                f"{file}: found no label of this cloud, allowed one for each (empty: nothing there)"
+            )
+
+
+def stem(file: Path) -> str:
+    """The name without .pcd.bin, .bin, .txt, ..."""
+    return file.name.removesuffix(".bin").removesuffix(".pcd").removesuffix(file.suffix)
+
+
+def _digits(name: str) -> tuple[int, ...]:
+    words = "".join(c if c.isdecimal() else " " for c in name).split()
+    return tuple(int(word) for word in words)

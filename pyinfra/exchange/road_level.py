@@ -1,0 +1,118 @@
+"""Frames whose z = 0 is the road, for tools whose ranges and anchors expect it there.
+
+Below a pole of 6 m the vehicles stand at z = -6, where the usual configurations cut everything
+off. So the clouds and boxes move up, and `sensor.yaml` beside them says by how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import kitti
+from pyinfra.data.frame_tables import read_cameras
+from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.kitti import VEHICLE_TYPES, FloatArray, Labels
+
+# Both toolboxes' names; what is not among them has no class there and is left out.
+CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
+SENSOR_FILE = "sensor.yaml"
+TRAIN_SHARE = 0.8  # of frames without ImageSets, the first ones
+
+
+@dataclass(frozen=True, eq=False)
+class RoadFrame:
+    """A frame at road level."""
+
+    number: int
+    points: npt.NDArray[np.float32]  # (n, 4)
+    names: npt.NDArray[np.str_]  # (k,) of CLASSES
+    boxes: FloatArray  # (k, 7)
+
+
+@dataclass(frozen=True, eq=False)
+class RoadSite:
+    """The vehicles of all exported frames, at road level."""
+
+    floor_z: float  # of the road in the LiDAR frame
+    vehicles: FloatArray  # (m, 7)
+
+
+def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
+    """The labels of the frames that have a class in the toolboxes, with that class."""
+    cameras = read_cameras(folder, frames)
+    found = []
+    for frame, camera in zip(frames, cameras.of_frame, strict=True):
+        file = kitti.frame_file(folder, "label_2", frame)
+        labels = kitti.read_labels(file, calibration=cameras.different[camera])
+        names = np.where(np.isin(labels.names, VEHICLE_TYPES), "Vehicle", labels.names)
+        keep = np.isin(names, CLASSES)
+        found.append(Labels(names[keep], labels.boxes[keep], None))
+    return found
+
+
+def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
+    """Raises ValueError if the frames have no vehicle."""
+    boxes = np.concatenate([np.empty((0, 7)), *(k.boxes[k.names == "Vehicle"] for k in labels)])
+    if len(boxes) == 0:
+        raise ValueError(
+            f"{folder}: found no vehicle in the labels of these frames, allowed one or more: the "
+            "road's level, ranges and anchors are theirs"
+        )
+    floor = round(float(np.median(boxes[:, 2] - boxes[:, 5] / 2)), 4)
+    boxes[:, 2] -= floor
+    return RoadSite(floor, boxes)
+
+
+def road_frames(
+    folder: Path, frames: Sequence[int], labels: Sequence[Labels], site: RoadSite
+) -> Iterator[RoadFrame]:
+    """The frames one after another."""
+    for frame, own in zip(frames, labels, strict=True):
+        points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
+        points[:, 2] -= np.float32(site.floor_z)
+        boxes = own.boxes.copy()
+        boxes[:, 2] -= site.floor_z
+        yield RoadFrame(frame, points, own.names, boxes)
+
+
+def write_sensor(out: Path, site: RoadSite) -> None:
+    """Where the sensor stands in the exported frames."""
+    text = (
+        "# z of a point here = its z in the LiDAR frame + z_m; predictions go back with - z_m.\n"
+        f"T_road_lidar: {{x_m: 0, y_m: 0, z_m: {-site.floor_z:g}, yaw_deg: 0}}\n"
+    )
+    (out / SENSOR_FILE).write_text(text, encoding="utf-8")
+
+
+def read_sensor_height(folder: Path) -> float:
+    """z_m of the sensor above the frames' zero; 0 without the file. Raises FormatError."""
+    file = folder / SENSOR_FILE
+    if not file.is_file():
+        return 0.0
+    return kitti.read_yaml(file).at("T_road_lidar").at("z_m").number()
+
+
+def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
+    """Those of the frames that train and that test, as ImageSets has them.
+
+    Without it, the first four fifths train: neighbours share their vehicles.
+    """
+    if not (folder / "ImageSets/train.txt").is_file():
+        count = round(TRAIN_SHARE * len(frames))
+        return {"train": list(frames[:count]), "val": list(frames[count:])}
+    chosen = set(frames)
+    lists = {part: frame_numbers(folder, part) for part in ("train", "val")}
+    return {part: [k for k in own if k in chosen] for part, own in lists.items()}
+
+
+def write_lists(out: Path, lists: dict[str, list[int]]) -> None:
+    """ImageSets/train.txt and val.txt."""
+    (out / "ImageSets").mkdir()
+    for part, frames in lists.items():
+        text = "".join(f"{frame:06d}\n" for frame in frames)
+        (out / f"ImageSets/{part}.txt").write_text(text, encoding="utf-8")

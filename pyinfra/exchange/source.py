@@ -1,0 +1,172 @@
+"""What an export reads: a LiDAR's frames one after another, and where they come from."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from pyinfra import kitti
+from pyinfra.data.frame_tables import read_cameras
+from pyinfra.evaluation.ground_truth import PERIOD_S
+from pyinfra.kitti import FloatArray, FormatError, Objects
+
+_MARGIN_M = 0.01  # points_in_box of `objects` has the same
+_KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
+
+
+@dataclass(frozen=True)
+class Source:
+    """What holds for every frame of a LiDAR's folder."""
+
+    lidar_folder: Path
+    lidar: str
+    scene: str
+    about: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
+    ids_are_tracks: bool  # an object's id is the same in all frames
+    period_s: float
+    T_world_lidar: kitti.WorldPose  # nothing moved or turned without lidar.yaml
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame, in the levelled LiDAR frame."""
+
+    number: int
+    start_s: float  # since the start of the run
+    middle_s: float  # when the boxes hold
+    points: npt.NDArray[np.float32]  # (n, 4) x y z intensity
+    fields: npt.NDArray[np.void] | None  # (n,) records of kitti.FIELDS; None without `fields`
+    objects: Objects
+
+
+def read_source(lidar_folder: Path) -> Source:
+    """What is known of a folder; of any in the KITTI layout, with or without lidar.yaml.
+
+    Raises FormatError with file and line.
+    """
+    has_lidar = (lidar_folder / "lidar.yaml").is_file()
+    lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
+    folder = lidar_folder.resolve()
+    about = _about(folder.parent / "dataset.yaml")
+    name = lidar.name if lidar else folder.name
+    scene = about.get("name", folder.parent.name)
+    for file, part in ((folder / "lidar.yaml", name), (folder.parent / "dataset.yaml", scene)):
+        if "/" in part:  # files are named by it
+            raise FormatError(f"{file}: name: found '{part}', allowed a name without '/'")
+    has_objects = (folder / "training/objects").is_dir()
+    return Source(
+        lidar_folder=lidar_folder,
+        lidar=name,
+        scene=scene,
+        about={key: about[key] for key in _KEYS if key in about},
+        # A recording whose objects were never tracked says `ids: rows`; labels have none.
+        ids_are_tracks=has_objects and about.get("ids") != "rows",
+        period_s=lidar.period_s if lidar else PERIOD_S,
+        T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),
+    )
+
+
+def read_frames(source: Source, numbers: Sequence[int]) -> Iterator[Frame]:
+    """The frames of ascending numbers, one in memory at a time.
+
+    Without `objects` the boxes are the labels: speed is nan, visibility -1. Where ids are no tracks
+    every box is an object of its own.
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError for numbers
+    that do not ascend.
+    """
+    folder, before, named = source.lidar_folder, -1, 0
+    for number in numbers:
+        if number <= before:
+            raise ValueError(f"found frame {number} after {before}, allowed ascending ones")
+        points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
+        objects = _boxes(folder, number, points)
+        if not source.ids_are_tracks:
+            objects = replace(objects, ids=np.arange(named, named + len(objects)))
+            named += len(objects)
+        yield Frame(
+            number=number,
+            start_s=number * source.period_s,
+            middle_s=(number + 0.5) * source.period_s,
+            points=points,
+            fields=_fields(folder, number, len(points)),
+            objects=objects,
+        )
+        before = number
+
+
+def quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """x y z w of a turn about +z."""
+    return 0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2))
+
+
+def nanoseconds(seconds: float) -> int:
+    """Whole, so that 0.3 s is 300,000,000 ns."""
+    return round(seconds * 1e9)
+
+
+def copy_cloud(source: Source, number: int, to: Path) -> None:
+    """The .bin of a frame, byte for byte."""
+    shutil.copyfile(kitti.frame_file(source.lidar_folder, "velodyne", number), to)
+
+
+def _about(file: Path) -> dict[str, str]:
+    if not file.is_file():
+        return {}
+    top = kitti.read_yaml(file).node
+    if not isinstance(top, yaml.MappingNode):
+        raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
+    return {k.value: v.value for k, v in top.value if isinstance(v, yaml.ScalarNode)}
+
+
+def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | None:
+    if not (folder / "training/fields").is_dir():
+        return None
+    file = kitti.frame_file(folder, "fields", number)
+    fields = kitti.read_fields(file)
+    if len(fields) != count:
+        raise FormatError(
+            f"{file}: found {len(fields)} records, allowed one for each of {count} points"
+        )
+    return fields
+
+
+def _boxes(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
+    if not (folder / "training/objects").is_dir():
+        return _labels(folder, number, points)
+    file = kitti.frame_file(folder, "objects", number)
+    objects = kitti.read_objects(file)
+    ids, counts = np.unique(objects.ids, return_counts=True)
+    if (counts > 1).any():
+        raise FormatError(f"{file}: id: found {ids[counts > 1][0]} twice, allowed once a frame")
+    return objects
+
+
+def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
+    camera = read_cameras(folder, [number]).different[0]
+    labels = kitti.read_labels(kitti.frame_file(folder, "label_2", number), calibration=camera)
+    k, boxes = len(labels), labels.boxes
+    inside = np.array([_count_inside(points, box) for box in boxes], dtype=np.int64)
+    return Objects(
+        ids=np.full(k, -1),
+        names=labels.names,
+        boxes=boxes,
+        speed=np.full(k, np.nan),
+        points=inside,
+        points_in_box=inside,
+        distance=np.hypot(boxes[:, 0], boxes[:, 1]),
+        visibility=np.full(k, -1.0),
+    )
+
+
+def _count_inside(points: npt.NDArray[np.float32], box: FloatArray) -> int:
+    offset = points[:, :3] - box[:3]
+    cos, sin = np.cos(box[6]), np.sin(box[6])
+    ahead, left = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
+    own = np.column_stack([ahead, left, offset[:, 2]])
+    return int((np.abs(own) <= box[3:6] / 2 + _MARGIN_M).all(axis=1).sum())

@@ -1,0 +1,63 @@
+"""The field of view of a LiDAR as far as its returns show it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pyinfra.exchange.recording import Points
+from pyinfra.kitti import FieldOfView
+from pyinfra.kitti.layout import IntArray
+
+MOST_POINTS = 20_000  # looked at in a frame, evenly spread
+ROUNDING_DEG = 1e-4  # so that a direction of 0 is not in the cell below 0
+FULL_GAP_DEG = 30  # a wider part without returns is outside the field of view
+
+
+@dataclass
+class View:
+    """Directions and ranges seen so far; sensor frame, cells of one degree."""
+
+    azimuth: IntArray = field(default_factory=lambda: np.zeros(360, dtype=np.int64))
+    elevation: IntArray = field(default_factory=lambda: np.zeros(180, dtype=np.int64))
+    farthest_m: float = 0.0
+
+    def add(self, points: Points) -> None:
+        """points: (n, 4), sensor frame."""
+        x, y, z = points[:: 1 + len(points) // MOST_POINTS, :3].T.astype(np.float64)
+        azimuth = np.floor(np.degrees(np.arctan2(y, x)) + ROUNDING_DEG).astype(np.int64) % 360
+        elevation = (
+            np.floor(np.degrees(np.arctan2(z, np.hypot(x, y))) + ROUNDING_DEG).astype(np.int64) + 90
+        )
+        self.azimuth += np.bincount(azimuth, minlength=360)
+        self.elevation += np.bincount(np.clip(elevation, 0, 179), minlength=180)
+        slant = np.sqrt(np.einsum("ij,ij->i", points[:, :3], points[:, :3]))
+        self.farthest_m = max(self.farthest_m, float(slant.max(initial=0)))
+
+    def measured(self) -> FieldOfView:
+        """Raises ValueError if there was no return."""
+        rows = np.flatnonzero(self.elevation)
+        if len(rows) == 0:
+            raise ValueError("found no return in any frame, allowed one or more")
+        low, high = float(rows[0] - 90), float(rows[-1] + 1 - 90)
+        return FieldOfView(
+            yaw=0.0,
+            pitch=0.0,
+            azimuth=_seen(np.flatnonzero(self.azimuth)),
+            elevation=(math.radians(low), math.radians(high)),
+            range_m=(0.0, float(math.ceil(self.farthest_m))),
+        )
+
+
+def _seen(cells: IntArray) -> tuple[float, float]:
+    """All but the widest gap between the azimuths seen, radians; it may begin below -180."""
+    gaps = np.diff(np.append(cells, cells[0] + 360)) - 1
+    widest = int(gaps.argmax())
+    if gaps[widest] < FULL_GAP_DEG:
+        return -math.pi, math.pi
+    first = cells[(widest + 1) % len(cells)]
+    width = 360 - gaps[widest]
+    low = first - 360 if first + width > 360 or first >= 180 else first
+    return math.radians(float(low)), math.radians(float(low + width))

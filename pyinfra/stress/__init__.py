@@ -1,0 +1,1 @@
+"""Where detectors fail: dials from none to breaking, and what breaks first."""

@@ -1,0 +1,112 @@
+"""The stressors, a row each: name, unit, dials from none to breaking, and what they do."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.detectors import Points
+from pyinfra.hits import LIDARS, SCENES
+from pyinfra.stress import clouds, worlds
+from pyinfra.stress.worlds import Base, World
+
+Dial = float | str
+OWN = "own"  # no stress, where a dial is a name
+PRESETS = ("paper", "equal", "datasheet")
+
+CloudChange = Callable[[Points, float, clouds.Draws], Points]
+WorldChange = Callable[[Base, Dial], World]
+
+
+@dataclass(frozen=True)
+class Stressor:
+    """One way to disturb a detector; without a change it compares runs."""
+
+    name: str
+    unit: str  # `name` if the dials are names
+    dials: tuple[Dial, ...]  # the first one is none
+    cloud: CloudChange | None = None
+    world: WorldChange | None = None
+    each_frame: bool = True  # other draws for each frame
+
+    @property
+    def named(self) -> bool:
+        return self.unit == "name"
+
+    @property
+    def acts_on(self) -> str:
+        if self.cloud:
+            return "cloud"
+        return "world" if self.world else "training"
+
+    def apply(self, points: Points, dial: float, seed: int, frame: int) -> Points:
+        """A cloud (n, 4) under a dial of a stressor of clouds; the same one without stress."""
+        assert self.cloud is not None
+        if dial == self.dials[0]:
+            return points
+        key = (seed, zlib.crc32(self.name.encode()), *([frame] if self.each_frame else []))
+        return self.cloud(points, dial, np.random.default_rng(key))
+
+    def parse(self, words: list[str]) -> tuple[Dial, ...]:
+        """Dials from words; the one without stress is left out. Raises ValueError."""
+        if self.named:
+            unknown = [word for word in words if word not in self.dials]
+            if unknown:
+                allowed = ", ".join(map(str, self.dials[1:]))
+                raise ValueError(f"--dials: found '{unknown[0]}', allowed {allowed}")
+            return tuple(word for word in words if word != OWN)
+        return tuple(v for v in map(_dial, words) if v != self.dials[0])
+
+
+def _dial(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise ValueError(f"--dials: found '{word}', allowed a number from 0 on")
+    return value
+
+
+NONE = Stressor("none", "", (0.0,))
+
+STRESSORS = {
+    row.name: row
+    for row in (
+        Stressor("drop_out", "share", (0.0, 0.5, 0.75, 0.9, 0.97), clouds.drop_out),
+        Stressor("rain", "mm/h", (0.0, 10.0, 50.0, 100.0, 200.0), clouds.rain),
+        Stressor("fog", "1/km", (0.0, 5.0, 10.0, 20.0, 40.0), clouds.fog),
+        Stressor("range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), clouds.range_noise),
+        Stressor("height_error", "m", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.height_error),
+        Stressor("roll_error", "deg", (0.0, 0.5, 1.0, 2.0, 4.0), clouds.roll_error),
+        Stressor("pitch_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.pitch_error),
+        Stressor("yaw_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.yaw_error),
+        Stressor(
+            "lost_lines",
+            "share",
+            (0.0, 0.5, 0.75, 0.9, 0.97),
+            clouds.lost_lines,
+            each_frame=False,
+        ),
+        Stressor("blocked_sector", "deg", (0.0, 10.0, 20.0, 40.0, 80.0), clouds.blocked_sector),
+        # The motorway of the catalogue holds no more than four times its own.
+        Stressor("density", "times", (1.0, 2.0, 4.0), world=worlds.density),
+        Stressor("speed", "times", (1.0, 1.25, 1.5, 2.0), world=worlds.speed),
+        Stressor("tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=worlds.tilt),
+        Stressor("unseen_lidar", "name", (OWN, *LIDARS), world=worlds.other_lidar),
+        Stressor("unseen_scene", "name", (OWN, *SCENES), world=worlds.other_scene),
+        Stressor("unseen_preset", "name", (OWN, *PRESETS), world=worlds.other_preset),
+        Stressor(
+            "vehicle_class",
+            "name",
+            (OWN, "Truck", "Bus", "Motorcycle", "Cyclist"),
+            world=worlds.one_class,
+        ),
+        # Their dials are what the runs were trained with.
+        Stressor("training_frames", "frames", ()),
+        Stressor("training_seed", "name", (OWN,)),
+    )
+}

@@ -1,0 +1,92 @@
+"""AP over the dials of each stressor, a panel each, from the table of rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import pandas as pd
+import seaborn as sns
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyinfra.statistics.figures import LINES, MARKERS, STYLE, save
+from pyinfra.stress.catalogue import STRESSORS, Stressor
+from pyinfra.stress.summary import curves
+
+ACROSS = 4
+UNITS = {"1/km": "extinction, 1/km", "times": "times the scene's own", "name": ""}
+
+
+def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:
+    """Writes a figure for each LiDAR, preset and scene, as SVG and PNG; returns the files."""
+    files = []
+    for key, rows in table.groupby(["scene", "preset", "lidar"], sort=False):
+        if rows.stressor.nunique() > 1:
+            stem = out / ("stress_" + "_".join(key))
+            save(stress(rows), stem)
+            files += [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    return files
+
+
+def stress(table: pd.DataFrame) -> Figure:
+    """A line with its interval for each detector; of one LiDAR."""
+    found = list(curves(table))
+    names = [name for name in STRESSORS if any(s.name == name for _, s, _ in found)]
+    looks = list(dict.fromkeys(key["detector"] for key, _, _ in found))
+    with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
+        down = math.ceil(len(names) / ACROSS)
+        across = min(ACROSS, len(names))
+        size = (2.8 * across + 0.4, 2.3 * down + 0.6)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(down, across, squeeze=False, sharey=True)
+        for ax, name in zip(axes.flat, names, strict=False):
+            for key, stressor, curve in found:
+                if stressor.name == name:
+                    _line(ax, curve, stressor, looks, key["detector"])
+            _finish(ax, STRESSORS[name])
+        for ax in axes[:, 0]:
+            ax.set_ylabel("AP")
+        for ax in axes.flat[len(names) :]:
+            ax.remove()
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    return figure
+
+
+def _line(
+    ax: Axes, curve: pd.DataFrame, stressor: Stressor, labels: Sequence[str], label: str
+) -> None:
+    at = labels.index(label)
+    colour = sns.color_palette("colorblind")[at % 10]
+    style = {"color": colour, "marker": MARKERS[at % len(MARKERS)], "markersize": 4}
+    if stressor.named:
+        # Names have no order: points beside each other, and no line.
+        ax.errorbar(
+            curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
+            curve.ap,
+            yerr=_reach(curve),
+            linestyle="",
+            elinewidth=0.8,
+            label=label,
+            **style,
+        )
+        ax.set_xticks(curve["at"], curve.dial, rotation=25, ha="right")
+        return
+    ax.plot(curve["at"], curve.ap, label=label, linestyle=LINES[at % len(LINES)], **style)
+    ax.fill_between(curve["at"], curve.ap_low, curve.ap_high, color=colour, alpha=0.2, linewidth=0)
+
+
+def _reach(curve: pd.DataFrame) -> list[pd.Series]:
+    """Below and above AP; the interval of a bootstrap may leave the value out."""
+    low, high = curve.ap - curve.ap_low, curve.ap_high - curve.ap
+    return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
+
+
+def _finish(ax: Axes, stressor: Stressor) -> None:
+    ax.set(title=stressor.name.replace("_", " "), ylim=(0, 102))
+    ax.set_xlabel(UNITS.get(stressor.unit, stressor.unit))
+    if stressor.name == "training_frames":
+        ax.invert_xaxis()

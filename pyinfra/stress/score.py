@@ -1,0 +1,150 @@
+"""How good predictions are, how they err, and what each error costs.
+
+Everything is of class vehicle, BEV IoU 0.5, ground truth `captured`, as `pyinfra evaluate` has it.
+Forgiving follows TIDE (Bolya et al., ECCV 2020); docs/conventions.md, "Stress", has the rules.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pyinfra import ap
+from pyinfra.data.frame_tables import Predictions
+from pyinfra.detectors import Detections
+from pyinfra.evaluation.ground_truth import GroundTruth
+from pyinfra.evaluation.judge import Contest, Settings, Verdict, causes, contest
+from pyinfra.evaluation.judge import judge as judged
+from pyinfra.evaluation.matching import pairs_of_frames
+from pyinfra.evaluation.tables import ap_row
+from pyinfra.kitti import VEHICLE_TYPES
+
+IntArray = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+IOU = 0.5
+BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
+ERRORS = ("ghosts", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
+PARTNER_M = 2.0  # between centres, or half the vehicle's length
+COLUMNS = (
+    "ap",
+    "ap_low",
+    "ap_high",
+    "objects",
+    "ghosts_per_frame",
+    *(f"recall_{band}" for band in BANDS_M),
+    "position_error_m",
+    "heading_error_deg",
+    *(f"forgiven_{error}" for error in ERRORS),
+)
+
+
+def scored(
+    truth: GroundTruth, found: Sequence[Detections], types: Sequence[str] = VEHICLE_TYPES
+) -> dict[str, float]:
+    """COLUMNS of the detections in each frame of truth; nan where there is nothing to measure.
+
+    types: KITTI types that count as vehicle. forgiven_*: AP gained when that error is forgiven.
+    """
+    settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
+    one = contest(truth, as_predictions(found), "vehicle", settings, "bev")
+    verdict = _verdict(one)
+    row = ap_row(verdict, IOU, "definition")
+    wrong = causes(verdict, IOU, strict=False)
+    gains = forgiven(verdict)
+    return {
+        **{name: row[name] for name in ("ap", "ap_low", "ap_high", "objects")},
+        "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / len(truth.frames),
+        **{f"recall_{band}": _recall(verdict, ends) for band, ends in BANDS_M.items()},
+        **_box_errors(verdict),
+        **{f"forgiven_{error}": gains[error] for error in ERRORS},
+    }
+
+
+def as_predictions(found: Sequence[Detections]) -> Predictions:
+    """The detections of each frame, one after another."""
+    counts = [len(one) for one in found]
+    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in found)])
+    return Predictions(
+        frame=np.repeat(np.arange(len(found)), counts),
+        line=np.array([n + 1 for count in counts for n in range(count)], dtype=np.int64),
+        names=np.concatenate([np.empty(0, "<U1"), *(one.names for one in found)]),
+        boxes=boxes,
+        scores=np.concatenate([np.empty(0), *(one.scores for one in found)]).astype(np.float64),
+        angle=boxes[:, 6],
+    )
+
+
+def forgiven(verdict: Verdict) -> dict[str, float]:
+    """AP gained for each of ERRORS when it alone is forgiven."""
+    one, partner = verdict.contest, partners(verdict)
+    has = partner >= 0
+    reached = np.zeros(len(one.vehicles), dtype=np.bool_)
+    reached[verdict.took[verdict.took >= 0]] = True
+    reached[partner[has]] = True
+    distance = _distance(one)
+    better = {"ghosts": replace(verdict, wrong=verdict.wrong & has)}
+    for band, (low, high) in BANDS_M.items():
+        out = ~reached & (distance >= low) & (distance < high)
+        better[f"misses_{band}"] = replace(verdict, counted=verdict.counted & ~out)
+    for error, columns in (("position", slice(0, 2)), ("heading", slice(6, 7))):
+        boxes = one.predictions.boxes.copy()
+        boxes[has, columns] = one.vehicles.boxes[partner[has], columns]
+        better[error] = _verdict(replace(one, predictions=replace(one.predictions, boxes=boxes)))
+    now = _ap(verdict)
+    return {error: _ap(better[error]) - now for error in ERRORS}
+
+
+def partners(verdict: Verdict) -> IntArray:
+    """The vehicle that each wrong prediction may have meant: (p,), -1 for none."""
+    one = verdict.contest
+    v, p = one.vehicles, one.predictions
+    free = np.ones(len(v), dtype=np.bool_)
+    free[verdict.took[verdict.took >= 0]] = False
+    partner = np.full(len(p), -1, dtype=np.int64)
+    for i, j in pairs_of_frames(p.frame, v.frame):
+        apart = np.hypot(*(p.boxes[i, :2] - v.boxes[j, :2]).T)
+        near = verdict.wrong[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
+        # The nearest is written last.
+        order = np.flatnonzero(near)[np.argsort(-apart[near], kind="stable")]
+        partner[i[order]] = j[order]
+    return np.where(np.append(free, False)[partner], partner, -1)
+
+
+def _verdict(one: Contest) -> Verdict:
+    return judged(one, "captured", one.match(IOU, strict=False), 1)
+
+
+def _ap(verdict: Verdict) -> float:
+    return float(ap.average_precision(verdict.ranking())[0])
+
+
+def _distance(one: Contest) -> FloatArray:
+    """Horizontal, sensor to the vehicles' centres: (v,)."""
+    return np.asarray(np.hypot(one.vehicles.boxes[:, 0], one.vehicles.boxes[:, 1]))
+
+
+def _recall(verdict: Verdict, ends: tuple[float, float]) -> float:
+    distance = _distance(verdict.contest)
+    counted = verdict.counted & (distance >= ends[0]) & (distance < ends[1])
+    hit = np.zeros(len(counted), dtype=np.bool_)
+    hit[verdict.took[verdict.hit]] = True
+    return float(hit[counted].mean()) if counted.any() else math.nan
+
+
+def _box_errors(verdict: Verdict) -> dict[str, float]:
+    """Medians over the hits; heading to the nearer of the two ways along the vehicle."""
+    p = verdict.contest.predictions.boxes[verdict.hit]
+    v = verdict.contest.vehicles.boxes[verdict.took[verdict.hit]]
+    apart = np.hypot(p[:, 0] - v[:, 0], p[:, 1] - v[:, 1])
+    turn = np.abs((np.degrees(p[:, 6] - v[:, 6]) + 90) % 180 - 90)
+    some = len(p) > 0
+    return {
+        "position_error_m": float(np.median(apart)) if some else math.nan,
+        "heading_error_deg": float(np.median(turn)) if some else math.nan,
+    }

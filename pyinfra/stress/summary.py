@@ -1,0 +1,155 @@
+"""What the rows of a stress test come to: where each curve falls, what fails first, a ranking."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyinfra.stress.catalogue import NONE, OWN, STRESSORS, Stressor
+from pyinfra.stress.score import ERRORS
+
+FloatArray = npt.NDArray[np.float64]
+
+CURVE = "detector run lidar preset scene seed frames".split()  # and the stressor
+FALL = 10.0  # AP
+LEAST_SHARE = 0.2  # of the fall, for an error to be named
+BEYOND = "beyond"
+
+
+def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.DataFrame]]:
+    """The rows of each curve from none on, in the order of the dials; `at` is their place.
+
+    Curves without an AP for no stress, and those with nothing else, are left out.
+    """
+    for key, rows in table.groupby(CURVE, sort=False):
+        base = rows[rows.stressor == NONE.name]
+        for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
+            if base.ap.notna().sum() == 1 and name in STRESSORS:
+                stressor = STRESSORS[str(name)]
+                own = base.assign(dial=_own_dial(stressor, base), stressor=name)
+                curve = pd.concat([own, part], ignore_index=True)
+                yield dict(zip(CURVE, key, strict=True)), stressor, _ordered(curve, stressor)
+
+
+def _own_dial(stressor: Stressor, base: pd.DataFrame) -> str:
+    if stressor.name == "training_frames":
+        return f"{base.trained_frames.iloc[0]:g}"
+    return f"{stressor.dials[0]:g}" if not stressor.named else OWN
+
+
+def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
+    if stressor.named:
+        return curve.assign(at=np.arange(len(curve), dtype=np.float64))
+    curve = curve.assign(at=curve.dial.astype(float))
+    # Fewer frames are the stronger dial.
+    return curve.sort_values("at", ascending=stressor.name != "training_frames", ignore_index=True)
+
+
+def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
+    """Where straight lines between the dials first reach a level from above; inf if never."""
+    known = ~np.isnan(ap)
+    at, ap = at[known], ap[known]
+    if len(ap) > 0 and ap[0] <= level:
+        return float(at[0])
+    for i in range(1, len(ap)):
+        if ap[i] <= level:
+            share = (ap[i - 1] - level) / (ap[i - 1] - ap[i])
+            return float(at[i - 1] + share * (at[i] - at[i - 1]))
+    return math.inf
+
+
+def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
+    """The dial at which AP is down to a level, or the names with no more than that."""
+    if stressor.named:
+        return " ".join(curve.dial[curve.ap <= level]) or BEYOND
+    at = crossing(curve["at"].to_numpy(), curve.ap.to_numpy(float), level)
+    return f"{at:.3g}" if math.isfinite(at) else BEYOND
+
+
+def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
+    """What fails first, the error with the largest blame, and its share of the fall.
+
+    At the first dial with a fall of 10 or more. What fails first is `mixed` if no error has a fifth
+    of the fall; nothing if there is no such fall.
+    """
+    base = curve.iloc[0]
+    down = curve[curve.ap <= base.ap - FALL]
+    if len(down) == 0:
+        return "", "", math.nan
+    row = down.iloc[0]
+    blame = {e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap - row.ap) for e in ERRORS}
+    worst = max(blame, key=lambda error: blame[error])
+    return (worst if blame[worst] >= LEAST_SHARE else "mixed"), worst, float(blame[worst])
+
+
+def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
+    """Mean of AP / AP(none) over the dials, stretched to 0 to 1; nan for an undefined AP, or 0."""
+    if curve.ap.iloc[0] == 0:
+        return math.nan
+    ratio = curve.ap.to_numpy(float) / curve.ap.iloc[0]
+    if stressor.named:
+        return float(ratio[1:].mean())
+    at = curve["at"].to_numpy(float)
+    return float(np.trapezoid(ratio, (at - at[0]) / (at[-1] - at[0])))
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """A row for each curve."""
+    rows = []
+    for key, stressor, curve in curves(table):
+        base, worst = curve.ap.iloc[0], curve.loc[curve.ap.idxmin()]
+        failure, worst_error, share = first_failure(curve)
+        rows.append(
+            {
+                **key,
+                "stressor": stressor.name,
+                "unit": stressor.unit,
+                "dials": len(curve),
+                "ap_none": base,
+                "ap_least": worst.ap,
+                "dial_least": worst.dial,
+                "falls_by_10": fallen(curve, stressor, base - FALL),
+                "falls_to_half": fallen(curve, stressor, base / 2),
+                "fails_first": failure,
+                "largest_blame": worst_error,
+                "share_of_fall": share,
+                "gentleness": gentleness(curve, stressor),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def ranking(table: pd.DataFrame) -> pd.DataFrame:
+    """Detectors of each LiDAR by their mean gentleness, over what all of them went through.
+
+    Nothing for a LiDAR without such a stressor.
+    """
+    rows = summary(table)
+    if len(rows) == 0:
+        return rows
+    rows = rows[
+        ~rows.stressor.isin([s.name for s in STRESSORS.values() if s.acts_on == "training"])
+    ]
+    found = []
+    for key, part in rows.groupby(["lidar", "preset", "scene", "seed", "frames"], sort=False):
+        by_run = part.pivot_table(
+            index=["detector", "run"], columns="stressor", values=["gentleness", "dials"]
+        )
+        whole = by_run["dials"].notna().all() & (by_run["dials"].nunique() == 1)
+        common = by_run["gentleness"].loc[:, _names(whole)].dropna(axis=1)
+        if common.shape[1] == 0:
+            continue
+        mean = common.mean(axis=1).sort_values(ascending=False)
+        for rank, ((detector, run), value) in enumerate(mean.items(), start=1):
+            names = dict(zip(["lidar", "preset", "scene", "seed", "frames"], key, strict=True))
+            row = {"rank": rank, "detector": detector, "run": run, "gentleness": value}
+            found.append({**names, **row, "stressors": common.shape[1]})
+    return pd.DataFrame(found)
+
+
+def _names(chosen: pd.Series) -> Sequence[str]:
+    return [str(name) for name, yes in chosen.items() if yes]

@@ -1,0 +1,126 @@
+"""PCD files: ours read by pypcd4, and its files read by us."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
+from pypcd4 import Encoding, PointCloud
+
+from pyinfra import kitti
+from pyinfra.exchange.export_command import export
+from pyinfra.exchange.pcd_file import read_pcd
+from pyinfra.kitti import FormatError
+
+ALL = ("x", "y", "z", "intensity", "time", "ring", "object_id", "class")
+
+
+def columns(cloud: PointCloud, names: tuple[str, ...]) -> np.ndarray:
+    return np.column_stack([cloud.pc_data[name].astype(np.float64) for name in names])
+
+
+def test_all_fields_by_hand(tmp_path: Path) -> None:
+    export(write_recording(tmp_path), [5], "pcd", tmp_path / "out")
+    cloud = PointCloud.from_path(tmp_path / "out/points/000005.pcd")
+    assert cloud.fields == ALL
+    assert np.array_equal(columns(cloud, ALL[:4]), points(5))
+    for name, own in zip(ALL[4:], ("time_s", "ring", "object_id", "class"), strict=True):
+        assert np.array_equal(cloud.pc_data[name], fields_of(5)[own])
+    first, second = (tmp_path / "out/labels/000005.txt").read_text().splitlines()
+    assert [float(word) for word in first.split()[:7]] == pytest.approx(BOXES[3])
+    assert second.split()[7] == "Truck"
+
+
+def test_without_fields_place_and_intensity_remain(tmp_path: Path) -> None:
+    export(write_recording(tmp_path, fields=False), [5], "pcd", tmp_path / "out")
+    assert PointCloud.from_path(tmp_path / "out/points/000005.pcd").fields == ALL[:4]
+
+
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_frames_of_each_lidar(motorway: Path, lidar: str, tmp_path: Path) -> None:
+    export(motorway / lidar, [0, 2], "pcd", tmp_path / "out")
+    for frame in (0, 2):
+        cloud = PointCloud.from_path(tmp_path / f"out/points/{frame:06d}.pcd")
+        own = kitti.read_points(kitti.frame_file(motorway / lidar, "velodyne", frame))
+        assert np.array_equal(columns(cloud, ALL[:4]), own)
+        fields = kitti.read_fields(kitti.frame_file(motorway / lidar, "fields", frame))
+        assert np.array_equal(cloud.pc_data["object_id"], fields["object_id"])
+        assert np.array_equal(cloud.pc_data["time"], fields["time_s"])
+
+
+@pytest.mark.parametrize("encoding", list(Encoding)[:3])
+@pytest.mark.parametrize("count", [0, 1, 500])
+def test_files_of_another_writer(encoding: Encoding, count: int, tmp_path: Path) -> None:
+    draw = np.random.default_rng(1)
+    names, types = ("x", "y", "z", "i", "ring"), ("f4", "f4", "f8", "f4", "u2")
+    values = [draw.uniform(0, 9, count).astype(t) for t in types]
+    cloud = PointCloud.from_points(values, names, [np.dtype(t) for t in types])
+    cloud.save(tmp_path / "a.pcd", encoding=encoding)
+    found = read_pcd(tmp_path / "a.pcd")
+    for name, value in zip(names, values, strict=True):
+        assert np.allclose(found[name], value, atol=1e-5)
+
+
+HEADER = """VERSION 0.7
+FIELDS x y z
+SIZE 4 4 4
+TYPE F F F
+COUNT 1 1 1
+WIDTH 2
+HEIGHT 1
+VIEWPOINT 0 0 0 1 0 0 0
+POINTS 2
+DATA """
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", ":1: found '', allowed FIELDS"),
+        ("hello world\n", ":1: found 'hello'"),
+        (HEADER + "zip\n", "DATA: found 'zip', allowed ascii, binary, binary_compressed"),
+        (HEADER + "binary\n1234", "found 4 bytes of points, allowed 24: is it cut short"),
+        (HEADER + "binary_compressed\n1234", "is it cut short"),
+        (HEADER + "binary_compressed\n\x02\0\0\0\x18\0\0\0\x7f\x7f", "no LZF data"),
+        (HEADER + "ascii\n1 2 3\n", "found 1 points, allowed 2"),
+        (HEADER + "ascii\n1 2 3\n4 5\n", "points: "),
+        (HEADER + "ascii\n1 2 3\n4 five 6\n", "points: "),
+        (HEADER.replace("POINTS 2\n", "") + "ascii\n", "found no POINTS in the header"),
+        (HEADER.replace("POINTS 2", "POINTS -2") + "ascii\n", "POINTS: found '-2'"),
+        (HEADER.replace("SIZE 4 4 4", "SIZE 4 4") + "ascii\n", "found different lengths"),
+        (HEADER.replace("SIZE 4", "SIZE 3") + "ascii\n", "x: found TYPE F SIZE 3"),
+        (HEADER.replace("COUNT 1", "COUNT 0") + "ascii\n", "x: found COUNT 0"),
+        (HEADER.replace("x y z", "x x z") + "ascii\n", "FIELDS: "),
+        (HEADER.replace("POINTS 2", "POINTS 99999999999") + "binary\n", "is it cut short"),
+    ],
+)
+def test_wrong_files_are_named(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.pcd"
+    file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(FormatError) as error:
+        read_pcd(file)
+    assert str(error.value).startswith(str(file))
+    assert message in str(error.value)
+
+
+def test_a_field_of_several_numbers_and_padding(tmp_path: Path) -> None:
+    record = np.dtype([("x", "<f4"), ("pad", "<u1", (3,)), ("normal", "<f4", (3,)), ("z", "<f4")])
+    data = np.zeros(2, dtype=record)
+    data["normal"] = [[1, 2, 3], [4, 5, 6]]
+    data["z"] = [7, 8]
+    header = (
+        "FIELDS x _ normal z\nSIZE 4 1 4 4\nTYPE F U F F\nCOUNT 1 3 3 1\nPOINTS 2\nDATA binary\n"
+    )
+    (tmp_path / "a.pcd").write_bytes(header.encode() + data.tobytes())
+    found = read_pcd(tmp_path / "a.pcd")
+    assert found["normal"].tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert found["z"].tolist() == [7, 8]
+
+
+def test_a_compressed_file_without_its_package_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "lzf", None)
+    (tmp_path / "a.pcd").write_text(HEADER + "binary_compressed\n")
+    with pytest.raises(ImportError, match=r"pip install 'infrasim\[exchange\]'"):
+        read_pcd(tmp_path / "a.pcd")

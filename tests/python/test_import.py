@@ -1,0 +1,386 @@
+"""Recordings of other tools, and one's own, become data sets."""
+
+import json
+import math
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
+
+from pyinfra import cli, kitti
+from pyinfra.exchange.data_set import About
+from pyinfra.exchange.export_command import export
+from pyinfra.exchange.import_command import import_recording
+from pyinfra.exchange.recording import Options
+from pyinfra.statistics.data import read_data_set, sensor_tilt
+
+LAYOUTS = ("kitti", "openpcdet", "pcd", "nuscenes")
+ABOUT = About("pole", "junction")
+
+
+def source_of(layout: str, folder: Path, frames: list[int], to: Path) -> Path:
+    """Frames of a LiDAR's folder as a recording."""
+    if layout == "kitti":
+        return Path(shutil.copytree(folder, to))
+    export(folder, frames, layout, to)
+    return to
+
+
+def objects(lidar: Path, frame: int) -> kitti.Objects:
+    return kitti.read_objects(kitti.frame_file(lidar, "objects", frame))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_layout_gives_the_frames_that_went_out(layout: str, tmp_path: Path) -> None:
+    pole = write_recording(tmp_path / "made_up")
+    source = source_of(layout, pole, [5, 6, 7], tmp_path / "source")
+    found, labelled = import_recording(source, layout, tmp_path / "in/pole", ABOUT, Options())
+    assert (found.frames, found.points, labelled) == (3, 30, True)
+    numbers = kitti.frames(tmp_path / "in/pole")
+    for old, new in zip((5, 6, 7), numbers, strict=True):
+        cloud = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", new))
+        assert np.allclose(cloud, points(old), atol=1e-5, rtol=0)
+    first = objects(tmp_path / "in/pole", numbers[0])
+    assert np.allclose(first.boxes, [BOXES[3], BOXES[8]], atol=1e-5)
+    assert first.points.tolist() == first.points_in_box.tolist() == [3, 3]
+    if layout == "openpcdet":
+        assert first.names.tolist() == ["vehicle", "vehicle"]
+    else:
+        assert first.names.tolist() == ["Car", "Truck"]
+    assert len(objects(tmp_path / "in/pole", numbers[1])) == 0
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_frames_of_each_lidar(motorway: Path, lidar: str, layout: str, tmp_path: Path) -> None:
+    folder = motorway / lidar
+    source = source_of(layout, folder, [0, 1, 2], tmp_path / "source")
+    import_recording(source, layout, tmp_path / "in" / lidar, ABOUT, Options())
+    for old, new in zip(range(3), kitti.frames(tmp_path / "in" / lidar), strict=True):
+        cloud = kitti.read_points(kitti.frame_file(folder, "velodyne", old))
+        found = kitti.read_points(kitti.frame_file(tmp_path / "in" / lidar, "velodyne", new))
+        assert np.allclose(found, cloud, atol=1e-5, rtol=0)
+        want = kitti.read_labels(kitti.frame_file(folder, "label_2", old)).boxes
+        boxes = objects(tmp_path / "in" / lidar, new).boxes
+        if layout == "nuscenes":  # has the vehicles that were not hit as well
+            every = objects(folder, old).boxes
+            assert np.allclose(np.unique(boxes[:, :6], axis=0), np.unique(every[:, :6], axis=0))
+        else:
+            assert np.allclose(boxes, want, atol=1e-4)
+            apart = np.abs(np.sin((boxes[:, 6] - want[:, 6]) / 2))
+            assert apart.max(initial=0) < 1e-5
+
+
+def test_fields_of_a_pcd_come_along(tmp_path: Path) -> None:
+    export(write_recording(tmp_path / "made_up"), [5], "pcd", tmp_path / "source")
+    import_recording(tmp_path / "source", "pcd", tmp_path / "in/pole", ABOUT, Options())
+    found = kitti.read_fields(kitti.frame_file(tmp_path / "in/pole", "fields", 5))
+    assert np.array_equal(found, fields_of(5))
+
+
+def test_what_is_known_stands_in_the_data_set(tmp_path: Path) -> None:
+    source = source_of("kitti", write_recording(tmp_path / "made_up"), [], tmp_path / "source")
+    about = About("pole", "junction", model="Some 32", price_usd=(900, 1200), period_s=0.05)
+    import_recording(source, "kitti", tmp_path / "in/pole", about, Options())
+    data = read_data_set(tmp_path / "in")
+    assert (data.scene, data.preset, data.names) == ("junction", "recorded", ("pole",))
+    (lidar,) = data.lidars
+    assert (lidar.model, lidar.price_usd, lidar.period_s) == ("Some 32", (900, 1200), 0.05)
+    # The vehicles' bottoms are at -6, -5.5, -6.
+    assert lidar.T_world_levelled == kitti.WorldPose(0, 0, 6, 0)
+    assert (tmp_path / "in/pole/sources.csv").read_text().splitlines()[1] == "5,000005"
+    unknown = About("pole", "junction", height_m=4.5)
+    import_recording(source, "kitti", tmp_path / "two/pole", unknown, Options())
+    (lidar,) = read_data_set(tmp_path / "two").lidars
+    assert lidar.T_world_levelled.z == 4.5
+    assert math.isnan(lidar.price_usd[0])
+
+
+def test_the_field_of_view_is_that_of_the_returns(tmp_path: Path) -> None:
+    """Returns from 170 to 190.5 degrees: the view is around the back, and no full circle."""
+    azimuth = np.radians(np.linspace(170, 190.5, 200))
+    cloud = np.column_stack([10 * np.cos(azimuth), 10 * np.sin(azimuth), np.full(200, -1), azimuth])
+    folder = tmp_path / "source/velodyne"
+    folder.mkdir(parents=True)
+    cloud.astype("<f4").tofile(folder / "000000.bin")
+    import_recording(tmp_path / "source", "kitti", tmp_path / "in/pole", ABOUT, Options())
+    (unit,) = kitti.read_lidar(tmp_path / "in/pole").field_of_view
+    low, high = np.degrees(unit.azimuth)
+    assert high - low == pytest.approx(21)
+    assert low % 360 == pytest.approx(170)
+    assert np.degrees(unit.elevation) == pytest.approx([-6, -5])
+    assert unit.range_m == (0, 11)
+
+
+def test_a_leaning_sensor_is_turned_upright(tmp_path: Path) -> None:
+    """Pitch 30 degrees looks down: a point straight ahead lies below, one straight up ahead."""
+    (tmp_path / "source/points").mkdir(parents=True)
+    (tmp_path / "source/labels").mkdir()
+    cloud = np.array([[10, 0, 0, 0.5], [0, 0, 10, 0.5], [0, 10, 0, 0.5]], dtype=np.float32)
+    np.save(tmp_path / "source/points/a.npy", cloud)
+    (tmp_path / "source/labels/a.txt").write_text("10 0 0 4 2 1.5 0 car\n")
+    about = About("pole", "junction", tilt=(math.radians(30), 0))
+    import_recording(tmp_path / "source", "openpcdet", tmp_path / "in/pole", about, Options())
+    found = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
+    side, down = 10 * math.cos(math.pi / 6), 10 * math.sin(math.pi / 6)
+    assert found[:, :3] == pytest.approx(np.array([[side, 0, -down], [down, 0, side], [0, 10, 0]]))
+    assert objects(tmp_path / "in/pole", 0).boxes[0, :3] == pytest.approx(
+        [side, 0, -down], abs=1e-4
+    )
+    assert sensor_tilt(tmp_path / "in/pole/lidar.yaml").pitch == pytest.approx(math.pi / 6)
+    (unit,) = kitti.read_lidar(tmp_path / "in/pole").field_of_view
+    assert np.degrees(unit.elevation) == pytest.approx([0, 90])
+
+
+def test_types_intensities_columns_and_points_without_a_return(tmp_path: Path) -> None:
+    folder = tmp_path / "source"
+    (folder / "points").mkdir(parents=True)
+    (folder / "boxes").mkdir()
+    cloud = np.array([[9, 1, 2, 255, 7], [np.nan, 0, 0, 1, 7], [0, 0, 0, 5, 7], [1, 0, 0, 51, 7]])
+    cloud.astype("<f4").tofile(folder / "points/frame_10.bin")
+    cloud[:1].astype("<f4").tofile(folder / "points/frame_9.bin")
+    (folder / "boxes/frame_10.txt").write_text("9 1 2 4 2 2 0 Lkw\n5 0 0 1 1 1 0 Hund\n")
+    (folder / "boxes/frame_9.txt").write_text("")
+    options = Options(intensity_max=255, columns=5, labels=folder / "boxes")
+    about = About("pole", "junction", types={"Lkw": "Truck"})
+    found, _ = import_recording(folder, "openpcdet", tmp_path / "in/pole", about, options)
+    assert found.without_return == 2
+    last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 1))
+    assert last.tolist() == pytest.approx(np.array([[9, 1, 2, 1], [1, 0, 0, 0.2]]))
+    assert objects(tmp_path / "in/pole", 1).names.tolist() == ["Truck", "Hund"]
+    assert objects(tmp_path / "in/pole", 1).points.tolist() == [1, 0]
+
+
+# --- tables of nuScenes by hand
+
+
+def tables(folder: Path) -> Path:
+    """A LiDAR at (100, 200, 6), yaw 90 degrees, pitched down by 90: it looks at its own foot."""
+    half = math.sqrt(0.5)
+    rows: dict[str, list[dict[str, Any]]] = {
+        "sensor": [{"token": "s", "channel": "LIDAR_TOP", "modality": "lidar"}],
+        "calibrated_sensor": [
+            {"token": "m", "sensor_token": "s", "translation": [0, 0, 6]}
+            | {"rotation": [half, 0, half, 0]}
+        ],
+        "ego_pose": [{"token": "e", "translation": [100, 200, 0], "rotation": [half, 0, 0, half]}],
+        "sample": [{"token": "f", "timestamp": 2_000_000}],
+        "sample_data": [
+            {"token": f"d{i}", "sample_token": "f", "calibrated_sensor_token": "m"}
+            | {"ego_pose_token": "e", "is_key_frame": i == 0, "timestamp": 2_000_000}
+            | {"filename": f"samples/LIDAR_TOP/{i}.pcd.bin"}
+            for i in range(2)
+        ],
+        "category": [{"token": "c", "name": "vehicle.bus.rigid"}],
+        "instance": [{"token": "x", "category_token": "c"}, {"token": "i", "category_token": "c"}],
+        "sample_annotation": [
+            {"token": "a", "sample_token": "f", "instance_token": "i", "visibility_token": "2"}
+            | {"translation": [100, 220, 1.5], "size": [2.5, 12, 3], "rotation": [half, 0, 0, half]}
+        ],
+    }
+    (folder / "v1.0").mkdir(parents=True)
+    for name, content in rows.items():
+        (folder / f"v1.0/{name}.json").write_text(json.dumps(content))
+    (folder / "samples/LIDAR_TOP").mkdir(parents=True)
+    np.array([[6, 0, 1, 51, 3]], "<f4").tofile(folder / "samples/LIDAR_TOP/0.pcd.bin")
+    return folder
+
+
+def test_tables_by_hand(tmp_path: Path) -> None:
+    import_recording(tables(tmp_path / "a"), "nuscenes", tmp_path / "in/pole", ABOUT, Options())
+    # 6 m along the sensor's x is its foot; its z, 1 m, is ahead.
+    (point,) = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
+    assert point == pytest.approx([1, 0, -6, 0.2], abs=1e-5)
+    # The bus is 20 m along the world's y, which is ahead, and looks there.
+    bus = objects(tmp_path / "in/pole", 0)
+    assert bus.boxes[0] == pytest.approx([20, 0, -4.5, 12, 2.5, 3, 0], abs=1e-5)
+    assert (bus.names[0], bus.ids[0], bus.visibility[0]) == ("Bus", 1, 0.5)
+    pose = kitti.read_lidar(tmp_path / "in/pole").T_world_levelled
+    assert (pose.x, pose.y, pose.z, pose.yaw) == pytest.approx((100, 200, 6, math.pi / 2))
+    assert sensor_tilt(tmp_path / "in/pole/lidar.yaml").pitch == pytest.approx(math.pi / 2)
+
+
+WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
+    "no JSON": ("sample", lambda rows: None, "is not JSON"),
+    "no list": ("sample", lambda rows: {"token": 1}, "allowed a list of rows"),
+    "no pose": ("ego_pose", lambda rows: [], "found no row with token 'e'"),
+    "no number": (
+        "ego_pose",
+        lambda rows: [rows[0] | {"translation": "far"}],
+        "translation: found",
+    ),
+    "turn of 0": ("ego_pose", lambda rows: [rows[0] | {"rotation": [0] * 4}], "rotation: found 0"),
+    "no category": ("category", lambda rows: [{"token": "c"}], "found no 'name'"),
+    "no LiDAR": ("sensor", lambda rows: [], "found LiDARs none, allowed one of them"),
+    "no frame": ("sample_data", lambda rows: rows[1:], "found no key frame"),
+    "outside": (
+        "sample_data",
+        lambda rows: [rows[0] | {"filename": "../../secret"}],
+        "allowed a file inside",
+    ),
+    "no time": ("sample_data", lambda rows: [rows[0] | {"timestamp": None}], "timestamp: found"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_TABLES)
+def test_wrong_tables_are_named(case: str, tmp_path: Path) -> None:
+    table, change, message = WRONG_TABLES[case]
+    file = tables(tmp_path / "a") / f"v1.0/{table}.json"
+    changed = change(json.loads(file.read_text()))
+    file.write_text("[{" if changed is None else json.dumps(changed))
+    with pytest.raises(ValueError, match=message):
+        import_recording(tmp_path / "a", "nuscenes", tmp_path / "in/pole", ABOUT, Options())
+    assert not any(path.name.startswith(".pole") for path in tmp_path.rglob("*"))
+
+
+# --- the command
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """The made-up recording in OpenPCDet's layout."""
+    export(write_recording(tmp_path / "made_up"), [5, 6, 7], "openpcdet", tmp_path / "source")
+    return tmp_path / "source"
+
+
+def fails(words: list[object], capsys: pytest.CaptureFixture[str], code: int, *parts: str) -> None:
+    assert cli.main([str(word) for word in words]) == code
+    stderr = capsys.readouterr().err
+    assert len(stderr.splitlines()) == 1, stderr
+    for part in parts:
+        assert part in stderr
+
+
+def truncated(folder: Path) -> None:
+    file = folder / "points/000005.npy"
+    file.write_bytes(file.read_bytes()[:-20])
+
+
+def with_pickle(folder: Path) -> None:
+    bad = np.array([{"a": 1}], dtype=object)
+    np.save(folder / "points/000005.npy", bad, allow_pickle=True)
+
+
+def narrow(folder: Path) -> None:
+    np.save(folder / "points/000005.npy", np.zeros((9, 3), dtype=np.float32))
+
+
+def odd_bin(folder: Path) -> None:
+    (folder / "points/000005.npy").unlink()
+    np.zeros(7, dtype="<f4").tofile(folder / "points/000005.bin")
+
+
+def archive(folder: Path) -> None:
+    with zipfile.ZipFile(folder / "points/000005.npy", "w") as file:
+        file.writestr("a.npy", b"")
+
+
+WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
+    "truncated": (truncated, 1, ["points/000005.npy", "is no whole array"]),
+    "pickle": (with_pickle, 1, ["points/000005.npy", "is no whole array"]),
+    "columns": (narrow, 1, ["found (9, 3) float32, allowed (n, 4 or more)"]),
+    "bytes": (odd_bin, 1, ["000005.bin", "found 28 bytes, allowed a multiple of 16"]),
+    "archive": (archive, 1, ["points/000005.npy", "is no whole array"]),
+    "label": (
+        lambda f: (f / "labels/000005.txt").write_text("1 2 3 Car\n"),
+        1,
+        ["labels/000005.txt:1: found 4 columns"],
+    ),
+    "label alone": (
+        lambda f: (f / "labels/000009.txt").write_text(""),
+        2,
+        ["labels/000009.txt: found no cloud of this label"],
+    ),
+    "cloud alone": (
+        lambda f: (f / "labels/000006.txt").unlink(),
+        2,
+        ["points/000006.npy: found no label of this cloud"],
+    ),
+    "no clouds": (lambda f: shutil.rmtree(f / "points"), 1, ["points: No such file or directory"]),
+    "height": (
+        lambda f: (f / "sensor.yaml").write_text("T_road_lidar: {z_m: high}\n"),
+        1,
+        ["sensor.yaml:1: T_road_lidar.z_m: found 'high', allowed a number"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_FILES)
+def test_wrong_files_are_named_and_nothing_is_left(
+    case: str, source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, code, parts = WRONG_FILES[case]
+    change(source)
+    words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
+    fails(words, capsys, code, *parts)
+    assert not any((tmp_path / "in").iterdir()) if (tmp_path / "in").exists() else True
+
+
+def test_a_file_is_refused_with_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "infos.pkl").write_bytes(b"cos\nsystem\n(S'false'\ntR.")
+    words = ["import", tmp_path / "infos.pkl", "--from", "kitti", "--out", tmp_path / "in/pole"]
+    fails(words, capsys, 2, "found a file, allowed a folder", "pickles never read")
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["--price-usd", "5", "4"], "--price-usd: found [5.0, 4.0]"),
+        (["--period-s", "0"], "--period-s: found 0"),
+        (["--tilt-deg", "100", "0"], "--tilt-deg: found [100.0, 0.0]"),
+        (["--columns", "3"], "--columns: found 3"),
+        (["--intensity-max", "-1"], "--intensity-max: found -1"),
+        (["--type", "Lkw"], "--type: found 'Lkw', allowed NAME=TYPE"),
+    ],
+)
+def test_wrong_options(
+    words: list[str], part: str, source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
+    fails([*command, *words], capsys, 2, part)
+
+
+def test_a_pickle_format_is_not_among_the_imports(
+    source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(["import", str(source), "--from", "mmdet3d", "--out", "x"])
+    assert end.value.code == 2
+    assert "invalid choice: 'mmdet3d'" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_there_stays(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
+    assert cli.main([str(word) for word in words]) == 0
+    capsys.readouterr()
+    fails(words, capsys, 1, "in/pole: is there already")
+    words[-1] = tmp_path / "in/second"
+    fails(words, capsys, 2, "allowed a new folder", "no numbers in common")
+    assert sorted(path.name for path in (tmp_path / "in").iterdir()) == ["dataset.yaml", "pole"]
+
+
+def test_lidars_of_the_same_tables_stand_in_one_data_set(tmp_path: Path) -> None:
+    recording = tables(tmp_path / "a")
+    for name in ("one", "two"):
+        about = About(name, "junction")
+        import_recording(recording, "nuscenes", tmp_path / "in" / name, about, Options())
+    assert read_data_set(tmp_path / "in").names == ("one", "two")
+
+
+def test_without_labels_there_is_a_warning(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.rmtree(source / "labels")
+    words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
+    assert cli.main([str(word) for word in words]) == 0
+    assert "found no labels" in capsys.readouterr().err
+    assert len(objects(tmp_path / "in/pole", 5)) == 0

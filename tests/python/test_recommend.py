@@ -1,0 +1,177 @@
+"""Claims and recommendations from made-up tables with known answers."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pyinfra import cli
+from pyinfra.benchmark.claims import Figure, claims_table, slope
+from pyinfra.benchmark.paper import paper_ap, paper_table
+from pyinfra.benchmark.value import KEY
+
+PRICES = {"ruby_plus": 24000, "livox_avia": 2000, "pandar_64": 6000, "helios_16": 1000}
+AP = {  # of LiDARs, by detector
+    "pointpillars": (93.0, 94.0, 88.0, 60.0),
+    "pv-rcnn": (94.0, 94.0, 90.0, 62.0),
+    "dsvt": (84.0, 80.0, 80.0, 55.0),
+    "pointrcnn": (50.0, 70.0, 40.0, 30.0),
+}
+
+
+def key_of(lidar: str, detector: str) -> dict[str, object]:
+    return dict(zip(KEY, ("road", lidar, "paper", detector, "quick", 1), strict=True))
+
+
+def cells(half: float = 1.0) -> pd.DataFrame:
+    """Every LiDAR with every detector; intervals of AP reach `half` to either side."""
+    rows = [
+        key_of(lidar, detector)
+        | {"ap": ap, "ap_low": ap - half, "ap_high": ap + half, "ap_all": ap / 2}
+        | {"latency_p50_ms": 50.0, "version": "1"}
+        for detector, own in AP.items()
+        for lidar, ap in zip(PRICES, own, strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def values() -> pd.DataFrame:
+    rows = [
+        key_of(lidar, detector) | {"price_usd": price, "n_hqda": 10}
+        for detector in AP
+        for lidar, price in PRICES.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
+    """Of a claim's rows, by the first word of the statement and what it is about."""
+    rows = claims_table(tables)
+    rows = rows[rows.claim == claim]
+    return dict(zip(rows.statement, rows.verdict, strict=True))
+
+
+def test_a_difference_has_the_rooted_squares_of_both_ends() -> None:
+    found = Figure(10, 7, 11).less(Figure(2, 1, 6))
+    assert (found.value, found.low, found.high) == (8, 8 - 5, pytest.approx(8 + 2**0.5))
+
+
+def test_a_ratio_of_equal_figures_is_one_and_holds_its_value() -> None:
+    found = Figure(4, 2, 8).over(Figure(4, 4, 4))
+    assert (found.value, found.low, found.high) == pytest.approx((1, 0.5, 2))
+
+
+def test_comparable_is_about_three_points_either_way() -> None:
+    found = verdicts({"cells": cells()}, "comparable")
+    # Differences of 1, 0 and -4, give or take 1.41.
+    assert list(found.values()) == ["holds", "holds", "undecided"]
+    assert list(verdicts({"cells": cells(0.1)}, "comparable").values())[-1] == "fails"
+
+
+def test_the_64_lines_are_below_both() -> None:
+    found = verdicts({"cells": cells()}, "64-below")
+    assert list(found.values()) == ["holds", "holds", "undecided"]
+
+
+def test_algorithms_are_compared_with_the_best() -> None:
+    found = verdicts({"cells": cells()}, "algorithms")
+    assert found["ruby_plus: AP of pv-rcnn less that of PointRCNN 20 or more"] == "holds"
+    assert found["ruby_plus: AP of pv-rcnn less that of pointpillars 5 or less"] == "holds"
+    # 94 - 70 = 24 for the Avia; 62 - 30 = 32 for the 16 lines.
+    assert len(found) == 3 * 4
+
+
+def test_a_straight_line_has_its_slope() -> None:
+    windows = pd.DataFrame({"s": range(0, 50, 10), "ap": [90.0, 88, 86, 84, 82]})
+    found = slope(windows.assign(ap_low=windows.ap - 1.96, ap_high=windows.ap + 1.96))
+    assert found.value == pytest.approx(-2)
+    # Sigma 1, overlap 4, and squares of x about the middle that sum to 10.
+    assert found.high - found.value == pytest.approx(1.96 * (4 / 10) ** 0.5)
+
+
+def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
+    found = verdicts({"cells": cells(), "value": values()}, "value")
+    # 94 AP for 2,000 against 60 for 1,000; 10 areas for 2,000 against 10 for 1,000.
+    assert (
+        found["pointpillars: AP per dollar of the Avia over that of helios_16 above 1"] == "fails"
+    )
+    text = "pointpillars: high-quality areas per dollar of the Avia over helios_16 above 1"
+    assert found[text] == "fails"
+
+
+def test_tilt_takes_the_best_angle_against_none() -> None:
+    dials = {"none": ["0"], "tilt": ["5", "10", "20", "30"], "unseen_lidar": ["pandar_64"]}
+    curve = pd.DataFrame([{"stressor": s, "dial": d} for s, own in dials.items() for d in own])
+    curve = curve.assign(ap=[80.0, 81, 84, 70, 99, 99])
+    curve = curve.assign(lidar="livox_avia", scene="road", preset="paper", detector="dsvt")
+    curve = curve.assign(seed=1, version="1", ap_low=curve.ap, ap_high=curve.ap)
+    row = claims_table({"cells": cells(), "stress": curve}).iloc[-1]
+    assert (row.claim, row.value, row.verdict) == ("tilt", 4, "fails")
+
+
+def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
+    own = paper_ap().assign(preset="paper", seed=1)
+    found = paper_table(own.assign(ap=own.ap / 2)).set_index("scene")
+    assert list(found.cells) == [16, 16, 16, 48]
+    assert found.rank_correlation.to_list() == pytest.approx([1] * 4)
+    # The paper's mean over the curve's 16 cells is 70.6.
+    assert found.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
+    turned = paper_table(own.assign(ap=100 - own.ap))
+    assert turned.rank_correlation.to_list() == pytest.approx([-1] * 4)
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    keys = cells()[KEY]
+    distance = pd.concat(
+        keys.assign(ground_truth="all", road="a", s=s, ap=90.0 if s >= 0 else 50.0)
+        for s in (-50.0, 0.0, 50.0)
+    )
+    cells().to_csv(tmp_path / "quick.csv", index=False)
+    values().to_csv(tmp_path / "quick_value.csv", index=False)
+    distance.to_csv(tmp_path / "quick_distance.csv", index=False)
+    return tmp_path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
+    assert cli.main(["recommend", *map(str, words)]) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_the_cheapest_of_those_that_cover_most_comes_first(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    assert lines[1] == (
+        "1. livox_avia with pointpillars: 2,000 USD; AP 94.0 [93.0, 95.0] of the vehicles it "
+        "captures, 47.0 of all; AP above 85 of all on 40 of 200 m of road; "
+        "50 ms a frame on one core"
+    )
+    assert lines[3].startswith("3. pandar_64 with pv-rcnn")
+    assert "AP does not tell livox_avia with pointpillars from livox_avia with pv-rcnn" in lines[5]
+    assert "Left out: ruby_plus with pv-rcnn: costs 24,000 USD." in lines
+
+
+def test_no_option_is_an_answer_with_its_reasons(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = said(capsys, results, "--budget", 1500, "--min-ap", 85)
+    assert lines[1] == "No option meets this."
+    assert "Left out: helios_16 with pv-rcnn: AP 62.0." in lines
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--budget", "0"], "--budget: found 0, allowed above 0"),
+        (["--budget", "9", "--range", "200"], "--range: found 200, allowed above 0 to 100"),
+        (["--budget", "9", "--scene", "moon"], "--scene: found 'moon', allowed road"),
+        (["--budget", "9", "--preset", "x"], "--preset: found 'x', allowed paper"),
+        (["--budget", "9", "--tier", "full"], "full.csv: No such table"),
+    ],
+)
+def test_wrong_words_say_what_is_allowed(
+    words: list[str], message: str, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["recommend", str(results), *words]) in (1, 2)
+    assert message in capsys.readouterr().err

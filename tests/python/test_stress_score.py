@@ -1,0 +1,262 @@
+"""What each error costs, on frames made by hand; and where made-up curves fall."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from evaluation_data import box, car, noisy, traffic, write_lidar, write_predictions, write_roads
+
+from pyinfra.detectors import Detections
+from pyinfra.evaluate import evaluate
+from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.stress import figures, score, summary
+from pyinfra.stress.catalogue import STRESSORS
+
+FRAMES = 10
+
+
+def detections(boxes: list[tuple[list[float], float]]) -> Detections:
+    return Detections(
+        np.array([b for b, _ in boxes]).reshape(-1, 7),
+        np.array([s for _, s in boxes]),
+        np.array(["vehicle"] * len(boxes), dtype=np.str_),
+    )
+
+
+def site(folder: Path, vehicles: list[list[dict[str, object]]]) -> Path:
+    folder.mkdir()
+    write_roads(folder)
+    return write_lidar(folder / "made_up", vehicles)
+
+
+def measured(
+    tmp_path: Path, found: list[tuple[list[float], float]], vehicles: list[dict[str, object]]
+) -> dict[str, float]:
+    folder = site(tmp_path / "data", [vehicles] * FRAMES)
+    return score.scored(read_ground_truth(folder), [detections(found)] * FRAMES)
+
+
+NEAR, MID, FAR = car(20), car(55), car(80)
+
+
+def test_figures_are_those_of_evaluate(tmp_path: Path) -> None:
+    frames = traffic(60)
+    found = noisy(frames)
+    folder = site(tmp_path / "data", frames)
+    pred = write_predictions(tmp_path / "pred", found)
+    expected = evaluate(folder, pred)
+    row = score.scored(read_ground_truth(folder), [detections(one) for one in found])
+    first = expected.ap.iloc[0]
+    for name in ("ap", "objects"):
+        assert row[name] == pytest.approx(first[name], abs=1e-6)
+    ghosts = expected.false_positives.query("cause == 'ghost' and ground_truth == 'captured'")
+    assert row["ghosts_per_frame"] == ghosts["count"].iloc[0] / 60
+
+
+def test_a_perfect_detector_has_nothing_to_forgive(tmp_path: Path) -> None:
+    row = measured(tmp_path, [(box(v), 0.9) for v in (NEAR, MID, FAR)], [NEAR, MID, FAR])
+    assert row["ap"] == 100
+    assert [row[f"recall_{band}"] for band in score.BANDS_M] == [1, 1, 1]
+    assert row["position_error_m"] == row["heading_error_deg"] == row["ghosts_per_frame"] == 0
+    assert all(row[f"forgiven_{error}"] == 0 for error in score.ERRORS)
+
+
+def test_a_missed_far_vehicle_is_forgiven_there_alone(tmp_path: Path) -> None:
+    """Half of the recalls: AP 50, and 100 when the far one need not be found."""
+    row = measured(tmp_path, [(box(NEAR), 0.9)], [NEAR, FAR])
+    assert row["ap"] == pytest.approx(50)
+    assert row["recall_far"] == 0
+    assert math.isnan(row["recall_mid"])
+    gains = {error: row[f"forgiven_{error}"] for error in score.ERRORS}
+    assert gains.pop("misses_far") == pytest.approx(50)
+    assert set(gains.values()) == {0}
+
+
+def test_ghosts_and_duplicates_are_forgiven_as_ghosts(tmp_path: Path) -> None:
+    """Two wrong boxes before the right one: precision 1/3."""
+    ghost, twice = box(car(-50)), box(NEAR | {"x": 20.5})
+    row = measured(tmp_path, [(ghost, 0.9), (box(NEAR), 0.8), (twice, 0.85)], [NEAR])
+    assert row["ghosts_per_frame"] == 1
+    assert row["ap"] == pytest.approx(50)  # the second box of the two took the vehicle
+    assert row["forgiven_ghosts"] == pytest.approx(50)
+    assert row["forgiven_position"] == 0
+
+
+def test_a_box_beside_its_vehicle_is_an_error_of_position(tmp_path: Path) -> None:
+    """1.8 m aside of a car 2 m wide: overlap 0.05, so a ghost and a miss by name."""
+    beside = box(NEAR | {"y": 3 + 1.8})
+    row = measured(tmp_path, [(beside, 0.9)], [NEAR])
+    assert row["ap"] == 0
+    assert row["ghosts_per_frame"] == 1
+    assert row["forgiven_position"] == pytest.approx(100)
+    assert row["forgiven_ghosts"] == row["forgiven_misses_near"] == row["forgiven_heading"] == 0
+
+
+def test_a_box_that_lies_across_is_an_error_of_heading(tmp_path: Path) -> None:
+    across = box(NEAR | {"heading": math.pi / 2})
+    row = measured(tmp_path, [(across, 0.9)], [NEAR])
+    assert row["ap"] == 0
+    assert row["forgiven_heading"] == pytest.approx(100)
+    assert row["forgiven_position"] == 0
+
+
+def test_errors_of_boxes_that_hit_are_medians_to_the_nearer_way(tmp_path: Path) -> None:
+    off = box(NEAR | {"x": 20.3, "y": 3.4, "heading": math.pi + math.radians(4)})
+    row = measured(tmp_path, [(off, 0.9)], [NEAR])
+    assert row["position_error_m"] == pytest.approx(0.5, abs=1e-6)
+    assert row["heading_error_deg"] == pytest.approx(4, abs=1e-3)
+
+
+def test_a_partner_is_near_free_and_the_nearest(tmp_path: Path) -> None:
+    bus = car(-40, dx=12.0)
+    folder = site(tmp_path / "data", [[NEAR, MID, bus]])
+    boxes = [
+        (box(NEAR), 0.9),  # hits
+        (box(NEAR | {"y": 4.9}), 0.8),  # its vehicle is taken
+        (box(MID | {"x": 57.5}), 0.7),  # 2.5 m off a car of 4 m: too far
+        (box(bus | {"x": -34.5, "dx": 4.0}), 0.6),  # 5.5 m off a bus of 12 m
+    ]
+    one = score.contest(
+        read_ground_truth(folder), score.as_predictions([detections(boxes)]), "vehicle",
+        score.Settings(ground_truths=("captured",)), "bev",
+    )  # fmt: skip
+    np.testing.assert_array_equal(score.partners(score._verdict(one)), [-1, -1, -1, 2])
+
+
+@pytest.mark.parametrize("vehicles", [[NEAR], []])
+def test_nothing_found_and_nothing_to_find(
+    tmp_path: Path, vehicles: list[dict[str, object]]
+) -> None:
+    row = measured(tmp_path, [], vehicles)
+    assert math.isnan(row["position_error_m"])
+    assert row["ap"] == 0 if vehicles else math.isnan(row["ap"])
+
+
+def test_a_ghost_where_nothing_drives(tmp_path: Path) -> None:
+    assert measured(tmp_path, [(box(NEAR), 0.9)], [])["ghosts_per_frame"] == 1
+
+
+# Made-up curves.
+
+
+def rows(
+    stressor: str, points: dict[str, float], detector: str = "a", **columns: float
+) -> pd.DataFrame:
+    """A curve from none on; AP by dial, the first of them none."""
+    (none, *others) = points
+    key = {"detector": detector, "run": detector, "lidar": "l", "preset": "p", "scene": "s"}
+    key |= {"seed": "1", "frames": "9"}
+    standard = {f"forgiven_{error}": 0.0 for error in score.ERRORS}
+    standard |= {"trained_frames": 800, "ap_low": 0, "ap_high": 100} | columns
+    return pd.DataFrame(
+        [
+            key | {"stressor": name, "dial": dial, "ap": points[dial], **standard}
+            for name, dial in [("none", none), *((stressor, other) for other in others)]
+        ]
+    )
+
+
+def test_a_curve_falls_between_its_dials() -> None:
+    """90 to 70 from 0 to 0.5: 80 at 0.25. 70 to 20 up to 0.75: 45 at half of that way."""
+    table = rows("drop_out", {"0": 90, "0.75": 20, "0.5": 70})
+    (row,) = summary.summary(table).to_dict("records")
+    assert row["falls_by_10"] == "0.25"
+    assert row["falls_to_half"] == "0.625"
+    assert row["ap_least"] == 20
+    # Areas: 80 x 0.5 and 45 x 0.25, of 90 x 0.75.
+    assert row["gentleness"] == pytest.approx((40 + 11.25) / 67.5)
+
+
+def test_a_curve_that_stays_up_is_beyond_and_blames_nobody() -> None:
+    (row,) = summary.summary(rows("drop_out", {"0": 90, "0.5": 81})).to_dict("records")
+    assert row["falls_by_10"] == row["falls_to_half"] == "beyond"
+    assert row["fails_first"] == ""
+
+
+def test_a_detector_that_finds_nothing_has_no_gentleness() -> None:
+    (row,) = summary.summary(rows("fog", {"0": 0, "5": 0})).to_dict("records")
+    assert math.isnan(row["gentleness"])
+    assert row["falls_by_10"] == "beyond"
+    assert len(summary.summary(rows("fog", {"0": math.nan, "5": 9}))) == 0
+
+
+def test_the_first_crossing_counts_and_undefined_dials_are_passed_over() -> None:
+    at = np.array([0.0, 1, 2, 3])
+    assert summary.crossing(at, np.array([90.0, 70, 90, 10]), 80) == 0.5
+    assert summary.crossing(at, np.array([90.0, np.nan, 70, 10]), 80) == 1
+    assert summary.crossing(at, np.array([90.0, 95, 92, 91]), 80) == math.inf
+    assert summary.crossing(at, np.array([0.0, 0, 0, 0]), 0) == 0
+
+
+def test_names_fall_without_lines_between_them() -> None:
+    table = rows("unseen_scene", {"own": 90, "curve": 80, "crossroad": 30})
+    (row,) = summary.summary(table).to_dict("records")
+    assert row["falls_by_10"] == "curve crossroad"
+    assert row["falls_to_half"] == "crossroad"
+    assert row["gentleness"] == pytest.approx((80 + 30) / 2 / 90)
+
+
+def test_fewer_training_frames_are_the_stronger_dial() -> None:
+    table = rows("training_frames", {"0": 90, "200": 60, "400": 70})
+    (row,) = summary.summary(table).to_dict("records")
+    assert row["falls_by_10"] == "600"
+    assert row["gentleness"] == pytest.approx((80 * 400 + 65 * 200) / 600 / 90)
+
+
+def test_the_blame_is_what_stress_added() -> None:
+    """Of a fall of 20: position gains 12 against 2 before, heading 9 against 9."""
+    table = rows("yaw_error", {"0": 90, "1": 85, "2": 70, "4": 10})
+    table["forgiven_position"] = [2.0, 3, 12, 0]
+    table["forgiven_heading"] = [9.0, 9, 9, 99]
+    table["forgiven_ghosts"] = [0.0, 99, 4, 0]
+    (row,) = summary.summary(table).to_dict("records")
+    assert row["fails_first"] == "position"
+    assert row["share_of_fall"] == pytest.approx(0.5)
+    table["forgiven_position"] = [9.0, 3, 12, 0]
+    (row,) = summary.summary(table).to_dict("records")
+    assert row["fails_first"] == "ghosts"
+    table["forgiven_ghosts"] = 0.0
+    (row,) = summary.summary(table).to_dict("records")
+    assert row["fails_first"] == "mixed"
+    assert row["largest_blame"] == "position"
+
+
+def test_ranking_takes_what_all_detectors_went_through() -> None:
+    table = pd.concat(
+        [
+            rows("drop_out", {"0": 90, "0.5": 45}, "a"),
+            rows("fog", {"0": 90, "5": 90, "10": 90}, "a").iloc[1:],
+            rows("training_frames", {"0": 90, "100": 0}, "a").iloc[1:],
+            rows("drop_out", {"0": 80, "0.5": 60}, "b"),
+            rows("fog", {"0": 80, "5": 0}, "b").iloc[1:],
+        ]
+    )
+    found = summary.ranking(table).to_dict("records")
+    assert [row["detector"] for row in found] == ["b", "a"]
+    assert [row["gentleness"] for row in found] == pytest.approx([0.875, 0.75])
+    assert {row["stressors"] for row in found} == {1}
+    apart = pd.concat([rows("fog", {"0": 90, "5": 80}, "a"), rows("rain", {"0": 9, "5": 8}, "b")])
+    assert len(summary.ranking(apart)) == 0
+
+
+def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
+    table = pd.concat(
+        [
+            rows("drop_out", {"0": 90, "0.5": 45}),
+            rows("unseen_scene", {"own": 90, "curve": 80}).iloc[1:],
+        ]
+    )
+    figure = figures.stress(table)
+    assert [ax.get_title() for ax in figure.axes] == ["drop out", "unseen scene"]
+    files = figures.draw_all(table, tmp_path)
+    assert [file.name for file in files] == ["stress_s_p_l.svg", "stress_s_p_l.png"]
+    assert all(file.stat().st_size > 1000 for file in files)
+
+
+def test_every_stressor_starts_without_stress_and_breaks_harder() -> None:
+    for row in STRESSORS.values():
+        if not row.named and row.acts_on != "training":
+            assert list(row.dials) == sorted(set(row.dials)), row.name
+            assert len(row.dials) >= 3, row.name
