@@ -38,6 +38,7 @@ COMMANDS = (
     Command("statistics", "pyinfra.statistics.command", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),
+    Command("report", "pyinfra.report.command", "the results as one page that opens from disk"),
     Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
     Command("train", "pyinfra.train", "a detector learns from frames"),
     Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),
