@@ -1,13 +1,17 @@
 # Each target does its own set-up; see `make setup`.
 PYTHON := .venv/bin/python
 FUZZ_SECONDS := 60
+# Of `make dataset`: frames of a scene (5000 are all), the LiDARs' preset, where to.
+FRAMES := 5000
+PRESET := paper
+OUT := data/$(PRESET)
 
 # A build type's configure step; pybind11 comes from the virtual environment.
 configure = cmake --preset $(1) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo test lint stubs reference viewer bench wheel sanitize fuzz clean
+.PHONY: setup build demo dataset debian13 test lint stubs reference viewer bench wheel sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -21,6 +25,14 @@ setup: build
 
 demo: build
 	$(PYTHON) -m pyinfra demo
+
+# About 29 GB; a stopped one goes on.
+dataset: build
+	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
+
+# As root on Debian 12; 5 GB in build/debian13.
+debian13: build
+	scripts/debian13.sh
 
 test: build
 	@scripts/setup.sh detectors exchange test
@@ -75,7 +87,7 @@ sanitize:
 
 fuzz:
 	@scripts/setup.sh build fuzz
-	cmake --preset fuzz
+	cmake --preset fuzz -DCMAKE_CXX_COMPILER=$$(command -v clang++-16 >/dev/null && echo clang++-16 || echo clang++-19)
 	cmake --build --preset fuzz
 	@mkdir -p build/fuzz/corpus
 	for name in $$(cd build/fuzz/tests/fuzz && find . -maxdepth 1 -name 'fuzz_*' -type f); do \

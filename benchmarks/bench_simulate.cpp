@@ -1,7 +1,6 @@
 // Rates of the simulator against a bare loop over Embree, and their growth; see docs/benchmarks.md.
 
 #include <benchmark/benchmark.h>
-#include <embree3/rtcore.h>
 #include <malloc.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <mutex>
 
 #include "infrasim/io/kitti.h"
+#include "infrasim/raycast/embree.h"
 #include "infrasim/sensor/scan_pattern.h"
 #include "infrasim/simulate.h"
 
@@ -101,10 +101,7 @@ class BareScene {
         rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
         rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
       }
-      RTCIntersectContext context;
-      rtcInitIntersectContext(&context);
-      context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-      rtcIntersect16(valid.data(), scene_, &context, &rh);
+      intersect16(valid.data(), scene_, rh);
       sum += rh.ray.tfar[0];
     }
     return sum;

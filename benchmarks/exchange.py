@@ -93,7 +93,6 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "exchange.csv")
     parser.add_argument("--frames", type=int, default=100, help="of each LiDAR")
     args = parser.parse_args()
-    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         simulate(folder / "data", args.frames)

@@ -32,11 +32,13 @@ class Command:
 
 COMMANDS = (
     Command("demo", "pyinfra.hits", "the paper's hit points, a few frames and their pictures"),
+    Command("dataset", "pyinfra.dataset", "three scenes, four LiDARs, split, data card, SHA-256"),
     Command("pictures", "pyinfra.pictures", "a frame from above, the scene, vehicles close up"),
     Command("view", "pyinfra.viewer.command", "frames in 3-D, as an HTML file without a network"),
     Command("statistics", "pyinfra.statistics.command", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),
+    Command("report", "pyinfra.report.command", "the results as one page that opens from disk"),
     Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
     Command("train", "pyinfra.train", "a detector learns from frames"),
     Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),

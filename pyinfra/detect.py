@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -28,19 +29,21 @@ def load_detector(run: Path, *, device: str = "cpu") -> Detector:
     file = model_file(run)
     if file.suffix == ".npz":
         return Background.load(file)
+    from pyinfra.detectors.fused import fused
     from pyinfra.training import checkpoint
 
-    return checkpoint.load(file).network().to(device)
+    return fused(checkpoint.load(file).network()).to(device)
 
 
-def model_file(run: Path) -> Path:
-    """The model in a run's folder. Raises FileNotFoundError."""
+def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
+    """The model in a run's folder, or the file itself. Raises FileNotFoundError."""
     if run.is_file():
         return run
-    for name in ("last.safetensors", "background.npz"):
+    names = (f"{which}.safetensors", "background.npz")
+    for name in names:
         if (run / name).is_file():
             return run / name
-    raise FileNotFoundError(2, "No last.safetensors or background.npz in it", str(run))
+    raise FileNotFoundError(2, f"No {' or '.join(names)} in it", str(run))
 
 
 def transfer(run: Path, lidar_folder: Path) -> str:
@@ -102,6 +105,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
     parser.add_argument("--split", help="val (default), train or all; with --data")
     parser.add_argument("--frames", type=int, default=0, help="at most so many, evenly spread")
+    parser.add_argument(
+        "--checkpoint",
+        choices=("last", "best"),
+        default="last",
+        help="default: last; best: by the recipe's validate_frames",
+    )
     parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
     parser.add_argument(
         "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
@@ -111,13 +120,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
-    detector = load_detector(args.model, device=args.device)
+    model = model_file(args.model, args.checkpoint)
+    detector = load_detector(model, device=args.device)
     files = args.cloud
     if args.data is not None:
         numbers = frame_numbers(args.data, args.split)
         chosen = spread(numbers, args.frames) if args.frames else numbers
         files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
-        other = transfer(args.model, args.data)
+        other = transfer(model, args.data)
         if other and not args.allow_transfer:
             print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
     if not files:

@@ -7,6 +7,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 import yaml
 from tqdm import tqdm
@@ -15,7 +16,7 @@ from pyinfra.atomic import replacing
 from pyinfra.config import as_plain
 from pyinfra.detectors.background import Background
 from pyinfra.detectors.catalogue import DETECTORS
-from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.training.samples import Frames
 from pyinfra.training.sources import TIERS, Source, read_source, simulated_source, spread
 
@@ -29,6 +30,7 @@ def train(
     *,
     seed: int = 1,
     device: str = "cpu",
+    precision: Precision = "float32",
     quiet: bool = False,
 ) -> Path:
     """Trains a detector into the folder `out`, or goes on there; returns the model's file.
@@ -38,7 +40,7 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
-    return _train_network(recipe, sources, out, seed, device, quiet)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet)
 
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> Path:
@@ -52,7 +54,13 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> P
 
 
 def _train_network(
-    recipe: Recipe, sources: Sequence[Source], out: Path, seed: int, device: str, quiet: bool
+    recipe: Recipe,
+    sources: Sequence[Source],
+    out: Path,
+    seed: int,
+    device: str,
+    precision: Precision,
+    quiet: bool,
 ) -> Path:
     import torch
     from torch.utils.tensorboard import SummaryWriter
@@ -60,10 +68,7 @@ def _train_network(
     from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
 
-    frames = Frames(
-        clouds=tuple(cloud for source in sources for cloud in source.clouds),
-        boxes=tuple(boxes for source in sources for boxes in source.read_boxes()),
-    )
+    frames, held_out = _frames(sources, recipe.learning.validate_frames)
     torch.manual_seed(seed)
     site = site_of(frames.boxes)
     network = checkpoint.build(recipe.detector, recipe.network, site)
@@ -78,13 +83,11 @@ def _train_network(
         step=0,
         steps=recipe.learning.steps,
     )
-    begun = loop.read_begun(out, about)
+    description = loop.describe(about, recipe, len(frames), precision)
+    begun = loop.read_begun(out, description)
     done = begun.about.step if begun is not None else 0
-    description = {**as_plain(about), "learning": as_plain(recipe.learning)}
-    description["augmentation"] = as_plain(recipe.augmentation)
-    description["frames"] = len(frames)
     with replacing(out / "run.yaml") as beside:
-        beside.write_text(yaml.safe_dump(description, sort_keys=False))
+        beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
     log = loop.Log(out / "log.csv", done)
     board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     # Without `quiet`, None: on a terminal only.
@@ -100,8 +103,39 @@ def _train_network(
 
     with bar, board:
         where = torch.device(device)
-        loop.train(network, frames, recipe, about, out, begun=begun, device=where, report=report)
+        loop.train(
+            network,
+            frames,
+            recipe,
+            about,
+            out,
+            begun=begun,
+            held_out=held_out,
+            device=where,
+            precision=precision,
+            report=report,
+        )
     return out / "last.safetensors"
+
+
+def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
+    """The frames to learn from, and the last `kept` ones of each LiDAR; None for 0.
+
+    Raises ValueError if nothing is left to learn from, or no vehicle stands in what is kept.
+    """
+    learnt, held_out = Frames((), ()), Frames((), ())
+    for source in sources:
+        whole = Frames(source.clouds, source.read_boxes())
+        if 0 < len(whole) <= kept:
+            raise ValueError(
+                f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "
+                f"the frames of {source.lidar}"
+            )
+        learnt += whole.part(slice(0, len(whole) - kept))
+        held_out += whole.part(slice(len(whole) - kept, None))
+    if kept > 0 and not any(map(len, held_out.boxes)):
+        raise ValueError(f"found no vehicle in the last {kept} frames, allowed one or more")
+    return learnt, held_out if kept > 0 else None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,6 +154,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
     parser.add_argument(
+        "--precision",
+        choices=get_args(Precision),
+        default="float32",
+        help="of the layers; default: float32",
+    )
+    parser.add_argument(
         "--budget", type=float, default=1.0, help="share of the tier's steps, the schedule with it"
     )
 
@@ -132,7 +172,8 @@ def run(args: argparse.Namespace) -> int:
         steps = max(1, round(args.budget * recipe.learning.steps))
         learning = dataclasses.replace(recipe.learning, steps=steps)
         recipe = dataclasses.replace(recipe, learning=learning)
-    print(train(recipe, _sources(args), args.out, seed=args.seed, device=args.device))
+    how = {"seed": args.seed, "device": args.device, "precision": args.precision}
+    print(train(recipe, _sources(args), args.out, **how))
     return 0
 
 

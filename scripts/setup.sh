@@ -8,9 +8,10 @@ cd "$(dirname "$0")/.."
 constraints=scripts/constraints.txt
 
 install_system_packages() {
-  local missing=() group name rest sudo=()
-  while read -r group name rest; do
-    [[ " $* " == *" $group "* ]] || continue
+  local missing=() group name only debian sudo=()
+  debian=$(. /etc/os-release && echo "${VERSION_ID:-}")
+  while read -r group name only; do
+    [[ " $* " == *" $group "* && ${only:-$debian} == "$debian" ]] || continue
     dpkg-query -W -f '${Status}' "$name" 2>/dev/null | grep -q 'ok installed' || missing+=("$name")
   done < <(grep -v '^#' scripts/apt-packages.txt)
   [[ ${#missing[@]} -gt 0 ]] || return 0

@@ -33,7 +33,7 @@ class CentreHead(nn.Module):
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Heat as logits (B, H, W), and boxes (B, H, W, 8); a subclass may add to the 8."""
         x = self.shared(x)
-        return self.heat(x)[:, 0], self.box(x).permute(0, 2, 3, 1)
+        return self.heat(x)[:, 0].float(), self.box(x).permute(0, 2, 3, 1).float()
 
     def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
         logits, found = self(x)

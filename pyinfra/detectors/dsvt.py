@@ -176,7 +176,7 @@ class IouHead(CentreHead):
         """Heat as logits (B, H, W), and boxes (B, H, W, 9)."""
         x = self.shared(x)
         found = torch.cat([self.box(x), self.iou(x)], dim=1)
-        return self.heat(x)[:, 0], found.permute(0, 2, 3, 1)
+        return self.heat(x)[:, 0].float(), found.permute(0, 2, 3, 1).float()
 
     def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
         overlap = iou_3d_pairs(self.decode(at, row, column), boxes)

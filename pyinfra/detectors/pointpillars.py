@@ -50,7 +50,7 @@ class AnchorHead(nn.Module):
         """(B, C, H, W) -> (B, n), (B, n, 7), (B, n, 2), n = H * W * per_cell."""
 
         def flat(y: Tensor, width: int) -> Tensor:
-            return y.permute(0, 2, 3, 1).reshape(len(y), -1, width)
+            return y.permute(0, 2, 3, 1).reshape(len(y), -1, width).float()
 
         return flat(self.score(x), 1)[..., 0], flat(self.box(x), 7), flat(self.direction(x), 2)
 

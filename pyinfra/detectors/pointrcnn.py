@@ -191,7 +191,7 @@ class Refiner(nn.Module):
             centres, numbers = sampled(clouds, most)
             clouds = layer(clouds, clouds.xyz[centres], numbers)
         whole = self.whole(clouds)
-        return self.confidence(whole)[:, 0], self.box(whole), held
+        return self.confidence(whole)[:, 0].float(), self.box(whole).float(), held
 
 
 class PointRCNN(Network):
@@ -240,7 +240,7 @@ class PointRCNN(Network):
         clouds = Clouds(points[:, :3].contiguous(), self.described(points), [len(p) for p in parts])
         clouds = self.backbone(clouds)
         logits, residuals = self.score(clouds.features)[:, 0], self.box(clouds.features)
-        return Seen(clouds, points[:, 3], logits, residuals)
+        return Seen(clouds, points[:, 3], logits.float(), residuals.float())
 
     def draw(self) -> torch.Generator:
         """What is random: the same for each frame in use, new for each batch in training."""

@@ -100,7 +100,7 @@ class KeyPoints(nn.Module):
             for source, cloud in zip(self.sources, clouds, strict=True)
         ]
         gathered = torch.cat([*found, self.seen_from_above(canvas, xyz, counts)], dim=1)
-        logits: Tensor = self.foreground(gathered)[:, 0]
+        logits: Tensor = self.foreground(gathered)[:, 0].float()
         features = self.fuse(gathered) * torch.sigmoid(logits)[:, None]
         return Clouds(xyz, features, counts), logits
 
@@ -141,7 +141,7 @@ class Refinement(nn.Module):
         found = self.pool(key, places.flatten(0, 1), [each * n for n in counts]).features
         # Not -1: its size is unknown where there is no proposal.
         x = self.shared(found.reshape(len(places), each * found.shape[1]))
-        return self.score(x)[:, 0], self.box(x)
+        return self.score(x)[:, 0].float(), self.box(x).float()
 
 
 class PvRcnn(Network):

@@ -11,26 +11,28 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from pyinfra.config import ConfigError, as_plain
+from pyinfra.config import ConfigError, as_plain, read_config
 from pyinfra.detectors.batch import Batch, make_batch
-from pyinfra.detectors.network import Network, one_thread
+from pyinfra.detectors.network import Network, keep_memory, one_thread
 from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
-from pyinfra.training.recipe import Learning, Recipe
-from pyinfra.training.samples import Frames, augmented
+from pyinfra.training.recipe import Learning, Precision, Recipe
+from pyinfra.training.samples import Augmentation, Frames, augmented
+from pyinfra.training.validation import Checks
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
 DIVIDED = 10.0  # the first rate is the highest by this
 LAST = 1e-4  # the last rate is the first by this
 MOMENTA = (0.95, 0.85)
 SAVES = 20  # checkpoints over a run
+PASSING = ("step", "version")  # may change while a run goes on
 
 
 class TrainingDiverged(RuntimeError):
@@ -57,11 +59,14 @@ def train(
     out: Path,
     *,
     begun: Checkpoint | None = None,
+    held_out: Frames | None = None,
     device: torch.device | None = None,
+    precision: Precision = "float32",
     report: Callable[[Progress], None] = lambda _: None,
 ) -> Network:
     """Trains to the end and writes `out`/last.safetensors now and then and at the end.
 
+    held_out: frames by which best.safetensors is chosen, which changes nothing of the last one.
     begun: what `read_begun` found of this run, to go on from. Raises TrainingDiverged with the
     step, the loss and the checkpoint to go back to.
     """
@@ -70,12 +75,15 @@ def train(
     optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
     last = out / "last.safetensors"
     done = resume(network, optimizer, begun) if begun is not None else 0
+    checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
     start = time.monotonic()
+    keep_memory()
     with one_thread():
         for step in range(done, learning.steps):
             rate = set_rate(optimizer, learning, step)
             batch = batch_of(frames, recipe, network, about.seed, step).to(device)
-            parts = network.losses(batch)
+            with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
+                parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
             if not math.isfinite(loss.item()):
                 raise TrainingDiverged(
@@ -86,8 +94,11 @@ def train(
             torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
             optimizer.step()
             done = step + 1
+            here = dataclasses.replace(about, step=done)
+            # Before the last one is written: a kill between them leads back to before the check.
+            if checks is not None and checks.find_best(network, done, learning.steps):
+                checkpoint.save(out / "best.safetensors", network, {}, here)
             if done % max(1, learning.steps // SAVES) == 0 or done == learning.steps:
-                here = dataclasses.replace(about, step=done)
                 checkpoint.save(last, network, optimizer_tensors(optimizer), here)
             numbers = {name: part.item() for name, part in parts.items()}
             seconds = time.monotonic() - start
@@ -137,21 +148,56 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     }
 
 
-def read_begun(out: Path, about: About) -> Checkpoint | None:
+@dataclass(frozen=True)
+class Description(About):
+    """`run.yaml`: what a checkpoint says of itself, and how the run learns."""
+
+    learning: Learning = field(default_factory=Learning)
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    frames: int = 0  # learnt from
+    precision: Precision = "float32"
+
+
+def describe(about: About, recipe: Recipe, frames: int, precision: Precision) -> Description:
+    own = {f.name: getattr(about, f.name) for f in dataclasses.fields(about)}
+    return Description(
+        **own,
+        learning=recipe.learning,
+        augmentation=recipe.augmentation,
+        frames=frames,
+        precision=precision,
+    )
+
+
+def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     """The last checkpoint of a run; none if it has not begun.
 
-    Raises ConfigError if the checkpoint there is of another run.
+    Raises ConfigError if the checkpoint there is of another run, or of one that learns otherwise.
     """
     file = out / "last.safetensors"
     if not file.exists():
         return None
     found = checkpoint.load(file)
-    same = dataclasses.replace(found.about, step=about.step, version=about.version)
-    theirs, ours = as_plain(same), as_plain(about)
-    if theirs != ours:
-        different = [key for key, value in ours.items() if theirs[key] != value]
+    theirs, wanted = as_plain(found.about), as_plain(ours)
+    different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
+    if different:
         raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")
+    described = out / "run.yaml"
+    before, now = (_ways(d) for d in (read_config(described, Description), ours))
+    for key, value in before.items():
+        if value != now[key]:
+            raise ConfigError(f"{described}: {key}: found {value}, allowed {now[key]} to go on")
     return found
+
+
+def _ways(description: Description) -> dict[str, object]:
+    """How a run learns, by keys with a dot."""
+    plain = as_plain(description)
+    return {"frames": description.frames, "precision": description.precision} | {
+        f"{name}.{key}": value
+        for name in ("learning", "augmentation")
+        for key, value in plain[name].items()
+    }
 
 
 def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint) -> int:

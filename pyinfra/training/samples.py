@@ -38,6 +38,12 @@ class Frames:
     def __len__(self) -> int:
         return len(self.clouds)
 
+    def __add__(self, more: Frames) -> Frames:
+        return Frames(self.clouds + more.clouds, self.boxes + more.boxes)
+
+    def part(self, rows: slice) -> Frames:
+        return Frames(self.clouds[rows], self.boxes[rows])
+
     def sample(self, i: int) -> Sample:
         return Sample(self.clouds[i](), self.boxes[i])
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>  // NOLINT(modernize-deprecated-headers): mkdtemp is POSIX
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>

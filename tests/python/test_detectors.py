@@ -14,6 +14,7 @@ from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
 from pyinfra import boxes as exact  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
+from pyinfra.detectors import network as network_module  # noqa: E402
 from pyinfra.detectors.anchors import (  # noqa: E402
     AnchorConfig,
     Anchors,
@@ -24,6 +25,7 @@ from pyinfra.detectors.anchors import (  # noqa: E402
 from pyinfra.detectors.batch import Area, Sample, make_batch  # noqa: E402
 from pyinfra.detectors.catalogue import DETECTORS  # noqa: E402
 from pyinfra.detectors.centre_head import CentreHead  # noqa: E402
+from pyinfra.detectors.fused import fused  # noqa: E402
 from pyinfra.detectors.network import Network, one_thread  # noqa: E402
 from pyinfra.detectors.pillars import PillarEncoder  # noqa: E402
 from pyinfra.detectors.site import Site, site_of  # noqa: E402
@@ -118,6 +120,28 @@ def test_a_frame_without_vehicles_is_a_valid_negative(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LEARNT)
+def test_layers_of_half_the_bits_learn_in_whole_ones(name: str) -> None:
+    batch = make_batch([road_sample(1), road_sample(2)], network_of(name).site.area)
+    whole, half = network_of(name).train(), network_of(name).train()
+    expected = whole.losses(batch)
+    half_bits = []
+    for module in half.modules():
+        if isinstance(module, torch.nn.Linear | torch.nn.Conv2d):
+            module.register_forward_hook(lambda _m, _i, out: half_bits.append(out.dtype))
+    with torch.autocast("cpu", torch.bfloat16):
+        found = half.losses(batch)
+    assert set(half_bits) == {torch.bfloat16}
+    for key, loss in found.items():
+        assert loss.dtype == torch.float32
+        assert loss.item() == pytest.approx(expected[key].item(), rel=0.25, abs=0.02), key
+    torch.stack(list(found.values())).sum().backward()
+    for parameter in half.parameters():
+        if parameter.grad is not None:
+            assert parameter.grad.dtype == torch.float32
+            assert torch.isfinite(parameter.grad).all()
+
+
+@pytest.mark.parametrize("name", LEARNT)
 def test_frames_of_a_batch_do_not_see_each_other(name: str) -> None:
     network = network_of(name).eval()
     clouds = [road_sample(seed).points for seed in (4, 5)]
@@ -127,6 +151,68 @@ def test_frames_of_a_batch_do_not_see_each_other(name: str) -> None:
     for a, b, c in zip(together, turned, alone, strict=True):
         np.testing.assert_allclose(a.boxes, b.boxes, atol=1e-3)
         np.testing.assert_allclose(a.scores, c.scores, atol=1e-4)
+
+
+def lived_in(network: Network) -> Network:
+    """As after a training: norms that have seen something, and scores above the least."""
+    draw = torch.Generator().manual_seed(2)
+    for module in network.modules():
+        if isinstance(module, torch.nn.modules.batchnorm._BatchNorm):
+            module.running_mean = torch.randn(module.num_features, generator=draw) / 10
+            module.running_var = 0.5 + torch.rand(module.num_features, generator=draw)
+            module.weight.data = 0.5 + torch.rand(module.num_features, generator=draw)
+    for name, parameter in network.named_parameters():
+        if name in ("head.score.bias", "head.heat.bias", "head.heat.1.bias"):
+            parameter.data.zero_()
+    return network.eval()
+
+
+@pytest.mark.parametrize("name", LEARNT)
+def test_a_fused_network_finds_the_same_boxes(name: str) -> None:
+    network = lived_in(network_of(name))
+    clouds = [road_sample(seed).points for seed in (4, 5)]
+    before = network.find(clouds)
+    norms = sum(isinstance(m, torch.nn.BatchNorm2d) for m in network.modules())
+    after = fused(network).find(clouds)
+    left = sum(isinstance(m, torch.nn.BatchNorm2d) for m in network.modules())
+    assert left == (0 if hasattr(network, "encoder") else norms)
+    for a, b in zip(before, after, strict=True):
+        assert len(a) > 10 or not hasattr(network, "encoder")
+        np.testing.assert_allclose(a.boxes, b.boxes, atol=1e-4)
+        np.testing.assert_allclose(a.scores, b.scores, atol=1e-5)
+
+
+def test_memory_is_kept_only_where_the_c_library_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    class Glibc:
+        def mallopt(self, what: int, size: int) -> int:
+            calls.append((what, size))
+            return 1
+
+    for library in (Glibc, object):
+        monkeypatch.setattr(network_module.ctypes, "CDLL", lambda _, kind=library: kind())
+        network_module.keep_memory.__wrapped__()
+    assert calls == [(-3, 1 << 30), (-1, (1 << 31) - 1)]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_an_area_holds_its_low_side_and_nothing_that_is_not_finite(dtype: type) -> None:
+    area = Area((0.0, -1.0, -2.0), (1.0, 1.0, 2.0))
+    xyz = np.array(
+        [
+            [0, -1, -2],
+            [1, 0, 0],
+            [0, 1, 0],
+            [0, 0, 2],
+            [-1e-6, 0, 0],
+            [np.nan, 0, 0],
+            [0, 0, np.inf],
+        ],
+        dtype,
+    )
+    assert area.holds(xyz).tolist() == [True] + [False] * 6
+    assert area.holds(xyz[:0]).shape == (0,)
 
 
 def test_pillars_do_not_depend_on_the_order_of_points() -> None:

@@ -61,7 +61,7 @@ def test_the_commands_for_own_data_run(
     recording = ["--to", "pcd", "--out", "recordings/junction"]
     assert cli.main(["export", "site/helios_16", *recording]) == 0
     commands = [c for block in blocks("own_data.md", "") for c in block.splitlines()]
-    assert len(commands) == 16
+    assert len(commands) == 17
     for command in commands:
         short = command.replace("--tier quick", "--tier smoke --budget 0.1")
         short += " --no-figures" if " evaluate " in command else ""

@@ -26,7 +26,12 @@ MAY_INCLUDE = BELOW_PIPELINE | {
     ".": set(BELOW_PIPELINE),
     "cli": {".", *BELOW_PIPELINE},
 }
-ONLY_PLACE = {"yaml-cpp": "config", "embree3": "raycast", "pcl": "filter"}
+ONLY_PLACE = {
+    "yaml-cpp": "config",
+    "embree3": "raycast",
+    "embree4": "raycast",
+    "pcl": "filter",
+}
 
 
 def sources(folder: Path) -> list[Path]:

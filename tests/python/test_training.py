@@ -20,10 +20,12 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 
 from pyinfra import cli, detect, kitti, train  # noqa: E402
 from pyinfra.config import ConfigError  # noqa: E402
-from pyinfra.training import checkpoint, loop  # noqa: E402
+from pyinfra.detectors import Detections  # noqa: E402
+from pyinfra.training import checkpoint, loop, validation  # noqa: E402
 from pyinfra.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.training.samples import (  # noqa: E402
     Augmentation,
+    Frames,
     augmented,
     moved,
     points_in,
@@ -112,6 +114,133 @@ def test_a_killed_run_goes_on_to_the_same_weights(
     np.testing.assert_array_equal(log.loss, kept.loss)
 
 
+def best_recipe(steps: int = 10) -> Recipe:
+    plain = recipe(steps)
+    learning = dataclasses.replace(plain.learning, validate_frames=2)
+    return dataclasses.replace(plain, learning=learning)
+
+
+def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill(
+    lidar_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    class Killed(BaseException):
+        pass
+
+    measured = iter([20.0, 50.0, 40.0, 50.0, 30.0])
+    precision = {step: next(measured) for step in (2, 4, 6, 8, 10)}
+    saved = checkpoint.save
+    seen: list[int] = []
+
+    def scripted(network: object, frames: object) -> float:
+        seen.append(len(frames))  # type: ignore[arg-type]
+        real(network, frames)  # type: ignore[arg-type]
+        return precision[now[0]]
+
+    real, rate, now = validation.average_precision, loop.set_rate, [0]
+
+    def noted(optimizer: object, learning: object, step: int) -> float:
+        now[0] = step + 1
+        return rate(optimizer, learning, step)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(validation, "average_precision", scripted)
+    monkeypatch.setattr(loop, "set_rate", noted)
+    source = read_source(lidar_folder, "smoke")
+    whole, killed, without = (tmp_path / name for name in ("whole", "killed", "without"))
+    train.train(best_recipe(), [source], whole, quiet=True)
+    assert seen == [2] * 5
+
+    def dies(file: Path, *words: object) -> None:
+        if file.name == "last.safetensors" and now[0] == 8:
+            raise Killed  # after the check of this step
+        saved(file, *words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(checkpoint, "save", dies)
+    with pytest.raises(Killed):
+        train.train(best_recipe(), [source], killed, quiet=True)
+    monkeypatch.setattr(checkpoint, "save", saved)
+    train.train(best_recipe(), [source], killed, quiet=True)
+    for name in ("last.safetensors", "best.safetensors", "validation.csv"):
+        assert (whole / name).read_bytes() == (killed / name).read_bytes(), name
+    best = checkpoint.load(whole / "best.safetensors").about
+    assert best.step == 8
+    assert pd.read_csv(whole / "validation.csv").ap.tolist() == [20, 50, 40, 50, 30]
+    boxes = source.read_boxes()[:6]
+    fewer = dataclasses.replace(source, clouds=source.clouds[:6], read_boxes=lambda: boxes)
+    train.train(recipe(10), [fewer], without, quiet=True)
+    last = "last.safetensors"
+    assert (whole / last).read_bytes() == (without / last).read_bytes()
+    assert not (without / "best.safetensors").exists()
+    cloud = str(kitti.frame_file(lidar_folder, "velodyne", 9))
+    assert detect.model_file(whole).name == last
+    assert cli.main(["detect", str(whole), cloud, "--checkpoint", "best"]) == 0
+    capsys.readouterr()
+    assert cli.main(["detect", str(without), cloud, "--checkpoint", "best"]) == 1
+    assert "without: No best.safetensors or background.npz in it" in capsys.readouterr().err
+
+
+class Known:
+    """Finds what it is told, whatever it is shown."""
+
+    training = True
+
+    def __init__(self, answers: list[Detections]) -> None:
+        self.answers = iter(answers)
+
+    def predict(self, _: object) -> Detections:
+        return next(self.answers)
+
+    def train(self, mode: bool) -> None:
+        self.training = mode
+
+    def eval(self) -> None:
+        self.training = False
+
+
+def test_validation_is_the_average_precision_of_all_held_out_frames() -> None:
+    boxes = road_sample(1).boxes
+    frames = Frames((lambda: boxes,) * 3, (boxes, boxes[:0], boxes))
+    wrong = boxes + np.array([0, 100, 0, 0, 0, 0, 0])
+
+    def said(found: np.ndarray, score: float) -> Detections:
+        return Detections(found, np.full(len(found), score), np.full(len(found), "vehicle"))
+
+    nothing = said(boxes[:0], 0)
+    for answers, wanted in (
+        ([said(boxes, 0.9), nothing, said(boxes, 0.8)], 100),
+        ([said(boxes, 0.9), nothing, nothing], 50),
+        ([said(boxes, 0.5), said(wrong, 0.9), said(boxes, 0.5)], 100 * 8 / 12),
+        ([nothing] * 3, 0),
+    ):
+        network = Known(answers)
+        assert validation.average_precision(network, frames) == pytest.approx(wanted)  # type: ignore[arg-type]
+        assert network.training
+
+
+@pytest.mark.parametrize("steps", [1, 3, 5, 7, 300, 40000])
+def test_the_last_step_is_checked_and_few_others(steps: int) -> None:
+    due = [step for step in range(1, steps + 1) if validation.is_due(step, steps)]
+    assert due[-1] == steps
+    assert len(due) == min(5, steps)
+
+
+def test_held_out_frames_leave_some_to_learn_from_and_show_vehicles(
+    lidar_folder: Path, tmp_path: Path
+) -> None:
+    source = read_source(lidar_folder, "smoke")
+    learning = dataclasses.replace(recipe().learning, validate_frames=8)
+    every = dataclasses.replace(recipe(), learning=learning)
+    with pytest.raises(ValueError, match="validate_frames: found 8, allowed below 8"):
+        train.train(every, [source], tmp_path, quiet=True)
+    boxes = source.read_boxes()[:6]
+    none = dataclasses.replace(source, read_boxes=lambda: (*boxes, np.empty((0, 7)), boxes[0][:0]))
+    with pytest.raises(ValueError, match="found no vehicle in the last 2 frames"):
+        train.train(best_recipe(), [none], tmp_path, quiet=True)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> None:
     before = (trained / "last.safetensors").read_bytes()
     run(lidar_folder, trained)
@@ -119,10 +248,89 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
-    before = {file: file.read_bytes() for file in trained.rglob("*") if file.is_file()}
+    before = files_of(trained)
     with pytest.raises(ConfigError, match="found another run: steps differ"):
         run(lidar_folder, trained, steps=7)
-    assert {file: file.read_bytes() for file in trained.rglob("*") if file.is_file()} == before
+    assert files_of(trained) == before
+
+
+def files_of(folder: Path) -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "message"),
+    [
+        ("learning", {"rate": 0.01}, "learning.rate: found 0.003, allowed 0.01 to go on"),
+        ("learning", {"batch": 3}, "learning.batch: found 2, allowed 3 to go on"),
+        ("augmentation", {"flip": False}, "augmentation.flip: found True, allowed False to go on"),
+        ("augmentation", {"pasted": 0}, "augmentation.pasted: found 3, allowed 0 to go on"),
+    ],
+)
+def test_a_run_that_learns_otherwise_does_not_go_on(
+    lidar_folder: Path, trained: Path, part: str, change: dict[str, object], message: str
+) -> None:
+    other = dataclasses.replace(getattr(recipe(), part), **change)
+    before = files_of(trained)
+    with pytest.raises(ConfigError, match=re.escape(f"run.yaml: {message}")):
+        train.train(
+            dataclasses.replace(recipe(), **{part: other}),
+            [read_source(lidar_folder, "smoke")],
+            trained,
+            quiet=True,
+        )
+    assert files_of(trained) == before
+
+
+def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
+    source, before = read_source(lidar_folder, "smoke"), files_of(trained)
+    boxes = source.read_boxes()  # all of them, so that the site is the same
+    fewer = dataclasses.replace(
+        source,
+        clouds=source.clouds[:7],
+        read_boxes=lambda: (*boxes[:6], np.concatenate(boxes[6:])),
+    )
+    with pytest.raises(ConfigError, match=r"run.yaml: frames: found 8, allowed 7 to go on"):
+        train.train(recipe(), [fewer], trained, quiet=True)
+    assert files_of(trained) == before
+
+
+def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
+    lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", str(CONFIG), "--data", str(lidar_folder), "--tier", "smoke"]
+    words += ["--budget", "0.07", "--out", str(tmp_path), "--precision"]
+    assert cli.main([*words, "bfloat16"]) == 0
+    before = files_of(tmp_path)
+    tensors = load_file(tmp_path / "last.safetensors").values()
+    assert {t.dtype for t in tensors} <= {torch.float32, torch.int64}
+    assert cli.main([*words, "float32"]) == 2
+    message = "run.yaml: precision: found bfloat16, allowed float32 to go on"
+    assert message in capsys.readouterr().err
+    assert files_of(tmp_path) == before
+    assert cli.main([*words, "bfloat16"]) == 0
+    with pytest.raises(SystemExit):
+        cli.main([*words, "float16"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("detector: pointpilars\ntiers: {}\n", "1: detector: found 'pointpilars', allowed backgr"),
+        ("tiers: {}\n", "1: detector: found nothing, required"),
+        (
+            "detector: dsvt\ntiers:\n  smoke: {}\n  huge: {}\n",
+            "4: tiers.huge: found an unknown key, allowed smoke, quick, full",
+        ),
+        ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: found nothing, required"),
+    ],
+)
+def test_a_wrong_recipe_is_named_by_file_line_and_key(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "r.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=re.escape(f"{tmp_path}/r.yaml:{message}")):
+        read_recipe(tmp_path / "r.yaml", "smoke")
 
 
 def test_a_loss_that_is_no_number_stops_with_the_step_and_the_checkpoint(

@@ -14,7 +14,7 @@ std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const flo
     std::vector<float> rest;
     rest.reserve(3 * kept.size());
     for (const int i : kept) rest.insert(rest.end(), {xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]});
-    std::vector<int> next = apply(step, rest);
+    std::vector<int> next = infrasim::apply(step, rest);  // not std::apply
     for (int& i : next) i = kept[i];
     kept = std::move(next);
   }

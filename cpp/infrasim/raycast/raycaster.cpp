@@ -1,6 +1,5 @@
 #include "infrasim/raycast/raycaster.h"
 
-#include <embree3/rtcore.h>
 #include <pmmintrin.h>
 #include <xmmintrin.h>
 
@@ -10,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "infrasim/raycast/embree.h"
 
 namespace infrasim {
 
@@ -104,12 +105,7 @@ struct Packet {
     }
   }
 
-  void intersect(RTCScene scene) {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    rtcIntersect16(valid.data(), scene, &context, &rh);
-  }
+  void intersect(RTCScene scene) { intersect16(valid.data(), scene, rh); }
 };
 
 }  // namespace

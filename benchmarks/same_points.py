@@ -1,0 +1,110 @@
+"""Do two builds of the simulator give the same points? scripts/debian13.sh asks it.
+
+Takes two folders with the same data sets, written with --fields by one build each. A ray is known
+by its ring and time; it is the same in both if it gave no point or the same object, class and,
+within 1 mm, place. Prints and writes a table; the exit code is 1 if too much differs.
+    .venv/bin/python benchmarks/same_points.py HERE THERE --out results/debian13.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from pyinfra import kitti
+from pyinfra.statistics.data import DataSet, read_data_set
+
+SAME_RAYS_PERCENT = 99.99
+TOTALS_PERCENT = 0.01
+SAME_PLACE_M = 1e-3
+
+
+def points(folder: Path, frame: int) -> pd.DataFrame:
+    """Columns x y z intensity time_s ring class object_id of one frame."""
+    xyzi = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
+    fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
+    table = pd.DataFrame(xyzi, columns=["x", "y", "z", "intensity"])
+    for name in fields.dtype.names or ():
+        table[name] = fields[name]
+    return table
+
+
+def distances(both: pd.DataFrame) -> npt.NDArray[np.float64]:
+    """Between the two places of each ray, metres: (n,)."""
+    here, there = (both[[f"{axis}_{i}" for axis in "xyz"]].to_numpy(float) for i in (0, 1))
+    return np.linalg.norm(here - there, axis=1)
+
+
+def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
+    """Counts of one LiDAR's frame in two folders, and the largest distance of a common surface."""
+    here, there = points(a, frame), points(b, frame)
+    both = here.merge(there, on=["ring", "time_s"], suffixes=("_0", "_1"), validate="one_to_one")
+    surface = (both.object_id_0 == both.object_id_1) & (both.class_0 == both.class_1)
+    apart = distances(both)
+    return {
+        "points": len(here),
+        "points_other": len(there),
+        "vehicle_points": int((here.object_id >= 0).sum()),
+        "vehicle_points_other": int((there.object_id >= 0).sum()),
+        "rays_in_one_only": len(here) + len(there) - 2 * len(both),
+        "other_surface": int((~surface).sum()),
+        "same_surface_apart": int((surface & (apart > SAME_PLACE_M)).sum()),
+        "equal_bits": int((apart == 0).sum()),
+        "largest_mm": 1e3 * float(apart[surface].max(initial=0)),
+    }
+
+
+def compare(here: DataSet, there: DataSet) -> pd.DataFrame:
+    """A row for each LiDAR of two data sets of the same frames."""
+    if (here.names, here.frames, here.seed) != (there.names, there.frames, there.seed):
+        raise ValueError(f"{there.folder}: found another run than in {here.folder}")
+    rays = pd.read_csv(here.folder / "summary.csv", index_col="lidar").rays_per_frame
+    rows = []
+    for name in here.names:
+        folders = here.lidar_folder(name), there.lidar_folder(name)
+        frames = pd.DataFrame([compare_frame(*folders, frame) for frame in here.frames])
+        sums = frames.sum().drop("largest_mm").astype(int)
+        count = round(rays[name] * len(here.frames))
+        other = sums.rays_in_one_only + sums.other_surface + sums.same_surface_apart
+        rows.append(
+            {"preset": here.preset, "lidar": name, "frames": len(frames), "rays": count, **sums}
+            | {
+                "largest_mm": round(frames.largest_mm.max(), 4),
+                "same_rays_percent": 100 * (1 - other / count),
+                "same_points_percent": 100 * (1 - other / sums.points),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def totals_apart_percent(table: pd.DataFrame) -> float:
+    """The largest difference of any total."""
+    return max(
+        float((100 * (table[f"{kind}_other"] / table[kind] - 1)).abs().max())
+        for kind in ("points", "vehicle_points")
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("here", type=Path)
+    parser.add_argument("there", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args()
+    names = sorted(file.parent.name for file in args.here.glob("*/dataset.yaml"))
+    pairs = [[read_data_set(side / name) for side in (args.here, args.there)] for name in names]
+    table = pd.concat([compare(*pair) for pair in pairs], ignore_index=True)
+    table = table.assign(seed=pairs[0][0].seed, version=pairs[0][0].version)
+    table.to_csv(args.out, index=False, float_format="%.5f")
+    same, apart = table.same_rays_percent.min(), totals_apart_percent(table)
+    print(table.to_string(index=False))
+    print(f"the same rays: {same:.5f} % at least; totals apart: {apart:.5f} % at most")
+    return int(same < SAME_RAYS_PERCENT or apart > TOTALS_PERCENT)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

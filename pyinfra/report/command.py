@@ -1,0 +1,100 @@
+"""The report of a folder of results: `pyinfra report RESULTS --out report.html`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from pyinfra import __version__
+from pyinfra.report.blocks import Section
+from pyinfra.report.material import Material, read_material
+from pyinfra.report.page import Page, write_page
+from pyinfra.report.sections import (
+    accuracy,
+    answer,
+    areas,
+    claims,
+    distance,
+    fidelity,
+    hits,
+    methods,
+    pictures,
+    points,
+    speed,
+    stability,
+    value,
+    view,
+)
+
+SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
+    answer.section,
+    claims.section,
+    hits.section,
+    points.section,
+    accuracy.section,
+    distance.section,
+    areas.section,
+    value.section,
+    speed.section,
+    stability.section,
+    fidelity.section,
+    pictures.section,
+    view.section,
+)
+TITLE = "Roadside LiDAR: which sensor, which detector"
+
+
+def page(material: Material) -> Page:
+    """All sections for which there is something."""
+    made = [section(material) for section in SECTIONS]
+    found = [s for s in made if s is not None]
+    found.append(methods.section(material, found))
+    tables = material.results.sources()
+    return Page(TITLE, _subtitle(material), _footer(material), found, tables)
+
+
+def _subtitle(material: Material) -> str:
+    """What was compared, in a line."""
+    cells = material.results.table("cells")
+    if cells.empty:
+        return "No cell of a benchmark is among these results."
+    counts = [
+        (cells.scene.nunique(), "scene"),
+        (cells.lidar.nunique(), "LiDAR"),
+        (cells.detector.nunique(), "detector"),
+        (cells.preset.nunique(), "preset"),
+    ]
+    parts = [f"{n} {what}{'s' if n != 1 else ''}" for n, what in counts]
+    return f"{', '.join(parts)}; tier {material.results.tier}, simulated."
+
+
+def _footer(material: Material) -> str:
+    return (
+        f"Written by infrasim {__version__} from tier {material.results.tier}. Each number is in a "
+        "row of a CSV file in the folder beside this page; a number says which row when you point "
+        "at it."
+    )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "One page that opens from disk: the answer, and the figures behind it."
+    parser.epilog = (
+        "example: pyinfra report results --data data/highway --runs runs/* --out report.html"
+    )
+    parser.add_argument("results", type=Path, help="folder of the tables of `pyinfra benchmark`")
+    parser.add_argument(
+        "--data", nargs="+", type=Path, default=[], help="data sets to draw pictures of"
+    )
+    parser.add_argument(
+        "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
+    )
+    parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
+    parser.add_argument("--out", type=Path, default=Path("report.html"), help="HTML file to write")
+
+
+def run(args: argparse.Namespace) -> int:
+    material = read_material(args.results, args.data, args.runs, args.tier)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    print(write_page(page(material), args.out))
+    return 0

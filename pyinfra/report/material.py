@@ -1,0 +1,105 @@
+"""All that a report is made from: results, and, where they are given, data sets and runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra import kitti
+from pyinfra.report.names import PRESETS, Names, in_order, read_names
+from pyinfra.report.results import Results, read_results
+from pyinfra.statistics.data import DataSet, read_data_set
+
+SCENES = ("highway", "crossroad", "curve")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Predictions of a detector, and on which frames it made them."""
+
+    folder: Path
+    scene: str
+    lidar: str
+    preset: str
+    detector: str
+
+    def prediction(self, frame: int) -> Path:
+        return self.folder / "predictions" / f"{frame:06d}.txt"
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What the sections take from."""
+
+    results: Results
+    names: Names
+    data: tuple[DataSet, ...]
+    runs: tuple[Run, ...]
+
+    def scenes(self) -> list[str]:
+        """Those of the results and of the data sets."""
+        found = set(self.results.table("cells").scene) | {d.scene for d in self.data}
+        return in_order(found, SCENES)
+
+    def presets(self) -> list[str]:
+        return in_order(self.results.table("cells").preset, PRESETS)
+
+    def preset_of_answers(self, rows: pd.DataFrame) -> str:
+        """The preset nearest to the LiDARs one can buy, of those with two LiDARs or more.
+
+        rows: one or more, with columns preset and lidar.
+        """
+        counts = rows.groupby("preset").lidar.nunique()
+        for preset in reversed(PRESETS):
+            if counts.get(preset, 0) >= 2:
+                return preset
+        return str(rows.preset.iloc[0])
+
+
+def read_material(
+    folder: Path, data: Sequence[Path], runs: Sequence[Path], tier: str | None
+) -> Material:
+    """Reads everything but frames. Raises what read_results, read_data_set and read_run raise."""
+    results = read_results(folder, tier)
+    sets = tuple(read_data_set(folder) for folder in data)
+    named = [name for t in results.tables.values() if "lidar" in t for name in t.lidar]
+    own = {lidar.name: lidar.model for d in sets for lidar in d.lidars}
+    lidars = results.table("lidars")
+    models = dict(zip(lidars.lidar, lidars.model, strict=True)) if "model" in lidars else {}
+    return Material(
+        results=results,
+        names=read_names(_lidars([*named, *own]), models | own),
+        data=sets,
+        runs=tuple(read_run(run, sets) for run in runs),
+    )
+
+
+def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
+    """What a run says of itself, else what its name says: SCENE_LIDAR_PRESET_DETECTOR_...
+
+    Raises FileNotFoundError without predictions, and ValueError if neither says it.
+    """
+    if not (folder / "predictions").is_dir():
+        raise FileNotFoundError(2, "found no folder predictions", str(folder))
+    if (folder / "run.yaml").is_file():
+        top = kitti.read_yaml(folder / "run.yaml")
+        own = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
+        return Run(folder, **own)
+    for one in data:
+        for lidar in one.names:
+            start = re.escape(f"{one.scene}_{lidar}_{one.preset}_")
+            if match := re.match(rf"{start}([^_]+)", folder.name):
+                return Run(folder, one.scene, lidar, one.preset, match[1])
+    raise ValueError(
+        f"{folder}: found no run.yaml, allowed one, or a name SCENE_LIDAR_PRESET_DETECTOR of a "
+        "data set that is given"
+    )
+
+
+def _lidars(names: Iterable[str]) -> list[str]:
+    """Names of LiDARs; some tables have variants such as avia_15_rays, which are none."""
+    return [name for name in names if not re.fullmatch(r"\w+_\d+_rays", name)]

@@ -1,0 +1,30 @@
+"use strict";
+/* Tables sort by the column whose head is pressed; cells without a value stay at the end. */
+for (const table of document.querySelectorAll("table")) {
+  const heads = [...table.querySelectorAll("thead th")];
+  heads.forEach((head, place) => head.querySelector("button")?.addEventListener("click", () => {
+    const up = head.getAttribute("aria-sort") !== "ascending";
+    heads.forEach((other) => other.removeAttribute("aria-sort"));
+    head.setAttribute("aria-sort", up ? "ascending" : "descending");
+    sortRows(table.tBodies[0], place, up, head.classList.contains("number"));
+  }));
+}
+
+function sortRows(body, place, up, numbers) {
+  const key = (row) => row.cells[place].dataset.sort;
+  const order = numbers ? (a, b) => a - b : (a, b) => a.localeCompare(b, "en", { numeric: true });
+  const rows = [...body.rows].sort((a, b) => {
+    const [x, y] = [key(a), key(b)];
+    if (x === "" || y === "") return (x === "") - (y === "");
+    return up ? order(x, y) : order(y, x);
+  });
+  body.append(...rows);
+}
+
+/* Everything is on paper: what is folded opens for the printer. */
+addEventListener("beforeprint", () => {
+  for (const part of document.querySelectorAll("details:not([open])")) {
+    part.open = true;
+    addEventListener("afterprint", () => { part.open = false; }, { once: true });
+  }
+});

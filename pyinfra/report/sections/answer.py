@@ -1,0 +1,136 @@
+"""The answer first: which LiDAR with which detector, for what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pandas as pd
+
+from pyinfra.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
+from pyinfra.report.material import Material
+from pyinfra.report.names import detector
+
+CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
+
+Choice = Callable[[Material, pd.DataFrame], CardLine | None]
+
+
+def section(material: Material) -> Section | None:
+    """For each scene the best choice for each purpose, under one preset."""
+    done = material.results.done()
+    if done.empty:
+        return None
+    preset = material.preset_of_answers(done)
+    cells = done[done.preset == preset]
+    cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
+    blocks: list[Block] = [
+        Cards([card for card in cards if card.lines], material.results.source("cells"))
+    ]
+    others = [p for p in material.presets() if p != preset]
+    if others:
+        text = f"Other presets ({', '.join(others)}) are under Accuracy; the choice can differ."
+        blocks.append(Text(text))
+    return Section("answer", "Which LiDAR and detector for what", _lead(material, cells), blocks)
+
+
+def _lead(material: Material, cells: pd.DataFrame) -> str:
+    """The first scene in words."""
+    scene = next(s for s in material.scenes() if s in set(cells.scene))
+    rows = cells[cells.scene == scene]
+    best = rows.loc[rows.ap.idxmax()]
+    tied = _tied(rows, best)
+    text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
+    text += f" in its own field of view: AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}."
+    if len(tied) > 0:
+        text += f" {_listed(material, tied)} cannot be told from it."
+    if rows.ap_all.notna().any():
+        whole = rows.loc[rows.ap_all.idxmax()]
+        text += f" Of all vehicles on the road, {_name(material, whole)} finds most"
+        text += f" (AP {whole.ap_all:.1f})."
+    return text
+
+
+def _card(material: Material, cells: pd.DataFrame, question: str, choose: Choice) -> Card:
+    scenes = [s for s in material.scenes() if s in set(cells.scene)]
+    lines = [choose(material, cells[cells.scene == scene]) for scene in scenes]
+    return Card(question, [line for line in lines if line is not None])
+
+
+def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    best = rows.loc[rows.ap.idxmax()]
+    tied = _tied(rows, best)
+    rest = f"; cannot be told from {_listed(material, tied)}" if len(tied) > 0 else ""
+    reason = f"AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}{rest}"
+    return _line(material, best, reason)
+
+
+def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    if rows.ap_all.isna().all():
+        return None
+    best = rows.loc[rows.ap_all.idxmax()]
+    others = rows[rows.lidar != best.lidar]
+    reason = f"AP {best.ap_all:.1f} on all visible vehicles"
+    if others.ap_all.notna().any():
+        second = others.loc[others.ap_all.idxmax()]
+        reason += f"; next {material.names.model(second.lidar)}, {second.ap_all:.1f}"
+    return _line(material, best, reason)
+
+
+def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    near = rows[(rows.ap >= rows.ap.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
+    if near.empty:
+        return None
+    best = near.loc[near.latency_p50_ms.idxmin()]
+    return _line(material, best, f"{best.latency_p50_ms:.0f} ms a frame, AP {best.ap:.1f}")
+
+
+def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    prices = material.results.table("lidars").drop_duplicates("lidar").set_index("lidar")
+    price = rows.lidar.map(prices.price_low_usd.astype(float))
+    near = rows[(rows.ap >= rows.ap.max() - CLOSE_AP) & price.notna()]
+    if near.empty:
+        return None
+    cheap = near[price[near.index] == price[near.index].min()]
+    best = cheap.loc[cheap.ap.idxmax()]
+    whole = f", but {best.ap_all:.1f} on all vehicles" if best.ap_all < best.ap - CLOSE_AP else ""
+    return _line(material, best, f"US$ {price[best.name]:,.0f}, AP {best.ap:.1f}{whole}")
+
+
+def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    own = rows[rows.detector == "background"]
+    if own.empty:
+        return None
+    best = own.loc[own.ap.idxmax()]
+    speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
+    return _line(material, best, f"AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}{speed}")
+
+
+PURPOSES: tuple[tuple[str, Choice], ...] = (
+    ("Most accurate where it looks", _in_view),
+    ("Sees the whole road", _whole_road),
+    (f"Fastest within {CLOSE_AP:g} AP of the best", _fastest),
+    (f"Cheapest LiDAR within {CLOSE_AP:g} AP of the best", _cheapest),
+    ("Without labels to train on", _untrained),
+)
+
+
+def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
+    return CardLine(str(row.scene), _name(material, row), reason, str(row.origin))
+
+
+def _tied(rows: pd.DataFrame, best: pd.Series) -> pd.DataFrame:
+    """Other rows whose interval reaches into that of the best; the nearest first."""
+    reach = (rows.ap_high >= best.ap_low) & (rows.index != best.name)
+    return rows[reach].sort_values("ap", ascending=False)
+
+
+def _name(material: Material, row: pd.Series) -> str:
+    return f"{material.names.model(row.lidar)} with {detector(row.detector)}"
+
+
+def _listed(material: Material, rows: pd.DataFrame, most: int = 2) -> str:
+    """The first rows by name, and how many more there are."""
+    names = [_name(material, row) for _, row in rows.head(most).iterrows()]
+    if len(rows) > most:
+        return f"{', '.join(names)} and {len(rows) - most} more"
+    return " and ".join(names)

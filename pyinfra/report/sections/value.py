@@ -1,0 +1,152 @@
+"""Price against performance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pandas as pd
+
+from pyinfra.report import svg
+from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Section, Table, number
+from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
+from pyinfra.report.material import SCENES, Material
+from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.report.sections.distance import legend
+
+HEADS = {
+    "price_usd": ("Price, US$", ",.0f"),
+    "ap_per_1000_usd": ("AP per US$ 1,000", ".2f"),
+    "usd_per_hq_area": ("US$ per high-quality area", ",.0f"),
+    "usd_per_m_road": ("US$ per metre of road", ",.1f"),
+    "points_per_1000_usd": ("Vehicle points per US$ 1,000", ",.0f"),
+}
+
+
+def section(material: Material) -> Section | None:
+    """Prices of the LiDARs, the Pareto front of AP against price, and what a dollar buys."""
+    prices = material.results.table("lidars")
+    value = _value(material)
+    blocks: list[Block] = []
+    if len(value) > 0:
+        blocks += [_front(material, value, p) for p in in_order(value.preset, PRESETS)]
+        blocks = [Figure(**vars(f) | {"closed": i > 0}) for i, f in enumerate(blocks)]
+        blocks.append(_table(material, value))
+    if len(prices) > 0:
+        blocks.append(_prices(material, prices))
+    if not blocks:
+        return None
+    return Section("value", "Price", _lead(material, value), blocks)
+
+
+def _value(material: Material) -> pd.DataFrame:
+    """The rows of the lowest seed."""
+    table = material.results.table("value")
+    return table[table.seed == table.seed.min()]
+
+
+def _lead(material: Material, value: pd.DataFrame) -> str:
+    text = "Prices are of LiDARs alone, as their sources state them: no pole, computer or power."
+    if value.empty:
+        return text
+    preset = material.preset_of_answers(value)
+    parts = []
+    for scene in in_order(value.scene, SCENES):
+        rows = value[(value.preset == preset) & (value.scene == scene) & _on_front(value)]
+        names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
+        parts += [f"{scene}: {', '.join(names)}"] if names else []
+    found = f"Beaten by no other in price and AP on all vehicles, preset {preset}"
+    return f"{text} {found}: {'; '.join(parts)}." if parts else text
+
+
+def _on_front(value: pd.DataFrame) -> pd.Series:
+    return value.pareto.str.lower().isin(("true", "1", "yes"))
+
+
+def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
+    rows = value[value.preset == preset]
+    panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
+    return Figure(
+        f"figure-price-{preset}",
+        f"AP on all vehicles against price, preset {preset}. Every detector is a mark; the line "
+        "joins the choices that no other beats in both, and what is beaten is hollow.",
+        panels,
+        material.results.source("value"),
+        legend(material.names, material.names.sorted(rows.lidar)),
+    )
+
+
+def _panel(material: Material, rows: pd.DataFrame) -> Panel:
+    first = rows.iloc[0]
+    with drawing():
+        figure, ax = panel()
+        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_all"])
+        ax.step(front.price_usd, front.ap_all, where="post", color=FAINT, linewidth=0.9)
+        for row in rows.assign(front=_on_front(rows)).itertuples():
+            look = material.names.look(str(row.lidar))
+            face = look.colour if row.front else GROUND
+            style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
+            ax.plot(row.price_usd, row.ap_all, marker=look.marker, markersize=5, **style)
+        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP on all vehicles")
+        log_ticks(ax.xaxis)
+        title = str(first.scene)
+        label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
+        return Panel(title, svg.inline(figure, svg.identifier("price", title, first.preset), label))
+
+
+def _table(material: Material, value: pd.DataFrame) -> Table:
+    heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
+    heads += [Column("AP", number=True), Column("AP all", number=True)]
+    heads += [Column(title, number=True) for title, _ in HEADS.values()]
+    rows = [_row(material, row) for _, row in value.iterrows()]
+    return Table(
+        "What a dollar buys, and what beats a choice that is not on the Pareto front.",
+        [*heads, Column("Beaten by")],
+        rows,
+        material.results.source("value"),
+        closed=len(rows) > 16,
+    )
+
+
+def _row(material: Material, row: pd.Series) -> list[Cell]:
+    texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
+    values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
+    beaten = Cell(_spelled(material, str(row.dominated_by)))
+    return [*(Cell(str(t)) for t in texts), number(row.ap), number(row.ap_all), *values, beaten]
+
+
+def _spelled(material: Material, text: str) -> str:
+    for name in sorted(DETECTORS, key=len, reverse=True):
+        text = text.replace(name, DETECTORS[name]) if name in text.split() else text
+    return material.names.spelled(text)
+
+
+def _prices(material: Material, prices: pd.DataFrame) -> Table:
+    """The LiDARs, and what else their file says of them."""
+    known = ("lidar", "model", "units", "origin")
+    more = [c for c in prices if c not in known and not c.startswith("price_")]
+    numbers = prices[more].apply(pd.to_numeric, errors="coerce")
+    heads = [Column("LiDAR"), Column("Units", number=True), Column("Price, US$", number=True)]
+    heads += [Column(_title(c), number=bool(numbers[c].notna().any())) for c in more]
+    rows = []
+    for at, row in prices.iterrows():
+        low, high = float(row.price_low_usd), float(row.price_high_usd)
+        price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
+        first = [Cell(material.names.label(row.lidar)), number(row.units, ".0f")]
+        others = [_value_cell(str(row[c]), float(numbers[c][at]), row.origin) for c in more]
+        source = Cell(f"{row.price_source}, {row.price_date}".strip(", "))
+        rows.append([*first, Cell(price, low, row.origin), *others, source])
+    heads.append(Column("Source of the price"))
+    return Table("The LiDARs.", heads, rows, material.results.source("lidars"))
+
+
+def _title(column: str) -> str:
+    """horizontal_fov_deg: Horizontal fov, °."""
+    for unit, shown in (("_deg", ", °"), ("_m", ", m")):
+        if column.endswith(unit):
+            column = column.removesuffix(unit) + shown
+    return column.replace("_", " ").replace("fov", "field of view").capitalize()
+
+
+def _value_cell(text: str, value: float, origin: str) -> Cell:
+    return Cell(text) if math.isnan(value) else Cell(f"{value:.4g}", value, origin)

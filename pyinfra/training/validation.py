@@ -1,0 +1,72 @@
+"""Which state of a network is the best: AP on frames that are not learnt from.
+
+The frames are the last ones of each LiDAR's training time (`validate_frames` of a recipe), never
+test frames. Its first seconds show vehicles that the last frames learnt from show as well, so the
+AP chooses among states of one run and says nothing else.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra import ap
+from pyinfra.ap import FloatArray, IntArray
+from pyinfra.atomic import replacing
+from pyinfra.detectors import Detections
+from pyinfra.detectors.network import Network
+from pyinfra.evaluation import matching
+from pyinfra.training.samples import Frames
+
+CHECKS = 5  # over a run; with 40 frames, 4 % of the time of a quick PointPillars
+LEAST_IOU = 0.5  # of footprints, as in `pyinfra evaluate`
+
+
+def is_due(done: int, steps: int) -> bool:
+    """At each fifth of the steps, the last one with them."""
+    return done * CHECKS // steps > (done - 1) * CHECKS // steps
+
+
+def average_precision(network: Network, frames: Frames) -> float:
+    """AP of all vehicles with a point, 0 to 100; leaves the network as it is."""
+    training = network.training
+    network.eval()
+    found = [network.predict(cloud()) for cloud in frames.clouds]
+    network.train(training)
+    boxes = np.concatenate([detections.boxes for detections in found])
+    scores = np.concatenate([detections.scores for detections in found])
+    vehicles = np.concatenate(frames.boxes)
+    pairs = matching.overlapping_pairs(_frame_of(found), boxes, _frame_of(frames.boxes), vehicles)
+    pairs = matching.in_order(pairs, scores, boxes, vehicles)
+    hit = matching.match(pairs, len(boxes), len(vehicles), LEAST_IOU) >= 0
+    return float(ap.average_precision(ap.rank(scores, hit, len(vehicles)))[0])
+
+
+def _frame_of(parts: list[Detections] | tuple[FloatArray, ...]) -> IntArray:
+    return np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+
+
+class Checks:
+    """Looks at held-out frames now and then.
+
+    `validation.csv` has the step and AP of each check; those after a checkpoint are forgotten.
+    """
+
+    def __init__(self, frames: Frames, file: Path, done: int) -> None:
+        self.frames, self.file = frames, file
+        rows = file.read_text().split() if file.exists() else []
+        found = [row.split(",") for row in rows[1:]]
+        self.found = [(int(step), float(value)) for step, value in found if int(step) <= done]
+
+    def find_best(self, network: Network, done: int, steps: int) -> bool:
+        """Whether a check is due, and nothing before was better."""
+        if not is_due(done, steps):
+            return False
+        value = average_precision(network, self.frames)
+        best = all(value >= before for _, before in self.found)
+        self.found.append((done, value))
+        with replacing(self.file) as beside:
+            rows = "".join(f"{step},{value!r}\n" for step, value in self.found)
+            beside.write_text(f"step,ap\n{rows}")
+        return best

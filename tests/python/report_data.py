@@ -1,0 +1,227 @@
+"""Results made up for the tests of the report, and what is read off a page."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+HOSTILE = "<img src=x onerror=\"document.title='taken'\">&amp;</td></script>$x_"
+CELL = {"scene": "highway", "preset": "paper", "tier": "quick", "seed": 1}
+EXTRA = {"command": "pyinfra benchmark", "version": "0.1.0", "machine": "2 x x86_64"}
+LIDARS = ("livox_avia", "ruby_plus")
+DETECTORS = ("pointpillars", "background")
+
+
+def cell(lidar: str, detector: str, ap: float | None, **more: Any) -> dict[str, Any]:
+    """A row of a benchmark; one without an AP failed."""
+    row = {**CELL, "lidar": lidar, "detector": detector, "ap": ap}
+    if ap is not None:
+        row |= {"ap_low": ap - 2, "ap_high": ap + 1, "ap_common": ap, "ap_all": ap / 2}
+        row |= {"objects": 100, "train_seconds": 30.0 * (detector != "background")}
+        row |= {"latency_p50_ms": 10.0, "latency_p95_ms": 12.0}
+    names = ("ap_low", "ap_high", "ap_common", "ap_all", "objects")
+    times = ("train_seconds", "latency_p50_ms", "latency_p95_ms")
+    return dict.fromkeys((*names, *times)) | row | EXTRA | more
+
+
+def cells() -> pd.DataFrame:
+    """Two LiDARs and two detectors, one of which failed."""
+    return pd.DataFrame(
+        [
+            cell("livox_avia", "pointpillars", 91.25, latency_p50_ms=60.0),
+            cell("ruby_plus", "pointpillars", 92.5, latency_p50_ms=70.0),
+            cell("livox_avia", "background", 84.0),
+            cell("ruby_plus", "background", None, reason="MemoryError: none <left> & gone"),
+        ]
+    )
+
+
+def along_the_road(name: str) -> pd.DataFrame:
+    """Rows of `areas` or `distance` for the cells that are done."""
+    rows = []
+    for row in cells().dropna(subset="ap").itertuples():
+        key = {**CELL, "lidar": row.lidar, "detector": row.detector}
+        for truth in ("captured", "common", "all"):
+            of = key | {"ground_truth": truth, "road": "motorway"}
+            if name == "areas":
+                counts = {"n_tda": 4, "n_hqda": 2, "undecided": 1, "objects": 200}
+                rows.append(of | counts | {"p_hqda": 50.0, "p_low": 25.0, "p_high": 75.0})
+                continue
+            for s, quality in zip(
+                (-50, 0, 50, 100), ("few", "low", "undecided", "high"), strict=True
+            ):
+                ap = None if quality == "few" else 80.0 + s / 10
+                ends = {"ap_low": ap and ap - 3, "ap_high": ap and ap + 3}
+                rows.append(
+                    of
+                    | {"s": s, "ap": ap, **ends, "quality": quality}
+                    | {"objects": 30, "predictions": 31}
+                )
+    return pd.DataFrame(rows)
+
+
+def value() -> pd.DataFrame:
+    rows = []
+    for row in cells().dropna(subset="ap").itertuples():
+        key = {**CELL, "lidar": row.lidar, "detector": row.detector}
+        usd = {"livox_avia": 2079.0, "ruby_plus": 24000.0}[row.lidar]
+        beaten = "livox_avia pointpillars" if row.detector == "background" else ""
+        bought = {"ap_per_1000_usd": 1000 * row.ap / usd, "usd_per_hq_area": usd / 2}
+        bought |= {"usd_per_m_road": None, "points_per_1000_usd": 10.0}
+        rows.append(
+            {**key, "price_usd": usd, "ap": row.ap, "ap_all": row.ap_all, **bought}
+            | {"pareto": beaten == "", "dominated_by": beaten}
+        )
+    return pd.DataFrame(rows)
+
+
+def lidars() -> pd.DataFrame:
+    price = {"price_source": "a table", "price_date": 2025, "range_m": 100.0}
+    return pd.DataFrame(
+        [
+            {"lidar": name, "preset": "paper", "model": model, "units": 1, **price}
+            | {"price_low_usd": usd, "price_high_usd": usd}
+            for name, model, usd in (
+                ("livox_avia", "Livox Avia", 2079),
+                ("ruby_plus", "RoboSense Ruby Plus", 24000),
+            )
+        ]
+    )
+
+
+def claims() -> pd.DataFrame:
+    where = "common, 90 to 120 m, {} vehicles at 90.0 to 99.9 m"
+    text = "APV of livox_avia over the best of the others (here {}) is 1.5 to 2.5; "
+    rows = (
+        ("paper", "ruby_plus", 923, 1.487, 1.446, 1.535, "undecided"),
+        ("equal", "pandar_64", 2847, 0.84, 0.83, 0.86, "fails"),
+        ("datasheet", "ruby_plus", 2847, 2.0, 1.9, 2.1, "holds"),
+    )
+    return pd.DataFrame(
+        [
+            {"claim": "far-range", "preset": preset, "statement": (text + where).format(best, n)}
+            | {"value": v, "low": low, "high": high, "verdict": verdict}
+            for preset, best, n, v, low, high, verdict in rows
+        ]
+    )
+
+
+def stress() -> pd.DataFrame:
+    key = {"detector": "pointpillars", "lidar": "ruby_plus", "scene": "highway", "seed": 1}
+    rows = [("none", "0", "", 90.0), ("rain", "50", "mm/h", 80.0), ("rain", "100", "mm/h", 60.0)]
+    rows += [("density", "2", "times", 85.0), ("unseen_scene", "curve", "name", 40.0)]
+    rows += [("training_frames", "200", "frames", 70.0)]
+    return pd.DataFrame(
+        [
+            {**key, "stressor": name, "dial": dial, "unit": unit, "ap": ap, "ap_low": ap - 2}
+            | {"ap_high": ap + 2, "trained_frames": 800}
+            for name, dial, unit, ap in rows
+        ]
+    )
+
+
+def fidelity() -> pd.DataFrame:
+    rows = [("box", 12.0, 0.8), ("low", -0.5, 0.9), ("mid", 0.1, 0.95), ("fine", 0.0, 1.0)]
+    return pd.DataFrame(
+        [
+            {"detail": detail, "lidar": "ruby_plus", "distance_m": distance}
+            | {"points_per_vehicle": 10.0, "change_percent": change, "relative_time": time}
+            for detail, change, time in rows
+            for distance in ("20-40", "40-60")
+        ]
+    )
+
+
+def aggregation() -> pd.DataFrame:
+    rows = [("exact", 14.0, 13.9), ("slices:100", 14.0, 40.9), ("instant", 0.0, 15.0)]
+    return pd.DataFrame(
+        [
+            {"aggregation": name, "lidar": "ruby_plus", "points_per_vehicle": 449.6}
+            | {"outside_box_percent": outside, "ms_per_frame_set": ms}
+            for name, outside, ms in rows
+        ]
+    )
+
+
+def hits() -> pd.DataFrame:
+    key = {"scene": "highway", "preset": "paper", "frames": 1000}
+    found = {"livox_avia": 10529 * 1.1, "ruby_plus": 46723 * 0.9}
+    return pd.DataFrame([{**key, "lidar": n, "hits_per_frame": h} for n, h in found.items()])
+
+
+def points() -> pd.DataFrame:
+    rows = [(lidar, low, 1000 / low) for lidar in LIDARS for low in (30, 35, 40)]
+    return pd.DataFrame(
+        [
+            {"scene": "highway", "preset": "paper", "set": "common", "lidar": lidar}
+            | {"from_m": low, "to_m": low + 5, "vehicles": 9, "apv": apv}
+            | {"ci_low": apv - 1, "ci_high": apv + 1}
+            for lidar, low, apv in rows
+        ]
+    )
+
+
+def tables() -> dict[str, pd.DataFrame]:
+    """Every table of a folder of results, by the name of its file."""
+    return {
+        "quick.csv": cells(),
+        "quick_areas.csv": along_the_road("areas"),
+        "quick_distance.csv": along_the_road("distance"),
+        "quick_hits.csv": hits(),
+        "quick_points_per_vehicle.csv": points(),
+        "quick_value.csv": value(),
+        "lidars.csv": lidars(),
+        "claims.csv": claims(),
+        "ap_claims.csv": claims().assign(claim="comparable"),
+        "stress.csv": stress(),
+        "stress_summary.csv": pd.DataFrame([{"detector": "pointpillars", "gentleness": 0.8}]),
+        "fidelity.csv": fidelity(),
+        "aggregation.csv": aggregation(),
+    }
+
+
+def write(folder: Path, some: dict[str, pd.DataFrame] | None = None) -> Path:
+    """A folder of results, with all tables or some."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, table in (tables() if some is None else some).items():
+        table.to_csv(folder / name, index=False)
+    return folder
+
+
+class Read(HTMLParser):
+    """What a page has: ids, links, titles, pictures, and the words that are shown."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.origins: list[str] = []
+        self.unnamed: list[str] = []
+        self.tags: set[str] = set()
+        self.words: list[str] = []
+        self.inside: list[str] = []
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        has = dict(attrs)
+        self.tags.add(tag)
+        self.inside.append(tag)
+        self.ids += [has["id"] or ""] if "id" in has else []
+        self.links += [has["href"] or ""] if tag == "a" else []
+        self.origins += [has["title"] or ""] if "title" in has else []
+        if tag == "svg" and not has.get("aria-label") and has.get("aria-hidden") != "true":
+            self.unnamed.append(str(attrs))
+
+    def handle_data(self, data: str) -> None:
+        if not set(self.inside[-1:]) & {"script", "style"}:
+            self.words.append(data)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in self.inside:
+            del self.inside[len(self.inside) - 1 - self.inside[::-1].index(tag) :]
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.words))

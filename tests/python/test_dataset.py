@@ -1,0 +1,125 @@
+"""`pyinfra dataset`: the whole set, small."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pyinfra import cli, dataset, hits, kitti
+from pyinfra.split import VAL_FROM_S
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of three scenes and four LiDARs."""
+    out = tmp_path_factory.mktemp("data") / "paper"
+    assert cli.main(["dataset", "--frames", "2", "--out", str(out)]) == 0
+    return out
+
+
+def sha256sum(folder: Path) -> subprocess.CompletedProcess[str]:
+    words = ["sha256sum", "--quiet", "--strict", "-c", "SHA256SUMS"]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("count", "found", "step"),
+    [(5000, 5000, 1), (500, 500, 10), (100, 100, 50), (3000, 2500, 2), (3, 3, 2499), (2, 2, 4999)],
+)
+def test_frames_are_spread_over_the_whole_scene(count: int, found: int, step: int) -> None:
+    frames = dataset.spread(count)
+    assert (frames[0], len(frames), frames.step) == (0, found, step)
+
+
+def test_any_number_of_frames_can_be_split() -> None:
+    for count in range(2, 5001):
+        frames = dataset.spread(count)
+        assert count / 2 < len(frames) <= count
+        assert frames[-1] * 0.1 > VAL_FROM_S
+
+
+@pytest.mark.parametrize("count", ["1", "5001"])
+def test_wrong_number_of_frames_is_one_line(count: str, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "data"
+    assert cli.main(["dataset", "--frames", count, "--out", str(out)]) == 2
+    assert capsys.readouterr().err == (f"pyinfra: --frames: found {count}, allowed 2 to 5000\n")
+    assert not out.exists()
+
+
+def test_wrong_preset_is_one_line_and_writes_nothing(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "data"
+    assert cli.main(["dataset", "--preset", "best", "--frames", "2", "--out", str(out)]) == 2
+    assert "found no preset 'best', allowed paper, equal, datasheet" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_every_scene_and_lidar_is_there_and_split(made: Path) -> None:
+    for scene in hits.SCENES:
+        for lidar in hits.LIDARS:
+            folder = made / scene / lidar
+            assert kitti.frames(folder) == [0, 4999]
+            assert (folder / "ImageSets/train.txt").read_text() == "000000\n"
+            assert (folder / "ImageSets/val.txt").read_text() == "004999\n"
+
+
+def test_sha256sum_accepts_the_list_and_finds_a_changed_byte(made: Path) -> None:
+    listed = {line.split("  ")[1] for line in (made / "SHA256SUMS").read_text().splitlines()}
+    files = {str(file.relative_to(made)) for file in made.rglob("*") if file.is_file()}
+    assert files - listed == {"SHA256SUMS", *(f"{scene}/summary.csv" for scene in hits.SCENES)}
+    assert sha256sum(made).returncode == 0
+    label = made / "curve/ruby_plus/training/label_2/004999.txt"
+    text = label.read_text()
+    try:
+        label.write_text(text.replace("0", "1", 1))
+        assert sha256sum(made).stdout == "curve/ruby_plus/training/label_2/004999.txt: FAILED\n"
+    finally:
+        label.write_text(text)
+
+
+def test_card_has_the_figures_of_the_frames(made: Path) -> None:
+    card = (made / "DATASET.md").read_text()
+    for scene in hits.SCENES:
+        labels = [
+            line.split()[0]
+            for file in sorted((made / scene).glob("*/training/label_2/*.txt"))
+            for line in file.read_text().splitlines()
+        ]
+        counts = pd.Series(labels).value_counts().sort_index()
+        text = ", ".join(f"{name} {count:,}" for name, count in counts.items())
+        assert f"| {scene} | 1 | 1 | {text} |" in card
+        for lidar in hits.LIDARS:
+            sizes = [f.stat().st_size for f in (made / scene / lidar).glob("training/velodyne/*")]
+            (row,) = re.findall(rf"^\| {scene} \| {lidar} \|.*$", card, re.MULTILINE)
+            assert row.split(" | ")[4] == f"{sum(sizes) / 16 / 2:,.1f}"
+    for needed in ("CC-BY-4.0", "--preset paper --frames 2", "seed 1", "sha256sum"):
+        assert needed in card
+    assert max(map(len, card.splitlines())) < 200
+
+
+def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
+    before = (made / "SHA256SUMS").read_text()
+    (made / "SHA256SUMS").unlink()
+    (made / "DATASET.md").unlink()
+    (made / "curve/helios_16/training/velodyne/004999.bin").unlink()
+    kept = made / "highway/ruby_plus/training/velodyne/000000.bin"
+    written = kept.stat().st_mtime_ns
+    dataset.write(made, dataset.spread(2), "paper")
+    assert (made / "SHA256SUMS").read_text() == before
+    assert kept.stat().st_mtime_ns == written
+
+
+def test_folder_with_other_frames_is_refused_and_stays(made: Path) -> None:
+    before = (made / "SHA256SUMS").read_text()
+    with pytest.raises(ValueError, match=r"highway/\w+: found frame 4999 of another --frames"):
+        dataset.write(made, dataset.spread(3), "paper")
+    assert (made / "SHA256SUMS").read_text() == before
+
+
+def test_make_passes_its_choices_on() -> None:
+    words = ["make", "--dry-run", "dataset", "FRAMES=500", "PRESET=equal"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "pyinfra dataset --frames 500 --preset equal --out data/equal" in done.stdout

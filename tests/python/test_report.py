@@ -1,0 +1,272 @@
+"""The report as files: what it says, where its numbers come from, and what it does without."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import report_data
+from report_data import HOSTILE, Read
+
+from pyinfra import cli
+from pyinfra.report import svg
+from pyinfra.report.material import read_material
+from pyinfra.report.names import read_names
+from pyinfra.report.results import read_results
+from pyinfra.report.sections.accuracy import paper_ap
+from pyinfra.report.sections.claims import thing_tested
+from pyinfra.report.sections.fidelity import section as fidelity_section
+from pyinfra.report.sections.speed import pareto
+from pyinfra.report.sections.stability import curve
+
+
+def report(results: Path, *words: object) -> Path:
+    """Writes the page of a folder beside it."""
+    out = results.parent / "report.html"
+    assert cli.main(["report", str(results), *map(str, words), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of all tables."""
+    return report(report_data.write(tmp_path_factory.mktemp("report") / "results"))
+
+
+def test_the_answer_comes_first_and_names_lidar_and_detector(whole: Path) -> None:
+    text = Read(whole).text
+    answer, claims = text.index("Most accurate where it looks"), text.index("undecided 1.49")
+    assert answer < claims
+    first = text[answer : answer + 200]
+    assert "RoboSense Ruby Plus with PointPillars" in first
+    assert "AP 92.5 [90.5, 93.5]; cannot be told from Livox Avia with PointPillars" in first
+
+
+def test_the_cheapest_choice_says_what_it_does_not_see(whole: Path) -> None:
+    assert "US$ 2,079, AP 91.2, but 45.6 on all vehicles" in Read(whole).text
+
+
+def test_ap_stands_beside_the_papers(whole: Path) -> None:
+    assert re.search(r"92\.5 \[90\.5, 93\.5\] paper 92\.4 ", Read(whole).text)
+
+
+def test_hits_stand_beside_the_papers(whole: Path) -> None:
+    text = Read(whole).text
+    assert "10,529 11,582 +10.0" in text
+    assert "on average 10.0 % from the paper's, 10.0 % at most" in text
+
+
+def test_a_failed_cell_is_said_with_its_reason(whole: Path) -> None:
+    assert "One cell has no AP." in Read(whole).text
+    assert "MemoryError: none <left> & gone" in Read(whole).text
+
+
+def test_every_origin_is_a_row_of_a_file_beside_the_page(whole: Path) -> None:
+    found = [re.match(r"([\w.]+\.csv), row (\d+)", origin) for origin in Read(whole).origins]
+    rows = {(match[1], int(match[2])) for match in found if match}
+    assert len(rows) > 20
+    for name in {name for name, _ in rows}:
+        written = pd.read_csv(whole.parent / "report_data" / name)
+        assert all(row <= len(written) for file, row in rows if file == name)
+
+
+def test_the_ap_of_a_cell_is_that_of_the_row_it_names(whole: Path) -> None:
+    html = whole.read_text()
+    found = re.findall(r'data-sort="([\d.]+)" title="quick.csv, row (\d+)">([\d.]+)<small>', html)
+    written = pd.read_csv(whole.parent / "report_data/quick.csv")
+    assert len(found) >= 6
+    for sort, row, shown in found:
+        assert written.ap[int(row) - 1] == float(sort)
+        assert shown == f"{float(sort):.1f}"
+
+
+def test_links_lead_somewhere_and_ids_are_unique(whole: Path) -> None:
+    page = Read(whole)
+    assert len(page.ids) == len(set(page.ids))
+    for link in page.links:
+        if link.startswith("#"):
+            assert link[1:] in page.ids
+        else:
+            assert (whole.parent / link).is_file()
+
+
+def test_every_figure_has_an_accessible_name(whole: Path) -> None:
+    page = Read(whole)
+    assert "svg" in page.tags
+    assert page.unnamed == []
+
+
+def test_nothing_that_is_missing_is_shown_as_nan(whole: Path) -> None:
+    assert not re.search(r"\bnan\b|\bNone\b", Read(whole).text)
+
+
+def test_the_same_results_give_the_same_bytes(whole: Path) -> None:
+    before = whole.read_bytes()
+    assert report(whole.parent / "results").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", report_data.tables())
+def test_one_table_alone_makes_a_page(name: str, tmp_path: Path) -> None:
+    results = report_data.write(tmp_path / "results", {name: report_data.tables()[name]})
+    page = Read(report(results))
+    assert "Methods and provenance" in page.text
+    assert not re.search(r"\bnan\b", page.text)
+
+
+def test_tables_without_rows_are_not_there(tmp_path: Path) -> None:
+    tables = {name: table.iloc[:0] for name, table in report_data.tables().items()}
+    tables["lidars.csv"] = report_data.lidars()
+    page = Read(report(report_data.write(tmp_path / "results", tables)))
+    assert {"value", "methods"} <= set(page.ids)
+    assert "answer" not in page.ids
+
+
+def test_one_detector_only(tmp_path: Path) -> None:
+    cells = report_data.cells()
+    results = report_data.write(
+        tmp_path / "results", {"quick.csv": cells[cells.detector == "background"]}
+    )
+    assert "Livox Avia with Background" in Read(report(results)).text
+
+
+def test_cells_that_all_failed_have_no_answer(tmp_path: Path) -> None:
+    cells = report_data.cells().tail(1)
+    text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": cells}))).text
+    assert "0 of 1 cells have an AP" in text
+    assert "Most accurate" not in text
+
+
+def test_a_name_is_text_and_never_markup(tmp_path: Path) -> None:
+    tables = {
+        name: table.replace({"livox_avia": HOSTILE, "highway": HOSTILE, "pointpillars": HOSTILE})
+        for name, table in report_data.tables().items()
+    }
+    page = Read(report(report_data.write(tmp_path / "results", tables)))
+    assert "img" not in page.tags
+    assert " ".join(HOSTILE.split()) in page.text
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_what_the_paper_shows_and_this_page_does_not_is_said(tmp_path: Path) -> None:
+    results = report_data.write(tmp_path / "results", {"quick.csv": report_data.cells()})
+    assert "Figure: scanning patterns not here: needs a data set" in Read(report(results)).text
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("claims.csv", "claim,preset\na,b\n", "claims.csv:1: found no column statement"),
+        (
+            "quick_hits.csv",
+            "scene,lidar,preset,frames,hits_per_frame\nh,a,paper,1,2\nh,a,paper,1,many\n",
+            "quick_hits.csv:3: hits_per_frame: found 'many', allowed a number",
+        ),
+        ("lidars.csv", 'lidar\n"open\n', "lidars.csv: is no table"),
+    ],
+)
+def test_a_wrong_table_is_told_in_one_line(
+    file: str, text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / file).write_text(text)
+    out = tmp_path / "report.html"
+    assert cli.main(["report", str(tmp_path), "--out", str(out)]) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert message.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ([], 2, "found no table of results"),
+        (["--tier", "full"], 2, "full.csv: found no cells"),
+        (["--data", "nowhere"], 1, "nowhere/dataset.yaml: No such file"),
+        (["--runs", "nowhere"], 1, "nowhere: found no folder predictions"),
+    ],
+)
+def test_wrong_arguments_are_told(
+    words: list[str], code: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if words and words[0] != "--tier":
+        report_data.write(tmp_path)
+    out = tmp_path / "report.html"
+    assert cli.main(["report", str(tmp_path), *words, "--out", str(out)]) == code
+    assert said in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_the_tier_with_the_most_finished_cells_is_taken(tmp_path: Path) -> None:
+    cells = report_data.cells()
+    tables = {"full.csv": cells.head(1), "quick.csv": cells, "smoke.csv": cells.head(2)}
+    report_data.write(tmp_path, tables)
+    assert read_results(tmp_path).tier == "quick"
+    assert read_results(tmp_path, "full").tier == "full"
+
+
+def test_the_lowest_seed_stands_for_a_cell(tmp_path: Path) -> None:
+    cells = report_data.cells().head(1)
+    report_data.write(
+        tmp_path, {"quick.csv": pd.concat([cells.assign(seed=10), cells.assign(seed=2)])}
+    )
+    assert list(read_results(tmp_path).done().seed) == ["2"]
+
+
+def test_pareto_keeps_what_no_other_beats() -> None:
+    rows = pd.DataFrame(
+        {"cost": [1.0, 2.0, 2.0, 3.0, None, 1.0], "ap": [50.0, 60.0, 55.0, 60.0, 99.0, 50.0]}
+    )
+    assert list(pareto(rows, "cost")) == [True, True, False, False, False, True]
+
+
+def test_a_claim_is_one_row_whatever_its_counts() -> None:
+    statements = set(report_data.claims().statement)
+    assert len(statements) == 3
+    (one,) = {thing_tested(statement) for statement in statements}
+    assert one == "APV of livox_avia over the best of the others is 1.5 to 2.5; common, 90 to 120 m"
+
+
+def test_curves_of_stress_start_without_it(tmp_path: Path) -> None:
+    report_data.write(tmp_path, {"stress.csv": report_data.stress()})
+    table = read_results(tmp_path).table("stress")
+
+    def places(stressor: str) -> list[tuple[float, float]]:
+        rows = curve(table, stressor)
+        return list(zip(rows["at"], rows.ap, strict=True))
+
+    assert places("rain") == [(0, 90), (50, 80), (100, 60)]
+    assert places("density") == [(1, 90), (2, 85)]
+    assert places("unseen_scene") == [(0, 90), (1, 40)]
+    assert places("training_frames") == [(200, 70), (800, 90)]
+
+
+def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) -> None:
+    tables = {"fidelity.csv": report_data.fidelity(), "aggregation.csv": report_data.aggregation()}
+    report_data.write(tmp_path, tables)
+    made = fidelity_section(read_material(tmp_path, [], [], None))
+    assert made is not None
+    assert made.lead.startswith("Recommended: detail low, ")
+    assert "(0.50 % at most), in 0.90 of their time" in made.lead
+    assert "slices:100 takes 40.9 ms" in made.lead
+
+
+def test_a_legend_draws_lines_without_markers_and_markers_without_lines() -> None:
+    assert svg.line_swatch("#000000", "-", "").count("<path") == 1
+    assert svg.line_swatch("#000000", "none", "s").count("<path") == 1
+    assert 'd="z"' not in svg.line_swatch("#000000", "--", "")
+
+
+def test_a_lidar_looks_the_same_in_every_report() -> None:
+    one, many = read_names(["ruby_plus"], {}), read_names(["a_new_one", "ruby_plus", "zz"], {})
+    assert one.look("ruby_plus") == many.look("ruby_plus")
+    assert many.model("ruby_plus") == "RoboSense Ruby Plus"
+    assert many.model("a_new_one") == "a_new_one"
+
+
+def test_the_papers_ap_is_complete() -> None:
+    table = paper_ap()
+    assert len(table) == 3 * 4 * 4
+    value = table.set_index(["scene", "lidar", "detector"]).ap
+    assert value["highway", "ruby_plus", "pv-rcnn"] == 93.29
+    assert value["crossroad", "livox_avia", "pointpillars"] == 84.03
+    assert value["curve", "helios_16", "pointrcnn"] == 16.40

@@ -1,0 +1,134 @@
+"""The report in a real browser, from disk: it asks for nothing, sorts, and fits the screen."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import report_data
+from browser import Browser
+
+from pyinfra import cli, kitti
+
+MOST_BYTES = 8_000_000
+OPENS_IN_MS = 10_000  # 2,000 on an idle machine
+LIDARS = ("livox_avia", "ruby_plus")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of all tables, without pictures."""
+    folder = tmp_path_factory.mktemp("tables")
+    out = folder / "report.html"
+    report_data.write(folder / "results")
+    assert cli.main(["report", str(folder / "results"), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def pictured(
+    infrasim: Callable[..., object],
+    run_command: Callable[..., list[str]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """The page of all tables, of a data set in two aggregations, and of predictions."""
+    folder = tmp_path_factory.mktemp("pictures")
+    for way in ("exact", "instant"):
+        words = run_command(*LIDARS, frames="0:2", aggregation=way, out=folder / way)
+        infrasim(*words, check=True)
+    runs = [predictions(folder / "exact" / "livox_avia", folder, d) for d in ("pv-rcnn", "dsvt")]
+    report_data.write(folder / "results")
+    out = folder / "report.html"
+    words = ["--data", folder / "exact", folder / "instant", "--runs", *runs, "--out", out]
+    assert cli.main(["report", str(folder / "results"), *map(str, words)]) == 0
+    return out
+
+
+def predictions(lidar: Path, folder: Path, detector: str) -> Path:
+    """A run whose boxes are the vehicles themselves; its name says what it is."""
+    run = folder / f"highway_livox_avia_paper_{detector}_quick_1"
+    (run / "predictions").mkdir(parents=True)
+    for frame in kitti.frames(lidar):
+        labels = kitti.frame_file(lidar, "label_2", frame).read_text().splitlines()
+        text = "".join(f"{line} 0.9\n" for line in labels)
+        (run / "predictions" / f"{frame:06d}.txt").write_text(text)
+    return run
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_it_asks_for_nothing_and_complains_of_nothing(
+    theme: str, browser: Browser, pictured: Path
+) -> None:
+    with browser.open(pictured, theme=theme) as opened:
+        opened.page.wait_for_selector(".lidar-view canvas")
+        outside = [r for r in opened.requests if not r.startswith("data:")]  # pictures in the page
+        assert outside == [pictured.as_uri()]
+        assert opened.problems == []
+
+
+@pytest.mark.parametrize("width", [320, 768, 1600])
+def test_it_fits_every_screen(width: int, browser: Browser, pictured: Path) -> None:
+    with browser.open(pictured, width=width) as opened:
+        opened.page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+        assert not opened.scrolls_sideways()
+
+
+def test_tables_sort_both_ways_with_what_is_missing_last(browser: Browser, whole: Path) -> None:
+    with browser.open(whole) as opened:
+        opened.page.locator("#accuracy summary").click()
+        table = opened.page.locator("#accuracy details table")
+        head = table.locator("th:nth-child(6) button")
+        assert head.inner_text() == "AP"
+        column = "rows => rows.map(row => row.cells[5].dataset.sort)"
+
+        def values() -> list[str]:
+            return table.locator("tbody tr").evaluate_all(column)
+
+        assert values() == ["91.25", "92.5", "84", ""]
+        head.click()
+        assert values() == ["84", "91.25", "92.5", ""]
+        assert table.locator("th[aria-sort=ascending]").count() == 1
+        head.click()
+        assert values() == ["92.5", "91.25", "84", ""]
+        table.locator("th:nth-child(2) button").press("Enter")
+        assert table.locator("tbody tr").first.locator("td").first.inner_text() == "Livox Avia"
+
+
+def test_a_figure_is_drawn_in_the_colours_of_the_page(browser: Browser, whole: Path) -> None:
+    for theme, dark in (("light", False), ("dark", True)):
+        with browser.open(whole, theme=theme) as opened:
+            picture = opened.pixels("#figure-latency-paper .drawing").astype(int)
+            ground = np.median(picture.reshape(-1, 3), axis=0)
+            assert (ground.mean() < 60) == dark
+            assert np.abs(picture - ground).max(axis=2).max() > 120
+
+
+def test_the_view_is_not_blank(browser: Browser, pictured: Path) -> None:
+    with browser.open(pictured) as opened:
+        opened.page.locator(".lidar-view").scroll_into_view_if_needed()
+        opened.page.wait_for_selector(".lidar-view canvas")
+        picture = opened.pixels(".lidar-view canvas", ".lv-reset, .lv-scale, .lv-tip").astype(int)
+        ground = np.median(picture.reshape(-1, 3), axis=0)
+        assert np.count_nonzero(np.abs(picture - ground).max(axis=2) > 40) > 500
+
+
+def test_every_figure_of_the_paper_has_its_counterpart(browser: Browser, pictured: Path) -> None:
+    with browser.open(pictured) as opened:
+        assert opened.page.get_by_text("not here: needs").count() == 0
+        for panel in opened.page.locator("#pictures .drawing svg").all():
+            assert panel.bounding_box()["height"] > 50
+
+
+def test_it_prints(browser: Browser, whole: Path) -> None:
+    with browser.open(whole, theme="dark") as opened:
+        opened.page.emulate_media(media="print")
+        colour = "getComputedStyle(document.documentElement).backgroundColor"
+        assert opened.page.evaluate(colour) == "rgb(255, 255, 255)"
+        assert opened.page.pdf().startswith(b"%PDF")
+
+
+def test_it_is_small_and_opens_soon(browser: Browser, pictured: Path) -> None:
+    assert pictured.stat().st_size < MOST_BYTES
+    with browser.open(pictured) as opened:
+        timing = "performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd"
+        assert opened.page.evaluate(timing) < OPENS_IN_MS
