@@ -137,6 +137,7 @@ def areas(table: pd.DataFrame, detector: str) -> Iterator[Row]:
         return
     captured = table[(table.ground_truth == "captured") & (table.detector == detector)]
     sums = captured.groupby("lidar")[["n_tda", "n_hqda", "undecided"]].sum()
+    sums = sums[sums.n_tda > 0]  # a run so short that no area counts says nothing
     if AVIA not in sums.index or LINES_128 not in sums.index:
         return
     counts = {name: sums.loc[name] for name in (AVIA, LINES_128)}

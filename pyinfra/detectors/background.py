@@ -64,12 +64,8 @@ class Config:
     cell_m: float = ruled(1.0, 0.1, 20)  # of the grid of the ground
     clearance_m: float = ruled(0.15, 0, 5)  # a point this far above the ground is of something
     ceiling_m: float = ruled(5.0, 0.1, 50)  # and below this of a vehicle
-    permanent_share: float = ruled(
-        0.7, 0, 1
-    )  # of the frames: what is hit more stands for good
-    gap_m: float = ruled(
-        0.8, 0.05, 10
-    )  # between points of a vehicle across the road, nearby
+    permanent_share: float = ruled(0.7, 0, 1)  # of the frames: what is hit more stands for good
+    gap_m: float = ruled(0.8, 0.05, 10)  # between points of a vehicle across the road, nearby
     gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
 
 

@@ -53,7 +53,7 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
 
 
 def has_pattern(lidar_yaml: Path) -> bool:
-    """Whether a `lidar.yaml` says where the rays go; that of a recording does not."""
+    """Whether a `lidar.yaml` says where the rays go; those of a recording and a bundle do not."""
     return "returns" in yaml.safe_load(lidar_yaml.read_text(encoding="utf-8"))
 
 

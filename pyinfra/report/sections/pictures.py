@@ -72,9 +72,13 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
         return []
     found = {}
     for folder in folders(material, data):
+        if not patterns.has_pattern(folder / "lidar.yaml"):
+            continue
         rays = patterns.read_rays(folder / "lidar.yaml", PATTERN_S, data.period_s)
         angles = np.radians([rays.azimuth_deg, rays.elevation_deg])
         found[material.names.model(folder.name)] = np.stack([*angles, rays.time_s], axis=1)
+    if not found:
+        return []
     picture = clouds.pattern_picture(found)
     drawn = _drawn(picture, "patterns", f"Rays of {', '.join(found)} in one frame")
     caption = f"Scanning patterns, preset {data.preset}: a frame, and a car's rear 60 m ahead."

@@ -1,0 +1,190 @@
+"""Pages of the documentation, run: their commands in order, in one folder, at a small size.
+
+A fenced block is of one of these kinds:
+- `sh`: commands. `infrasim`, `pyinfra`, `python`, `cp` and `mkdir` run; `make` and
+  `scripts/setup.sh` need a target or group that exists; what needs a cluster or a GPU is parsed by
+  its own parser. Any other command is an error.
+- `python`: runs, all blocks of a page in one namespace. `yaml`: is YAML. With a file name behind
+  the language, the block is saved under it instead.
+- `text`: what a command prints, or how a folder looks.
+
+Configurations, frames and draws are made small before a command runs, so that a page can show what
+a user would type.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pyinfra import cli
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+KINDS = ("sh", "python", "yaml", "text")
+FEW_FRAMES = 20
+ELSEWHERE = re.compile(r"--(backend|address) |--device cuda|--precision bfloat16")
+SHELL = re.compile(r"[|&;<>`$*{}]")  # what the runner does not do
+SMALL = {"evaluate": ["--no-figures", "--draws", "20"], "benchmark": ["--jobs", "1"]}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block; `file` is the name it is to be saved under."""
+
+    kind: str
+    file: str
+    text: str
+
+
+def blocks(page: Path) -> list[Block]:
+    found = re.findall(r"^```([^\n]*)\n(.*?)^```$", page.read_text(), re.DOTALL | re.MULTILINE)
+    return [Block(*info.partition(" ")[::2], text) for info, text in found]
+
+
+def commands(text: str) -> list[str]:
+    """The commands of a block, each in one line, without comments."""
+    lines = text.replace("\\\n", " ").splitlines()
+    return [" ".join(line.partition(" #")[0].split()) for line in lines if not is_blank(line)]
+
+
+def is_blank(line: str) -> bool:
+    return not line.strip() or line.lstrip().startswith("#")
+
+
+def run_page(page: Path, infrasim: Callable[..., object]) -> None:
+    """Runs a page in the working folder. Raises AssertionError for what cannot be run."""
+    copy_configs()
+    names: dict[str, object] = {"__name__": page.stem}
+    for block in blocks(page):
+        assert block.kind in KINDS, f"{page.name}: a block of '{block.kind}', not of {KINDS}"
+        if block.file:
+            Path(block.file).write_text(small_text(block.text, block.file))
+        elif block.kind == "sh":
+            for command in commands(block.text):
+                run(command, infrasim)
+        elif block.kind == "python":
+            exec(compile(block.text, page.name, "exec", dont_inherit=True), names)
+        elif block.kind == "yaml":
+            assert yaml.safe_load(block.text)
+
+
+def run(command: str, infrasim: Callable[..., object]) -> None:
+    """Runs or parses one command; anything else is an AssertionError."""
+    if command == "source .venv/bin/activate":
+        return
+    assert not SHELL.search(command), f"more than the runner does: {command}"
+    program, *words = shlex.split(command)
+    if program == "make":
+        check_make(words)
+    elif program == "scripts/setup.sh":
+        assert set(words) <= groups(), command
+    elif program in PARSERS:
+        PARSERS[program](words)
+    elif program == "pyinfra" and ELSEWHERE.search(command):
+        cli.make_parser(words).parse_args(words)
+    elif program == "pyinfra":
+        assert cli.main(small_words(words)) == 0, command
+    elif program == "infrasim":
+        result: Any = infrasim(*small_words(words), cwd=Path.cwd())
+        assert result.returncode == 0, f"{command}: {result.stderr}"
+    elif program == "python":
+        subprocess.run([sys.executable, *words], check=True, timeout=120)
+    elif program in ("cp", "mkdir"):
+        {"cp": shutil.copy, "mkdir": os.makedirs}[program](*words)
+    else:
+        raise AssertionError(f"neither run nor parsed: {command}")
+
+
+def parse_ray(words: list[str]) -> None:
+    from ray.scripts.scripts import cli as ray
+
+    assert words[0] in ray.commands
+    ray.commands[words[0]].make_context(words[0], words[1:])
+
+
+def parse_dask(words: list[str]) -> None:
+    import importlib
+
+    module = importlib.import_module(f"distributed.cli.dask_{words[0]}")
+    module.main.make_context(words[0], words[1:])
+
+
+PARSERS = {"ray": parse_ray, "dask": parse_dask}
+
+
+def check_make(words: list[str]) -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    for word in words:
+        name, equals, _ = word.partition("=")
+        wanted = rf"\b{name}\b" if equals else rf"^{name}:"
+        assert re.search(wanted, makefile, re.MULTILINE), f"make {word}: not in the Makefile"
+
+
+def groups() -> set[str]:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    packages = (ROOT / "scripts/apt-packages.txt").read_text().splitlines()
+    apt = {line.split()[0] for line in packages if line and not line.startswith("#")}
+    return {*project["optional-dependencies"], *apt}
+
+
+def spoken(page: Path) -> Iterator[list[str]]:
+    """The words of commands inside sentences: `pyinfra ...`, `infrasim ...` or `make ...`."""
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for text in re.findall(r"`((?:pyinfra|infrasim|make) [^`]+)`", prose):
+        yield text.split()
+
+
+def small_words(words: list[str]) -> list[str]:
+    """The same command over fewer frames and draws."""
+    words = [small_word(before, word) for before, word in zip(["", *words], words, strict=False)]
+    return [*words, *(extra for extra in SMALL.get(words[0], []))]
+
+
+def small_word(option: str, word: str) -> str:
+    if option == "--frames" and ":" not in word:
+        return "2"
+    if option == "--frames":
+        ends = [int(part) for part in word.split(":")]
+        first, last, step = (*ends, 1)[:3]
+        return f"{first}:{last}:{max(step, (last - first) // FEW_FRAMES)}"
+    return word
+
+
+def copy_configs() -> None:
+    """Those of the repository as `configs`, smaller."""
+    shutil.copytree(ROOT / "configs", "configs", dirs_exist_ok=True)
+    for file in Path("configs").rglob("*.yaml"):
+        file.write_text(small_text(file.read_text(), file.name))
+
+
+def small_text(text: str, name: str) -> str:
+    """A scene, recipe or benchmark that takes less time; other files as they are."""
+    content = yaml.safe_load(text) if name.endswith(".yaml") else None
+    if content is None:
+        return text
+    if "traffic" in content:
+        content["traffic"]["warm_up_s"] = 5
+    elif "tiers" in content:
+        content["tiers"] = dict.fromkeys(content["tiers"], small_tier(content["tiers"]["smoke"]))
+    elif "matrix" in content:
+        content["frames"] = f"0:5000:{5000 // FEW_FRAMES}"
+        block = content["matrix"][0]
+        few = {"scenes": 1, "lidars": 2, "detectors": 2}
+        content["matrix"] = [block | {key: block[key][:n] for key, n in few.items()}]
+    else:
+        return text
+    return yaml.safe_dump(content, sort_keys=False)
+
+
+def small_tier(smoke: dict[str, Any]) -> dict[str, Any]:
+    return {**smoke, "learning": {"steps": 2, "batch": 1}} if "learning" in smoke else smoke
