@@ -168,7 +168,7 @@ def gentle(table: pd.DataFrame, detector: str) -> Iterator[Row]:
         return
     best = max(others, key=lambda f: f.value)
     text = f"{detector}: AP per 10 m of the Avia less the highest of the spinning LiDARs above 0"
-    yield tested("gentle (AP)", text, slopes[AVIA].less(best), ABOVE_0)
+    yield tested("gentle", text, slopes[AVIA].less(best), ABOVE_0)
 
 
 def slope(windows: pd.DataFrame) -> Figure:

@@ -63,7 +63,10 @@ KINDS = {
         "lidars.csv", "lidar price_source price_date", "units price_low_usd price_high_usd"
     ),
     "claims": _kind("claims.csv", "claim preset statement verdict", "value low high"),
-    "ap_claims": _kind("ap_claims.csv", "claim preset statement verdict", "value low high"),
+    "ap_claims": _kind(
+        "{tier}_claims.csv", "scene preset claim statement verdict", "value low high"
+    ),
+    "paper": _kind("{tier}_paper.csv", "scene preset", "cells rank_correlation mean_difference"),
     "stress": _kind(
         "stress.csv", "detector lidar scene stressor dial unit seed", "ap ap_low ap_high"
     ),

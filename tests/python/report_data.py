@@ -174,7 +174,7 @@ def tables() -> dict[str, pd.DataFrame]:
         "quick_value.csv": value(),
         "lidars.csv": lidars(),
         "claims.csv": claims(),
-        "ap_claims.csv": claims().assign(claim="comparable"),
+        "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
         "stress.csv": stress(),
         "stress_summary.csv": pd.DataFrame([{"detector": "pointpillars", "gentleness": 0.8}]),
         "fidelity.csv": fidelity(),

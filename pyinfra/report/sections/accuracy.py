@@ -52,7 +52,31 @@ def section(material: Material) -> Section | None:
             if len(rows) > 0:
                 blocks.append(_grid(material, rows, paper))
     blocks += [*_against_paper(material, done, paper), *_failed(cells), _all(material, cells)]
+    blocks += _agreement(material)
     return Section("accuracy", "Average precision", _lead(cells, done), blocks)
+
+
+def _agreement(material: Material) -> list[Block]:
+    """Spearman's rank correlation with the paper."""
+    rows = material.results.table("paper")
+    if rows.empty:
+        return []
+    heads = ("Scene", "Cells", "Rank correlation", "Mean difference")
+    found: list[list[Cell]] = [
+        [
+            Cell(str(row.scene)),
+            number(float(row.cells), "g"),
+            number(float(row.rank_correlation), ".2f"),
+            number(float(row.mean_difference), "+.1f"),
+        ]
+        for row in rows.itertuples()
+    ]
+    caption = (
+        "Whether LiDAR and detector stand in the paper's order, preset paper: Spearman's rank "
+        "correlation over the cells that both have, and the mean of AP here less the paper's."
+    )
+    columns = [Column(head, number=head != "Scene") for head in heads]
+    return [Table(caption, columns, found, Source(material.results.file("paper"), rows))]
 
 
 def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:

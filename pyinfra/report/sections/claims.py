@@ -35,6 +35,8 @@ def section(material: Material) -> Section | None:
     if rows.empty:
         return None
     rows = rows.assign(key=[thing_tested(text) for text in rows.statement])
+    if "scene" in rows:
+        rows["key"] = rows.scene.map(lambda s: f"{s}, ", na_action="ignore").fillna("") + rows.key
     presets = in_order(rows.preset, PRESETS)
     table = Table(
         "A row for each thing tested. A claim holds if its 95 % interval lies inside the range "
