@@ -51,6 +51,12 @@ def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
     return dict(zip(rows.statement, rows.verdict, strict=True))
 
 
+def test_a_run_too_short_for_areas_claims_nothing_of_them() -> None:
+    areas = pd.DataFrame([key_of(lidar, "pointpillars") for lidar in PRICES])
+    areas = areas.assign(ground_truth="captured", n_tda=0, n_hqda=0, undecided=0)
+    assert verdicts({"cells": cells(), "areas": areas}, "areas") == {}
+
+
 def test_a_difference_has_the_rooted_squares_of_both_ends() -> None:
     found = Figure(10, 7, 11).less(Figure(2, 1, 6))
     assert (found.value, found.low, found.high) == (8, 8 - 5, pytest.approx(8 + 2**0.5))
