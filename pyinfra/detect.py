@@ -30,9 +30,10 @@ def load_detector(run: Path, *, device: str = "cpu") -> Detector:
     if file.suffix == ".npz":
         return Background.load(file)
     from pyinfra.detectors.fused import fused
+    from pyinfra.detectors.network import device_of
     from pyinfra.training import checkpoint
 
-    return fused(checkpoint.load(file).network()).to(device)
+    return fused(checkpoint.load(file).network()).to(device_of(device))
 
 
 def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import yaml
 from tqdm import tqdm
@@ -19,6 +21,9 @@ from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.training.samples import Frames
 from pyinfra.training.sources import TIERS, Source, read_source, simulated_source, spread
+
+if TYPE_CHECKING:
+    from pyinfra.training.loop import Description, Progress
 
 BACKGROUND_FRAMES = 100
 
@@ -63,8 +68,9 @@ def _train_network(
     quiet: bool,
 ) -> Path:
     import torch
-    from torch.utils.tensorboard import SummaryWriter
 
+    from pyinfra.detectors import processes
+    from pyinfra.detectors.network import device_of
     from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
 
@@ -84,16 +90,44 @@ def _train_network(
         steps=recipe.learning.steps,
     )
     description = loop.describe(about, recipe, len(frames), precision)
-    begun = loop.read_begun(out, description)
-    done = begun.about.step if begun is not None else 0
+    with processes.joined(device_of(device)) as where:
+        processes.check_batch(recipe.learning.batch)
+        begun = loop.read_begun(out, description)  # once all are here, so all find the same
+        done = begun.about.step if begun is not None else 0
+        first = processes.rank() == 0
+        with _reporting(out, description, done, quiet) if first else nullcontext() as report:
+            loop.train(
+                network,
+                frames,
+                recipe,
+                about,
+                out,
+                begun=begun,
+                held_out=held_out,
+                device=where,
+                precision=precision,
+                report=report,
+            )
+    return out / "last.safetensors"
+
+
+@contextmanager
+def _reporting(
+    out: Path, description: Description, done: int, quiet: bool
+) -> Iterator[Callable[[Progress], None]]:
+    """Describes the run in `run.yaml`, and shows and logs each step that is given."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    from pyinfra.training.loop import Log
+
     with replacing(out / "run.yaml") as beside:
         beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
-    log = loop.Log(out / "log.csv", done)
+    log, steps = Log(out / "log.csv", done), description.steps
     board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     # Without `quiet`, None: on a terminal only.
-    bar = tqdm(total=about.steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
+    bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
 
-    def report(progress: loop.Progress) -> None:
+    def report(progress: Progress) -> None:
         log(progress)
         values = {"loss": progress.loss, "rate": progress.rate, **progress.parts}
         for name, value in values.items():
@@ -102,20 +136,7 @@ def _train_network(
         bar.update()
 
     with bar, board:
-        where = torch.device(device)
-        loop.train(
-            network,
-            frames,
-            recipe,
-            about,
-            out,
-            begun=begun,
-            held_out=held_out,
-            device=where,
-            precision=precision,
-            report=report,
-        )
-    return out / "last.safetensors"
+        yield report
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
@@ -173,7 +194,9 @@ def run(args: argparse.Namespace) -> int:
         learning = dataclasses.replace(recipe.learning, steps=steps)
         recipe = dataclasses.replace(recipe, learning=learning)
     how = {"seed": args.seed, "device": args.device, "precision": args.precision}
-    print(train(recipe, _sources(args), args.out, **how))
+    model = train(recipe, _sources(args), args.out, **how)
+    if os.environ.get("RANK", "0") == "0":  # of several processes, the first
+        print(model)
     return 0
 
 

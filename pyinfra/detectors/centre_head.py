@@ -13,6 +13,7 @@ from torch.nn import functional
 from pyinfra.detectors.bev import conv
 from pyinfra.detectors.losses import heat_map_focal, start_rare
 from pyinfra.detectors.network import CANDIDATES, Losses
+from pyinfra.detectors.processes import of_all
 from pyinfra.detectors.site import Site
 
 BOX_WEIGHT = 2.0
@@ -38,7 +39,7 @@ class CentreHead(nn.Module):
     def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
         logits, found = self(x)
         heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
-        count = max(1, sum(len(b) for b in boxes))
+        count = of_all(torch.tensor(sum(len(b) for b in boxes), device=x.device))
         frame = torch.repeat_interleave(
             torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
         ).to(x.device)

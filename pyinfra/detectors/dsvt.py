@@ -24,6 +24,7 @@ from pyinfra.detectors.network import MIN_SCORE, Losses, Network
 from pyinfra.detectors.ops.boxes import iou_3d_pairs
 from pyinfra.detectors.ops.sets import Sets, partition, windows_of
 from pyinfra.detectors.pillars import PillarEncoder
+from pyinfra.detectors.processes import OwnNorm
 from pyinfra.detectors.site import Site
 
 
@@ -63,7 +64,7 @@ class Embedding(nn.Module):
         cell = torch.arange(side) - side / 2
         places = torch.cartesian_prod(cell, cell).flip(1)  # x y
         self.register_buffer("places", places, persistent=False)
-        norm = nn.BatchNorm1d(width) if side > 1 else nn.Identity()
+        norm = OwnNorm(width) if side > 1 else nn.Identity()
         self.layers = nn.Sequential(nn.Linear(2, width), norm, nn.ReLU(), nn.Linear(width, width))
 
     def forward(self) -> Tensor:

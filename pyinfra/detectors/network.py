@@ -37,6 +37,18 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
+def device_of(name: str) -> torch.device:
+    """Raises ValueError if there is no such device here."""
+    kind, _, number = name.partition(":")
+    gpus = torch.cuda.device_count()
+    if kind == "cuda" and gpus > 0 and (not number or (number.isdigit() and int(number) < gpus)):
+        return torch.device(name)
+    if name != "cpu":
+        allowed = f"cpu, cuda, cuda:0 to cuda:{gpus - 1}" if gpus else "cpu: there is no GPU here"
+        raise ValueError(f"--device: found '{name}', allowed {allowed}")
+    return torch.device(name)
+
+
 MMAP_THRESHOLD, TRIM_THRESHOLD = -3, -1  # of mallopt, <malloc.h> of glibc
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from pyinfra.detectors import processes
 from pyinfra.detectors.batch import Area, Batch
 
 
@@ -36,8 +37,9 @@ class PillarEncoder(nn.Module):
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Of the p pillars with a point: features (p, width) and ascending number (p,)."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-        # Nothing to see, or in training one point, which has no spread to normalise by.
-        if len(batch.points) < (2 if self.training else 1):
+        # Nothing to see, or in training one point, which has no spread to normalise by. With
+        # several processes the norm waits for all of them, and knows what to do.
+        if len(batch.points) < (2 if self.training else 1) and processes.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
         features = self.point_features(batch, pillar, member)  # (n, 10)
         for layer in self.before:

@@ -48,6 +48,7 @@ from pyinfra.detectors.pointnet import (
     mlp,
     sampled,
 )
+from pyinfra.detectors.processes import of_all
 from pyinfra.detectors.site import Site
 
 POINT_FEATURES = 4  # intensity, height, place (2)
@@ -293,7 +294,7 @@ class PointRCNN(Network):
             counted.append((box >= 0) | (box_of_points(xyz, grown(b, 2 * DOUBT_M)) < 0))
             own.append(b[box[box >= 0]])
         is_vehicle, counts = torch.cat(positive), torch.cat(counted)
-        number = is_vehicle.sum().clamp(min=1)
+        number = of_all(is_vehicle.sum())
         score = focal(seen.logits[counts], is_vehicle[counts].to(seen.logits.dtype)).sum() / number
         size = seen.logits.new_tensor(self.config.size_m)
         wanted = encode(torch.cat(own), seen.clouds.xyz[is_vehicle], size)
@@ -319,9 +320,9 @@ class PointRCNN(Network):
         counts = (good | (drawn.overlap < BAD)) & (held > 0)
         confidence = functional.binary_cross_entropy_with_logits(
             logits[counts], good[counts].to(logits.dtype), reduction="sum"
-        ) / counts.sum().clamp(min=1)
+        ) / of_all(counts.sum())
         near = (drawn.overlap >= REFINED) & (held > 0)
-        number = near.sum().clamp(min=1)
+        number = of_all(near.sum())
         rois, boxes, found = drawn.rois[near], drawn.boxes[near], residuals[near]
         refinement = smooth_l1(found, refinements(boxes, rois)).sum() / number
         apart = corner_distances(refined(found, rois), boxes)

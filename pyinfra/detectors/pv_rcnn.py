@@ -32,6 +32,7 @@ from pyinfra.detectors.ops.boxes import iou_3d_pairs, nms
 from pyinfra.detectors.ops.points import box_of_points
 from pyinfra.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled
 from pyinfra.detectors.pointpillars import AnchorHead
+from pyinfra.detectors.processes import of_all
 from pyinfra.detectors.site import Site
 from pyinfra.detectors.voxel_backbone import VoxelBackbone
 
@@ -306,11 +307,11 @@ def refinement_losses(
     wanted = ((overlap - POOR_IOU) / (GOOD_IOU - POOR_IOU)).clamp(0, 1)
     score = functional.binary_cross_entropy_with_logits(scores, wanted, reduction="sum")
     on = overlap >= FOREGROUND_IOU
-    count = on.sum().clamp(min=1)
+    count = of_all(on.sum())
     box = smooth_l1(residuals[on], wanted_residuals(proposed[on], own[on])).sum()
     corner = corner_loss(refined(proposed[on], residuals[on]), own[on]).sum()
     return {
-        "confidence": score / max(1, len(scores)),
+        "confidence": score / of_all(torch.tensor(len(scores), device=scores.device)),
         "refinement": box / count,
         "corner": corner / count,
     }
@@ -342,7 +343,7 @@ def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> T
     target = torch.cat(on)
     counts = target | ~torch.cat(near)
     loss = focal(logits[counts], target[counts].to(logits.dtype)).sum()
-    return loss / target.sum().clamp(min=1)
+    return loss / of_all(target.sum())
 
 
 def _balls(radii: tuple[float, ...], most: int, width: int) -> list[Ball]:

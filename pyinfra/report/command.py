@@ -66,7 +66,9 @@ def _subtitle(material: Material) -> str:
         (cells.preset.nunique(), "preset"),
     ]
     parts = [f"{n} {what}{'s' if n != 1 else ''}" for n, what in counts]
-    return f"{', '.join(parts)}; tier {material.results.tier}, simulated."
+    tier = material.results.tier
+    short = " Networks of this tier have hardly learnt: nothing follows from their AP."
+    return f"{', '.join(parts)}; tier {tier}, simulated.{short if tier == 'smoke' else ''}"
 
 
 def _footer(material: Material) -> str:

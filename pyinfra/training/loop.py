@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from pyinfra.config import ConfigError, as_plain, read_config
+from pyinfra.detectors import processes
 from pyinfra.detectors.batch import Batch, make_batch
 from pyinfra.detectors.network import Network, keep_memory, one_thread
 from pyinfra.training import checkpoint
@@ -62,7 +63,7 @@ def train(
     held_out: Frames | None = None,
     device: torch.device | None = None,
     precision: Precision = "float32",
-    report: Callable[[Progress], None] = lambda _: None,
+    report: Callable[[Progress], None] | None = None,
 ) -> Network:
     """Trains to the end and writes `out`/last.safetensors now and then and at the end.
 
@@ -71,7 +72,9 @@ def train(
     step, the loss and the checkpoint to go back to.
     """
     learning, device = recipe.learning, device or torch.device("cpu")
+    first = processes.rank() == 0  # it alone writes
     network = network.to(device).train()
+    processes.share_norms(network)
     optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
     last = out / "last.safetensors"
     done = resume(network, optimizer, begun) if begun is not None else 0
@@ -85,32 +88,37 @@ def train(
             with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
                 parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
-            if not math.isfinite(loss.item()):
+            # Of the whole batch, so that all processes stop if one does.
+            whole = processes.mean(torch.stack([loss, *parts.values()])).tolist()
+            if not math.isfinite(whole[0]):
                 raise TrainingDiverged(
-                    f"step {step}: the loss is {loss.item()}; the last good checkpoint is {last}"
+                    f"step {step}: the loss is {whole[0]}; the last good checkpoint is {last}"
                 )
             optimizer.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
+            processes.average_gradients(network)
             torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
             optimizer.step()
             done = step + 1
             here = dataclasses.replace(about, step=done)
             # Before the last one is written: a kill between them leads back to before the check.
-            if checks is not None and checks.find_best(network, done, learning.steps):
+            if first and checks is not None and checks.find_best(network, done, learning.steps):
                 checkpoint.save(out / "best.safetensors", network, {}, here)
-            if done % max(1, learning.steps // SAVES) == 0 or done == learning.steps:
+            if first and (done % max(1, learning.steps // SAVES) == 0 or done == learning.steps):
                 checkpoint.save(last, network, optimizer_tensors(optimizer), here)
-            numbers = {name: part.item() for name, part in parts.items()}
+            if report is None:
+                continue
+            numbers = dict(zip(parts, whole[1:], strict=True))
             seconds = time.monotonic() - start
-            report(Progress(done, learning.steps, rate, loss.item(), numbers, seconds))
+            report(Progress(done, learning.steps, rate, whole[0], numbers, seconds))
     return network.eval()
 
 
 def batch_of(frames: Frames, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
-    """The frames of a step: every frame comes once before one comes twice."""
+    """The frames of a step, or this process's share: each comes once before one comes twice."""
     size = recipe.learning.batch
     samples = []
-    for n in range(step * size, (step + 1) * size):
+    for n in range(step * size + processes.rank(), (step + 1) * size, processes.count()):
         turn, place = divmod(n, len(frames))
         order = np.random.default_rng([seed, turn]).permutation(len(frames))
         draw = np.random.default_rng([seed, 1, n])

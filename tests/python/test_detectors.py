@@ -10,7 +10,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
 
-from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
+from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E402
 
 from pyinfra import boxes as exact  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
@@ -33,6 +33,7 @@ from pyinfra.training import checkpoint  # noqa: E402
 from pyinfra.training.recipe import read_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
+needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
 LEARNT = [name for name, entry in DETECTORS.items() if entry.learnt]
 
 
@@ -139,6 +140,133 @@ def test_layers_of_half_the_bits_learn_in_whole_ones(name: str) -> None:
         if parameter.grad is not None:
             assert parameter.grad.dtype == torch.float32
             assert torch.isfinite(parameter.grad).all()
+
+
+@needs_gpu
+@pytest.mark.parametrize("precision", [torch.float32, torch.bfloat16])
+@pytest.mark.parametrize("name", LEARNT)
+def test_a_step_on_a_gpu_is_as_on_the_cpu(name: str, precision: torch.dtype) -> None:
+    networks = {device: network_of(name).train().to(device) for device in ("cpu", "cuda")}
+    batch = make_batch([road_sample(1), road_sample(2)], networks["cpu"].site.area)
+    totals = {}
+    for device, network in networks.items():
+        half = precision == torch.bfloat16 and device == "cuda"
+        with torch.autocast(device, torch.bfloat16, enabled=half):
+            losses = network.losses(batch.to(torch.device(device)))
+        totals[device] = torch.stack(list(losses.values())).sum()
+        totals[device].backward()
+        torch.optim.AdamW(network.parameters(), 1e-4).step()
+        assert all(torch.isfinite(p).all() for p in network.parameters())
+    assert totals["cuda"].item() == pytest.approx(totals["cpu"].item(), rel=0.1)
+    found = networks["cuda"].eval().predict(road_sample(2).points)
+    assert np.isfinite(found.boxes).all()
+
+
+@needs_gpu
+@pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar", "dsvt"])
+def test_boxes_of_a_gpu_are_those_of_the_cpu(name: str) -> None:
+    network, points = lived_in(network_of(name)), road_sample(4).points
+    here = network.predict(points)
+    there = network.to("cuda").predict(points)
+    assert len(here) > 10
+    np.testing.assert_allclose(here.boxes, there.boxes, atol=1e-2)
+
+
+def tilted(points: np.ndarray, degrees: float) -> np.ndarray:
+    """As of a sensor whose pitch is other than it says."""
+    cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]], np.float32)
+    return np.concatenate([points[:, :3] @ turn.T, points[:, 3:]], axis=1)
+
+
+def with_intensity(points: np.ndarray, value: float) -> np.ndarray:
+    return np.concatenate([points[:, :3], np.full_like(points[:, 3:], value)], axis=1)
+
+
+@pytest.mark.parametrize("name", LEARNT)
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda points: points[::8],
+        lambda points: np.repeat(points, 4, axis=0),
+        lambda points: with_intensity(points, 0),
+        lambda points: with_intensity(points, 255),
+        lambda points: tilted(points, 5),
+        lambda points: tilted(points, -5),
+    ],
+    ids=["fewer lines", "more lines", "dark", "another scale", "pitch up", "pitch down"],
+)
+def test_another_sensor_gives_finite_boxes(
+    name: str, change: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    found = network_of(name).eval().predict(change(road_sample(5).points))
+    assert np.isfinite(found.boxes).all()
+    assert ((found.scores >= 0) & (found.scores <= 1)).all()
+
+
+@pytest.mark.parametrize("name", LEARNT)
+def test_vehicles_at_the_border_and_at_half_a_turn_are_learnt_from(name: str) -> None:
+    low, high = SITE.area.low, SITE.area.high
+    size = (4.3, 1.85, 1.6)
+    z = FLOOR_Z + size[2] / 2
+    places = [
+        (low[0] + 0.01, 0.0, z, *size, math.pi),  # half outside
+        (high[0] - 0.01, 5.0, z, *size, -math.pi),
+        (20.0, high[1] - 0.01, z, *size, math.pi / 2),
+        (20.0, low[1] - 0.5, z, *size, 0.0),  # its centre outside, so not learnt
+    ]
+    boxes = np.array(places)
+    clouds = [road_sample(6).points, *(vehicle_points(b, np.random.default_rng(1)) for b in boxes)]
+    network = network_of(name).train()
+    points = np.concatenate(clouds)
+    area = dataclasses.replace(network.site.area, low=low, high=high)
+    batch = make_batch([Sample(points, boxes)], area)
+    assert [len(b) for b in batch.boxes] == [3]
+    total = torch.stack(list(network.losses(batch).values())).sum()
+    total.backward()
+    assert torch.isfinite(total)
+    assert all(torch.isfinite(p.grad).all() for p in network.parameters() if p.grad is not None)
+
+
+def test_half_a_turn_either_way_is_one_heading() -> None:
+    boxes = torch.tensor([[20.0, 0, -5.2, 4.3, 1.85, 1.6, math.pi]]).repeat(2, 1)
+    boxes[1, 6] = -math.pi
+    anchors = boxes.clone()
+    anchors[:, 6] = 0
+    found = decode(encode(boxes, anchors), anchors, is_backwards(boxes[:, 6]))
+    turn = (found[:, 6] - math.pi + math.pi) % (2 * math.pi) - math.pi
+    assert turn.abs().max() < 1e-5
+    assert is_backwards(boxes[:, 6]).all()
+
+
+def test_a_point_in_every_pillar_is_no_pillar_too_many() -> None:
+    encoder = PillarEncoder(SITE.area, 0.1, 8).eval()
+    row, column = np.divmod(np.arange(encoder.rows * encoder.columns), encoder.columns)
+    points = np.stack([column * 0.1 + 0.05, row * 0.1 - 12.75, row * 0 - 5, row * 0 + 0.5], axis=1)
+    batch = make_batch([Sample(points.astype(np.float32), np.empty((0, 7)))], SITE.area)
+    features, pillar = encoder.occupied(batch)
+    assert len(pillar) == len(features) == encoder.rows * encoder.columns == 98304
+    assert encoder.canvas(features, pillar, 1).shape == (1, 8, 256, 384)
+
+
+def test_an_anchor_far_below_its_vehicle_still_leads_to_it() -> None:
+    anchors = Anchors(AnchorConfig(), SITE, 0.8, (32, 48))
+    high = torch.tensor([[20.0, 0.3, FLOOR_Z + 4.0, 4.3, 1.85, 1.6, 0.1]])
+    targets = anchors.targets(high)
+    assert targets.positive.any()
+    own = anchors.boxes[targets.positive]
+    wanted = high.expand(len(own), 7)
+    found = decode(encode(wanted, own), own, is_backwards(wanted[:, 6]))
+    torch.testing.assert_close(found, wanted, atol=1e-4, rtol=1e-4)
+
+
+def test_a_truck_is_for_the_long_anchors() -> None:
+    anchors = Anchors(AnchorConfig(), SITE, 0.8, (32, 48))
+    truck = torch.tensor([[20.0, 0.4, FLOOR_Z + 1.6, 9.0, 2.5, 3.2, 0.0]])
+    overlap = anchors.axis_aligned_iou(truck)[..., 0]  # (rows, columns, kinds)
+    kinds = anchors.targets(truck).positive.nonzero()[:, 2].unique()
+    assert overlap[..., :2].max() < 0.45  # a car's anchor never stands for it
+    assert kinds.tolist() == [2]
 
 
 @pytest.mark.parametrize("name", LEARNT)

@@ -115,6 +115,8 @@ def test_a_window_may_hold_one_voxel_or_all() -> None:
     for cells in ((one, one, one), (frame, row, column)):
         x = torch.randn(len(cells[0]), 16, generator=torch.Generator().manual_seed(1))
         assert torch.isfinite(transformer(x, *cells)).all()
+        with torch.autocast("cpu", torch.bfloat16):  # where all but one of a set is hidden
+            assert torch.isfinite(transformer(x, *cells)).all()
 
 
 def test_attention_in_a_set_is_that_of_its_voxels_without_the_repeats() -> None:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from pyinfra import boxes as exact
-from pyinfra.detectors.ops import boxes, points, sparse
+from pyinfra.detectors.ops import boxes, points, sets, sparse
 from pyinfra.detectors.ops.sparse import (
     InverseConv3d,
     SparseConv3d,
@@ -382,6 +382,22 @@ def test_sparse_convolution_on_a_gpu_is_as_on_the_cpu() -> None:
     assert (here - there.cpu()).abs().max() < 1e-12
 
 
+@needs_gpu
+def test_gradients_of_sparse_convolutions_on_a_gpu_are_those_of_the_cpu() -> None:
+    down, up = SparseConv3d(8, 8, "b").double(), InverseConv3d(8, 4, "b").double()
+    found = {}
+    for device in ("cpu", "cuda"):
+        x = voxels(700, 8, 0)
+        features = x.features.to(device).requires_grad_()
+        at = SparseTensor(features, x.coordinates.to(device), x.shape, x.batch_size)
+        out = up.to(device)(down.to(device)(at)).features
+        weights = torch.linspace(-1, 1, out.numel(), dtype=out.dtype, device=device)
+        inputs = [features, down.weight, up.weight]
+        found[device] = torch.autograd.grad((out.flatten() * weights).sum(), inputs)
+    for here, there in zip(found["cpu"], found["cuda"], strict=True):
+        assert (here - there.cpu()).abs().max() < 1e-10
+
+
 def cloud(n: int, seed: int, step: float = 0.0) -> Tensor:
     """Points (n, 3) of a wide and flat scene; with a step on a grid, where many are equal."""
     xyz = np.random.default_rng(seed).uniform([0, -20, -6], [60, 20, -3], (n, 3))
@@ -556,3 +572,33 @@ def test_points_on_a_gpu_are_as_on_the_cpu() -> None:
         (points.three_nearest(other, there), points.three_nearest(centres, xyz)),
     ):
         assert all(a.cpu().allclose(b) for a, b in zip(one, two, strict=True))
+
+
+@needs_gpu
+def test_groups_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
+    xyz, centres, features = cloud(3000, 0), cloud(200, 1), torch.randn(3000, 4)
+    b = random_boxes(30, 3).float()
+    b[:, :3] += torch.tensor([30.0, 0, -4.5])
+    frame, row, column = torch.randint(0, 40, (3, 2000), generator=torch.manual_seed(1)).unique(
+        dim=1
+    )
+    found = []
+    for device in ("cpu", "cuda"):
+        x, c, f = xyz.to(device), centres.to(device), features.to(device)
+        rows, empty = points.ball_query(x, c, 2, 8)
+        windows = sets.windows_of(frame.to(device), row.to(device), column.to(device), 12, 6)
+        parts = sets.partition(windows, windows.by_row, 36)
+        found.append(
+            [
+                points.group(x, f, c, rows, empty),
+                points.interpolate(f, *points.three_nearest(c, x)),
+                points.points_in_boxes(x, b.to(device)).float(),
+                points.box_of_points(x, b.to(device)),
+                parts.voxel,
+                parts.repeats.float(),
+                parts.slot,
+            ]
+        )
+    for here, there in zip(*found, strict=True):
+        assert there.is_cuda
+        torch.testing.assert_close(here, there.cpu(), atol=1e-4, rtol=1e-4)

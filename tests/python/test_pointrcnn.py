@@ -225,6 +225,19 @@ def test_clouds_smaller_than_any_sample(sampling: str, count: int) -> None:
     assert all(torch.isfinite(p.grad).all() for p in net.parameters() if p.grad is not None)
 
 
+@pytest.mark.parametrize("sampling", ["faithful", "remedied"])
+def test_far_more_points_than_the_budget_are_cut_down_to_it(sampling: str) -> None:
+    net = network(dataclasses.replace(SMALL, sampling=sampling))
+    draw = np.random.default_rng(1)
+    low, high = SITE.area.low, SITE.area.high
+    xyz = draw.uniform(low, high, (40_000, 3))
+    points = np.column_stack([xyz, draw.uniform(0, 1, len(xyz))]).astype(np.float32)
+    chosen = net.chosen(torch.from_numpy(points), net.draw())
+    assert len(chosen) == SMALL.points
+    assert len(set(chosen.tolist())) == SMALL.points
+    assert np.isfinite(net.predict(points).boxes).all()
+
+
 def test_duplicates_learn_and_answer() -> None:
     point = np.array([[10, 0, -5, 0.5]], np.float32)
     sample = Sample(np.tile(point, (3000, 1)), np.array([[11, 0, -5.2, 4.3, 1.9, 1.6, 0.0]]))

@@ -227,6 +227,32 @@ def test_clouds_with_fewer_points_than_key_points_are_learnt_from(
     assert all(torch.isfinite(p.grad).all() for p in net.parameters() if p.grad is not None)
 
 
+def test_without_a_proposal_on_a_vehicle_nothing_is_refined() -> None:
+    proposed = torch.tensor([[10.0, 0, -5, 4, 2, 1.5, 0], [30, 5, -5, 4, 2, 1.5, 1]])
+    own = proposed[:1] + torch.tensor([0, 6.0, 0, 0, 0, 0, 0])
+    scores, residuals = torch.zeros(2, requires_grad=True), torch.zeros(2, 7, requires_grad=True)
+    losses = refinement_losses(scores, residuals, [proposed], (own,))
+    assert losses["confidence"].item() == pytest.approx(math.log(2))
+    assert losses["refinement"].item() == losses["corner"].item() == 0
+    sum(losses.values()).backward()
+    assert torch.isfinite(residuals.grad).all()
+    assert not refinement_losses(scores[:0], residuals[:0], [proposed[:0]], (own,))["confidence"]
+
+
+def test_key_points_without_neighbours_and_empty_levels_have_no_features() -> None:
+    net = network()
+    far = torch.tensor([[38.0, 12.0, -1.5]])  # where nothing is
+    raw = Clouds(torch.tensor([[5.0, -5, -5]]), torch.ones(1, 1), [1])
+    widths = [source.scales[0].feature.in_features for source in net.key_points.sources]
+    none = [Clouds(torch.zeros(0, 3), torch.zeros(0, width), [0]) for width in widths[1:]]
+    canvas = torch.zeros(1, net.backbone.channels, *net.backbone.grid)
+    for source, clouds in zip(net.key_points.sources, [raw, *none], strict=True):
+        assert not source(clouds, far, [1]).features.any()
+    key, logits = net.key_points([raw, *none], canvas, far, [1])
+    assert torch.isfinite(key.features).all()
+    assert torch.isfinite(logits).all()
+
+
 def test_the_published_network_is_the_default() -> None:
     net = checkpoint.build("pv-rcnn", Config(), SITE)
     millions = sum(p.numel() for p in net.parameters()) / 1e6

@@ -473,6 +473,9 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     [
         (["--tier", "huge"], "invalid choice"),
         (["--budget", "0"], "--budget: found 0, allowed above 0"),
+        (["--device", "tpu"], "--device: found 'tpu', allowed cpu"),
+        (["--device", "cuda:99"], "--device: found 'cuda:99', allowed cpu"),
+        (["--precision", "float16"], "invalid choice"),
         (["--data", "nowhere"], "nowhere/lidar.yaml: No such file"),
         (["--data", "."], "found a data set, allowed a LiDAR of it: ring"),
     ],

@@ -1,0 +1,157 @@
+"""Processes that learn one network together, each from its share of every batch.
+
+Plain torch.distributed in place of DistributedDataParallel: networks have losses and no `forward`,
+and some parameters have no part in some batches. So that the weights become those of one process
+with the whole batch, up to rounding, batch norms see the whole batch (torch's own SyncBatchNorm
+needs a GPU) and losses are over the vehicles of the whole batch.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, cast
+
+import torch
+from torch import Tensor, nn
+from torch import distributed as dist
+from torch.nn import functional
+from torch.nn.modules.batchnorm import _BatchNorm
+
+
+@contextmanager
+def joined(device: torch.device) -> Iterator[torch.device]:
+    """Meets the processes that torchrun started, if any; gives this one's device.
+
+    Raises ValueError for a device by number: each process takes its own.
+    """
+    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        yield device
+        return
+    if ":" in str(device):
+        raise ValueError(f"--device: found {device}, allowed {device.type} with several processes")
+    if device.type == "cuda":
+        device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
+        torch.cuda.set_device(device)
+    dist.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    try:
+        yield device
+    finally:
+        dist.destroy_process_group()
+
+
+def check_batch(size: int) -> None:
+    """Raises ValueError unless each process has as many frames of it."""
+    if size % count() != 0:
+        raise ValueError(
+            f"learning.batch: found {size}, allowed multiples of {count()}, the processes"
+        )
+
+
+def rank() -> int:
+    return dist.get_rank() if dist.is_initialized() else 0
+
+
+def count() -> int:
+    return dist.get_world_size() if dist.is_initialized() else 1
+
+
+def of_all(number: Tensor) -> Tensor:
+    """What a loss over a batch is divided by: how many it counts, 1 or more.
+
+    With several processes such that the mean of their losses is the loss of the whole batch.
+    """
+    if count() == 1:
+        return number.clamp(min=1)
+    total = number.detach().float()
+    dist.all_reduce(total)
+    return total.clamp(min=1) / count()
+
+
+def mean(values: Tensor) -> Tensor:
+    """The mean over the processes, without gradient."""
+    values = values.detach()
+    if count() > 1:
+        values = values.clone()
+        dist.all_reduce(values)
+        values /= count()
+    return values
+
+
+def average_gradients(network: nn.Module) -> None:
+    """A parameter that no process used keeps no gradient, and so its value."""
+    if count() == 1:
+        return
+    parameters = [p for p in network.parameters() if p.requires_grad]
+    used = torch.tensor([float(p.grad is not None) for p in parameters])
+    flat = [(torch.zeros_like(p) if p.grad is None else p.grad).flatten() for p in parameters]
+    every = torch.cat([*flat, used.to(flat[0].device)])
+    dist.all_reduce(every)
+    *parts, by_any = every.split_with_sizes([*(p.numel() for p in parameters), len(parameters)])
+    for parameter, part, by in zip(parameters, parts, by_any.tolist(), strict=True):
+        parameter.grad = part.view_as(parameter) / count() if by > 0 else None
+
+
+class OwnNorm(nn.BatchNorm1d):
+    """Of what is the same in every process."""
+
+
+class _SharedNorm(_BatchNorm):
+    """Batch norm over the batches of all processes, of which some may be empty."""
+
+    def _check_input_dim(self, _: Tensor) -> None:
+        pass
+
+    def forward(self, x: Tensor) -> Tensor:
+        if not self.training:
+            return super().forward(x)
+        around = [0, *range(2, x.dim())]
+        wide = x.float()
+        number = torch.tensor([x.numel() / x.shape[1]], device=x.device)
+        sums = _summed(torch.cat([wide.sum(around), number]))
+        n = sums[-1].item()
+        if n < 2:  # nothing to normalise by
+            mean, variance = self.running_mean, self.running_var
+            return functional.batch_norm(x, mean, variance, self.weight, self.bias, eps=self.eps)
+        shape = (1, -1, *[1] * (x.dim() - 2))
+        middle = sums[:-1] / n
+        away = wide - middle.view(shape)
+        spread = _summed((away**2).sum(around)) / n
+        self._remember(middle.detach(), spread.detach() * (n / (n - 1)))
+        scale = self.weight * (spread + self.eps).rsqrt()
+        return (away * scale.view(shape) + self.bias.view(shape)).to(x.dtype)
+
+    @torch.no_grad()
+    def _remember(self, mean: Tensor, variance: Tensor) -> None:
+        share = cast(float, self.momentum)
+        cast(Tensor, self.num_batches_tracked).add_(1)
+        cast(Tensor, self.running_mean).lerp_(mean, share)
+        cast(Tensor, self.running_var).lerp_(variance, share)
+
+
+class _Sum(torch.autograd.Function):
+    # Each process's sum depends on the inputs of all, so gradients are sums as well.
+    @staticmethod
+    def forward(_: Any, x: Tensor) -> Tensor:
+        total = x.clone()
+        dist.all_reduce(total)
+        return total
+
+    @staticmethod
+    def backward(_: Any, *gradients: Tensor) -> Tensor:
+        total = gradients[0].clone(memory_format=torch.contiguous_format)
+        dist.all_reduce(total)
+        return total
+
+
+def _summed(x: Tensor) -> Tensor:
+    """Over the processes; the gradient is that of the sum of their losses."""
+    return cast(Tensor, _Sum.apply(x))  # type: ignore[no-untyped-call]
+
+
+def share_norms(network: nn.Module) -> None:
+    """With several processes, lets batch norms see the whole batch; names and weights stay."""
+    for module in network.modules():
+        if count() > 1 and isinstance(module, _BatchNorm) and not isinstance(module, OwnNorm):
+            module.__class__ = _SharedNorm

@@ -1,0 +1,96 @@
+"""One of the processes of test_processes.py: learns with the others, and alone.
+
+    python learn_together.py FOLDER_OF_LIDAR OUT
+
+Writes OUT/RANK.pt, by detector and name: weights after one plain step, and what norms remember.
+With several processes also OUT/whole, a run, and OUT/killed, one that was stopped and went on.
+"""
+
+import dataclasses
+import sys
+import warnings
+from pathlib import Path
+
+import torch
+from detector_data import SITE, road_sample
+from torch import Tensor
+
+from pyinfra import train
+from pyinfra.detectors import processes
+from pyinfra.detectors.batch import Sample, make_batch
+from pyinfra.training import checkpoint, loop
+from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.training.samples import Augmentation
+from pyinfra.training.sources import read_source
+
+ROOT = Path(__file__).resolve().parents[2]
+# PointRCNN draws points at random, other ones with other processes.
+SAME = ("pointpillars", "centerpoint-pillar", "dsvt", "pv-rcnn")
+
+
+class Killed(Exception):
+    pass
+
+
+def recipe(detector: str) -> Recipe:
+    found = read_recipe(ROOT / f"configs/detectors/{detector}.yaml", "smoke")
+    learning = dataclasses.replace(found.learning, steps=5, batch=2, validate_frames=2)
+    augmentation = Augmentation(flip=True, rotation_deg=5, scale=0.05, pasted=3)
+    return dataclasses.replace(found, learning=learning, augmentation=augmentation)
+
+
+def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
+    """One step of plain descent, whose weights differ by no more than the gradients do."""
+    torch.manual_seed(1)
+    network = checkpoint.build(detector, recipe(detector).network, SITE).train()
+    processes.share_norms(network)
+    own = samples[processes.rank() :: processes.count()]
+    parts = network.losses(make_batch(own, network.site.area))
+    torch.stack(list(parts.values())).sum().backward()
+    processes.average_gradients(network)
+    torch.optim.SGD(network.parameters(), 0.01).step()
+    return {f"{detector} {name}": tensor for name, tensor in network.state_dict().items()}
+
+
+def run(folder: Path, out: Path) -> None:
+    train.train(recipe("centerpoint-pillar"), [read_source(folder, "smoke")], out, quiet=True)
+
+
+def main(folder: Path, out: Path) -> None:
+    torch.set_num_threads(1)
+    few = road_sample(3, 1)
+    odd = Sample(few.points[:1], few.boxes[:0])  # the second process has one point
+    with processes.joined(torch.device("cpu")):
+        rank, many = processes.rank(), processes.count() > 1
+        found = {}
+        for detector in SAME:
+            found |= one_step(detector, [road_sample(1), road_sample(2, 2)])
+        odd_step = one_step("pointpillars", [road_sample(1), odd])
+        found |= {f"odd {name}": tensor for name, tensor in odd_step.items()}
+    torch.save(found, out / f"{rank}.pt")
+    if many:
+        run_twice(folder, out, rank)
+
+
+def run_twice(folder: Path, out: Path, rank: int) -> None:
+    if rank > 0:
+        checkpoint.save = None  # type: ignore[assignment]  # only the first one writes
+    run(folder, out / "whole")
+    real = loop.batch_of
+
+    def dies(*words: object) -> object:
+        if words[-1] == 3:
+            raise Killed
+        return real(*words)  # type: ignore[arg-type]
+
+    loop.batch_of = dies  # type: ignore[assignment]
+    try:
+        run(folder, out / "killed")
+    except Killed:
+        loop.batch_of = real
+    run(folder, out / "killed")
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("error")
+    main(*map(Path, sys.argv[1:]))
