@@ -119,7 +119,15 @@ def parse_dask(words: list[str]) -> None:
     module.main.make_context(words[0], words[1:])
 
 
-PARSERS = {"ray": parse_ray, "dask": parse_dask}
+def parse_torchrun(words: list[str]) -> None:
+    from torch.distributed.run import get_args_parser
+
+    own = get_args_parser().parse_args(words)
+    assert own.module and own.training_script == "pyinfra", words
+    cli.make_parser(own.training_script_args).parse_args(own.training_script_args)
+
+
+PARSERS = {"ray": parse_ray, "dask": parse_dask, "torchrun": parse_torchrun}
 
 
 def check_make(words: list[str]) -> None:

@@ -83,8 +83,9 @@ def test_what_is_neither_run_nor_parsed_fails(
 
 
 def test_a_wrong_option_fails_though_it_is_only_parsed(infrasim: Callable[..., object]) -> None:
-    with pytest.raises(SystemExit):
-        doc_pages.run("pyinfra train a.yaml --device cuda --precison half", infrasim)
+    for command in ("pyinfra", "torchrun --nproc-per-node 2 -m pyinfra"):
+        with pytest.raises(SystemExit):
+            doc_pages.run(f"{command} train a.yaml --device cuda --precison half", infrasim)
 
 
 def test_the_pages_name_each_other() -> None:
