@@ -123,7 +123,7 @@ def parse_torchrun(words: list[str]) -> None:
     from torch.distributed.run import get_args_parser
 
     own = get_args_parser().parse_args(words)
-    assert own.module and own.training_script == "pyinfra", words
+    assert (own.module, own.training_script) == (True, "pyinfra"), words
     cli.make_parser(own.training_script_args).parse_args(own.training_script_args)
 
 
