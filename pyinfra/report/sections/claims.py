@@ -36,7 +36,9 @@ def section(material: Material) -> Section | None:
         return None
     rows = rows.assign(key=[thing_tested(text) for text in rows.statement])
     if "scene" in rows:
-        rows["key"] = rows.scene.map(lambda s: f"{s}, ", na_action="ignore").fillna("") + rows.key
+        rows["key"] = [
+            f"{s}, {k}" if isinstance(s, str) else k for s, k in rows[["scene", "key"]].values
+        ]
     presets = in_order(rows.preset, PRESETS)
     table = Table(
         "A row for each thing tested. A claim holds if its 95 % interval lies inside the range "
