@@ -70,9 +70,7 @@ def outlook(plan: Plan, place: Place, jobs: int) -> str:
     """The cells that have no row, and how long they will take by the rows that are there."""
     left = place.without_row(plan.cells)
     seconds = expected_seconds(left, store.read(place.table("cells")))
-    lines = [
-        f"{cell.name.replace('_', ' ')}  {s:.0f} s" for cell, s in zip(left, seconds, strict=True)
-    ]
+    lines = [f"{cell.title}: {s:.0f} s" for cell, s in zip(left, seconds, strict=True)]
     total = sum(seconds)
     lines.append(
         f"{len(left)} of {len(plan.cells)} cells to do: {total / 60:.0f} core-minutes, "
