@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -28,10 +29,14 @@ class Pool:
 def workers(pool: Pool) -> Iterator[None]:
     """joblib's tasks inside run on the pool. Raises ImportError without the back-end's package."""
     if pool.backend == "dask":
-        from dask.distributed import Client
+        from dask.distributed import Client, LocalCluster
 
-        own = {} if pool.address else {"n_workers": pool.jobs, "threads_per_worker": 1}
-        with Client(pool.address or None, **own), joblib.parallel_config("dask"):
+        with contextlib.ExitStack() as stack:
+            where: Any = pool.address
+            if not where:
+                where = stack.enter_context(LocalCluster(n_workers=pool.jobs, threads_per_worker=1))
+            stack.enter_context(Client(where))
+            stack.enter_context(joblib.parallel_config("dask"))
             yield
     elif pool.backend == "ray":
         import ray

@@ -7,6 +7,7 @@ With several processes also OUT/whole, a run, and OUT/killed, one that was stopp
 """
 
 import dataclasses
+import os
 import sys
 import warnings
 from pathlib import Path
@@ -52,7 +53,14 @@ def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
     return {f"{detector} {name}": tensor for name, tensor in network.state_dict().items()}
 
 
+def meet_elsewhere() -> None:
+    """Every meeting of the processes has its own port."""
+    here, _, others = os.environ["PORTS"].partition(" ")
+    os.environ |= {"MASTER_PORT": here, "PORTS": others}
+
+
 def run(folder: Path, out: Path) -> None:
+    meet_elsewhere()
     train.train(recipe("centerpoint-pillar"), [read_source(folder, "smoke")], out, quiet=True)
 
 
@@ -60,6 +68,7 @@ def main(folder: Path, out: Path) -> None:
     torch.set_num_threads(1)
     few = road_sample(3, 1)
     odd = Sample(few.points[:1], few.boxes[:0])  # the second process has one point
+    meet_elsewhere()
     with processes.joined(torch.device("cpu")):
         rank, many = processes.rank(), processes.count() > 1
         found = {}

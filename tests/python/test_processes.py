@@ -1,5 +1,6 @@
 """Several processes learn what one does."""
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -31,14 +32,21 @@ def lidar_folder(folder: Path) -> Path:
     return folder
 
 
+def free_ports(count: int) -> list[int]:
+    """Different ones: a meeting on the port of one before may find the old one's end."""
+    with contextlib.ExitStack() as stack:
+        found = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for one in found:
+            one.bind(("127.0.0.1", 0))
+        return [int(one.getsockname()[1]) for one in found]
+
+
 def learn(folder: Path, out: Path, count: int) -> list[dict[str, torch.Tensor]]:
     """What each of so many processes has learnt."""
     out.mkdir()
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    ports = " ".join(map(str, free_ports(4)))
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    shared = {"WORLD_SIZE": str(count), "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
+    shared = {"WORLD_SIZE": str(count), "MASTER_ADDR": "127.0.0.1", "PORTS": ports}
     words = [sys.executable, str(Path(__file__).with_name("learn_together.py")), folder, out]
     started = [
         subprocess.Popen(
