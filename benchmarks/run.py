@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import resource
 import shutil
 import statistics
@@ -24,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, sim
+from pyinfra import __version__, machine, sim
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
@@ -190,12 +189,11 @@ def main() -> None:
             print(f"{name:55s} {value:10.2f} {unit}", flush=True)
             rows.append({"what": name, "value": round(value, 3), "unit": unit})
     args.out.parent.mkdir(exist_ok=True)
-    machine = f"{os.cpu_count()} x {platform.processor() or platform.machine()}"
     pd.DataFrame(rows).assign(
         command=f"benchmarks/run.py --repetitions {args.repetitions}",
         seed=1,
         version=__version__,
-        machine=machine,
+        machine=machine(),
     ).to_csv(args.out, index=False)
     print(
         f"peak of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MB",

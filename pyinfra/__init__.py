@@ -1,5 +1,7 @@
 """Detectors, evaluation and reports for roadside LiDAR frames."""
 
+import os
+import platform
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,6 +24,11 @@ def _git(root: Path, *words: str) -> str:
         ).stdout.strip()
     except OSError:
         return ""
+
+
+def machine() -> str:
+    """The cores and processor that a measured row is of."""
+    return f"{os.cpu_count()} x {platform.processor() or platform.machine()}"
 
 
 try:

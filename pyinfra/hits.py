@@ -132,6 +132,11 @@ def paper_hits() -> pd.DataFrame:
     return pd.read_csv(configs() / "reference/paper_hit_points.csv")
 
 
+def paper_ap() -> pd.DataFrame:
+    """The paper's AP: columns scene, lidar, detector, ap; by the names they have here."""
+    return pd.read_csv(configs() / "reference/paper_average_precision.csv")
+
+
 def compare(simulated: pd.DataFrame, flat: pd.Series, paper: pd.DataFrame) -> pd.DataFrame:
     """One row for each row of `simulated`, in its order.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, detect, kitti
+from pyinfra import __version__, detect, kitti, machine
 from pyinfra.benchmark.matrix import Cell
 from pyinfra.evaluate import evaluate
 from pyinfra.evaluation.ground_truth import SETS, frame_numbers
@@ -97,7 +95,7 @@ def provenance() -> dict[str, object]:
     return {
         "command": "pyinfra benchmark",
         "version": __version__,
-        "machine": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
+        "machine": machine(),
     }
 
 

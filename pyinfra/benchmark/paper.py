@@ -6,15 +6,10 @@ import pandas as pd
 from scipy.stats import spearmanr
 
 from pyinfra.benchmark.claims import of_first_seed
-from pyinfra.hits import configs
+from pyinfra.hits import paper_ap
 
 CASE = ["scene", "lidar", "detector"]
 LEAST_CELLS = 3
-
-
-def paper_ap() -> pd.DataFrame:
-    """The paper's AP: columns scene, lidar, detector, ap, by the names they have here."""
-    return pd.read_csv(configs() / "reference/paper_average_precision.csv")
 
 
 def paper_table(cells: pd.DataFrame) -> pd.DataFrame:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import platform
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from pyinfra import __version__, kitti
+from pyinfra import __version__, kitti, machine
 from pyinfra.atomic import held, replacing
 from pyinfra.detect import detect, load_detector, model_file
 from pyinfra.detectors import Detector
@@ -152,7 +150,7 @@ def row_of(cell: Cell, base: Base, cache: Path, seed: int) -> dict[str, object]:
         **score.scored(read_ground_truth(folder, base.frames), found, types),
         "command": f"pyinfra stress{chosen} --seed {seed} --frames {len(base.frames)}",
         "version": __version__,
-        "machine": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
+        "machine": machine(),
     }
 
 

@@ -327,6 +327,7 @@ def test_a_file_is_refused_with_the_reason(
     (tmp_path / "infos.pkl").write_bytes(b"cos\nsystem\n(S'false'\ntR.")
     words = ["import", tmp_path / "infos.pkl", "--from", "kitti", "--out", tmp_path / "in/pole"]
     fails(words, capsys, 2, "found a file, allowed a folder", "pickles never read")
+    assert not (tmp_path / "in/pole").exists()
 
 
 @pytest.mark.parametrize(
@@ -345,6 +346,7 @@ def test_wrong_options(
 ) -> None:
     command = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
     fails([*command, *words], capsys, 2, part)
+    assert not (tmp_path / "in/pole").exists()
 
 
 def test_a_pickle_format_is_not_among_the_imports(

@@ -7,8 +7,9 @@ import pytest
 
 from pyinfra import cli
 from pyinfra.benchmark.claims import Figure, claims_table, slope
-from pyinfra.benchmark.paper import paper_ap, paper_table
+from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY
+from pyinfra.hits import paper_ap
 
 PRICES = {"ruby_plus": 24000, "livox_avia": 2000, "pandar_64": 6000, "helios_16": 1000}
 AP = {  # of LiDARs, by detector

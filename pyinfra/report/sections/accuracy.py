@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.hits import configs
+from pyinfra.hits import paper_ap
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     NOTHING,
@@ -31,11 +31,6 @@ from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
 KEY = ["scene", "lidar", "detector"]
-
-
-def paper_ap() -> pd.DataFrame:
-    """The paper's tables: scene, lidar, detector, ap; by the names they have here."""
-    return pd.read_csv(configs() / "reference/paper_average_precision.csv")
 
 
 def section(material: Material) -> Section | None:
