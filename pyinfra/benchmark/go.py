@@ -119,14 +119,14 @@ def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
         place.put(found)
-    print(progress(found["cells"].iloc[0]), file=sys.stderr, flush=True)
+    print(progress(cell, found["cells"].iloc[0]), file=sys.stderr, flush=True)
 
 
-def progress(row: pd.Series) -> str:
-    name = " ".join(str(row[key]) for key in KEY)
+def progress(cell: Cell, row: pd.Series) -> str:
     if pd.notna(row.get("reason")):
-        return f"{name}: failed: {row.reason}"
-    return f"{name}: AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}], {row.train_seconds} s"
+        return f"{cell.title}: failed: {row.reason}"
+    ap = f"AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}]"
+    return f"{cell.title}: {ap}, {row.train_seconds} s"
 
 
 def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
