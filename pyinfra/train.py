@@ -69,7 +69,7 @@ def _train_network(
 ) -> Path:
     import torch
 
-    from pyinfra.detectors import processes
+    from pyinfra.detectors import processes, windows
     from pyinfra.detectors.network import device_of
     from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
@@ -78,6 +78,7 @@ def _train_network(
     torch.manual_seed(seed)
     site = site_of(frames.boxes)
     network = checkpoint.build(recipe.detector, recipe.network, site)
+    windows.check(network, recipe.learning.window_m2)
     about = checkpoint.About(
         detector=recipe.detector,
         network=as_plain(recipe.network),

@@ -65,13 +65,17 @@ class Anchors:
         place = place[:, :, None].expand(-1, -1, len(kinds), -1)
         self.boxes = torch.cat([place, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
 
-    def targets(self, boxes: Tensor) -> Targets:
-        """boxes: (k, 7); returns tensors (rows, columns, per_cell)."""
-        shape = self.boxes.shape[:3]
+    def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
+        """boxes: (k, 7); returns tensors (rows, columns, per_cell).
+
+        grid: the first rows and columns only.
+        """
+        rows, columns = grid or self.boxes.shape[:2]
+        shape = (rows, columns, self.config.per_cell)
         if len(boxes) == 0:
             none = torch.zeros(shape, dtype=torch.bool)
             return Targets(none, ~none, torch.zeros(shape, dtype=torch.int64))
-        overlap = self.axis_aligned_iou(boxes)  # (rows, columns, per_cell, k)
+        overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
         best, box = overlap.max(dim=-1)
         positive = best >= self.config.matched
         # A box that no anchor matches gets its best ones.
@@ -82,16 +86,17 @@ class Anchors:
         positive = positive | hit
         return Targets(positive, ~positive & (best < self.config.unmatched), box)
 
-    def axis_aligned_iou(self, boxes: Tensor) -> Tensor:
+    def axis_aligned_iou(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Tensor:
         """(rows, columns, per_cell, k): of footprints turned to their nearest axis."""
+        rows, columns = grid or self.boxes.shape[:2]
         across = boxes[:, 6].sin().abs() > math.sqrt(0.5)
         gx = torch.where(across, boxes[:, 4], boxes[:, 3])
         gy = torch.where(across, boxes[:, 3], boxes[:, 4])
         found = []
         for size in self.config.sizes:
             for lx, ly in ((size[0], size[1]), (size[1], size[0])):
-                ox = _shared(self.x, lx, boxes[:, 0], gx)  # (columns, k)
-                oy = _shared(self.y, ly, boxes[:, 1], gy)  # (rows, k)
+                ox = _shared(self.x[:columns], lx, boxes[:, 0], gx)  # (columns, k)
+                oy = _shared(self.y[:rows], ly, boxes[:, 1], gy)  # (rows, k)
                 shared = oy[:, None] * ox[None]
                 found.append(shared / (lx * ly + gx * gy - shared))
         return torch.stack(found, dim=2)

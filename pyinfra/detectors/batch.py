@@ -64,12 +64,21 @@ class Sample:
 
 
 @dataclass(frozen=True, eq=False)
+class Windows:
+    """The part of each frame's canvas to learn from (windows.py)."""
+
+    most_m2: float
+    centres: Tensor  # (B, 2) x y
+
+
+@dataclass(frozen=True, eq=False)
 class Batch:
     """Frames under one another."""
 
     points: Tensor  # (n, 4) float32
     frame: Tensor  # (n,) int64, ascending
     boxes: tuple[Tensor, ...]  # of each frame (k, 7) float32
+    windows: Windows | None = None  # None: the whole area
 
     @property
     def size(self) -> int:
@@ -77,7 +86,7 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         boxes = tuple(b.to(device) for b in self.boxes)
-        return Batch(self.points.to(device), self.frame.to(device), boxes)
+        return Batch(self.points.to(device), self.frame.to(device), boxes, self.windows)
 
 
 def make_batch(samples: Sequence[Sample], area: Area) -> Batch:

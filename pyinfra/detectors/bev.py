@@ -6,6 +6,7 @@ the resolution of the one before, brought back to one resolution and stacked.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -45,6 +46,7 @@ class BevNetwork(nn.Module):
             self.ups.append(nn.Sequential(up, norm(config.up_width), nn.ReLU()))
             channels = width
         self.channels = len(config.layers) * config.up_width
+        self.step = math.prod(config.strides)  # the canvas's sides must be multiples of this
         # As the canvas: a sixth faster on a CPU. The stub of `to` lacks this overload.
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
@@ -84,7 +86,4 @@ def norm(width: int) -> nn.BatchNorm2d:
 
 def multiple(config: BevConfig, cell_m: float) -> float:
     """The area's sides must be multiples of this, in metres."""
-    factor = 1
-    for stride in config.strides:
-        factor *= stride
-    return factor * cell_m
+    return math.prod(config.strides) * cell_m

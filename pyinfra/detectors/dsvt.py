@@ -26,6 +26,7 @@ from pyinfra.detectors.ops.sets import Sets, partition, windows_of
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.processes import OwnNorm
 from pyinfra.detectors.site import Site
+from pyinfra.detectors.windows import cut
 
 
 def _bev() -> BevConfig:
@@ -220,7 +221,8 @@ class Dsvt(Network):
         return self.encoder.canvas(found, pillar, batch.size)
 
     def losses(self, batch: Batch) -> Losses:
-        return self.head.losses(self.bev(self.canvas(batch)), batch.boxes)
+        canvas, boxes = cut(self.canvas(batch), batch, self.encoder, self.bev.step)
+        return self.head.losses(self.bev(canvas), boxes)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         return self.head.candidates(self.bev(self.canvas(batch)))

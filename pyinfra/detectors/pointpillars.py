@@ -20,6 +20,7 @@ from pyinfra.detectors.losses import focal, smooth_l1, start_rare
 from pyinfra.detectors.network import CANDIDATES, Losses, Network
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.site import Site
+from pyinfra.detectors.windows import cut
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
 
@@ -55,10 +56,12 @@ class AnchorHead(nn.Module):
         return flat(self.score(x), 1)[..., 0], flat(self.box(x), 7), flat(self.direction(x), 2)
 
     def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
+        """Of a canvas (B, C, H, W), or of windows that were moved to its corner."""
         scores, residuals, directions = self(x)
-        anchors = self.anchors.boxes.flatten(0, 2)
+        grid = (x.shape[2], x.shape[3])
+        anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)
         found = [
-            self._frame_losses(scores[i], residuals[i], directions[i], anchors, b)
+            self._frame_losses(scores[i], residuals[i], directions[i], anchors, b, grid)
             for i, b in enumerate(boxes)
         ]
         names = ("score", "box", "direction")
@@ -68,9 +71,15 @@ class AnchorHead(nn.Module):
         }
 
     def _frame_losses(
-        self, scores: Tensor, residuals: Tensor, directions: Tensor, anchors: Tensor, boxes: Tensor
+        self,
+        scores: Tensor,
+        residuals: Tensor,
+        directions: Tensor,
+        anchors: Tensor,
+        boxes: Tensor,
+        grid: tuple[int, int],
     ) -> tuple[Tensor, Tensor, Tensor]:
-        targets = self.anchors.targets(boxes.cpu())
+        targets = self.anchors.targets(boxes.cpu(), grid)
         positive = targets.positive.flatten().to(scores.device)
         counts = positive | targets.negative.flatten().to(scores.device)
         count = positive.sum().clamp(min=1)
@@ -117,7 +126,8 @@ class PointPillars(Network):
         self.head = AnchorHead(self.bev.channels, anchors)
 
     def losses(self, batch: Batch) -> Losses:
-        return self.head.losses(self.bev(self.encoder(batch)), batch.boxes)
+        canvas, boxes = cut(self.encoder(batch), batch, self.encoder, self.bev.step)
+        return self.head.losses(self.bev(canvas), boxes)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         return self.head.candidates(self.bev(self.encoder(batch)))

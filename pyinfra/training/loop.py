@@ -19,8 +19,8 @@ import torch
 from torch import Tensor
 
 from pyinfra.config import ConfigError, as_plain, read_config
-from pyinfra.detectors import processes
-from pyinfra.detectors.batch import Batch, make_batch
+from pyinfra.detectors import processes, windows
+from pyinfra.detectors.batch import Batch, Windows, make_batch
 from pyinfra.detectors.network import Network, keep_memory, one_thread
 from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
@@ -117,17 +117,21 @@ def train(
 def batch_of(frames: Frames, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
     """The frames of a step, or this process's share: each comes once before one comes twice."""
     size = recipe.learning.batch
-    samples = []
+    samples, centres = [], []
     for n in range(step * size + processes.rank(), (step + 1) * size, processes.count()):
         turn, place = divmod(n, len(frames))
         order = np.random.default_rng([seed, turn]).permutation(len(frames))
         draw = np.random.default_rng([seed, 1, n])
         paste = recipe.augmentation.pasted > 0
         other = frames.sample(int(draw.integers(len(frames)))) if paste else None
-        samples.append(
-            augmented(frames.sample(int(order[place])), other, recipe.augmentation, draw)
-        )
-    return make_batch(samples, network.site.area)
+        sample = augmented(frames.sample(int(order[place])), other, recipe.augmentation, draw)
+        samples.append(sample)
+        centres.append(windows.centre_of(sample, network.site.area, draw))
+    batch = make_batch(samples, network.site.area)
+    if recipe.learning.window_m2 == 0:
+        return batch
+    seen = Windows(recipe.learning.window_m2, torch.tensor(np.array(centres)))
+    return dataclasses.replace(batch, windows=seen)
 
 
 def set_rate(optimizer: torch.optim.Optimizer, learning: Learning, step: int) -> float:

@@ -1,0 +1,111 @@
+"""Windows of a canvas: what is learnt from one is what would be learnt of the whole there."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+
+from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
+
+from pyinfra.detectors import windows  # noqa: E402
+from pyinfra.detectors.batch import Area, Batch, Windows, make_batch  # noqa: E402
+from pyinfra.detectors.network import Network  # noqa: E402
+from pyinfra.detectors.site import Site  # noqa: E402
+from pyinfra.training import checkpoint  # noqa: E402
+from pyinfra.training.recipe import read_recipe  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+ON_PILLARS = ("pointpillars", "centerpoint-pillar", "dsvt")
+
+
+def network_of(name: str, site: Site = SITE) -> Network:
+    recipe = read_recipe(ROOT / f"configs/detectors/{name}.yaml", "smoke")
+    torch.manual_seed(1)
+    return checkpoint.build(name, recipe.network, site)
+
+
+def looking_at(batch: Batch, most_m2: float, *centres: tuple[float, float]) -> Batch:
+    return dataclasses.replace(batch, windows=Windows(most_m2, torch.tensor(centres)))
+
+
+@pytest.mark.parametrize(
+    ("whole", "cells", "sides"),
+    [
+        ((96, 64), 96 * 64, (96, 64)),  # all of it
+        ((96, 64), 1024, (32, 32)),  # square
+        ((16, 640), 1600, (16, 96)),  # as high as it can be, then as wide as it may
+        ((640, 16), 1600, (96, 16)),
+        ((96, 64), 1, (8, 8)),  # never nothing
+    ],
+)
+def test_windows_are_as_square_as_they_can_be(
+    whole: tuple[int, int], cells: float, sides: tuple[int, int]
+) -> None:
+    assert windows.sides_of(whole, cells, 8) == sides
+
+
+@pytest.mark.parametrize("name", ON_PILLARS)
+def test_a_window_holds_the_canvas_and_the_boxes_there(name: str) -> None:
+    network = network_of(name)
+    encoder = network.encoder
+    batch = make_batch([road_sample(1), road_sample(2)], network.site.area)
+    canvas = torch.randn(2, 4, encoder.rows, encoder.columns)
+    corners = [network.site.area.low[:2], network.site.area.high[:2]]
+    step = network.bev.step
+    parts, boxes = windows.cut(canvas, looking_at(batch, 300.0, *corners), encoder, step)
+    rows, columns = parts.shape[2:]
+    assert rows % step == columns % step == 0
+    assert rows * columns * encoder.pillar_m**2 <= 300
+    assert torch.equal(parts[0], canvas[0, :, :rows, :columns])
+    assert torch.equal(parts[1], canvas[1, :, -rows:, -columns:])
+    low = torch.tensor(network.site.area.low[:2])
+    extent = torch.tensor([columns, rows]) * encoder.pillar_m
+    for i, first in enumerate([(0, 0), (encoder.columns - columns, encoder.rows - rows)]):
+        offset = low + torch.tensor(first) * encoder.pillar_m
+        at = batch.boxes[i][:, :2] - offset
+        inside = ((at >= 0) & (at < extent)).all(dim=1)
+        expected = batch.boxes[i][inside].clone()
+        expected[:, :2] -= torch.tensor(first) * encoder.pillar_m
+        torch.testing.assert_close(boxes[i], expected)
+
+
+@pytest.mark.parametrize("name", ON_PILLARS)
+def test_a_window_over_the_whole_area_changes_nothing(name: str) -> None:
+    network = network_of(name)
+    batch = make_batch([road_sample(1)], network.site.area)
+    whole = looking_at(batch, 1e6, (20.0, 0.0))
+    for a, b in zip(network.losses(batch).values(), network.losses(whole).values(), strict=True):
+        assert torch.equal(a, b)
+
+
+@pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar"])
+def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
+    """A car far from the window's rim: what its cells lose does not depend on the window."""
+    area = Area((-100.0, -80.0, SITE.area.low[2]), (100.0, 80.0, SITE.area.high[2]))
+    network = network_of(name, Site(area, FLOOR_Z)).eval()
+    car = np.array([[20.0, 0.3, FLOOR_Z + 0.8, 4.3, 1.85, 1.6, 0.1]])
+    batch = make_batch([dataclasses.replace(road_sample(1), boxes=car)], area)
+    whole = network.losses(batch)
+    part = network.losses(looking_at(batch, 80.0 * 80, (20.0, 0.3)))
+    torch.testing.assert_close(part["box"], whole["box"], atol=1e-4, rtol=1e-4)
+    everywhere = next(iter(whole))  # score or heat: of all cells, of which a window has fewer
+    assert part[everywhere] < whole[everywhere]
+
+
+def test_windows_are_asked_of_networks_with_a_canvas_only() -> None:
+    windows.check(network_of("dsvt"), 100)
+    windows.check(network_of("pv-rcnn"), 0)
+    with pytest.raises(ValueError, match=r"window_m2: found 100 for PvRcnn, allowed 0"):
+        windows.check(network_of("pv-rcnn"), 100)
+
+
+def test_without_vehicles_a_window_lies_anywhere_in_the_area() -> None:
+    empty = dataclasses.replace(road_sample(1), boxes=np.empty((0, 7)))
+    draw = np.random.default_rng(1)
+    centres = np.array([windows.centre_of(empty, SITE.area, draw) for _ in range(100)])
+    assert (centres >= SITE.area.low[:2]).all()
+    assert (centres < SITE.area.high[:2]).all()
+    assert np.ptp(centres, axis=0).min() > 0.8 * min(SITE.area.size[:2])
