@@ -8,6 +8,7 @@ import dataclasses
 import math
 import types
 import typing
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -23,10 +24,11 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class Rule:
-    """What a number or each number of a list may be."""
+    """What a value, or each value of a list, may be."""
 
     low: float = -math.inf
     high: float = math.inf
+    check: Callable[[Path, str], object] | None = None  # of the file and a text; raises ValueError
 
 
 def ruled(
@@ -34,6 +36,11 @@ def ruled(
 ) -> Any:
     """A field with a range; required if it has no default."""
     return field(default=default, metadata={"rule": Rule(low, high)})
+
+
+def checked(check: Callable[[Path, str], object]) -> Any:
+    """A required field whose texts must pass a check; see Rule."""
+    return field(metadata={"rule": Rule(check=check)})
 
 
 def read_config(file: Path, kind: type[T]) -> T:
@@ -142,6 +149,11 @@ def _scalar(place: _Place, kind: type[Any], rule: Rule) -> Any:
         place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
     if kind in (int, float) and not rule.low <= value <= rule.high:
         place.fail(f"found {value:g}, allowed {rule.low:g} to {rule.high:g}")
+    if kind is str and rule.check is not None:
+        try:
+            rule.check(Path(place.file), value)
+        except ValueError as error:
+            place.fail(str(error))
     return value
 
 

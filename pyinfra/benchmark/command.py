@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--backend", choices=BACKENDS, default="local")
     parser.add_argument("--address", default="", help="of a Ray or Dask cluster that is there")
-    parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
+    parser.add_argument("--device", default="cpu", help="cpu; cuda: any GPU that is free; cuda:1")
     parser.add_argument(
         "--latency", action="store_true", help="time the finished cells again, one at a time"
     )
@@ -57,7 +57,11 @@ def run(args: argparse.Namespace) -> int:
     if args.latency:
         time_again(plan, place, device=args.device)
         return 0
-    where = Pool(args.backend, args.jobs, args.address)
+    where = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")
+    if where.gpu and where.backend == "local":
+        from pyinfra.detectors.network import device_of
+
+        device_of(args.device)
     benchmark(plan, place, where, device=args.device)
     table = store.read(place.table("cells"))
     own = [store.has(table, vars(cell)) for cell in plan.cells]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import pandas as pd
 from pyinfra.atomic import held
 from pyinfra.benchmark import measure, pool, store, worlds
 from pyinfra.benchmark.claims import claims_table
+from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY, value_table
@@ -92,7 +93,7 @@ def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     """All data sets of the plan, split, and their tables."""
     shards = worlds.shards(plan, place.work, where.jobs)
     print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
-    pool.call_all(worlds.simulate, shards, where)
+    pool.call_all(worlds.simulate, shards, replace(where, gpu=False))
     for world, cells in plan.worlds().items():
         worlds.split_by_time(place.data(world))
         if not is_described(place, cells):
@@ -115,7 +116,8 @@ def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
         file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
         try:
             recipe = read_recipe(file, cell.tier)
-            found = measure.tables(cell, recipe, folder, run, device=device)
+            with own_gpu(device, place.work) as own:
+                found = measure.tables(cell, recipe, folder, run, device=own)
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
         place.put(found)

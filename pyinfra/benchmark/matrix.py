@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from pyinfra.benchmark.value import Costs
-from pyinfra.config import ConfigError, read_config
+from pyinfra.config import ConfigError, checked, read_config, ruled
 from pyinfra.hits import configs
 from pyinfra.training.sources import Tier
 
@@ -18,14 +19,27 @@ Preset = Literal["paper", "equal", "datasheet"]
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
 
 
+def config_file(kind: str, benchmark: Path, word: str) -> Path:
+    """`ruby_plus` of configs/lidars, or `own.yaml` beside the benchmark's file.
+
+    Raises ValueError with what is allowed.
+    """
+    folder = configs() / kind
+    path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
+    if not path.is_file():
+        names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+        raise ValueError(f"found '{word}', allowed a file or {names}")
+    return path
+
+
 @dataclass(frozen=True)
 class Block:
     """All combinations of what it lists; names of configs/, or files beside the benchmark's."""
 
-    scenes: tuple[str, ...]  # of configs/scenes
-    lidars: tuple[str, ...]  # of configs/lidars
-    presets: tuple[Preset, ...]  # of the LiDARs
-    detectors: tuple[str, ...]  # of configs/detectors
+    scenes: tuple[str, ...] = checked(partial(config_file, "scenes"))  # of configs/scenes
+    lidars: tuple[str, ...] = checked(partial(config_file, "lidars"))  # of configs/lidars
+    presets: tuple[Preset, ...] = ruled()  # of the LiDARs
+    detectors: tuple[str, ...] = checked(partial(config_file, "detectors"))  # of configs/detectors
     seeds: tuple[int, ...] = (1,)  # of the training; the world keeps the scene's own
 
 
@@ -86,7 +100,7 @@ def read_plan(file: Path, tier: Tier) -> Plan:
     files: dict[tuple[str, str], Path] = {}
 
     def known(kind: str, words: tuple[str, ...]) -> list[str]:
-        paths = [config_file(file, kind, word) for word in words]
+        paths = [config_file(kind, file, word) for word in words]
         files.update({(kind, path.stem): path for path in paths})
         return [path.stem for path in paths]
 
@@ -106,13 +120,3 @@ def read_plan(file: Path, tier: Tier) -> Plan:
     if not found:
         raise ConfigError(f"{file}: matrix: found no cell, allowed one or more")
     return Plan(found, benchmark.frames or FRAMES[tier], files, benchmark.costs)
-
-
-def config_file(benchmark: Path, kind: str, word: str) -> Path:
-    """`ruby_plus` of configs/lidars, or `own.yaml` beside the benchmark's file."""
-    folder = configs() / kind
-    path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
-    if not path.is_file():
-        names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise ConfigError(f"{benchmark}: {kind}: found '{word}', allowed a file or {names}")
-    return path

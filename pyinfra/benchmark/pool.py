@@ -16,13 +16,22 @@ Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
 
 
+class NoGpu(ValueError):
+    """A cluster was asked for what it does not have."""
+
+
 @dataclass(frozen=True)
 class Pool:
-    """Where tasks run. address: of a cluster that is there; without it one is started here."""
+    """Where tasks run.
+
+    address: of a cluster that is there; without it one is started here. gpu: each task needs one;
+    local tasks see to that themselves (gpus.py), a cluster sends them where GPUs are.
+    """
 
     backend: Backend = "local"
     jobs: int = 1
     address: str = ""
+    gpu: bool = False
 
 
 @contextmanager
@@ -31,12 +40,14 @@ def workers(pool: Pool) -> Iterator[None]:
     if pool.backend == "dask":
         from dask.distributed import Client, LocalCluster
 
+        needs: dict[str, Any] = {"resources": {"GPU": 1}} if pool.gpu else {}
         with contextlib.ExitStack() as stack:
             where: Any = pool.address
             if not where:
-                where = stack.enter_context(LocalCluster(n_workers=pool.jobs, threads_per_worker=1))
+                cluster = LocalCluster(n_workers=pool.jobs, threads_per_worker=1, **needs)
+                where = stack.enter_context(cluster)
             stack.enter_context(Client(where))
-            stack.enter_context(joblib.parallel_config("dask"))
+            stack.enter_context(joblib.parallel_config("dask", **needs))
             yield
     elif pool.backend == "ray":
         import ray
@@ -45,14 +56,23 @@ def workers(pool: Pool) -> Iterator[None]:
         register_ray()
         size: dict[str, Any]
         size = {"address": pool.address} if pool.address else {"num_cpus": pool.jobs}
-        with (
-            ray.init(**size, include_dashboard=False),
-            joblib.parallel_config("ray", n_jobs=pool.jobs),
-        ):
-            yield
+        with ray.init(**size, include_dashboard=False):
+            needs = {"ray_remote_args": {"num_gpus": _share(pool)}} if pool.gpu else {}
+            with joblib.parallel_config("ray", n_jobs=pool.jobs, **needs):
+                yield
     else:
         with joblib.parallel_config("loky", n_jobs=pool.jobs, inner_max_num_threads=1):
             yield
+
+
+def _share(pool: Pool) -> float:
+    """GPUs for each of Ray's workers: one, or less if there are more workers than GPUs."""
+    import ray
+
+    found = float(ray.cluster_resources().get("GPU", 0))
+    if found == 0:
+        raise NoGpu("--device: found cuda, allowed cpu: the cluster has no GPU")
+    return min(1.0, found / pool.jobs)
 
 
 def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> None:
@@ -78,7 +98,7 @@ def run(
         group = groups.pop(0)
         try:
             call_all(call, group, pool)
-        except ImportError:
+        except (ImportError, NoGpu):
             raise
         except Exception as error:
             rest = left(group)

@@ -17,7 +17,7 @@ from pyinfra.detectors.centre_head import CentreHead
 from pyinfra.detectors.network import Losses, Network
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.site import Site
-from pyinfra.detectors.windows import cut
+from pyinfra.detectors.windows import view_of
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class CenterPointPillar(Network):
         self.head = CentreHead(self.bev.channels, config.head_width, self.site, cell_m)
 
     def losses(self, batch: Batch) -> Losses:
-        canvas, boxes = cut(self.encoder(batch), batch, self.encoder, self.bev.step)
-        return self.head.losses(self.bev(canvas), boxes)
+        view = view_of(batch, self.encoder, self.bev.step)
+        return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         return self.head.candidates(self.bev(self.encoder(batch)))

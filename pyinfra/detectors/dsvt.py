@@ -26,7 +26,7 @@ from pyinfra.detectors.ops.sets import Sets, partition, windows_of
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.processes import OwnNorm
 from pyinfra.detectors.site import Site
-from pyinfra.detectors.windows import cut
+from pyinfra.detectors.windows import View, view_of
 
 
 def _bev() -> BevConfig:
@@ -213,16 +213,16 @@ class Dsvt(Network):
         channels, share = self.bev.channels, config.iou_share
         self.head = IouHead(channels, config.head_width, self.site, cell_m, share)
 
-    def canvas(self, batch: Batch) -> Tensor:
+    def canvas(self, batch: Batch, view: View | None = None) -> Tensor:
         """(B, width, H, W)."""
         found, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
         if len(pillar) > 0:
             found = self.transformer(found, *self.encoder.cells_of(pillar))
-        return self.encoder.canvas(found, pillar, batch.size)
+        return self.encoder.canvas(found, pillar, batch.size, view)
 
     def losses(self, batch: Batch) -> Losses:
-        canvas, boxes = cut(self.canvas(batch), batch, self.encoder, self.bev.step)
-        return self.head.losses(self.bev(canvas), boxes)
+        view = view_of(batch, self.encoder, self.bev.step)
+        return self.head.losses(self.bev(self.canvas(batch, view)), view.boxes)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         return self.head.candidates(self.bev(self.canvas(batch)))

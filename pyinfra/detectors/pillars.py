@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from pyinfra.detectors import processes
 from pyinfra.detectors.batch import Area, Batch
+from pyinfra.detectors.windows import View
 
 
 class PillarEncoder(nn.Module):
@@ -31,8 +32,8 @@ class PillarEncoder(nn.Module):
         self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
         self.linear, self.norm = _layer(inputs[-1], width)
 
-    def forward(self, batch: Batch) -> Tensor:
-        return self.canvas(*self.occupied(batch), batch.size)
+    def forward(self, batch: Batch, view: View | None = None) -> Tensor:
+        return self.canvas(*self.occupied(batch), batch.size, view)
 
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Of the p pillars with a point: features (p, width) and ascending number (p,)."""
@@ -47,12 +48,24 @@ class PillarEncoder(nn.Module):
             features = torch.cat([found, _most(found, member, len(pillar))[member]], dim=1)
         return self.pooled(features, member, len(pillar)), pillar
 
-    def canvas(self, features: Tensor, pillar: Tensor, frames: int) -> Tensor:
-        """(B, width, H, W): the features (p, width) in their places, 0 elsewhere."""
-        shape = (frames, self.rows, self.columns, self.width)
-        canvas = features.new_zeros(frames * self.rows * self.columns, self.width)
+    def canvas(
+        self, features: Tensor, pillar: Tensor, frames: int, view: View | None = None
+    ) -> Tensor:
+        """(B, width, H, W): the features (p, width) in their places, 0 elsewhere.
+
+        view: the part to fill, if not the whole area.
+        """
+        rows, columns = (self.rows, self.columns) if view is None else view.sides
+        if view is not None and view.first is not None:
+            frame, row, column = self.cells_of(pillar)
+            row, column = row - view.first[frame, 0], column - view.first[frame, 1]
+            seen = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+            pillar = ((frame * rows + row) * columns + column)[seen]
+            features = features[seen]
+        canvas = features.new_zeros(frames * rows * columns, self.width)
         canvas = canvas.index_put((pillar,), features)
-        return canvas.view(shape).permute(0, 3, 1, 2)  # channels last in memory
+        # Channels last in memory.
+        return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
 
     def cells_of(self, pillar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Frame, row and column (p,) of pillars by number."""

@@ -20,7 +20,7 @@ from pyinfra.detectors.losses import focal, smooth_l1, start_rare
 from pyinfra.detectors.network import CANDIDATES, Losses, Network
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.site import Site
-from pyinfra.detectors.windows import cut
+from pyinfra.detectors.windows import view_of
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
 
@@ -126,8 +126,8 @@ class PointPillars(Network):
         self.head = AnchorHead(self.bev.channels, anchors)
 
     def losses(self, batch: Batch) -> Losses:
-        canvas, boxes = cut(self.encoder(batch), batch, self.encoder, self.bev.step)
-        return self.head.losses(self.bev(canvas), boxes)
+        view = view_of(batch, self.encoder, self.bev.step)
+        return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         return self.head.candidates(self.bev(self.encoder(batch)))

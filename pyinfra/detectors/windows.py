@@ -6,19 +6,33 @@ canvas but for what stands beyond the rim; detection looks at the whole canvas.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from pyinfra.detectors.batch import Area, Batch, Sample
-from pyinfra.detectors.network import Network
-from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.kitti import FloatArray
+
+if TYPE_CHECKING:
+    from pyinfra.detectors.network import Network
+    from pyinfra.detectors.pillars import PillarEncoder
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The part of the canvas that is filled."""
+
+    sides: tuple[int, int]  # rows, columns
+    first: Tensor | None  # (B, 2) row and column of each frame's first cell; None: the canvas's
+    boxes: tuple[Tensor, ...]  # (k, 7) in it, moved as it is to the canvas's first cell
 
 
 def check(network: Network, most_m2: float) -> None:
     """Raises ValueError if windows are asked of a network that has no canvas to cut."""
-    if most_m2 > 0 and not isinstance(getattr(network, "encoder", None), PillarEncoder):
+    if most_m2 > 0 and not hasattr(network, "encoder"):
         name = type(network).__name__
         raise ValueError(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
 
@@ -30,36 +44,30 @@ def centre_of(sample: Sample, area: Area, draw: np.random.Generator) -> FloatArr
     return draw.uniform(area.low[:2], area.high[:2])
 
 
-def cut(
-    canvas: Tensor, batch: Batch, encoder: PillarEncoder, step: int
-) -> tuple[Tensor, tuple[Tensor, ...]]:
-    """The batch's windows of the canvas (B, C, H, W), and the boxes in them.
-
-    A window begins at multiples of `step` cells. Boxes (k, 7) are moved as each window is to the
-    first cell of the canvas.
-    """
-    if batch.windows is None:
-        return canvas, batch.boxes
+def view_of(batch: Batch, encoder: PillarEncoder, step: int) -> View:
+    """What the batch's windows show; they begin at multiples of `step` cells."""
     whole = (encoder.rows, encoder.columns)
+    if batch.windows is None:
+        return View(whole, None, batch.boxes)
     sides = sides_of(whole, batch.windows.most_m2 / encoder.pillar_m**2, step)
     if sides == whole:
-        return canvas, batch.boxes
+        return View(whole, None, batch.boxes)
     low = torch.tensor(encoder.area.low[:2])
-    parts, boxes = [], []
-    for i, centre in enumerate(batch.windows.centres):
-        column, row = (
-            _start(middle, side, most, step)
-            for middle, side, most in zip(
-                ((centre - low) / encoder.pillar_m).tolist(), sides[::-1], whole[::-1], strict=True
-            )
-        )
-        parts.append(canvas[i, :, row : row + sides[0], column : column + sides[1]])
-        moved = batch.boxes[i].clone()
-        moved[:, :2] -= moved.new_tensor([column, row]) * encoder.pillar_m
+    middles = ((batch.windows.centres - low) / encoder.pillar_m).flip(1).tolist()  # row, column
+    first = torch.tensor(
+        [
+            [_start(m, side, most, step) for m, side, most in zip(pair, sides, whole, strict=True)]
+            for pair in middles
+        ]
+    ).to(batch.frame.device)
+    boxes = []
+    for own, corner in zip(batch.boxes, first, strict=True):
+        moved = own.clone()
+        moved[:, :2] -= corner.flip(0) * encoder.pillar_m
         cell = (moved[:, :2] - low.to(moved)) / encoder.pillar_m
         inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)
         boxes.append(moved[inside])
-    return torch.stack(parts).contiguous(memory_format=torch.channels_last), tuple(boxes)
+    return View(sides, first, tuple(boxes))
 
 
 def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:

@@ -5,13 +5,17 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import joblib
 import pandas as pd
 import pytest
+import ray
 
 from pyinfra import cli
-from pyinfra.benchmark import pool, store, worlds
+from pyinfra.benchmark import gpus, pool, store, worlds
+from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, read_plan
 from pyinfra.benchmark.value import KEY, Costs, covered, value_table
 from pyinfra.config import ConfigError
@@ -181,6 +185,65 @@ def test_the_tasks_of_a_killed_worker_are_done_by_others(
     assert lost == []
 
 
+def takes_a_gpu(task: Path) -> None:
+    with own_gpu("cuda", task.parent) as device:
+        mark = task.parent / device.replace(":", "_")
+        mark.touch(exist_ok=False)  # nobody else is at it
+        time.sleep(0.1)
+        mark.unlink()
+        task.write_text(device)
+
+
+def test_cells_take_turns_on_the_gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gpus, "POLL_S", 0.01)
+    monkeypatch.setattr(gpus, "visible", lambda: ["0", "1"])
+    tasks = [tmp_path / name for name in "abcdefgh"]
+    with ThreadPoolExecutor(4) as four:
+        list(four.map(takes_a_gpu, tasks))
+    assert {task.read_text() for task in tasks} == {"cuda:0", "cuda:1"}
+
+
+def test_a_device_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
+    for device in ("cpu", "cuda:3"):
+        with own_gpu(device, tmp_path) as own:
+            assert own == device
+
+
+def test_gpus_are_named_as_the_process_sees_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torch.cuda.device_count", lambda: 2)
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7")
+    assert gpus.visible() == ["4", "7"]
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES")
+    assert gpus.visible() == ["0", "1"]
+
+
+def its_gpus(_: int) -> str:
+    time.sleep(0.2)
+    return os.environ["CUDA_VISIBLE_DEVICES"]
+
+
+def test_ray_gives_each_worker_a_gpu_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ray believes in GPUs that it is told of."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # workers import this file
+    ray_init = ray.init
+    monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=2))
+    with pool.workers(pool.Pool("ray", 2, gpu=True)):
+        found = joblib.Parallel(batch_size=1)(joblib.delayed(its_gpus)(i) for i in range(4))
+    assert set(found) == {"0", "1"}
+
+
+def test_dask_runs_tasks_where_gpus_are() -> None:
+    with pool.workers(pool.Pool("dask", 2, gpu=True)):
+        assert joblib.Parallel()(joblib.delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
+
+
+def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    ray_init = ray.init
+    monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=0))
+    with pytest.raises(pool.NoGpu, match="--device: found cuda, allowed cpu"):
+        pool.call_all(abs, [1], pool.Pool("ray", 1, gpu=True))
+
+
 def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> None:
     tasks = [tmp_path / name for name in (*"abc", "victim")]
     lost: list[Path] = []
@@ -211,10 +274,13 @@ def test_a_dry_run_names_the_cells_and_their_time(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("highway", "motorway"), r"scenes: found 'motorway', allowed a file or .*crossroad"),
+        (("highway", "motorway"), r"small.yaml:4: matrix.0.scenes.0: found 'motorway', allowed a"),
         (("[paper]", "[other]"), r"small.yaml:6: matrix.0.presets.0: found 'other', allowed paper"),
-        (("helios_16", "helios"), r"lidars: found 'helios', allowed a file or .*helios_16"),
-        (("tiny.yaml", "none.yaml"), r"detectors: found 'none.yaml', allowed a file or"),
+        (("helios_16", "helios"), r"small.yaml:5: matrix.0.lidars.0: found 'helios', .*helios_16"),
+        (
+            ("tiny.yaml", "none.yaml"),
+            r"small.yaml:7: matrix.0.detectors.1: found .none.yaml., ",
+        ),
         (("0:5000:250", "'5:5'"), r"frames: found '5:5', allowed a range with frames"),
         (("[highway]", "[]"), r"matrix: found no cell, allowed one or more"),
     ],

@@ -52,15 +52,18 @@ def test_a_window_holds_the_canvas_and_the_boxes_there(name: str) -> None:
     network = network_of(name)
     encoder = network.encoder
     batch = make_batch([road_sample(1), road_sample(2)], network.site.area)
-    canvas = torch.randn(2, 4, encoder.rows, encoder.columns)
-    corners = [network.site.area.low[:2], network.site.area.high[:2]]
     step = network.bev.step
-    parts, boxes = windows.cut(canvas, looking_at(batch, 300.0, *corners), encoder, step)
-    rows, columns = parts.shape[2:]
+    corners = [network.site.area.low[:2], network.site.area.high[:2]]
+    view = windows.view_of(looking_at(batch, 300.0, *corners), encoder, step)
+    rows, columns = view.sides
     assert rows % step == columns % step == 0
     assert rows * columns * encoder.pillar_m**2 <= 300
+    found = encoder.eval().occupied(batch)
+    canvas, parts = encoder.canvas(*found, 2), encoder.canvas(*found, 2, view)
     assert torch.equal(parts[0], canvas[0, :, :rows, :columns])
     assert torch.equal(parts[1], canvas[1, :, -rows:, -columns:])
+    assert parts.any()
+    boxes = view.boxes
     low = torch.tensor(network.site.area.low[:2])
     extent = torch.tensor([columns, rows]) * encoder.pillar_m
     for i, first in enumerate([(0, 0), (encoder.columns - columns, encoder.rows - rows)]):
