@@ -82,6 +82,11 @@ KINDS = {
         "aggregation lidar",
         "points_per_vehicle outside_box_percent ms_per_frame_set",
     ),
+    "ladder": _kind(
+        "ladder.csv",
+        "detail aggregation frames lidar",
+        "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
+    ),
     "beam": _kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
     "speed": _kind("speed.csv", "what unit", "value"),
 }

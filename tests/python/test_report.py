@@ -10,9 +10,10 @@ from report_data import HOSTILE, Read
 
 from pyinfra import cli
 from pyinfra.report import svg
-from pyinfra.report.material import read_material
+from pyinfra.report.material import Material, read_material
 from pyinfra.report.names import read_names
 from pyinfra.report.results import read_results
+from pyinfra.report.sections import ladder
 from pyinfra.report.sections.accuracy import paper_ap
 from pyinfra.report.sections.claims import thing_tested
 from pyinfra.report.sections.fidelity import section as fidelity_section
@@ -248,6 +249,23 @@ def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) 
     assert made.lead.startswith("Recommended: detail low, ")
     assert "(0.50 % at most), in 0.90 of their time" in made.lead
     assert "slices:100 takes 40.9 ms" in made.lead
+
+
+def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> None:
+    report_data.write(tmp_path, {"ladder.csv": report_data.ladder()})
+    material = read_material(tmp_path, [], [], None)
+    words, made = ladder.blocks(material)
+    assert "detail low (1.00 of the time of fine)" in words
+    assert "aggregation instant (1.00 of the time of exact)" in words
+    assert "frames 500 (0.50 of the time of 1000)" in words
+    assert [block.kind for block in made] == ["figure", "table"]
+    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    assert not same["detail", "box"]
+    assert not same["frames", "50"]
+
+
+def with_seconds(material: Material) -> pd.DataFrame:
+    return material.results.table("ladder").assign(seconds=1.0)
 
 
 def test_a_legend_draws_lines_without_markers_and_markers_without_lines() -> None:

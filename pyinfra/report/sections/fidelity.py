@@ -19,6 +19,7 @@ from pyinfra.report.blocks import (
 from pyinfra.report.looks import FAINT, drawing, log_ticks, panel
 from pyinfra.report.material import Material
 from pyinfra.report.names import in_order
+from pyinfra.report.sections import ladder as models
 from pyinfra.report.sections.distance import legend
 
 DETAILS = ("box", "low", "mid", "fine")
@@ -39,6 +40,9 @@ def section(material: Material) -> Section | None:
     if len(aggregation) > 0:
         lead = f"{lead} {_cost_of_slices(aggregation)}".strip()
         blocks.append(_aggregation(material, aggregation))
+    words, made = models.blocks(material)
+    lead = f"{lead} {words}".strip()
+    blocks += made
     beam = material.results.table("beam")
     if len(beam) > 0:
         blocks.append(_beam(material, beam))

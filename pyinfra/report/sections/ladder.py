@@ -1,0 +1,148 @@
+"""What cheaper models of a scene do to its conclusions, dial by dial."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pyinfra.report import svg
+from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Source, Table, number
+from pyinfra.report.looks import drawing, panel
+from pyinfra.report.material import Material
+from pyinfra.report.sections.distance import legend
+
+# Of each dial the values from cheap to dear; the last is what the others are held against.
+DIALS = {
+    "detail": ("box", "low", "mid", "fine"),
+    "aggregation": ("instant", "slices:100", "exact"),
+    "frames": ("50", "100", "200", "500", "1000"),
+}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One value of a dial against the dearest one."""
+
+    dial: str
+    value: str
+    seconds: float  # CPU time of the simulation
+    change: float  # of AP, the largest of all LiDARs
+    same: bool  # conclusions
+
+
+def blocks(material: Material) -> tuple[str, list[Block]]:
+    """What is recommended, and the figure and table behind it; nothing without a ladder."""
+    table = material.results.table("ladder")
+    if table.empty:
+        return "", []
+    table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
+    found = rungs(table)
+    return recommendation(found), [_figure(material, table), _table(material, found)]
+
+
+def rungs(table: pd.DataFrame) -> list[Rung]:
+    """Every value of every dial, the other dials at what most rows have."""
+    usual = {dial: table[dial].astype(str).mode()[0] for dial in DIALS}
+    found = []
+    for dial, values in DIALS.items():
+        own = _turned(table, dial, usual)
+        own = own[own.ap.notna()]
+        there = [value for value in values if value in set(own[dial])]
+        dearest = own[own[dial] == there[-1]].set_index("lidar")
+        for value in there:
+            rows = own[own[dial] == value].set_index("lidar")
+            change = (rows.ap - dearest.ap).abs().max()
+            seconds = float(rows.seconds.mean())
+            found.append(Rung(dial, value, seconds, float(change), agrees(rows, dearest)))
+    return found
+
+
+def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFrame:
+    """The rows in which only this dial differs from the usual."""
+    keep = pd.Series(True, index=table.index)
+    for other, value in usual.items():
+        if other != dial:
+            keep &= table[other].astype(str) == value
+    return table[keep].assign(**{dial: table[dial].astype(str)})
+
+
+def agrees(rows: pd.DataFrame, dearest: pd.DataFrame) -> bool:
+    """Whether every AP lies in the dearest model's interval and no decided pair changes order.
+
+    Both by LiDAR. A pair is decided where the intervals of the dearest model do not overlap.
+    """
+    if set(rows.index) != set(dearest.index):
+        return False
+    ap = rows.ap.reindex(dearest.index)
+    if not ap.between(dearest.ap_low, dearest.ap_high).all():
+        return False
+    return all(
+        ap[a] > ap[b]
+        for a, b in itertools.permutations(dearest.index, 2)
+        if dearest.ap_low[a] > dearest.ap_high[b]
+    )
+
+
+def recommendation(found: list[Rung]) -> str:
+    """Of each dial the cheapest value from which on nothing changes."""
+    parts = []
+    for dial in DIALS:
+        values = [rung for rung in found if rung.dial == dial]
+        good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
+        if good:
+            best, dearest = good[-1], values[-1]
+            share = best.seconds / dearest.seconds
+            parts.append(f"{dial} {best.value} ({share:.2f} of the time of {dearest.value})")
+    return (
+        "The cheapest model of the scene that leaves all conclusions as they are, every AP within "
+        "its interval and every decided order of two LiDARs: " + ", ".join(parts) + "."
+    )
+
+
+def _figure(material: Material, table: pd.DataFrame) -> Figure:
+    panels = []
+    lidars = material.names.sorted(table.lidar)
+    usual = {dial: table[dial].astype(str).mode()[0] for dial in DIALS}
+    for dial, values in DIALS.items():
+        own = _turned(table, dial, usual)
+        with drawing():
+            figure, ax = panel(3.2, 2.6)
+            places = [value for value in values if value in set(own[dial])]
+            for i, lidar in enumerate(lidars):
+                rows = own[own.lidar == lidar].set_index(dial).reindex(places)
+                x = [place + 0.12 * (i - (len(lidars) - 1) / 2) for place in range(len(places))]
+                spread = [rows.ap - rows.ap_low, rows.ap_high - rows.ap]
+                look = material.names.look(lidar)
+                ax.errorbar(x, rows.ap, spread, linewidth=0.8, **look.style() | {"linestyle": "-"})
+            seconds = own.groupby(dial).seconds.mean().reindex(places)
+            labels = [f"{v}\n{s:.3g} s" for v, s in zip(places, seconds, strict=True)]
+            ax.set_xticks(range(len(places)), labels)
+            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel="AP")
+            panels.append(Panel(dial, svg.inline(figure, f"ladder-{dial}", f"AP by {dial}")))
+    caption = (
+        "Accuracy against the cost of the simulation: AP of Background on the highway with one "
+        "dial of the model turned at a time, with 95 % intervals."
+    )
+    source = material.results.source("ladder")
+    return Figure("figure-ladder", caption, panels, source, legend(material.names, lidars))
+
+
+def _table(material: Material, found: list[Rung]) -> Table:
+    heads = [Column("Dial"), Column("Value")]
+    heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
+    rows = [
+        [
+            Cell(rung.dial),
+            Cell(rung.value),
+            number(rung.seconds, ".1f"),
+            number(rung.change, ".2f"),
+            Cell("same" if rung.same else "change"),
+        ]
+        for rung in found
+    ]
+    made = pd.DataFrame([vars(rung) for rung in found])
+    caption = "Conclusions with a cheaper model, from ladder.csv."
+    source = Source("report_ladder.csv", made)
+    return Table(caption, [*heads, Column("Conclusions")], rows, source)
