@@ -1,4 +1,4 @@
-"""Overlap of rotated boxes, exact, in float64.
+"""Rotated boxes: their overlap, exact, in float64; and the points of the vehicles in them.
 
 A box is `x y z dx dy dz heading`: geometric centre, length width height, yaw about +z; metres and
 radians. Two sets of boxes are compared in one frame, whichever it is.
@@ -17,6 +17,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Of an overlap, relative to the size of the boxes: what is below it counts as nothing.
 _ROUNDING = 1e-14
+AROUND_M = 0.05  # points this far outside a box belong to its vehicle
 _CHUNK = 8192  # pairs at a time: the temporaries stay in the cache
 
 # Corners of the unit box, counter-clockwise from front right.
@@ -44,6 +45,33 @@ def iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
 def bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     """Area that the footprints share, in square metres: (n, 7) and (m, 7) to (n, m)."""
     return _all_pairs(a, b, pair_bev_overlap)
+
+
+def points_in_box(
+    points: npt.NDArray[np.floating], box: FloatArray, around_m: float = AROUND_M
+) -> BoolArray:
+    """Which points (n, 3 or more) belong to the vehicle of a box (7,): (n,).
+
+    They lie at most so far outside its sides and top, and at least so far above its bottom, because
+    the road that it stands on is not the vehicle.
+    """
+    x, y, z = (points[:, i] - points.dtype.type(box[i]) for i in range(3))
+    cos, sin = points.dtype.type(np.cos(box[6])), points.dtype.type(np.sin(box[6]))
+    inside = np.abs(cos * x + sin * y) <= box[3] / 2 + around_m
+    inside &= np.abs(cos * y - sin * x) <= box[4] / 2 + around_m
+    inside &= (z >= around_m - box[5] / 2) & (z <= box[5] / 2 + around_m)
+    return np.asarray(inside)
+
+
+def points_in_boxes(points: npt.NDArray[np.floating], boxes: FloatArray) -> IntArray:
+    """How many points (n, 3 or more) belong to the vehicle of each box (k, 7): (k,)."""
+    x = np.ascontiguousarray(points[:, 0])
+    counts = np.zeros(len(boxes), dtype=np.int64)
+    for i, box in enumerate(boxes):
+        reach = x.dtype.type(np.hypot(box[3], box[4]) / 2 + 2 * AROUND_M)
+        near = np.flatnonzero(np.abs(x - x.dtype.type(box[0])) <= reach)
+        counts[i] = np.count_nonzero(points_in_box(points[near], box))
+    return counts
 
 
 def pair_bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra import __version__, kitti
 from pyinfra.atomic import replacing
-from pyinfra.exchange.box_points import points_in_boxes
+from pyinfra.boxes import points_in_boxes
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, Points, RecordedFrame, Recording
 from pyinfra.exchange.view import View

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pyinfra import __version__
-from pyinfra.exchange.box_points import points_in_boxes
+from pyinfra.boxes import points_in_boxes
 from pyinfra.exchange.road_level import (
     CLASSES,
     RoadFrame,

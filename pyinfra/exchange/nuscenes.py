@@ -13,7 +13,7 @@ By the public description of the schema (docs/schema_nuscenes.md of the devkit):
   its x; the sensor, LIDAR_TOP, is above it. Its frame is the levelled LiDAR frame, x forward.
 - Intensity is 0 to 255. The ring is -1 without `fields`.
 - Annotations are all vehicles in reach, also those without points, which the devkit's evaluation
-  leaves out. `num_lidar_pts` counts the points in the box, or up to 1 cm outside. An unknown
+  leaves out. `num_lidar_pts` is `points_in_box` of the objects. An unknown
   visibility is an empty token.
 - Classes have the names of nuScenes; a Van is a vehicle.car, unknown ones stay as they are.
 """

@@ -7,7 +7,7 @@
   the boxes hold, of its cloud the start. They are strings, which more readers take than fractions.
 - A cuboid is x y z, quaternion x y z w, length width height, in the coordinate system of the LiDAR;
   the system's pose takes it to the world, which is the scene's.
-- Attributes: points in the box (or up to 1 cm outside); speed (m/s) and visibility where known.
+- Attributes: `points_in_box` of the objects; speed (m/s) and visibility where known.
 """
 
 from __future__ import annotations

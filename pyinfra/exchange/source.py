@@ -12,11 +12,11 @@ import numpy.typing as npt
 import yaml
 
 from pyinfra import kitti
+from pyinfra.boxes import points_in_boxes
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.evaluation.ground_truth import PERIOD_S
-from pyinfra.kitti import FloatArray, FormatError, Objects
+from pyinfra.kitti import FormatError, Objects
 
-_MARGIN_M = 0.01  # points_in_box of `objects` has the same
 _KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
 
 
@@ -151,7 +151,7 @@ def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objec
     camera = read_cameras(folder, [number]).different[0]
     labels = kitti.read_labels(kitti.frame_file(folder, "label_2", number), calibration=camera)
     k, boxes = len(labels), labels.boxes
-    inside = np.array([_count_inside(points, box) for box in boxes], dtype=np.int64)
+    inside = points_in_boxes(points, boxes)
     return Objects(
         ids=np.full(k, -1),
         names=labels.names,
@@ -162,11 +162,3 @@ def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objec
         distance=np.hypot(boxes[:, 0], boxes[:, 1]),
         visibility=np.full(k, -1.0),
     )
-
-
-def _count_inside(points: npt.NDArray[np.float32], box: FloatArray) -> int:
-    offset = points[:, :3] - box[:3]
-    cos, sin = np.cos(box[6]), np.sin(box[6])
-    ahead, left = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
-    own = np.column_stack([ahead, left, offset[:, 2]])
-    return int((np.abs(own) <= box[3:6] / 2 + _MARGIN_M).all(axis=1).sum())

@@ -6,15 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from pyinfra.boxes import bev_iou
+from pyinfra.boxes import bev_iou, points_in_box
 from pyinfra.config import ruled
 from pyinfra.detectors import Points
 from pyinfra.detectors.batch import Sample
 from pyinfra.kitti import FloatArray
-
-AROUND_M = 0.05  # points this far outside a box belong to its vehicle
 
 
 @dataclass(frozen=True)
@@ -87,27 +84,11 @@ def with_pasted(
     for i in order[free[order]]:
         if len(boxes) > how.pasted:
             break
-        own = points_in(other.points, other.boxes[i])
+        own = other.points[points_in_box(other.points, other.boxes[i])]
         if len(own) < how.least_points:
             continue
-        here = _in_box(points[0], other.boxes[i], 0)
+        here = points_in_box(points[0], other.boxes[i], 0)
         points[0] = points[0][~here]
         points.append(own)
         boxes.append(other.boxes[i : i + 1])
     return Sample(np.concatenate(points), np.concatenate(boxes))
-
-
-def points_in(points: Points, box: FloatArray) -> Points:
-    """The points (n, 4) of the vehicle of a box (7,), without the road below it."""
-    return points[_in_box(points, box, AROUND_M)]
-
-
-def _in_box(points: Points, box: FloatArray, around_m: float) -> npt.NDArray[np.bool_]:
-    offset = points[:, :3] - box[:3].astype(np.float32)
-    cos, sin = np.float32(np.cos(box[6])), np.float32(np.sin(box[6]))
-    ahead = cos * offset[:, 0] + sin * offset[:, 1]
-    left = cos * offset[:, 1] - sin * offset[:, 0]
-    half = box[3:6] / 2 + around_m
-    inside = (np.abs(ahead) <= half[0]) & (np.abs(left) <= half[1])
-    above = offset[:, 2] + box[5] / 2  # the road ends below it
-    return np.asarray(inside & (above >= around_m) & (above <= box[5] + around_m))

@@ -11,7 +11,15 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pyinfra.boxes import bev_iou, bev_overlap, iou_3d, pair_bev_iou, pair_iou_3d
+from pyinfra.boxes import (
+    bev_iou,
+    bev_overlap,
+    iou_3d,
+    pair_bev_iou,
+    pair_iou_3d,
+    points_in_box,
+    points_in_boxes,
+)
 
 FloatArray = npt.NDArray[np.float64]
 CAR = [10.0, 2.0, -5.0, 4.0, 2.0, 1.5, 0.3]
@@ -182,3 +190,16 @@ def test_a_box_without_size_overlaps_nothing() -> None:
 def test_wrong_boxes_are_an_error(wrong: FloatArray) -> None:
     with pytest.raises(ValueError, match="boxes: found"):
         bev_iou(wrong, row(*CAR))
+
+
+def test_points_of_a_vehicle_by_hand() -> None:
+    """A box turned by 90 degrees, 4 m long, 2 m wide and high, standing on z = 0."""
+    box = np.array([10.0, 5.0, 1.0, 4.0, 2.0, 2.0, np.pi / 2])
+    inside = [[10, 5, 1], [10, 7.04, 1], [8.96, 5, 1], [10, 5, 2.04], [10, 5, 0.06]]
+    outside = [[10, 7.06, 1], [8.94, 5, 1], [10, 5, 2.06], [10, 5, 0.04], [12, 5, 1]]
+    points = np.array([*inside, *outside], dtype=np.float32)
+    assert points_in_box(points, box).tolist() == [True] * 5 + [False] * 5
+    far = box + np.array([50, 0, 0, 0, 0, 0, 0])
+    assert points_in_boxes(points, np.stack([box, far])).tolist() == [5, 0]
+    at_the_side = points_in_box(points, box, 0)  # and the road with it
+    assert np.flatnonzero(at_the_side).tolist() == [0, 4, 8]

@@ -39,11 +39,11 @@ def test_a_folder_without_a_data_set_is_named_by_its_path(tmp_path: Path) -> Non
     assert source.period_s == 0.1
 
 
-def test_points_of_a_label_are_those_in_its_box_or_a_centimetre_outside(tmp_path: Path) -> None:
+def test_points_of_a_label_are_those_in_its_box_or_five_centimetres_outside(tmp_path: Path) -> None:
     folder = without(write_recording(tmp_path), tmp_path / "bare", "objects")
     x, y, z, dx, _, _, heading = BOXES[3]
     ahead = np.array([np.cos(heading), np.sin(heading), 0])
-    places = [np.array([x, y, z]) + ahead * (dx / 2 + gap) for gap in (-0.01, 0.009, 0.011)]
+    places = [np.array([x, y, z]) + ahead * (dx / 2 + gap) for gap in (-0.01, 0.049, 0.051)]
     cloud = np.column_stack([places, np.ones(3)]).astype(np.float32)
     kitti.write_points(kitti.frame_file(folder, "velodyne", 5), cloud)
     (folder / "training/fields/000005.bin").write_bytes(bytes(36))
