@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -61,7 +62,12 @@ def workers(pool: Pool) -> Iterator[None]:
             with joblib.parallel_config("ray", n_jobs=pool.jobs, **needs):
                 yield
     else:
-        with joblib.parallel_config("loky", n_jobs=pool.jobs, inner_max_num_threads=1):
+        with (
+            warnings.catch_warnings(),
+            joblib.parallel_config("loky", n_jobs=pool.jobs, inner_max_num_threads=1),
+        ):
+            # Between tasks loky replaces a worker that has grown, as a training's does.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             yield
 
 
