@@ -216,6 +216,9 @@ class Dsvt(Network):
     def canvas(self, batch: Batch, view: View | None = None) -> Tensor:
         """(B, width, H, W)."""
         found, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
+        if view is not None:
+            seen = self.encoder.seen(pillar, view)
+            found, pillar = found[seen], pillar[seen]
         if len(pillar) > 0:
             found = self.transformer(found, *self.encoder.cells_of(pillar))
         return self.encoder.canvas(found, pillar, batch.size, view)

@@ -57,15 +57,23 @@ class PillarEncoder(nn.Module):
         """
         rows, columns = (self.rows, self.columns) if view is None else view.sides
         if view is not None and view.first is not None:
-            frame, row, column = self.cells_of(pillar)
+            seen = self.seen(pillar, view)
+            features, (frame, row, column) = features[seen], self.cells_of(pillar[seen])
             row, column = row - view.first[frame, 0], column - view.first[frame, 1]
-            seen = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-            pillar = ((frame * rows + row) * columns + column)[seen]
-            features = features[seen]
+            pillar = (frame * rows + row) * columns + column
         canvas = features.new_zeros(frames * rows * columns, self.width)
         canvas = canvas.index_put((pillar,), features)
         # Channels last in memory.
         return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
+
+    def seen(self, pillar: Tensor, view: View) -> Tensor:
+        """(p,) bool: which pillars by number are in the part of the canvas that is filled."""
+        if view.first is None:
+            return torch.ones_like(pillar, dtype=torch.bool)
+        frame, row, column = self.cells_of(pillar)
+        row, column = row - view.first[frame, 0], column - view.first[frame, 1]
+        rows, columns = view.sides
+        return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
     def cells_of(self, pillar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Frame, row and column (p,) of pillars by number."""
