@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.claims import ABOVE_0, ABOVE_1, AVIA, LINES_64, LINES_128, SPINNING, Row, verdict
+from pyinfra.statistics.compare import Figure
 
 DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
@@ -23,34 +24,6 @@ WINDOWS_OVERLAP = 4
 AHEAD_M = 100.0
 LEAST_WINDOWS = 5
 STEEPEST_DEG = 20.0
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A figure with the ends of its 95 % interval; NaN without one."""
-
-    value: float
-    low: float
-    high: float
-
-    def less(self, other: Figure) -> Figure:
-        """The difference, as if the two were independent."""
-        value = self.value - other.value
-        down = math.hypot(self.value - self.low, other.high - other.value)
-        up = math.hypot(self.high - self.value, other.value - other.low)
-        return Figure(value, value - down, value + up)
-
-    def times(self, factor: float) -> Figure:
-        return Figure(self.value * factor, self.low * factor, self.high * factor)
-
-    def over(self, other: Figure) -> Figure:
-        """The ratio of two positive figures, as if the two were independent."""
-        logs = [
-            Figure(*(math.log(max(v, 1e-9)) for v in (f.value, f.low, f.high)))
-            for f in (self, other)
-        ]
-        found = logs[0].less(logs[1])
-        return Figure(math.exp(found.value), math.exp(found.low), math.exp(found.high))
 
 
 COLUMNS = "scene preset claim statement value low high verdict version".split(" ")

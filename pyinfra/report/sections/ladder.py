@@ -12,6 +12,7 @@ from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Source, Ta
 from pyinfra.report.looks import drawing, panel
 from pyinfra.report.material import Material
 from pyinfra.report.sections.distance import legend
+from pyinfra.statistics import compare
 
 # Of each dial the values from cheap to dear; the last is what the others are held against.
 DIALS = {
@@ -69,20 +70,32 @@ def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFra
 
 
 def agrees(rows: pd.DataFrame, dearest: pd.DataFrame) -> bool:
-    """Whether every AP lies in the dearest model's interval and no decided pair changes order.
+    """Whether no AP can be told from the dearest model's, and every pair that it decides stays so.
 
-    Both by LiDAR. A pair is decided where the intervals of the dearest model do not overlap.
+    Both by LiDAR. A pair is decided where the interval of its difference does not hold 0.
     """
     if set(rows.index) != set(dearest.index):
         return False
-    ap = rows.ap.reindex(dearest.index)
-    if not ap.between(dearest.ap_low, dearest.ap_high).all():
+    own, theirs = figures(rows), figures(dearest)
+    if not all(holds_zero(own[name].less(theirs[name])) for name in theirs):
         return False
     return all(
-        ap[a] > ap[b]
-        for a, b in itertools.permutations(dearest.index, 2)
-        if dearest.ap_low[a] > dearest.ap_high[b]
+        own[a].less(own[b]).low > 0
+        for a, b in itertools.permutations(theirs, 2)
+        if theirs[a].less(theirs[b]).low > 0
     )
+
+
+def figures(rows: pd.DataFrame) -> dict[str, compare.Figure]:
+    return {
+        str(row.Index): compare.Figure(float(row.ap), float(row.ap_low), float(row.ap_high))
+        for row in rows.itertuples()
+    }
+
+
+def holds_zero(difference: compare.Figure) -> bool:
+    """Also without an interval: false, as nothing is known."""
+    return difference.low <= 0 <= difference.high
 
 
 def recommendation(found: list[Rung]) -> str:
@@ -92,12 +105,14 @@ def recommendation(found: list[Rung]) -> str:
         values = [rung for rung in found if rung.dial == dial]
         good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
         if good:
-            best, dearest = good[-1], values[-1]
+            best, dearest = min(good[::-1], key=lambda rung: rung.seconds), values[-1]
             share = best.seconds / dearest.seconds
             parts.append(f"{dial} {best.value} ({share:.2f} of the time of {dearest.value})")
     return (
-        "The cheapest model of the scene that leaves all conclusions as they are, every AP within "
-        "its interval and every decided order of two LiDARs: " + ", ".join(parts) + "."
+        "The cheapest model of the scene that leaves all conclusions as they are (no AP can be "
+        "told from the dearest model's, and every order of two LiDARs that it decides stays): "
+        + ", ".join(parts)
+        + "."
     )
 
 
