@@ -6,19 +6,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
+from pandas.api.types import is_string_dtype
 
 from pyinfra.atomic import held, replacing
 
 
-def read(file: Path) -> pd.DataFrame:
-    """The table; empty if there is none."""
-    return pd.read_csv(file) if file.is_file() else pd.DataFrame()
+def read(file: Path, text: Sequence[str] = ()) -> pd.DataFrame:
+    """The table, empty if there is none; `text` are columns whose numbers are kept as text."""
+    return pd.read_csv(file, dtype=dict.fromkeys(text, str)) if file.is_file() else pd.DataFrame()
 
 
 def put(file: Path, rows: pd.DataFrame, key: Sequence[str], lock: Path) -> None:
     """Adds rows; those of the table with the same key go."""
+    text = [name for name in key if is_string_dtype(rows[name])]
     with held(lock, wait=True):
-        kept = without(read(file), rows, key)
+        kept = without(read(file, text), rows, key)
         write(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))
 
 

@@ -13,11 +13,9 @@ import pandas as pd
 from pyinfra import kitti, split
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.config import ConfigError
-from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.hits import infrasim
 from pyinfra.statistics.command import vehicle_tables
-from pyinfra.statistics.data import read_data_set
-from pyinfra.statistics.data import read_vehicles as read_compared
+from pyinfra.statistics.data import read_data_set, read_vehicles
 from pyinfra.statistics.intervals import time_blocks
 
 POINT_BYTES = 16
@@ -87,13 +85,15 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
     """Tables of a data set: `lidars`, `hits`, and those of STATISTICS."""
     key = {"scene": cells[0].scene, "preset": cells[0].preset}
     names = lidars_of(cells)
+    data = read_data_set(folder)
+    vehicles = read_vehicles(data)
+    on_vehicles = dict(zip(vehicles.lidars, vehicles.points.sum(axis=0), strict=True))
     tables = {
         "lidars": pd.DataFrame([lidar_row(folder / name) for name in names]),
-        "hits": pd.DataFrame([key | hit_row(folder / name) for name in names]),
+        "hits": pd.DataFrame([key | hit_row(folder / name, on_vehicles[name]) for name in names]),
     }
-    data = read_data_set(folder)
     blocks = time_blocks(pd.Series(data.frames).to_numpy(), data.period_s)
-    found = vehicle_tables(read_compared(data), blocks)
+    found = vehicle_tables(vehicles, blocks)
     for name in STATISTICS:
         rows = found[name]
         tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)
@@ -122,13 +122,13 @@ def lidar_row(folder: Path) -> dict[str, object]:
     }
 
 
-def hit_row(folder: Path) -> dict[str, object]:
-    """Points per frame, and those of them on vehicles."""
+def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
+    """Points per frame, and those of them on vehicles, of all frames together."""
     frames = kitti.frames(folder)
     sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in frames]
     return {
         "lidar": folder.name,
         "frames": len(frames),
         "hits_per_frame": sum(sizes) / POINT_BYTES / len(frames),
-        "vehicle_points_per_frame": read_vehicles(folder, frames).points.sum() / len(frames),
+        "vehicle_points_per_frame": on_vehicles / len(frames),
     }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +12,8 @@ import pandas as pd
 import yaml
 
 from pyinfra import __version__, kitti, machine
-from pyinfra.atomic import held, replacing
+from pyinfra.atomic import held
+from pyinfra.benchmark import store
 from pyinfra.detect import detect, load_detector, model_file
 from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
@@ -165,37 +164,20 @@ def read(file: Path) -> pd.DataFrame:
     return table.fillna({"unit": ""})
 
 
-def has(table: pd.DataFrame, key: dict[str, str]) -> bool:
-    return bool((table[KEY] == pd.Series(key)).all(axis=1).any())
-
-
 def fill(cell: Cell, base: Base, out: Path, seed: int) -> bool:
     """The row of a cell that has none, unless another process is at it; whether one was added."""
     file, key = out / "stress.csv", key_of(cell, base, seed)
     with held(out / "locks" / "_".join(key.values()), wait=False) as ours:
-        if not ours or has(read(file), key):
+        if not ours or store.has(read(file), key):
             return False
-        row = row_of(cell, base, out / "worlds", seed)
-        with held(out / "locks" / "table", wait=True):
-            _append(row, file)
+        row = pd.DataFrame([row_of(cell, base, out / "worlds", seed)], columns=list(COLUMNS))
+        store.put(file, row, KEY, out / "locks" / "table")
     return True
-
-
-def _append(row: dict[str, object], file: Path) -> None:
-    """Adds a row, floats to six digits; the file is replaced whole."""
-    lines = io.StringIO(file.read_text("utf-8") if file.is_file() else "")
-    writer = csv.DictWriter(lines, COLUMNS, lineterminator="\n")
-    if not lines.seek(0, io.SEEK_END):
-        writer.writeheader()
-    cells = {name: f"{v:.6g}" if isinstance(v, float) else v for name, v in row.items()}
-    writer.writerow(cells)
-    with replacing(file) as beside:
-        beside.write_text(lines.getvalue(), "utf-8")
 
 
 def missing(cells: Sequence[Cell], base: Base, out: Path, seed: int) -> Iterator[Cell]:
     table = read(out / "stress.csv")
-    return (cell for cell in cells if not has(table, key_of(cell, base, seed)))
+    return (cell for cell in cells if not store.has(table, key_of(cell, base, seed)))
 
 
 def seconds_of(cells: Sequence[Cell], base: Base) -> float:
