@@ -50,6 +50,7 @@ class Progress:
     loss: float
     parts: dict[str, float]
     seconds: float  # of this run, since it began or went on
+    cpu_seconds: float  # of this step
 
 
 def train(
@@ -83,6 +84,7 @@ def train(
     keep_memory()
     with one_thread():
         for step in range(done, learning.steps):
+            before = time.process_time()
             rate = set_rate(optimizer, learning, step)
             batch = batch_of(frames, recipe, network, about.seed, step).to(device)
             with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
@@ -109,8 +111,8 @@ def train(
             if report is None:
                 continue
             numbers = dict(zip(parts, whole[1:], strict=True))
-            seconds = time.monotonic() - start
-            report(Progress(done, learning.steps, rate, whole[0], numbers, seconds))
+            times = time.monotonic() - start, time.process_time() - before
+            report(Progress(done, learning.steps, rate, whole[0], numbers, *times))
     return network.eval()
 
 
@@ -239,6 +241,6 @@ class Log:
         with self.file.open("a", newline="") as opened:
             writer = csv.writer(opened)
             if new:
-                writer.writerow(["step", "rate", "loss", *p.parts, "seconds"])
-            numbers = [p.rate, p.loss, *p.parts.values(), p.seconds]
+                writer.writerow(["step", "rate", "loss", *p.parts, "seconds", "cpu_seconds"])
+            numbers = [p.rate, p.loss, *p.parts.values(), p.seconds, p.cpu_seconds]
             writer.writerow([p.step, *(f"{v:.6g}" for v in numbers)])

@@ -14,11 +14,13 @@ import pytest
 import ray
 
 from pyinfra import cli
-from pyinfra.benchmark import gpus, pool, store, worlds
+from pyinfra.benchmark import gpus, measure, pool, store, worlds
 from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, read_plan
 from pyinfra.benchmark.value import KEY, Costs, covered, value_table
 from pyinfra.config import ConfigError
+from pyinfra.hits import configs
+from pyinfra.training.recipe import read_recipe
 
 TINY = """
 detector: pointpillars
@@ -170,6 +172,19 @@ def dies(task: Path) -> None:
 
 def not_there(group: list[Path]) -> list[Path]:
     return [task for task in group if not task.exists()]
+
+
+def test_a_training_that_went_on_has_the_seconds_of_all_its_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def goes_on(_recipe: object, _sources: object, run: Path, **_how: object) -> None:
+        (run / "log.csv").write_text("step,seconds,cpu_seconds\n1,9,2.5\n2,3,1.5\n")
+
+    monkeypatch.setattr(measure, "train", goes_on)
+    monkeypatch.setattr(measure, "read_source", lambda *_: None)
+    cell = Cell("highway", "ruby_plus", "paper", "dsvt", "quick", 1)
+    recipe = read_recipe(configs() / "detectors/dsvt.yaml", "quick")
+    assert measure.trained(cell, recipe, tmp_path, tmp_path, "cpu") == 4.0
 
 
 @pytest.mark.parametrize("backend", pool.BACKENDS)

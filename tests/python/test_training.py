@@ -112,6 +112,7 @@ def test_a_killed_run_goes_on_to_the_same_weights(
     assert log.step.tolist() == [1, 2, 3, 4, 5, 6]
     kept = pd.read_csv(trained / "log.csv")
     np.testing.assert_array_equal(log.loss, kept.loss)
+    assert (log.cpu_seconds > 0).all()
 
 
 def best_recipe(steps: int = 10) -> Recipe:
