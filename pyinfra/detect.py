@@ -72,10 +72,13 @@ def detect(
 ) -> tuple[list[Detections], FloatArray]:
     """Detections and milliseconds, points to boxes, of each cloud; written as KITTI results.
 
-    Raises FormatError for a cloud that is none.
+    The results are in the camera of the frame's calib file, if there is one where a data set has
+    it, else in that of a simulated LiDAR. Raises FormatError for a cloud that is none, and
+    ValueError for two clouds of one name.
     """
     found, times = [], []
     if out is not None:
+        once(files)
         out.mkdir(parents=True, exist_ok=True)
     for file in files:
         points = kitti.read_points(file)
@@ -84,8 +87,26 @@ def detect(
         times.append(1000 * seconds)
         if out is not None:
             labels = Labels(detections.names, detections.boxes, detections.scores)
-            kitti.write_labels(out / f"{file.stem}.txt", labels)
+            kitti.write_labels(out / f"{file.stem}.txt", labels, calibration_of(file))
     return found, np.array(times)
+
+
+def once(files: Sequence[Path]) -> None:
+    """Raises ValueError if the results of two clouds would be one file."""
+    named: dict[str, Path] = {}
+    for file in files:
+        if file.stem in named:
+            raise ValueError(
+                f"{file}: found the name of {named[file.stem]}, allowed once with --out"
+            )
+        named[file.stem] = file
+
+
+def calibration_of(cloud: Path) -> kitti.Calibration | None:
+    """That of a cloud in `velodyne`, from `calib` beside it. Raises FormatError."""
+    file = cloud.parent.parent / "calib" / f"{cloud.stem}.txt"
+    beside = cloud.parent.name == "velodyne" and file.is_file()
+    return kitti.read_calibration(file) if beside else None
 
 
 def timed(detector: Detector, points: Points) -> tuple[Detections, float]:
@@ -102,9 +123,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("model", metavar="RUN", type=Path, help="folder of `pyinfra train`")
     parser.add_argument("cloud", nargs="*", type=Path, help=".bin files, x y z intensity")
-    parser.add_argument("--data", type=Path, help="folder of a LiDAR; its val frames")
+    parser.add_argument("--data", type=Path, help="folder of a LiDAR")
     parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
-    parser.add_argument("--split", help="val (default), train or all; with --data")
+    parser.add_argument(
+        "--split", help="val, train or all, with --data; default: val if split, else all"
+    )
     parser.add_argument("--frames", type=int, default=0, help="at most so many, evenly spread")
     parser.add_argument(
         "--checkpoint",
@@ -119,6 +142,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.frames < 0:
+        raise ValueError(f"--frames: found {args.frames}, allowed 0 or more")
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
     model = model_file(args.model, args.checkpoint)
@@ -128,9 +153,7 @@ def run(args: argparse.Namespace) -> int:
         numbers = frame_numbers(args.data, args.split)
         chosen = spread(numbers, args.frames) if args.frames else numbers
         files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
-        other = transfer(model, args.data)
-        if other and not args.allow_transfer:
-            print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
+        warn(model, args)
     if not files:
         raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
     found, times = detect(detector, files, args.out)
@@ -143,6 +166,19 @@ def run(args: argparse.Namespace) -> int:
         file=sys.stderr if args.out is None else sys.stdout,
     )
     return 0
+
+
+def warn(model: Path, args: argparse.Namespace) -> None:
+    """Of what makes AP lower or higher than a user may think."""
+    other = transfer(model, args.data)
+    if other and not args.allow_transfer:
+        print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
+    if not other and not args.split and not (args.data / "ImageSets/val.txt").is_file():
+        print(
+            f"pyinfra: warning: {args.data} is not split, so all frames are taken, also those that "
+            "were learnt from; `pyinfra split` it first, or --split all if this is meant",
+            file=sys.stderr,
+        )
 
 
 def _print_boxes(files: Sequence[Path], found: Sequence[Detections]) -> None:

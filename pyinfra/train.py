@@ -43,6 +43,9 @@ def train(
     Raises what reading frames and training raise.
     """
     out.mkdir(parents=True, exist_ok=True)
+    other = "last.safetensors" if recipe.detector == "background" else "background.npz"
+    if (out / other).exists():
+        raise FileExistsError(f"{out}: {other}: is there already, of another detector")
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
     return _train_network(recipe, sources, out, seed, device, precision, quiet)
@@ -189,6 +192,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if not 0 < args.budget <= 100:
         raise ValueError(f"--budget: found {args.budget:g}, allowed above 0 to 100")
+    if args.seed < 0:
+        raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
     recipe = read_recipe(args.config, args.tier)
     if DETECTORS[recipe.detector].learnt:
         steps = max(1, round(args.budget * recipe.learning.steps))

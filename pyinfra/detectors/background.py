@@ -68,6 +68,11 @@ class Config:
     gap_m: float = ruled(0.8, 0.05, 10)  # between points of a vehicle across the road, nearby
     gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
 
+    def __post_init__(self) -> None:
+        if self.clearance_m >= self.ceiling_m:
+            found, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
+            raise ValueError(f"clearance_m: found {found}, allowed below ceiling_m, {top}")
+
 
 DEFAULT = Config()
 
@@ -151,7 +156,10 @@ class Background:
         for name, (shape, kind) in allowed.items():
             array = getattr(self, name)
             if array.shape != shape or array.dtype != kind or not np.isfinite(array).all():
-                raise ValueError(f"{name}: found {array.shape} {array.dtype}, allowed {shape}")
+                raise ValueError(
+                    f"{name}: found {array.shape} {array.dtype}, "
+                    f"allowed {shape} {np.dtype(kind)}, all finite"
+                )
 
     def _rectangles(self, cloud: Floats) -> _Rectangles:
         """Clusters of what does not belong to the background; cloud: (k, 3) usable points."""

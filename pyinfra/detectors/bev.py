@@ -25,8 +25,10 @@ class BevConfig:
     up_width: int = ruled(128, 1, 1024)  # channels that each level adds to the output
 
     def __post_init__(self) -> None:
-        if not len(self.layers) == len(self.widths) == len(self.strides):
-            raise ValueError("layers, widths, strides: found other lengths, allowed one length")
+        if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
+            raise ValueError(
+                "layers, widths, strides: found none or other lengths, allowed one length"
+            )
 
 
 class BevNetwork(nn.Module):

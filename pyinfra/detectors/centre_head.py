@@ -6,6 +6,8 @@ long and as wide as the vehicle itself, along its heading, in place of a circle.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -44,7 +46,7 @@ class CentreHead(nn.Module):
             torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
         ).to(x.device)
         every = torch.cat(boxes)
-        row, column = self.cells_of(every)
+        row, column = self.cells_of(every, logits.shape[1:])
         at = found[frame, row, column]  # (k, 8)
         parts = {"heat": heat_map_focal(logits, heat), **self.box_losses(at, every, row, column)}
         return {name: part / count for name, part in parts.items()}
@@ -54,11 +56,11 @@ class CentreHead(nn.Module):
         box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum()
         return {"box": BOX_WEIGHT * box / BOX * 2}
 
-    def cells_of(self, boxes: Tensor) -> tuple[Tensor, Tensor]:
-        """Row and column (k,) of the boxes' centres."""
+    def cells_of(self, boxes: Tensor, shape: Sequence[int]) -> tuple[Tensor, Tensor]:
+        """Row and column (k,) of the boxes' centres, which float32 may have moved onto the rim."""
         low = boxes.new_tensor(self.site.area.low[:2])
         cell = ((boxes[:, :2] - low) / self.cell_m).long()
-        return cell[:, 1], cell[:, 0]
+        return cell[:, 1].clamp(max=shape[0] - 1), cell[:, 0].clamp(max=shape[1] - 1)
 
     def middle_of(self, row: Tensor, column: Tensor) -> Tensor:
         """(k, 2) x y of cells' middles, metres."""
@@ -86,7 +88,7 @@ class CentreHead(nn.Module):
         heat = boxes.new_zeros(tuple(shape))
         if len(boxes) == 0:
             return heat
-        row, column = self.cells_of(boxes)
+        row, column = self.cells_of(boxes, shape)
         y = torch.arange(shape[0], device=boxes.device) - row[:, None]  # (k, H) cells
         x = torch.arange(shape[1], device=boxes.device) - column[:, None]  # (k, W)
         cos, sin = boxes[:, 6].cos()[:, None, None], boxes[:, 6].sin()[:, None, None]

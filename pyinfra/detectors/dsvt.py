@@ -4,7 +4,7 @@ Deviations: one class; the area is that of the training vehicles; the embedding 
 to the window that its layer attends in (the published code takes it of the other window in every
 second layer) and is normalised over the places of a window, not over the voxels; one branch of the
 head for the box; Gaussians along the vehicles (centre_head.py); the loss of overlap is of turned
-boxes; the footprints of detections never overlap.
+boxes; detections are suppressed from an overlap of 0.1 on, as of all detectors here.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Config:
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
             raise ValueError(f"width: found {self.width}, allowed an even multiple of the heads")
-        if len(self.windows) != len(self.shifts):
-            raise ValueError("windows, shifts: found other lengths, allowed one length")
+        if not 0 < len(self.windows) == len(self.shifts):
+            raise ValueError("windows, shifts: found none or other lengths, allowed one length")
 
 
 class Embedding(nn.Module):

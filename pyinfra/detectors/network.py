@@ -99,7 +99,7 @@ class Network(nn.Module, abc.ABC):
 
 
 def suppressed(boxes: Tensor, scores: Tensor) -> Detections:
-    """The best boxes (n, 7) that do not overlap, with at least the least score."""
+    """The best boxes (n, 7) with at least the least score, overlapping by NMS_IOU at most."""
     good = torch.isfinite(boxes).all(dim=1) & (scores >= MIN_SCORE)
     boxes, scores = boxes[good], scores[good]
     best = scores.topk(min(CANDIDATES, len(scores))).indices

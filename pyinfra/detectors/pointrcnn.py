@@ -9,8 +9,8 @@ are in metres, because in diagonals of a box half a metre is next to no loss. Th
 batch norm as the first one has. A point's features are its intensity, its height over the site's
 floor and its place in the area, because a roadside sensor looks at vehicles from all sides, and one
 or two points do not say which side they are on. Points up to 5 cm outside a box are its vehicle's.
-Proposals to learn from are drawn without repetition; the labels, a little moved, are always among
-them. See also pointnet.py.
+Proposals to learn from are drawn without repetition, from what was proposed and from the labels,
+which are moved a little. See also pointnet.py.
 
 `sampling: faithful` draws a fixed number of points of the whole frame, each as likely as another,
 as the paper has it. Where the ground has most of the points, far vehicles lose the few they have;
@@ -207,7 +207,7 @@ class PointRCNN(Network):
         self.score = head(self.backbone.channels, 1, config.width)
         self.box = head(self.backbone.channels, 8, config.width)
         self.refiner = Refiner(config, self.backbone.channels)
-        # Batches learnt from: what is drawn follows from it, also when training goes on.
+        # Draws so far: the next ones follow from it, also when training goes on.
         self.register_buffer("draws", torch.zeros((), dtype=torch.int64))
 
     def losses(self, batch: Batch) -> Losses:

@@ -71,7 +71,10 @@ def view_of(batch: Batch, encoder: PillarEncoder, step: int) -> View:
 
 
 def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:
-    """Rows and columns of a window of at most so many cells, as square as the whole allows."""
+    """Rows and columns of a window of at most so many cells, but a step each way at least.
+
+    It is as square as the whole allows.
+    """
     rows, columns = whole
     if rows * columns <= cells:
         return whole

@@ -75,7 +75,8 @@ def build(detector: str, config: Any, site: Site) -> Network:
     """A new network; config: the detector's Config or its plain form."""
     entry = DETECTORS.get(detector)
     if entry is None or not entry.learnt:
-        raise ConfigError(f"detector: found '{detector}', allowed {', '.join(DETECTORS)}")
+        learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
+        raise ConfigError(f"detector: found '{detector}', allowed {learnt}")
     module = importlib.import_module(entry.module)
     if not isinstance(config, module.Config):
         config = from_plain(config, module.Config, f"{detector}: network")
@@ -104,7 +105,10 @@ def load(file: Path) -> Checkpoint:
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
     except SafetensorError as error:
         raise ConfigError(f"{file}: found no checkpoint ({error})") from None
-    plain = yaml.safe_load(text) if text else None
+    try:
+        plain = yaml.safe_load(text)
+    except yaml.YAMLError:
+        plain = None
     if not isinstance(plain, dict) or "format" not in plain:
         raise ConfigError(f"{file}: found no description in its header, allowed one of pyinfra")
     for key, wanted in (("format", FORMAT), ("convention", CONVENTION)):

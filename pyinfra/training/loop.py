@@ -1,7 +1,8 @@
 """The training loop: one-cycle AdamW over a fixed number of steps.
 
-Everything random is drawn from (seed, step), and the learning rate is a function of the step, so a
-run that was killed goes on from its last checkpoint as if nothing had been.
+What is random is drawn from the step, most of it from the seed as well, and the learning rate is a
+function of the step, so a run that was killed goes on from its last checkpoint as if nothing had
+been.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from pyinfra.atomic import replacing
 from pyinfra.config import ConfigError, as_plain, read_config
 from pyinfra.detectors import processes, windows
 from pyinfra.detectors.batch import Batch, Windows, make_batch
@@ -92,14 +94,12 @@ def train(
             loss = torch.stack(list(parts.values())).sum()
             # Of the whole batch, so that all processes stop if one does.
             whole = processes.mean(torch.stack([loss, *parts.values()])).tolist()
-            if not math.isfinite(whole[0]):
-                raise TrainingDiverged(
-                    f"step {step}: the loss is {whole[0]}; the last good checkpoint is {last}"
-                )
+            check_finite("loss", whole[0], step, last)
             optimizer.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             processes.average_gradients(network)
-            torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
+            norm = torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
+            check_finite("norm of the gradients", norm.item(), step, last)
             optimizer.step()
             done = step + 1
             here = dataclasses.replace(about, step=done)
@@ -114,6 +114,13 @@ def train(
             times = time.monotonic() - start, time.process_time() - before
             report(Progress(done, learning.steps, rate, whole[0], numbers, *times))
     return network.eval()
+
+
+def check_finite(name: str, value: float, step: int, last: Path) -> None:
+    """Raises TrainingDiverged; `last` is where a checkpoint lies, if there is one yet."""
+    if not math.isfinite(value):
+        good = f"the last good checkpoint is {last}" if last.exists() else "no checkpoint is there"
+        raise TrainingDiverged(f"step {step}: the {name} is {value}; {good}")
 
 
 def batch_of(frames: Frames, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
@@ -233,8 +240,11 @@ class Log:
     def __init__(self, file: Path, done: int) -> None:
         self.file = file
         rows = file.read_text().splitlines() if file.exists() else []
-        kept = [row for row in rows[1:] if int(row.split(",")[0]) <= done]
-        file.write_text("".join(f"{row}\n" for row in [*rows[:1], *kept]))
+        # A row that a full disk cut is not of a step that is done.
+        whole = [row for row in rows if row.count(",") == rows[0].count(",")]
+        kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
+        with replacing(file) as beside:
+            beside.write_text("".join(f"{row}\n" for row in [*whole[:1], *kept]))
 
     def __call__(self, p: Progress) -> None:
         new = self.file.stat().st_size == 0

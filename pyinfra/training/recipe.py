@@ -13,7 +13,7 @@ from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import TIERS, Tier
 
-# Of the layers; places of points, losses and boxes always have 32 bits.
+# Of the layers; in which cell a point lies, searches, losses and boxes always have 32 bits.
 Precision = Literal["float32", "bfloat16"]
 
 
@@ -25,7 +25,7 @@ class Learning:
     batch: int = ruled(4, 1, 1024)  # frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # the highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # of AdamW
-    clip: float = ruled(10.0, 0, 1e6)  # of the gradients' norm
+    clip: float = ruled(10.0, 1e-6, 1e6)  # of the gradients' norm
     window_m2: float = ruled(0.0, 0, 1e9)  # the most a frame shows a network on pillars; 0: all
     # The last ones of each LiDAR are not learnt from: they choose best.safetensors. None by
     # default, because the published figures are of networks that learnt from all frames.

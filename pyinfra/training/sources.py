@@ -14,6 +14,7 @@ import yaml
 from pyinfra import kitti, split
 from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.detectors import Points
+from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, FloatArray, read_yaml
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def read_source(folder: Path, tier: Tier) -> Source:
     lidar = kitti.read_lidar(folder)
     listed = folder / "ImageSets/train.txt"
     if listed.is_file():
-        numbers = tuple(int(line) for line in listed.read_text().split())
+        numbers: Sequence[int] = frame_numbers(folder, "train")
     else:
         numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
     frames = spread(numbers, MOST_FRAMES[tier])

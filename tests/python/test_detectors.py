@@ -420,7 +420,7 @@ def test_a_vehicle_of_no_anchors_size_still_gets_one() -> None:
 def test_a_centre_survives_its_cell_and_has_all_the_heat() -> None:
     head = CentreHead(4, 4, SITE, 0.8)
     boxes = torch.from_numpy(road_sample(8).boxes).float()
-    row, column = head.cells_of(boxes)
+    row, column = head.cells_of(boxes, (32, 48))
     torch.testing.assert_close(
         head.decode(head.encode(boxes, row, column), row, column), boxes, atol=1e-4, rtol=1e-4
     )
@@ -428,6 +428,14 @@ def test_a_centre_survives_its_cell_and_has_all_the_heat() -> None:
     assert (heat[row, column] == 1).all()
     assert heat.max() == 1
     assert (heat == 1).sum() == len(boxes)
+
+
+def test_a_centre_that_float32_rounds_onto_the_rim_is_in_the_last_cell() -> None:
+    head = CentreHead(4, 4, SITE, 0.8)
+    box = torch.from_numpy(road_sample(8).boxes[:1]).float()
+    box[0, :2] = torch.tensor(SITE.area.high[:2])
+    row, column = head.cells_of(box, (32, 48))
+    assert (row.tolist(), column.tolist()) == ([31], [47])
 
 
 def test_detectors_are_given_by_name_and_class() -> None:

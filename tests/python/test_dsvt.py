@@ -204,7 +204,7 @@ def test_a_score_mixes_heat_and_fit_where_there_is_heat() -> None:
 def test_the_fit_learns_the_overlap_of_the_box_that_was_found() -> None:
     head = IouHead(4, 4, SITE, 0.8, 0.68)
     boxes = torch.from_numpy(road_sample(9).boxes).float()
-    row, column = head.cells_of(boxes)
+    row, column = head.cells_of(boxes, (32, 48))
     exact = torch.cat([head.encode(boxes, row, column), torch.ones(len(boxes), 1)], dim=1)
     for value in head.box_losses(exact, boxes, row, column).values():
         assert float(value) == pytest.approx(0, abs=0.01)

@@ -351,6 +351,19 @@ def test_a_loss_that_is_no_number_stops_with_the_step_and_the_checkpoint(
         run(lidar_folder, tmp_path)
 
 
+def test_gradients_that_are_no_numbers_never_reach_a_checkpoint(
+    lidar_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def spoilt(network: torch.nn.Module) -> None:
+        next(network.parameters()).grad.fill_(float("nan"))  # type: ignore[union-attr]
+
+    monkeypatch.setattr(loop.processes, "average_gradients", spoilt)
+    message = "step 0: the norm of the gradients is nan; no checkpoint is there"
+    with pytest.raises(loop.TrainingDiverged, match=message):
+        run(lidar_folder, tmp_path)
+    assert not (tmp_path / "last.safetensors").exists()
+
+
 def test_the_rate_rises_falls_and_spans_all_steps() -> None:
     optimizer = torch.optim.AdamW([torch.nn.Parameter(torch.zeros(1))])
     learning = recipe(100).learning
@@ -395,7 +408,7 @@ def changed(file: Path, out: Path, **keys: object) -> Path:
     [
         ({"format": 2}, "format: found '2', allowed '1'"),
         ({"convention": "y up"}, "convention: found 'y up', allowed 'levelled LiDAR"),
-        ({"detector": "unknown"}, "detector: found 'unknown', allowed background"),
+        ({"detector": "unknown"}, "detector: found 'unknown', allowed pointpillars"),
         ({"step": "many"}, "step: found 'many', allowed a whole number"),
         ({"network": {"pillar_m": 0.4, "pillar_width": 8}}, "size mismatch"),
     ],
@@ -417,6 +430,9 @@ def test_what_is_no_checkpoint_is_named_and_never_run(tmp_path: Path) -> None:
         (tmp_path / "bad.safetensors").write_bytes(text)
         with pytest.raises(ConfigError, match=r"bad.safetensors: found no"):
             checkpoint.load(tmp_path / "bad.safetensors")
+    save_file({}, tmp_path / "bad.safetensors", metadata={"about": "{a: [1"})
+    with pytest.raises(ConfigError, match="found no description in its header"):
+        checkpoint.load(tmp_path / "bad.safetensors")
     assert not (tmp_path / "ran").exists()
     with pytest.raises(FileNotFoundError):
         checkpoint.load(tmp_path / "none")
@@ -453,6 +469,54 @@ def test_detect_writes_results_that_evaluate_reads(
     assert len(rows) == 1 + len(labels)
 
 
+def test_results_are_in_the_camera_of_the_data(
+    lidar_folder: Path, trained: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "road/ring"
+    shutil.copytree(lidar_folder, other)
+    own = kitti.read_calibration(kitti.frame_file(other, "calib", 9))
+    moved = own.Tr_velo_to_cam + np.array([[0, 0, 0, 0.3], [0, 0, 0, -0.1], [0, 0, 0, 2]])
+    camera = dataclasses.replace(own, Tr_velo_to_cam=moved)
+    kitti.write_calibration(kitti.frame_file(other, "calib", 9), camera)
+    words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
+    assert cli.main(words) == 0
+    ((found,), _) = detect.detect(
+        detect.load_detector(trained), [kitti.frame_file(lidar_folder, "velodyne", 9)], None
+    )
+    labels = kitti.read_labels(tmp_path / "pred/000009.txt", scores=True, calibration=camera)
+    np.testing.assert_allclose(labels.boxes, found.boxes, atol=1e-3)
+
+
+def test_two_clouds_of_one_name_are_not_written_over_one_another(
+    lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
+    other = shutil.copy(cloud, tmp_path)
+    words = ["detect", str(trained), str(cloud), other, "--out", str(tmp_path / "pred")]
+    assert cli.main(words) == 2
+    assert f"{other}: found the name of {cloud}" in capsys.readouterr().err
+    assert not (tmp_path / "pred").exists()
+
+
+def test_frames_that_may_have_been_learnt_from_are_a_warning(
+    lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = tmp_path / "road/ring"
+    shutil.copytree(lidar_folder, whole)
+    shutil.rmtree(whole / "ImageSets")
+    words = ["detect", str(trained), "--data", str(whole), "--out", str(tmp_path / "pred")]
+    assert cli.main(words) == 0
+    assert "is not split, so all frames are taken" in capsys.readouterr().err
+    assert cli.main([*words, "--split", "all"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "background.npz").touch()
+    with pytest.raises(FileExistsError, match=r"background.npz: is there already, of another"):
+        run(lidar_folder, tmp_path)
+
+
 def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -473,6 +537,7 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     ("words", "message"),
     [
         (["--tier", "huge"], "invalid choice"),
+        (["--seed", "-1"], "--seed: found -1, allowed 0 or more"),
         (["--budget", "0"], "--budget: found 0, allowed above 0"),
         (["--device", "tpu"], "--device: found 'tpu', allowed cpu"),
         (["--device", "cuda:99"], "--device: found 'cuda:99', allowed cpu"),
