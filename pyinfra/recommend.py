@@ -1,7 +1,7 @@
 """`pyinfra recommend RESULTS --budget 8000 --min-ap 85 --range 100`: an answer in words.
 
 Every figure is of the tables of `pyinfra benchmark` in RESULTS. Road counts as covered where the AP
-of the ground truth `all` in a window of 20 m is at least what is asked.
+of the ground truth `all` in a window of 20 m is above what is asked.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import pandas as pd
 
 from pyinfra.benchmark.store import read
 from pyinfra.benchmark.value import KEY, REGION_M, covered
+from pyinfra.statistics.selection import first_seed
 from pyinfra.training.sources import TIERS
 
 PRESETS = ("datasheet", "equal", "paper")  # the first that was measured, unless one is asked for
@@ -37,16 +38,23 @@ Option = dict[str, Any]  # a finished cell with price_usd, covered_m and road_m
 
 
 def read_options(results: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
-    """The finished cells of a scene, seed 1, best first: most road covered, then lowest price.
+    """The finished cells of a scene, lowest seed, best first: most road covered, then lowest price.
 
-    Raises FileNotFoundError without tables, ValueError for a scene that was not measured.
+    Raises FileNotFoundError without tables, ValueError for a scene that was not measured, or if the
+    table of prices has not all cells.
     """
     files = [results / f"{tier}{name}.csv" for name in ("", "_value", "_distance")]
     for file in files:
         if not file.is_file():
             raise FileNotFoundError(2, "No such table; `pyinfra benchmark` writes it", str(file))
     cells, value, distance = map(read, files)
-    table = cells[cells.seed == 1].merge(value[[*KEY, "price_usd"]], on=KEY)
+    done = first_seed(cells[cells.ap.notna()])
+    table = done.merge(value[[*KEY, "price_usd"]], on=KEY)
+    if len(table) < len(done):
+        raise ValueError(
+            f"{files[1]}: found {len(table)} of {len(done)} cells, allowed all; "
+            "`pyinfra benchmark` once more writes it"
+        )
     scene, preset = chosen(table, scene, preset)
     table = table[(table.scene == scene) & (table.preset == preset)]
     table = table.merge(covered(distance, wish.min_ap, wish.range_m), on=KEY)
@@ -118,7 +126,8 @@ def doubts(good: Sequence[Option], wish: Wish) -> Iterator[str]:
         names = ", ".join(map(name, unsure))
         yield f"Not sure to reach AP {wish.min_ap:g}: {names}: the interval begins below it."
     if first["covered_m"] < first["road_m"]:
-        yield "No option covers the whole of the road; several LiDARs, or a lower AP, might."
+        more = "several LiDARs, a higher budget or a lower AP might"
+        yield f"None of these covers the whole of the road; {more}."
 
 
 def overlap(a: Option, b: Option) -> bool:
@@ -136,7 +145,7 @@ def left_out(options: Sequence[Option], wish: Wish) -> Iterator[str]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Says which LiDAR and detector suit a budget, by a benchmark's tables."
-    parser.epilog = "example: pyinfra recommend results --budget 8000 --min-ap 85 --range 100"
+    parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
     parser.add_argument("results", type=Path, help="folder of `pyinfra benchmark`")
     parser.add_argument("--budget", type=float, required=True, help="USD for LiDAR and site")
     parser.add_argument("--min-ap", type=float, default=85.0, help="0 to 100; default: 85")

@@ -14,6 +14,7 @@ import pandas as pd
 
 from pyinfra.claims import ABOVE_0, ABOVE_1, AVIA, LINES_64, LINES_128, SPINNING, Row, verdict
 from pyinfra.statistics.compare import Figure
+from pyinfra.statistics.selection import each_road_once, first_seed, first_stress
 
 DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
@@ -35,24 +36,21 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     tables: `cells`, `areas`, `distance` and `value` of a benchmark, and `stress` where there is
     one. A case whose cells are not all there has no row.
     """
-    kept = {name: of_first_seed(rows) for name, rows in tables.items() if len(rows)}
+    kept = {name: rows for name, rows in tables.items() if len(rows)}
+    of_cells = ("cells", "areas", "distance", "value")
+    kept |= {name: first_seed(kept[name]) for name in of_cells if name in kept}
     cells = kept["cells"].dropna(subset=["ap"])
     rows: list[dict[str, object]] = []
     for (scene, preset), own in cells.groupby(["scene", "preset"], sort=False):
         here = {
             name: t[(t.scene == scene) & (t.preset == preset)]
             for name, t in kept.items()
-            if name in ("areas", "distance", "value")
+            if name in of_cells
         }
         case = {"scene": scene, "preset": preset, "version": own.version.iloc[-1]}
         rows.extend(asdict(row) | case for row in claims(own, here))
     rows.extend(tilt(kept.get("stress", pd.DataFrame())))
     return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def of_first_seed(rows: pd.DataFrame) -> pd.DataFrame:
-    """Those of the smallest seed."""
-    return rows[rows.seed == rows.seed.min()] if "seed" in rows else rows
 
 
 def claims(cells: pd.DataFrame, tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
@@ -62,7 +60,7 @@ def claims(cells: pd.DataFrame, tables: dict[str, pd.DataFrame]) -> Iterator[Row
         yield from across_lidars(ap, detector)
         yield from areas(tables.get("areas", pd.DataFrame()), detector)
         yield from gentle(tables.get("distance", pd.DataFrame()), detector)
-        yield from value(ap, tables.get("value", pd.DataFrame()), detector)
+        yield from value(ap, tables, detector)
     for lidar in (LINES_128, AVIA, LINES_64, "helios_16"):
         yield from across_detectors(ap, lidar)
 
@@ -92,37 +90,51 @@ def across_detectors(ap: Cells, lidar: str) -> Iterator[Row]:
     order = sorted(found, key=lambda name: found[name].value)
     best, worst = found[order[-1]], found[order[0]]
     if (lidar, "pointrcnn") in ap:
-        text = f"{lidar}: AP of {order[-1]} less that of PointRCNN 20 or more"
+        text = f"{lidar}: AP of the best ({order[-1]}) less that of PointRCNN 20 or more"
         behind = best.less(ap[lidar, "pointrcnn"])
         yield tested("algorithms", text, behind, (20.0, math.inf))
     for name in ("pv-rcnn", "pointpillars"):
-        text = f"{lidar}: AP of {order[-1]} less that of {name} 5 or less"
-        zero = Figure(0.0, 0.0, 0.0)
-        lead = best.less(found[name]) if name != order[-1] else zero
-        yield tested("algorithms", text, lead, AT_MOST_5)
-    text = f"{lidar}: AP of {order[-1]} less that of {order[0]} 5 or less"
+        if name != order[-1]:
+            text = f"{lidar}: AP of the best ({order[-1]}) less that of {name} 5 or less"
+            yield tested("algorithms", text, best.less(found[name]), AT_MOST_5)
+    text = f"{lidar}: AP of the best ({order[-1]}) less the lowest ({order[0]}) 5 or less"
     yield tested("similar", text, best.less(worst), AT_MOST_5)
 
 
 def areas(table: pd.DataFrame, detector: str) -> Iterator[Row]:
     """Share and number of high-quality areas, over all roads."""
-    if table.empty:
+    number = high_quality(table, detector, "captured")
+    if AVIA not in number or LINES_128 not in number:
         return
-    captured = table[(table.ground_truth == "captured") & (table.detector == detector)]
-    sums = captured.groupby("lidar")[["n_tda", "n_hqda", "undecided"]].sum()
-    sums = sums[sums.n_tda > 0]  # a run so short that no area counts says nothing
-    if AVIA not in sums.index or LINES_128 not in sums.index:
-        return
-    counts = {name: sums.loc[name] for name in (AVIA, LINES_128)}
-    share, number = {}, {}
-    for name, c in counts.items():
-        low, high = max(0, c.n_hqda - c.undecided), min(c.n_tda, c.n_hqda + c.undecided)
-        number[name] = Figure(float(c.n_hqda), float(low), float(high))
-        share[name] = number[name].times(100 / c.n_tda)
+    share = {name: count.times(100 / every) for name, (count, every) in number.items()}
     text = f"{detector}: share of high-quality areas of the Avia less that of 128 lines within 10"
     yield tested("areas", text, share[AVIA].less(share[LINES_128]), (-10.0, 10.0))
     text = f"{detector}: number of high-quality areas of 128 lines less that of the Avia above 0"
-    yield tested("areas", text, number[LINES_128].less(number[AVIA]), ABOVE_0)
+    yield tested("areas", text, number[LINES_128][0].less(number[AVIA][0]), ABOVE_0)
+
+
+def high_quality(
+    table: pd.DataFrame, detector: str, ground_truth: str
+) -> dict[str, tuple[Figure, float]]:
+    """Areas of high quality, give or take the undecided ones, and all areas, by LiDAR.
+
+    A LiDAR without areas, in a run so short that none counts, is left out.
+    """
+    if table.empty:
+        return {}
+    own = table[(table.ground_truth == ground_truth) & (table.detector == detector)]
+    sums = each_road_once(own).groupby("lidar")[["n_tda", "n_hqda", "undecided"]].sum()
+    return {
+        str(c.Index): (
+            Figure(
+                float(c.n_hqda),
+                float(max(0, c.n_hqda - c.undecided)),
+                float(min(c.n_tda, c.n_hqda + c.undecided)),
+            ),
+            float(c.n_tda),
+        )
+        for c in sums[sums.n_tda > 0].itertuples()
+    }
 
 
 def gentle(table: pd.DataFrame, detector: str) -> Iterator[Row]:
@@ -155,30 +167,34 @@ def slope(windows: pd.DataFrame) -> Figure:
     return Figure(value, value - half, value + half)
 
 
-def value(ap: Cells, table: pd.DataFrame, detector: str) -> Iterator[Row]:
+def value(ap: Cells, tables: dict[str, pd.DataFrame], detector: str) -> Iterator[Row]:
     """AP and areas per dollar of the Avia, single and as a bundle, over the best of the others."""
+    table = tables.get("value", pd.DataFrame())
     if table.empty:
         return
+    areas = high_quality(tables.get("areas", pd.DataFrame()), detector, "all")
     own = table[table.detector == detector].set_index("lidar")
     if not set(SPINNING) <= set(own.index):
         return
     for name, words in ((AVIA, "the Avia"), (BUNDLE, "five Avias")):
         if name not in own.index:
             continue
-        bought = {
-            lidar: ap[lidar, detector].times(1000 / own.price_usd[lidar])
-            for lidar in (name, *SPINNING)
-        }
-        best = max(SPINNING, key=lambda lidar: bought[lidar].value)
-        text = f"{detector}: AP per dollar of {words} over that of {best} above 1"
-        yield tested("value", text, bought[name].over(bought[best]), ABOVE_1)
-        count = own.n_hqda / own.price_usd
-        best = count[list(SPINNING)].idxmax()
-        if not count[best] > 0:
-            continue
-        ratio = float(count[name] / count[best])
-        text = f"{detector}: high-quality areas per dollar of {words} over {best} above 1"
-        yield tested("value", text, Figure(ratio, ratio, ratio), ABOVE_1)
+        rivals = (name, *SPINNING)
+        bought = {lidar: ap[lidar, detector] for lidar in rivals}
+        yield from per_dollar(f"{detector}: AP per dollar of {words}", bought, own.price_usd)
+        if set(rivals) <= set(areas):
+            counts = {lidar: areas[lidar][0] for lidar in rivals}
+            text = f"{detector}: high-quality areas per dollar of {words}"
+            yield from per_dollar(text, counts, own.price_usd)
+
+
+def per_dollar(text: str, bought: dict[str, Figure], usd: pd.Series) -> Iterator[Row]:
+    """The first per dollar over the best of the others; nothing if these have nothing."""
+    first, *others = ((name, figure.times(1000 / usd[name])) for name, figure in bought.items())
+    best, most = max(others, key=lambda pair: pair[1].value)
+    if most.value > 0:
+        text = f"{text} over the best of the others ({best}) above 1"
+        yield tested("value", text, first[1].over(most), ABOVE_1)
 
 
 def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
@@ -186,17 +202,18 @@ def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
     if stress.empty:
         return []
     rows = []
-    own = stress[(stress.lidar == AVIA) & stress.stressor.isin(["none", "tilt"])]
-    own = own.assign(dial=pd.to_numeric(own.dial)).dropna(subset=["ap"])
-    for (scene, detector), curve in own.groupby(["scene", "detector"], sort=False):
+    own = first_stress(stress[stress.lidar == AVIA])
+    own = own[own.stressor.isin(["none", "tilt"]) & own.ap.notna()]
+    own = own.assign(dial=pd.to_numeric(own.dial))
+    for key, curve in own.groupby(["scene", "preset", "detector"], sort=False):
         level = curve[curve.stressor == "none"]
         tilted = curve[(curve.stressor == "tilt") & curve.dial.between(0, STEEPEST_DEG)]
         if level.empty or tilted.empty:
             continue
         both = (tilted.loc[tilted.ap.idxmax()], level.iloc[0])
         best, without = (Figure(r.ap, r.ap_low, r.ap_high) for r in both)
-        text = f"{detector}: highest AP with a tilt of up to 20 deg less AP with none 2 or less"
+        text = f"{key[2]}: highest AP with a tilt of up to 20 deg less AP with none 2 or less"
         row = tested("tilt", text, best.less(without), (-math.inf, 2.0))
-        case = {"scene": scene, **curve[["preset", "version"]].iloc[-1]}
+        case = {"scene": key[0], "preset": key[1], "version": curve.version.iloc[-1]}
         rows.append(asdict(row) | case)
     return rows

@@ -63,17 +63,17 @@ def run(args: argparse.Namespace) -> int:
 
         device_of(args.device)
     benchmark(plan, place, where, device=args.device)
-    table = store.read(place.table("cells"))
-    own = [store.has(table, vars(cell)) for cell in plan.cells]
-    failed = int(table.reason.notna().sum()) if "reason" in table else 0
-    print(f"{sum(own) - failed} of {len(plan.cells)} cells in {place.table('cells')}")
-    return 1 if failed else 0
+    table = place.finished()
+    done = [store.has(table, vars(cell)) for cell in plan.cells]
+    print(f"{sum(done)} of {len(plan.cells)} cells in {place.table('cells')}")
+    return 0 if all(done) else 1
 
 
 def outlook(plan: Plan, place: Place, jobs: int) -> str:
     """The cells that have no row, and how long they will take by the rows that are there."""
-    left = place.without_row(plan.cells)
-    seconds = expected_seconds(left, store.read(place.table("cells")))
+    table = place.finished()
+    left = [cell for cell in plan.cells if not store.has(table, vars(cell))]
+    seconds = expected_seconds(left, table)
     lines = [f"{cell.title}: {s:.0f} s" for cell, s in zip(left, seconds, strict=True)]
     total = sum(seconds)
     lines.append(

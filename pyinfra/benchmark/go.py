@@ -53,6 +53,11 @@ class Place:
         for name, rows in tables.items():
             store.put(self.table(name), rows, KEYS[name], self.work / "results.lock")
 
+    def finished(self) -> pd.DataFrame:
+        """The rows of cells that did not fail."""
+        table = store.read(self.table("cells"))
+        return table[table.ap.notna()] if len(table) else table
+
     def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
         table = store.read(self.table("cells"))
         return [cell for cell in cells if not store.has(table, asdict(cell))]
@@ -121,6 +126,7 @@ def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
         place.put(found)
+        conclude(place, plan)
     print(progress(cell, found["cells"].iloc[0]), file=sys.stderr, flush=True)
 
 
@@ -134,7 +140,7 @@ def progress(cell: Cell, row: pd.Series) -> str:
 def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
     """Measures the latency of every finished cell whose run is here, one after the other."""
     for cell in plan.cells:
-        run, table = place.work / "runs" / cell.name, store.read(place.table("cells"))
+        run, table = place.work / "runs" / cell.name, place.finished()
         if not run.is_dir() or not store.has(table, asdict(cell)):
             continue
         rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)]
@@ -145,10 +151,15 @@ def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
 
 
 def conclude(place: Place, plan: Plan) -> None:
-    """Works out prices and claims again, if there is a finished cell.
+    """Works out prices and claims again, if there is a finished cell; after each, so they fit.
 
     The smoke tier shows that all works, and its networks have hardly learnt: it tests no claim.
     """
+    with held(place.work / "conclude.lock", wait=True):
+        _conclude(place, plan)
+
+
+def _conclude(place: Place, plan: Plan) -> None:
     tables = {name: store.read(place.table(name)) for name in READ}
     if not all(len(table) for table in tables.values()):
         return

@@ -21,6 +21,10 @@ from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source
 
 Tables = dict[str, pd.DataFrame]
+MEASURED = (
+    *("ap", "ap_low", "ap_high", "ap_common", "ap_all", "objects", "train_seconds"),
+    *("latency_p50_ms", "latency_p95_ms", "latency_version"),
+)
 
 
 def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
@@ -87,7 +91,9 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -
 def failed(cell: Cell, error: BaseException) -> Tables:
     """The row of a cell that failed, with its reason in one line."""
     reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
-    return {"cells": pd.DataFrame([{**asdict(cell), **provenance(), "reason": reason}])}
+    nothing = dict.fromkeys(MEASURED, np.nan)
+    row = {**asdict(cell), **nothing, **provenance(), "reason": reason}
+    return {"cells": pd.DataFrame([row])}
 
 
 def provenance() -> dict[str, object]:

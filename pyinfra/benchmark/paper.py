@@ -5,8 +5,8 @@ from __future__ import annotations
 import pandas as pd
 from scipy.stats import spearmanr
 
-from pyinfra.benchmark.claims import of_first_seed
 from pyinfra.hits import paper_ap
+from pyinfra.statistics.selection import first_seed
 
 CASE = ["scene", "lidar", "detector"]
 LEAST_CELLS = 3
@@ -18,7 +18,7 @@ def paper_table(cells: pd.DataFrame) -> pd.DataFrame:
     One row a scene, and one for the scenes together (`all`); over the cells that both have.
     Columns scene, preset, cells, rank_correlation, p_value, mean_difference (here less the paper).
     """
-    own = of_first_seed(cells[cells.preset == "paper"]).dropna(subset=["ap"])
+    own = first_seed(cells[cells.preset == "paper"]).dropna(subset=["ap"])
     both = own.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
     groups = [*both.groupby("scene", sort=False), ("all", both)]
     rows = [{"scene": s, "preset": "paper", **agreement(t)} for s, t in groups]

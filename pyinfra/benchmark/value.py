@@ -9,6 +9,7 @@ import pandas as pd
 
 from pyinfra.config import ruled
 from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
+from pyinfra.statistics.selection import each_road_once
 
 KEY = ["scene", "lidar", "preset", "detector", "tier", "seed"]  # of a cell
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
@@ -46,7 +47,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     price = tables["lidars"].assign(
         lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2, site_usd=costs.site_usd
     )[["lidar", "preset", "lidar_usd", "site_usd"]]
-    areas = tables["areas"]
+    areas = each_road_once(tables["areas"])
     areas = areas[areas.ground_truth == "all"].groupby(KEY, as_index=False)[["n_hqda"]].sum()
     hits = tables["hits"][["scene", "preset", "lidar", "vehicle_points_per_frame"]]
     t = cells.merge(price, on=["lidar", "preset"]).merge(areas, on=KEY, how="left")
@@ -85,9 +86,10 @@ def covered(
             for i in range(steps)
         ]
     ).drop_duplicates()
-    inside = pieces[(pieces.piece >= -within_m) & (pieces.piece < within_m)]
+    ends = (pieces.piece + WINDOW_STEP_M).clip(upper=within_m)
+    pieces["covered_m"] = (ends - pieces.piece.clip(lower=-within_m)).clip(lower=0)
     every = distance[KEY].drop_duplicates()
-    metres = WINDOW_STEP_M * inside.groupby(KEY).size().rename("covered_m")
+    metres = pieces.groupby(KEY).covered_m.sum()
     return every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
 
 

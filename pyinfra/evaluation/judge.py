@@ -67,8 +67,11 @@ class Settings:
         for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
             if not getattr(self, name):
                 raise ValueError(f"{name}: found none, allowed one or more")
-        if not all(0.1 <= iou < 1 for iou in self.ious):
-            raise ValueError(f"iou: found {min(self.ious):g}, allowed 0.1 to below 1")
+        for iou in self.ious:
+            if not 0.1 <= iou < 1:
+                raise ValueError(f"iou: found {iou:g}, allowed 0.1 to below 1")
+        if self.min_objects < 1 or self.seed < 0:
+            raise ValueError("found a setting out of range, allowed objects > 0, seed 0 or more")
         if not 0 <= self.min_score <= 1 or self.draws < 1 or self.min_points < 1:
             raise ValueError(
                 "found a setting out of range, allowed score 0-1, draws and points > 0"

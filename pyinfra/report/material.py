@@ -48,16 +48,23 @@ class Material:
     def presets(self) -> list[str]:
         return in_order(self.results.table("cells").preset, PRESETS)
 
-    def preset_of_answers(self, rows: pd.DataFrame) -> str:
-        """The preset nearest to the LiDARs one can buy, of those with two LiDARs or more.
+    def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """The rows of each scene under one preset: of those with two LiDARs or more the nearest to
+        LiDARs one can buy.
 
-        rows: one or more, with columns preset and lidar.
+        rows: with columns scene, preset and lidar.
         """
-        counts = rows.groupby("preset").lidar.nunique()
-        for preset in reversed(PRESETS):
-            if counts.get(preset, 0) >= 2:
-                return preset
-        return str(rows.preset.iloc[0])
+        chosen = {str(s): preset_of_answers(own) for s, own in rows.groupby("scene")}
+        return rows[rows.preset == rows.scene.map(chosen)]
+
+
+def preset_of_answers(rows: pd.DataFrame) -> str:
+    """rows: of one scene, one or more, with columns preset and lidar."""
+    counts = rows.groupby("preset").lidar.nunique()
+    for preset in reversed(PRESETS):
+        if counts.get(preset, 0) >= 2:
+            return preset
+    return str(rows.preset.iloc[0])
 
 
 def read_material(

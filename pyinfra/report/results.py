@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.report.blocks import Source
+from pyinfra.statistics.selection import first_seed
 
 TIERS = ("full", "quick", "smoke")
 CELL = ["scene", "lidar", "preset", "detector", "tier", "seed"]
@@ -57,7 +58,8 @@ KINDS = {
     "value": _kind(
         "{tier}_value.csv",
         f"{_CELL} pareto dominated_by",
-        "price_usd ap ap_all ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
+        "price_usd site_usd ap ap_all "
+        "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
     ),
     "lidars": _kind(
         "lidars.csv", "lidar price_source price_date", "units price_low_usd price_high_usd"
@@ -68,7 +70,9 @@ KINDS = {
     ),
     "paper": _kind("{tier}_paper.csv", "scene preset", "cells rank_correlation mean_difference"),
     "stress": _kind(
-        "stress.csv", "detector lidar scene stressor dial unit seed", "ap ap_low ap_high"
+        "stress.csv",
+        "detector run lidar preset scene stressor dial unit seed frames",
+        "ap ap_low ap_high",
     ),
     "stress_ranking": _kind("stress_ranking.csv", "", ""),
     "stress_summary": _kind("stress_summary.csv", "", ""),
@@ -107,10 +111,7 @@ class Results:
     def done(self) -> pd.DataFrame:
         """The cells that have an AP, of the lowest seed of each."""
         cells = self.tables["cells"]
-        rows = cells[cells.ap.notna()]
-        order = pd.to_numeric(rows.seed, errors="coerce").sort_values(kind="stable").index
-        first = rows.loc[order].drop_duplicates([c for c in CELL if c != "seed"])
-        return first.sort_index()
+        return first_seed(cells[cells.ap.notna()])
 
     def file(self, name: str) -> str:
         return KINDS[name].file.format(tier=self.tier)

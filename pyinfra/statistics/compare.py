@@ -31,4 +31,5 @@ class Figure:
             for f in (self, other)
         ]
         found = logs[0].less(logs[1])
-        return Figure(math.exp(found.value), math.exp(found.low), math.exp(found.high))
+        high = math.exp(found.high) if other.low > 0 else math.inf
+        return Figure(math.exp(found.value), math.exp(found.low), high)

@@ -43,16 +43,20 @@ def stress(table: pd.DataFrame) -> Figure:
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots(down, across, squeeze=False, sharey=True)
         for ax, name in zip(axes.flat, names, strict=False):
-            for key, stressor, curve in found:
-                if stressor.name == name:
-                    _line(ax, curve, stressor, looks, key["detector"])
-            _finish(ax, STRESSORS[name])
+            own = [
+                (key["detector"], curve) for key, stressor, curve in found if stressor.name == name
+            ]
+            for detector, curve in own:
+                _line(ax, curve, STRESSORS[name], looks, detector)
+            _finish(ax, STRESSORS[name], pd.concat([curve for _, curve in own]))
         for ax in axes[:, 0]:
             ax.set_ylabel("AP")
         for ax in axes.flat[len(names) :]:
             ax.remove()
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+        drawn = [ax.get_legend_handles_labels() for ax in figure.axes]
+        handles = {label: handle for pair in drawn for handle, label in zip(*pair, strict=True)}
+        shown = [handles[name] for name in looks]
+        figure.legend(shown, looks, loc="outside lower center", ncols=len(looks), frameon=False)
     return figure
 
 
@@ -73,7 +77,6 @@ def _line(
             label=label,
             **style,
         )
-        ax.set_xticks(curve["at"], curve.dial, rotation=25, ha="right")
         return
     ax.plot(curve["at"], curve.ap, label=label, linestyle=LINES[at % len(LINES)], **style)
     ax.fill_between(curve["at"], curve.ap_low, curve.ap_high, color=colour, alpha=0.2, linewidth=0)
@@ -85,7 +88,10 @@ def _reach(curve: pd.DataFrame) -> list[pd.Series]:
     return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
 
 
-def _finish(ax: Axes, stressor: Stressor) -> None:
+def _finish(ax: Axes, stressor: Stressor, curves: pd.DataFrame) -> None:
+    if stressor.named:
+        named = curves.drop_duplicates("dial")
+        ax.set_xticks(named["at"], named.dial, rotation=25, ha="right")
     ax.set(title=stressor.name.replace("_", " "), ylim=(0, 102))
     ax.set_xlabel(UNITS.get(stressor.unit, stressor.unit))
     if stressor.name == "training_frames":

@@ -43,7 +43,10 @@ def _own_dial(stressor: Stressor, base: pd.DataFrame) -> str:
 
 def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
     if stressor.named:
-        return curve.assign(at=np.arange(len(curve), dtype=np.float64))
+        known = list(map(str, stressor.dials))
+        order = [*known, *(dial for dial in curve.dial if dial not in known)]
+        at = curve.dial.map(order.index).astype(np.float64)
+        return curve.assign(at=at).sort_values("at", ignore_index=True)
     curve = curve.assign(at=curve.dial.astype(float))
     # Fewer frames are the stronger dial.
     return curve.sort_values("at", ascending=stressor.name != "training_frames", ignore_index=True)
@@ -131,16 +134,17 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     rows = summary(table)
     if len(rows) == 0:
         return rows
+    rows["dials"] = [" ".join(curve.dial) for _, _, curve in curves(table)]
     rows = rows[
         ~rows.stressor.isin([s.name for s in STRESSORS.values() if s.acts_on == "training"])
     ]
     found = []
     for key, part in rows.groupby(["lidar", "preset", "scene", "seed", "frames"], sort=False):
-        by_run = part.pivot_table(
+        by_run = part.pivot(
             index=["detector", "run"], columns="stressor", values=["gentleness", "dials"]
         )
         whole = by_run["dials"].notna().all() & (by_run["dials"].nunique() == 1)
-        common = by_run["gentleness"].loc[:, _names(whole)].dropna(axis=1)
+        common = by_run["gentleness"].loc[:, _names(whole)].astype(float).dropna(axis=1)
         if common.shape[1] == 0:
             continue
         mean = common.mean(axis=1).sort_values(ascending=False)

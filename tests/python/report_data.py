@@ -71,7 +71,7 @@ def value() -> pd.DataFrame:
         bought = {"ap_per_1000_usd": 1000 * row.ap / usd, "usd_per_hq_area": usd / 2}
         bought |= {"usd_per_m_road": None, "points_per_1000_usd": 10.0}
         rows.append(
-            {**key, "price_usd": usd, "ap": row.ap, "ap_all": row.ap_all, **bought}
+            {**key, "price_usd": usd, "site_usd": 0, "ap": row.ap, "ap_all": row.ap_all, **bought}
             | {"pareto": beaten == "", "dominated_by": beaten}
         )
     return pd.DataFrame(rows)
@@ -110,6 +110,7 @@ def claims() -> pd.DataFrame:
 
 def stress() -> pd.DataFrame:
     key = {"detector": "pointpillars", "lidar": "ruby_plus", "scene": "highway", "seed": 1}
+    key |= {"run": "a", "preset": "paper", "frames": 36}
     rows = [("none", "0", "", 90.0), ("rain", "50", "mm/h", 80.0), ("rain", "100", "mm/h", 60.0)]
     rows += [("density", "2", "times", 85.0), ("unseen_scene", "curve", "name", 40.0)]
     rows += [("training_frames", "200", "frames", 70.0)]

@@ -340,7 +340,7 @@ def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame
     ap = [value for _, value in detectors.values()]
     return {
         "cells": pd.DataFrame(keys).assign(ap=ap, ap_all=ap),
-        "areas": pd.DataFrame(keys).assign(ground_truth="all", n_hqda=[4] * len(keys)),
+        "areas": pd.DataFrame(keys).assign(ground_truth="all", road="a", n_hqda=4),
         "distance": pd.DataFrame(keys).assign(ground_truth="all", road="a", s=0.0, ap=90.0),
         "lidars": pd.DataFrame(
             {
@@ -363,6 +363,19 @@ def test_value_by_hand() -> None:
     assert table.covered_m == 20
     assert table.usd_per_m_road == 100
     assert table.points_per_1000_usd == 250
+
+
+def test_areas_of_a_scene_with_two_roads_count_once() -> None:
+    tables = made_up({"a": (2000, 80)})
+    areas = pd.concat([tables["areas"].assign(road=name) for name in ("all", "main", "side")])
+    areas["n_hqda"] = [8, 5, 3]
+    assert value_table(tables | {"areas": areas}, Costs()).iloc[0].usd_per_hq_area == 250
+
+
+@pytest.mark.parametrize(("within_m", "covered_m"), [(100.0, 20.0), (10.0, 20.0), (3.0, 6.0)])
+def test_road_is_covered_to_the_metre_that_is_asked(within_m: float, covered_m: float) -> None:
+    distance = made_up({"a": (2000, 80)})["distance"]
+    assert covered(distance, within_m=within_m).covered_m.item() == covered_m
 
 
 def test_a_site_costs_what_its_owner_says() -> None:

@@ -193,7 +193,7 @@ def test_the_first_crossing_counts_and_undefined_dials_are_passed_over() -> None
 def test_names_fall_without_lines_between_them() -> None:
     table = rows("unseen_scene", {"own": 90, "curve": 80, "crossroad": 30})
     (row,) = summary.summary(table).to_dict("records")
-    assert row["falls_by_10"] == "curve crossroad"
+    assert row["falls_by_10"] == "crossroad curve"
     assert row["falls_to_half"] == "crossroad"
     assert row["gentleness"] == pytest.approx((80 + 30) / 2 / 90)
 
@@ -239,6 +239,8 @@ def test_ranking_takes_what_all_detectors_went_through() -> None:
     assert {row["stressors"] for row in found} == {1}
     apart = pd.concat([rows("fog", {"0": 90, "5": 80}, "a"), rows("rain", {"0": 9, "5": 8}, "b")])
     assert len(summary.ranking(apart)) == 0
+    other_dials = [rows("fog", {"0": 90, "5": 80}, "a"), rows("fog", {"0": 90, "10": 80}, "b")]
+    assert len(summary.ranking(pd.concat(other_dials))) == 0
 
 
 def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
@@ -250,6 +252,10 @@ def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
     )
     figure = figures.stress(table)
     assert [ax.get_title() for ax in figure.axes] == ["drop out", "unseen scene"]
+    turned = rows("unseen_scene", {"own": 9, "curve": 8, "crossroad": 7}, "b")
+    (ax,) = figures.stress(pd.concat([rows("unseen_scene", {"own": 90}), turned])).axes
+    ticks = [text.get_text() for text in ax.get_xticklabels()]
+    assert ticks == ["own", "crossroad", "curve"]
     files = figures.draw_all(table, tmp_path)
     assert [file.name for file in files] == ["stress_s_p_l.svg", "stress_s_p_l.png"]
     assert all(file.stat().st_size > 1000 for file in files)

@@ -16,19 +16,19 @@ Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
 
 def section(material: Material) -> Section | None:
-    """For each scene the best choice for each purpose, under one preset."""
+    """For each scene the best choice for each purpose, under one preset of the scene."""
     done = material.results.done()
     if done.empty:
         return None
-    preset = material.preset_of_answers(done)
-    cells = done[done.preset == preset]
+    cells = material.of_answers(done)
     cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
     blocks: list[Block] = [
         Cards([card for card in cards if card.lines], material.results.source("cells"))
     ]
-    others = [p for p in material.presets() if p != preset]
-    if others:
-        text = f"Other presets ({', '.join(others)}) are under Accuracy; the choice can differ."
+    chosen = cells.drop_duplicates(["scene", "preset"])
+    named = ", ".join(f"{row.scene} {row.preset}" for row in chosen.itertuples())
+    if len(done) > len(cells):
+        text = f"Presets here: {named}. Others are under Accuracy; the choice can differ."
         blocks.append(Text(text))
     return Section("answer", "Which LiDAR and detector for what", _lead(material, cells), blocks)
 
@@ -86,7 +86,7 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     prices = material.results.table("lidars").drop_duplicates("lidar").set_index("lidar")
-    price = rows.lidar.map(prices.price_low_usd.astype(float))
+    price = rows.lidar.map((prices.price_low_usd + prices.price_high_usd) / 2)
     near = rows[(rows.ap >= rows.ap.max() - CLOSE_AP) & price.notna()]
     if near.empty:
         return None

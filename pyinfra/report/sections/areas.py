@@ -29,6 +29,7 @@ from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.report.sections.distance import MEANING
 from pyinfra.statistics.data import DataSet
+from pyinfra.statistics.selection import first_seed
 
 TRUTHS = ("captured", "all")
 
@@ -41,7 +42,7 @@ def section(material: Material) -> Section | None:
         return None
     blocks: list[Block] = []
     if len(distance) > 0:
-        distance = distance[distance.seed == distance.seed.min()]
+        distance = first_seed(distance)
         blocks += _bars(material, distance)
         blocks += [plan for data in material.data for plan in _plans(material, distance, data)]
     lead = (
@@ -49,7 +50,9 @@ def section(material: Material) -> Section | None:
         "undecided if the interval of its AP holds 85. Counted on vehicles that the LiDAR "
         "captured (the paper's way), and on all vehicles, where every LiDAR has the same areas."
     )
-    return Section("areas", "High-quality areas", lead, [*blocks, _table(material, areas)])
+    return Section(
+        "areas", "High-quality areas", lead, [*blocks, _table(material, first_seed(areas))]
+    )
 
 
 def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:

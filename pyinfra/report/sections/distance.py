@@ -11,6 +11,7 @@ from pyinfra.report.blocks import Figure, LegendEntry, Panel, Section
 from pyinfra.report.looks import FAINT, drawing, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.statistics.selection import first_seed
 
 MEANING = {
     "captured": "vehicles with at least one point of the LiDAR, as the paper has it",
@@ -24,7 +25,7 @@ def section(material: Material) -> Section | None:
     table = material.results.table("distance")
     if table.empty:
         return None
-    table = table[table.seed == table.seed.min()]
+    table = first_seed(table)
     figures = [
         _figure(material, table, preset, truth)
         for preset in in_order(table.preset, PRESETS)

@@ -10,6 +10,7 @@ import pandas as pd
 from pyinfra.hits import paper_hits
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
+    Block,
     Cell,
     Column,
     Figure,
@@ -42,7 +43,9 @@ def section(material: Material) -> Section | None:
         _table_rows(material, rows),
         source,
     )
-    return Section("hits", "Hit points", _lead(rows), [table, _figure(material, rows, source)])
+    ours = rows[rows.paper_hits.notna() & (rows.preset == "paper")]
+    blocks: list[Block] = [table, *([_figure(material, ours, source)] if len(ours) else [])]
+    return Section("hits", "Hit points", _lead(rows), blocks)
 
 
 def _measured(material: Material) -> tuple[pd.DataFrame, str]:
@@ -100,7 +103,6 @@ def _lead(rows: pd.DataFrame) -> str:
 
 def _figure(material: Material, rows: pd.DataFrame, source: Source) -> Figure:
     """Simulated against printed, a panel for each scene, on logarithmic axes."""
-    rows = rows[rows.paper_hits.notna() & (rows.preset == "paper")]
     panels = [_panel(material, own) for _, own in rows.groupby("scene", sort=False)]
     lidars = material.names.sorted(rows.lidar)
     legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]

@@ -51,6 +51,8 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
         own = _turned(table, dial, usual)
         own = own[own.ap.notna()]
         there = [value for value in values if value in set(own[dial])]
+        if not there:
+            continue
         dearest = own[own[dial] == there[-1]].set_index("lidar")
         for value in there:
             rows = own[own[dial] == value].set_index("lidar")
@@ -101,13 +103,15 @@ def holds_zero(difference: compare.Figure) -> bool:
 def recommendation(found: list[Rung]) -> str:
     """Of each dial the cheapest value from which on nothing changes."""
     parts = []
-    for dial in DIALS:
+    for dial in dict.fromkeys(rung.dial for rung in found):
         values = [rung for rung in found if rung.dial == dial]
         good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
         if good:
             best, dearest = min(good[::-1], key=lambda rung: rung.seconds), values[-1]
             share = best.seconds / dearest.seconds
             parts.append(f"{dial} {best.value} ({share:.2f} of the time of {dearest.value})")
+    if not parts:
+        return "No model of the scene leaves all conclusions as the dearest one has them."
     return (
         "The cheapest model of the scene that leaves all conclusions as they are (no AP can be "
         "told from the dearest model's, and every order of two LiDARs that it decides stays): "

@@ -22,20 +22,23 @@ from pyinfra.report.blocks import (
 )
 from pyinfra.report.looks import FAINT, drawing, panel
 from pyinfra.report.material import SCENES, Material
-from pyinfra.report.names import DETECTORS, Names, detector, in_order
+from pyinfra.report.names import DETECTORS, PRESETS, Names, detector, in_order
 from pyinfra.statistics.figures import LINES, MARKERS
+from pyinfra.statistics.selection import first_stress
 
 NONE = "none"  # the stressor of the row without stress, where every curve starts
 UNITS = {"times": "times the scene's own", "name": "", "1/km": "extinction (1/km)"}
-CURVE = ["detector", "lidar", "scene"]
+CURVE = ["detector", "lidar", "preset", "scene"]
 
 
 def section(material: Material) -> Section | None:
     """A panel for each stressor, a line for each detector and LiDAR, and the tables of them."""
-    table = material.results.table("stress")
+    table = first_stress(material.results.table("stress"))
     blocks: list[Block] = []
     for scene in in_order(table.scene, SCENES):
-        blocks += _figure(material, table[table.scene == scene], scene)
+        own = table[table.scene == scene]
+        for preset in in_order(own.preset, PRESETS):
+            blocks += _figure(material, own[own.preset == preset], scene, preset)
     for name in ("stress_ranking", "stress_summary"):
         rows = material.results.table(name)
         if len(rows) > 0:
@@ -58,16 +61,19 @@ TITLES = {
 }
 
 
-def _figure(material: Material, table: pd.DataFrame, scene: str) -> list[Block]:
+def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) -> list[Block]:
     stressors = [name for name in table.stressor.unique() if name != NONE]
     drawn = [_panel(material.names, table, name) for name in stressors]
     panels = [p for p in drawn if p is not None]
     if not panels:
         return []
-    caption = f"AP under stress, {scene}, with 95 % intervals; colours are LiDARs, lines detectors."
+    caption = (
+        f"AP under stress, {scene}, preset {preset}, with 95 % intervals; colours are LiDARs, "
+        "lines detectors."
+    )
     source = material.results.source("stress")
     legend = _legend(material.names, table)
-    return [Figure(f"figure-stress-{scene}", caption, panels, source, legend)]
+    return [Figure(f"figure-stress-{scene}-{preset}", caption, panels, source, legend)]
 
 
 def _legend(names: Names, table: pd.DataFrame) -> list[LegendEntry]:
@@ -89,7 +95,7 @@ def _style(name: str) -> tuple[Any, str]:
 def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
     """The rows of a stressor with those without stress before them, and their place `at`.
 
-    Places are dials, or 0, 1, .. for dials that are names; several seeds are averaged.
+    Places are dials, or 0, 1, .. for dials that are names.
     """
     own, base = table[table.stressor == stressor], table[table.stressor == NONE]
     base = base[base[CURVE].apply(tuple, axis=1).isin(own[CURVE].apply(tuple, axis=1))]
@@ -101,8 +107,7 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
         start = _start(base, own)
         rows = pd.concat([base.assign(at=start), own.assign(at=at)])
         rows = rows[rows["at"].notna()]
-    numbers = ["ap", "ap_low", "ap_high"]
-    return rows.groupby([*CURVE, "at"], as_index=False, sort=True)[numbers].mean()
+    return rows.sort_values([*CURVE, "at"])
 
 
 def _start(base: pd.DataFrame, own: pd.DataFrame) -> Any:
@@ -130,7 +135,7 @@ def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
         if stressor == "training_frames":
             ax.invert_xaxis()
         ax.set(ylim=(0, 102), ylabel="AP", xlabel=UNITS.get(unit, unit))
-        label = f"AP under {title}, {table.scene.iloc[0]}"
+        label = f"AP under {title}, {table.scene.iloc[0]}, preset {table.preset.iloc[0]}"
         return Panel(title, svg.inline(figure, svg.identifier("stress", label), label))
 
 

@@ -13,6 +13,7 @@ from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.report.sections.distance import legend
+from pyinfra.statistics.selection import first_seed
 
 HEADS = {
     "price_usd": ("Price, US$", ",.0f"),
@@ -40,22 +41,25 @@ def section(material: Material) -> Section | None:
 
 
 def _value(material: Material) -> pd.DataFrame:
-    """The rows of the lowest seed."""
-    table = material.results.table("value")
-    return table[table.seed == table.seed.min()]
+    return first_seed(material.results.table("value"))
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
     text = "Prices are of LiDARs alone, as their sources state them: no pole, computer or power."
+    if value.site_usd.max() > 0:
+        site = f"US$ {value.site_usd.max():,.0f}"
+        text = (
+            f"Prices are of LiDARs, as their sources state them, and {site} assumed for the site."
+        )
     if value.empty:
         return text
-    preset = material.preset_of_answers(value)
+    best = material.of_answers(value)
     parts = []
-    for scene in in_order(value.scene, SCENES):
-        rows = value[(value.preset == preset) & (value.scene == scene) & _on_front(value)]
+    for scene in in_order(best.scene, SCENES):
+        rows = best[(best.scene == scene) & _on_front(best)]
         names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
-        parts += [f"{scene}: {', '.join(names)}"] if names else []
-    found = f"Beaten by no other in price and AP on all vehicles, preset {preset}"
+        parts += [f"{scene} ({rows.preset.iloc[0]}): {', '.join(names)}"] if names else []
+    found = "Beaten by no other in price and AP on all vehicles"
     return f"{text} {found}: {'; '.join(parts)}." if parts else text
 
 

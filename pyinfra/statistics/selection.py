@@ -1,0 +1,29 @@
+"""Which rows of a table of results stand for a cell where there are several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+CELL = ("scene", "lidar", "preset", "detector", "tier")
+CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
+
+
+def first_seed(rows: pd.DataFrame, cell: Sequence[str] = CELL) -> pd.DataFrame:
+    """The rows of the lowest seed of each cell."""
+    seed = pd.to_numeric(rows.seed)
+    return rows[seed == seed.groupby([rows[name] for name in cell]).transform("min")]
+
+
+def first_stress(rows: pd.DataFrame) -> pd.DataFrame:
+    """Of each detector, LiDAR, preset and scene the rows of the first run, seed and frames."""
+    way = rows[["run", "seed", "frames"]].astype(str).agg(" ".join, axis=1)
+    return rows[way == way.groupby([rows[name] for name in CURVE]).transform("first")]
+
+
+def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
+    """Without the rows `all`, which add up the roads of a scene that has several."""
+    truth = [areas[name] for name in (*CELL, "seed", "ground_truth")]
+    several = areas.groupby(truth).road.transform("nunique") > 1
+    return areas[~((areas.road == "all") & several)]
