@@ -10,7 +10,6 @@ import argparse
 import itertools
 import math
 import os
-import subprocess
 import sys
 import tempfile
 import time
@@ -21,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+import process
 import shapely
 
 from pyinfra import __version__, boxes, kitti
@@ -193,11 +193,8 @@ def evaluation(frames: int, random: np.random.Generator, *options: str) -> tuple
         lidar, predictions = write_data_set(Path(name), frames, random)
         command = [sys.executable, "-m", "pyinfra", "evaluate", "--gt", str(lidar)]
         command += ["--pred", str(predictions), "--out", f"{name}/out", *options]
-        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
-        _, status, usage = os.wait4(process.pid, 0)
-    if status != 0:
-        raise RuntimeError(f"{' '.join(command)}: exit status {status}")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+        cost = process.run(command, cwd=ROOT)
+    return cost.cpu_s, cost.peak_mb
 
 
 def whole_rows(random: np.random.Generator) -> list[Row]:

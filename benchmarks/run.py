@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import shutil
 import statistics
@@ -22,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import process
 
 from pyinfra import __version__, machine, sim
 
@@ -59,7 +59,7 @@ def medians(repetitions: int) -> dict[str, float]:
 
 
 def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """What the issue of speed asks: ratios between the pipeline and bounds of it."""
+    """Ratios between the pipeline and bounds of it."""
     rate = medians(repetitions)
 
     def r(name: str, threads: int = 2) -> float:
@@ -133,12 +133,8 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
     command += ["--frames", f"0:{frames}", "--threads", "2"]
     if out is not None:
         command += ["--out", out]
-    start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    if status != 0:
-        raise RuntimeError(f"{command} failed with {status}")
-    return time.perf_counter() - start, usage.ru_maxrss / 1024
+    cost = process.run(command)
+    return cost.wall_s, cost.peak_mb
 
 
 def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:

@@ -597,9 +597,14 @@ def test_directory_for_a_table(kind: str, site: Site) -> None:
 def test_lidar_for_a_scene_and_scene_for_a_lidar(site: Site) -> None:
     site.scene.write_text(LIDAR)
     site.lidar.write_text(SCENE)
-    assert_one_line(site.run(), site, str(site.scene), "mounts: found nothing, required")
+    assert_one_line(site.run(), site, str(site.scene), "found an unknown key, allowed name")
     site.scene.write_text(SCENE)
     assert_one_line(site.run(), site, str(site.lidar), "found an unknown key, allowed name, model")
+
+
+def test_a_misspelt_required_key_is_named_where_it_stands(site: Site) -> None:
+    site.scene.write_text(SCENE.replace("mounts:", "mount:"))
+    assert_one_line(site.run(), site, str(site.scene), "mount: found an unknown key, allowed name")
 
 
 def test_messages_of_pattern_and_trajectories_are_one_line_too(site: Site) -> None:

@@ -69,7 +69,7 @@ FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(s
 const Tree* FieldReader::take(const char* key, const Rule& rule) {
   taken_.emplace_back(key);
   const Tree* tree = map_.find(key);
-  if (tree == nullptr && rule.required) fail(map_.place, full(key), "found nothing, required");
+  if (tree == nullptr && rule.required) check(false, key, "found nothing, required");
   return tree;
 }
 

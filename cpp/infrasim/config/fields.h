@@ -54,7 +54,7 @@ class FieldReader {
   /// Remembers where the struct stands, for checks that need other parts of the scene.
   void here(Place& place) const { place = map_.place; }
   /// `finish` fails at the key's place if the condition does not hold: an unknown key, often a
-  /// misspelt one, is the likelier cause and is named first.
+  /// misspelt one, is the likelier cause and is named first, also of a required key's absence.
   void check(bool holds, const char* key, const std::string& what);
 
  private:

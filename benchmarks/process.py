@@ -1,0 +1,39 @@
+"""What a command costs, seen from a small process of its own.
+
+Linux counts the memory of the process that starts a command into the command's peak, so a benchmark
+that holds hundreds of megabytes must not start it itself.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+LAUNCHER = """
+import json, resource, subprocess, sys, time
+start = time.perf_counter()
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+wall_s = time.perf_counter() - start
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps([code, wall_s, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024]))
+"""
+
+
+@dataclass(frozen=True)
+class Cost:
+    wall_s: float
+    cpu_s: float
+    peak_mb: float  # 10 MB at least, those of the launcher
+
+
+def run(command: Sequence[object], **how: object) -> Cost:
+    """how: of subprocess.run. Raises RuntimeError if the command fails."""
+    words = [sys.executable, "-S", "-c", LAUNCHER, *map(str, command)]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, **how)  # type: ignore[call-overload]
+    code, *cost = json.loads(done.stdout)
+    if code != 0:
+        raise RuntimeError(f"{' '.join(map(str, command))}: exit status {code}: {done.stderr}")
+    return Cost(*cost)
