@@ -5,6 +5,7 @@ import errno
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyinfra import kitti
 from pyinfra.drawing import clouds
 from pyinfra.drawing import cutouts as cutout_figures
 from pyinfra.drawing import scene as scene_figures
@@ -23,6 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     data_sets = [lidar_folders(data) for data in args.data]
+    for folders in data_sets:
+        there = kitti.frames(folders[0])
+        if args.frame not in there:
+            found = f"{folders[0]}: --frame: found {args.frame}"
+            raise ValueError(f"{found}, allowed {min(there)} to {max(there)}")
     files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)
     for file in files:

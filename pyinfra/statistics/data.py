@@ -108,6 +108,8 @@ def read_data_set(folder: Path) -> DataSet:
     Raises FileNotFoundError if it is none, kitti.FormatError for a wrong file, and ValueError if
     it has no LiDAR or no frame, or if the LiDARs have different frames.
     """
+    if not (folder / "dataset.yaml").is_file():
+        raise FileNotFoundError(2, "No dataset.yaml in it, as `infrasim run` writes", str(folder))
     top = _mapping(folder / "dataset.yaml")
     files = sorted(folder.glob("*/lidar.yaml"))
     if not files:

@@ -156,6 +156,8 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
         seen = {colour for _, colour in colours}
         assert (0, 32, 91) in seen, "no box of a vehicle with many points"  # 00205B
         assert (213, 94, 0) in seen, "no crossed-out box of a missed vehicle"  # D55E00
+    assert cli.main(["pictures", str(data), "--frame", "-1", "--out", str(tmp_path / "out")]) == 2
+    assert "--frame: found -1, allowed 2 to 2" in capsys.readouterr().err
 
 
 def test_rays_on_a_car_are_counted_per_frame() -> None:

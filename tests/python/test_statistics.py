@@ -406,7 +406,7 @@ def test_the_avia_lights_its_field_as_others_computed_it() -> None:
     found = sim.scan_pattern(root / "configs/lidars/livox_avia.yaml", range(40))
     avia = patterns.Rays(np.degrees(found[:, 0]), np.degrees(found[:, 1]), found[:, 2])
     table = patterns.lit_share(avia, (0.1, 0.2, 0.5, 1.0))
-    # shared/facts/sensors.md, whose way of counting is not stated: 30 / 51 / 80 / 95 %.
+    # Computed by others from the vendor's scan table, with a way of counting that is not stated.
     np.testing.assert_allclose(table.lit_percent, [30, 51, 80, 95], atol=3.5)
     density = patterns.angular_density(avia).set_index(["axis", "from_deg"]).density["off_axis"]
     np.testing.assert_allclose(density[[0, 10, 25, 34]], [864, 80, 40, 62], rtol=0.03)
