@@ -72,6 +72,15 @@ class Windows:
 
 
 @dataclass(frozen=True, eq=False)
+class View:
+    """The part of the canvas that is filled."""
+
+    sides: tuple[int, int]  # rows, columns
+    first: Tensor | None  # (B, 2) row and column of each frame's first cell; None: the canvas's
+    boxes: tuple[Tensor, ...]  # (k, 7) in it, moved as it is to the canvas's first cell
+
+
+@dataclass(frozen=True, eq=False)
 class Batch:
     """Frames under one another."""
 

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pyinfra.config import ruled
-from pyinfra.detectors.batch import Batch
+from pyinfra.detectors.batch import Batch, View
 from pyinfra.detectors.bev import BevConfig, BevNetwork, conv, multiple
 from pyinfra.detectors.centre_head import BOX, BOX_WEIGHT, CentreHead
 from pyinfra.detectors.losses import start_rare
@@ -26,7 +26,7 @@ from pyinfra.detectors.ops.sets import Sets, partition, windows_of
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.processes import OwnNorm
 from pyinfra.detectors.site import Site
-from pyinfra.detectors.windows import View, view_of
+from pyinfra.detectors.windows import view_of
 
 
 def _bev() -> BevConfig:

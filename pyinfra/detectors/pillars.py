@@ -10,8 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.detectors import processes
-from pyinfra.detectors.batch import Area, Batch
-from pyinfra.detectors.windows import View
+from pyinfra.detectors.batch import Area, Batch, View
 
 
 class PillarEncoder(nn.Module):

@@ -6,28 +6,18 @@ canvas but for what stands beyond the rim; detection looks at the whole canvas.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from pyinfra.detectors.batch import Area, Batch, Sample
+from pyinfra.detectors.batch import Area, Batch, Sample, View
+from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.kitti import FloatArray
 
 if TYPE_CHECKING:
     from pyinfra.detectors.network import Network
-    from pyinfra.detectors.pillars import PillarEncoder
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """The part of the canvas that is filled."""
-
-    sides: tuple[int, int]  # rows, columns
-    first: Tensor | None  # (B, 2) row and column of each frame's first cell; None: the canvas's
-    boxes: tuple[Tensor, ...]  # (k, 7) in it, moved as it is to the canvas's first cell
 
 
 def check(network: Network, most_m2: float) -> None:
