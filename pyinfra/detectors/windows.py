@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from pyinfra.detectors.batch import Area, Batch, Sample, View
 from pyinfra.detectors.pillars import PillarEncoder
