@@ -1,7 +1,7 @@
 """Scanning statistics of data sets: `pyinfra statistics DATA... --out DIR`.
 
 What a LiDAR gets of a scene before any detector: hits, points per vehicle, quality, light. The
-functions are in statistics_tables (vehicles) and statistics_patterns (rays); here they are put
+functions are in tables.py (vehicles) and patterns.py (rays); here they are put
 together, written as CSV and drawn. Definitions: docs/conventions.md, "Scanning statistics".
 """
 
@@ -28,8 +28,6 @@ from pyinfra.statistics.data import (
 from pyinfra.statistics.intervals import Blocks, time_blocks
 
 Tables = dict[str, pd.DataFrame]
-
-REACH_M = (statistics_tables.EDGES_M[0], statistics_tables.EDGES_M[-1])
 
 
 def blocks_of(data: DataSet) -> Blocks:

@@ -51,10 +51,6 @@ class DataSet:
     def lidar_folder(self, name: str) -> Path:
         return self.folder / name
 
-    def times(self) -> FloatArray:
-        """Starts of the frames: (f,) seconds since the start of the run."""
-        return np.array(self.frames, dtype=np.float64) * self.period_s
-
 
 @dataclass(frozen=True, eq=False)
 class Vehicles:
