@@ -2,7 +2,9 @@
 
     .venv/bin/python benchmarks/cells.py
 
-Smoke tier, where cells are shortest and the share of what surrounds them is largest.
+Smoke tier, where cells are shortest and the share of what surrounds them is largest. Two bare
+processes with half of the cells each are the bound that the machine itself sets: they share its
+memory.
 """
 
 from __future__ import annotations
@@ -11,7 +13,8 @@ import argparse
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from multiprocessing import Process
 from pathlib import Path
 
 import pandas as pd
@@ -20,7 +23,7 @@ from pyinfra import __version__
 from pyinfra.atomic import replacing
 from pyinfra.benchmark import measure
 from pyinfra.benchmark.go import Place, benchmark, simulate_worlds
-from pyinfra.benchmark.matrix import Plan, read_plan
+from pyinfra.benchmark.matrix import Cell, Plan, read_plan
 from pyinfra.benchmark.pool import Pool
 from pyinfra.training.recipe import read_recipe
 
@@ -40,12 +43,23 @@ def seconds(call: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def alone(plan: Plan, place: Place) -> None:
+def alone(plan: Plan, cells: Sequence[Cell], place: Place, name: str) -> None:
     """The cells one after the other in this process, no rows written."""
-    for cell in plan.cells:
+    for cell in cells:
         recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
         folder = place.data(cell.world) / cell.lidar
-        measure.tables(cell, recipe, folder, place.work / "alone" / cell.name)
+        measure.tables(cell, recipe, folder, place.work / name / cell.name)
+
+
+def side_by_side(plan: Plan, place: Place) -> None:
+    """Half of the cells in each of two processes: one of each LiDAR and of each detector."""
+    first, second, third, fourth = plan.cells
+    halves = [(first, fourth), (second, third)]
+    both = [Process(target=alone, args=(plan, half, place, "beside")) for half in halves]
+    for process in both:
+        process.start()
+    for process in both:
+        process.join()
 
 
 def through(plan: Plan, place: Place, jobs: int) -> None:
@@ -66,13 +80,15 @@ def main() -> None:
         place = Place(work, work / "results", "smoke")
         simulate_worlds(plan, place, Pool())
         times = {
-            "cells alone": seconds(lambda: alone(plan, place)),
+            "cells alone": seconds(lambda: alone(plan, plan.cells, place, "alone")),
+            "cells in two bare processes": seconds(lambda: side_by_side(plan, place)),
             "benchmark, one worker": seconds(lambda: through(plan, place, 1)),
             "benchmark, two workers": seconds(lambda: through(plan, place, 2)),
         }
-    bare, one, two = times.values()
+    bare, beside, one, two = times.values()
     rows = [{"what": what, "value": value, "unit": "s"} for what, value in times.items()]
     rows.append({"what": "overhead", "value": 100 * (one / bare - 1), "unit": "%"})
+    rows.append({"what": "two bare processes", "value": bare / beside, "unit": "speed-up"})
     rows.append({"what": "two workers against one", "value": one / two, "unit": "speed-up"})
     table = pd.DataFrame(rows).assign(command="benchmarks/cells.py", version=__version__)
     with replacing(args.out) as beside:
