@@ -14,7 +14,8 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from multiprocessing import Process
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
@@ -55,11 +56,9 @@ def side_by_side(plan: Plan, place: Place) -> None:
     """Half of the cells in each of two processes: one of each LiDAR and of each detector."""
     first, second, third, fourth = plan.cells
     halves = [(first, fourth), (second, third)]
-    both = [Process(target=alone, args=(plan, half, place, "beside")) for half in halves]
-    for process in both:
-        process.start()
-    for process in both:
-        process.join()
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        for done in [pool.submit(alone, plan, half, place, "beside") for half in halves]:
+            done.result()
 
 
 def through(plan: Plan, place: Place, jobs: int) -> None:
