@@ -182,7 +182,7 @@ def test_a_wrong_table_is_told_in_one_line(
     [
         ([], 2, "found no table of results"),
         (["--tier", "full"], 2, "full.csv: found no cells"),
-        (["--data", "nowhere"], 1, "nowhere/dataset.yaml: No such file"),
+        (["--data", "nowhere"], 1, "nowhere: No dataset.yaml in it"),
         (["--runs", "nowhere"], 1, "nowhere: found no folder predictions"),
     ],
 )
