@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
         there = kitti.frames(folders[0])
         if args.frame not in there:
             found = f"{folders[0]}: --frame: found {args.frame}"
-            raise ValueError(f"{found}, allowed {min(there)} to {max(there)}")
+            raise ValueError(f"{found}, allowed {kitti.extent(there)}")
     files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)
     for file in files:

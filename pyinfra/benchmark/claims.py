@@ -37,9 +37,10 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     one. A case whose cells are not all there has no row.
     """
     kept = {name: rows for name, rows in tables.items() if len(rows)}
+    kept["cells"] = kept["cells"].dropna(subset=["ap"])  # of a seed that failed another stands in
     of_cells = ("cells", "areas", "distance", "value")
     kept |= {name: first_seed(kept[name]) for name in of_cells if name in kept}
-    cells = kept["cells"].dropna(subset=["ap"])
+    cells = kept["cells"]
     rows: list[dict[str, object]] = []
     for (scene, preset), own in cells.groupby(["scene", "preset"], sort=False):
         here = {
@@ -172,7 +173,7 @@ def value(ap: Cells, tables: dict[str, pd.DataFrame], detector: str) -> Iterator
     table = tables.get("value", pd.DataFrame())
     if table.empty:
         return
-    areas = high_quality(tables.get("areas", pd.DataFrame()), detector, "all")
+    good = high_quality(tables.get("areas", pd.DataFrame()), detector, "all")
     own = table[table.detector == detector].set_index("lidar")
     if not set(SPINNING) <= set(own.index):
         return
@@ -182,8 +183,8 @@ def value(ap: Cells, tables: dict[str, pd.DataFrame], detector: str) -> Iterator
         rivals = (name, *SPINNING)
         bought = {lidar: ap[lidar, detector] for lidar in rivals}
         yield from per_dollar(f"{detector}: AP per dollar of {words}", bought, own.price_usd)
-        if set(rivals) <= set(areas):
-            counts = {lidar: areas[lidar][0] for lidar in rivals}
+        if set(rivals) <= set(good):
+            counts = {lidar: good[lidar][0] for lidar in rivals}
             text = f"{detector}: high-quality areas per dollar of {words}"
             yield from per_dollar(text, counts, own.price_usd)
 

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def outlook(plan: Plan, place: Place, jobs: int) -> str:
-    """The cells that have no row, and how long they will take by the rows that are there."""
+    """The cells that are not finished, and how long they will take by those that are."""
     table = place.finished()
     left = [cell for cell in plan.cells if not store.has(table, vars(cell))]
     seconds = expected_seconds(left, table)

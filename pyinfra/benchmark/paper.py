@@ -18,7 +18,7 @@ def paper_table(cells: pd.DataFrame) -> pd.DataFrame:
     One row a scene, and one for the scenes together (`all`); over the cells that both have.
     Columns scene, preset, cells, rank_correlation, p_value, mean_difference (here less the paper).
     """
-    own = first_seed(cells[cells.preset == "paper"]).dropna(subset=["ap"])
+    own = first_seed(cells[(cells.preset == "paper") & cells.ap.notna()])
     both = own.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
     groups = [*both.groupby("scene", sort=False), ("all", both)]
     rows = [{"scene": s, "preset": "paper", **agreement(t)} for s, t in groups]

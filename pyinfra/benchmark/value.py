@@ -9,9 +9,9 @@ import pandas as pd
 
 from pyinfra.config import ruled
 from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
-from pyinfra.statistics.selection import each_road_once
+from pyinfra.statistics.selection import CELL, each_road_once
 
-KEY = ["scene", "lidar", "preset", "detector", "tier", "seed"]  # of a cell
+KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
 HQ_AP = 85.0
 REGION_M = 100.0

@@ -14,9 +14,8 @@ from pyinfra import kitti, split
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.config import ConfigError
 from pyinfra.hits import infrasim
-from pyinfra.statistics.command import vehicle_tables
+from pyinfra.statistics.command import blocks_of, vehicle_tables
 from pyinfra.statistics.data import read_data_set, read_vehicles
-from pyinfra.statistics.intervals import time_blocks
 
 POINT_BYTES = 16
 STATISTICS = ("points_per_vehicle", "quality")
@@ -92,8 +91,7 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
         "lidars": pd.DataFrame([lidar_row(folder / name) for name in names]),
         "hits": pd.DataFrame([key | hit_row(folder / name, on_vehicles[name]) for name in names]),
     }
-    blocks = time_blocks(pd.Series(data.frames).to_numpy(), data.period_s)
-    found = vehicle_tables(vehicles, blocks)
+    found = vehicle_tables(vehicles, blocks_of(data))
     for name in STATISTICS:
         rows = found[name]
         tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)

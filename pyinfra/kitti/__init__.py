@@ -23,6 +23,7 @@ from pyinfra.kitti.layout import (
     Labels,
     Objects,
     Part,
+    extent,
     frame_file,
     frames,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "WorldPose",
     "boxes_from_camera",
     "boxes_to_camera",
+    "extent",
     "frame_file",
     "frames",
     "read_calibration",

@@ -1,6 +1,7 @@
 """Where the parts of a frame lie, and what they hold when read."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -78,3 +79,8 @@ def frames(lidar_folder: Path) -> list[int]:
     """
     names = (path.name for path in (lidar_folder / "training/velodyne").iterdir())
     return sorted(int(name[:-4]) for name in names if re.fullmatch(r"\d{6,}\.bin", name))
+
+
+def extent(frames: Sequence[int]) -> str:
+    """What is allowed of ascending frames, in words."""
+    return f"{frames[0]} to {frames[-1]}" if frames else "none, as the folder has no frame"

@@ -13,10 +13,9 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.report.blocks import Source
-from pyinfra.statistics.selection import first_seed
+from pyinfra.statistics.selection import CELL, first_seed
 
 TIERS = ("full", "quick", "smoke")
-CELL = ["scene", "lidar", "preset", "detector", "tier", "seed"]
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ def _kind(file: str, texts: str, numbers: str) -> Kind:
     return Kind(file, tuple(texts.split()), tuple(numbers.split()))
 
 
-_CELL = " ".join(CELL)
+_CELL = " ".join((*CELL, "seed"))
 KINDS = {
     "cells": _kind(
         "{tier}.csv",

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import pandas as pd
 
-CELL = ("scene", "lidar", "preset", "detector", "tier")
+CELL = ("scene", "lidar", "preset", "detector", "tier")  # and the seed
 CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
 
 
-def first_seed(rows: pd.DataFrame, cell: Sequence[str] = CELL) -> pd.DataFrame:
+def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows of the lowest seed of each cell."""
     seed = pd.to_numeric(rows.seed)
-    return rows[seed == seed.groupby([rows[name] for name in cell]).transform("min")]
+    return rows[seed == seed.groupby([rows[name] for name in CELL]).transform("min")]
 
 
 def first_stress(rows: pd.DataFrame) -> pd.DataFrame:

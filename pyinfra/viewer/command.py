@@ -81,9 +81,7 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
         raise ValueError(f"--frames: found '{words}', allowed A:B or A:B:STEP") from None
     found = [frame for frame in present if frame in wanted]
     if not found:
-        raise ValueError(
-            f"{folder}: found no frame of {words}, allowed {min(present)} to {max(present)}"
-        )
+        raise ValueError(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
     return found
 
 

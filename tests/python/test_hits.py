@@ -158,6 +158,9 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert (213, 94, 0) in seen, "no crossed-out box of a missed vehicle"  # D55E00
     assert cli.main(["pictures", str(data), "--frame", "-1", "--out", str(tmp_path / "out")]) == 2
     assert "--frame: found -1, allowed 2 to 2" in capsys.readouterr().err
+    (data / "helios_16/training/velodyne/000002.bin").unlink()
+    assert cli.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 2
+    assert "found 2, allowed none, as the folder has no frame" in capsys.readouterr().err
 
 
 def test_rays_on_a_car_are_counted_per_frame() -> None:

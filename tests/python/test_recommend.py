@@ -75,6 +75,12 @@ def test_comparable_is_about_three_points_either_way() -> None:
     assert list(verdicts({"cells": cells(0.1)}, "comparable").values())[-1] == "fails"
 
 
+def test_of_a_seed_that_failed_the_next_one_stands_in() -> None:
+    failed = cells().assign(ap=float("nan"), ap_low=float("nan"), ap_high=float("nan"))
+    both = pd.concat([failed, cells().assign(seed=2)])
+    assert verdicts({"cells": both}, "comparable") == verdicts({"cells": cells()}, "comparable")
+
+
 def test_the_64_lines_are_below_both() -> None:
     found = verdicts({"cells": cells()}, "64-below")
     assert list(found.values()) == ["holds", "holds", "undecided"]
