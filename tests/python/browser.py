@@ -18,6 +18,9 @@ SWITCHES = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
 PATIENCE_MS = 120_000
+TWO_TURNS = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+ALL_READY = """[...document.querySelectorAll('figure.lidar-view')]
+    .every(figure => figure.dataset.state === 'ready')"""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,12 @@ class Opened:
     def scrolls_sideways(self) -> bool:
         wide = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
         return bool(self.page.evaluate(wide))
+
+    def settle(self) -> None:
+        """Waits until what the views were asked for is heard, unpacked and on the screen."""
+        self.page.evaluate(TWO_TURNS)
+        self.page.wait_for_function(ALL_READY)
+        self.page.evaluate(TWO_TURNS)
 
     def pixels(self, selector: str, hidden: str = "[hidden]") -> npt.NDArray[np.uint8]:
         """An element as on the screen, (h, w, 3), without what the selector `hidden` names."""

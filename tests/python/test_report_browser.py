@@ -60,7 +60,7 @@ def test_it_asks_for_nothing_and_complains_of_nothing(
     theme: str, browser: Browser, pictured: Path
 ) -> None:
     with browser.open(pictured, theme=theme) as opened:
-        opened.page.wait_for_selector(".lidar-view canvas")
+        opened.settle()
         outside = [r for r in opened.requests if not r.startswith("data:")]  # pictures in the page
         assert outside == [pictured.as_uri()]
         assert opened.problems == []
@@ -106,7 +106,7 @@ def test_a_figure_is_drawn_in_the_colours_of_the_page(browser: Browser, whole: P
 def test_the_view_is_not_blank(browser: Browser, pictured: Path) -> None:
     with browser.open(pictured) as opened:
         opened.page.locator(".lidar-view").scroll_into_view_if_needed()
-        opened.page.wait_for_selector(".lidar-view canvas")
+        opened.settle()
         picture = opened.pixels(".lidar-view canvas", ".lv-reset, .lv-scale, .lv-tip").astype(int)
         ground = np.median(picture.reshape(-1, 3), axis=0)
         assert np.count_nonzero(np.abs(picture - ground).max(axis=2) > 40) > 500

@@ -60,7 +60,7 @@ def open_view(browser: Browser, tmp_path: Path) -> OpenView:
         file = tmp_path / "view.html"
         file.write_text(page(shown or views(), title="A site"), encoding="utf-8")
         with browser.open(file, **options) as view:
-            settle(view)
+            view.settle()
             yield view
             assert view.is_offline(), view.requests
             assert view.problems == []
@@ -68,14 +68,8 @@ def open_view(browser: Browser, tmp_path: Path) -> OpenView:
     return opened
 
 
-def settle(view: Opened) -> None:
-    """Waits until the frame that was asked for is on the screen."""
-    view.page.wait_for_selector("figure[data-state=ready]")
-    view.page.evaluate("new Promise(done => setTimeout(() => requestAnimationFrame(done), 150))")
-
-
 def picture(view: Opened) -> Any:
-    settle(view)
+    view.settle()
     return view.pixels(".lv-stage canvas", hidden=OVERLAYS)
 
 
@@ -286,9 +280,9 @@ def test_two_views_stand_in_one_long_page_that_still_scrolls(
     body = "<p style='height: 2000px'>text</p>".join(parts)
     file.write_text(f"<!DOCTYPE html><meta charset=utf-8>{body}{library()}", encoding="utf-8")
     with browser.open(file) as view:
-        view.page.wait_for_selector("#one[data-state=ready]")
-        view.page.wait_for_selector("#two[data-state=ready]", state="attached")
+        view.settle()
         view.page.locator("#two").get_by_role("radio", name="Second").check()
+        view.settle()
         assert view.page.locator("#one figcaption").inner_text().startswith("First")
         assert view.page.locator("#two figcaption").inner_text().startswith("Second")
         view.page.evaluate("scrollTo(0, 0)")
@@ -296,11 +290,11 @@ def test_two_views_stand_in_one_long_page_that_still_scrolls(
         view.page.mouse.wheel(0, 300)
         view.page.wait_for_function("scrollY > 200")
         view.page.evaluate("scrollTo(0, 0)")
-        settle(view)
+        view.settle()
         before = view.pixels("#one .lv-stage canvas", hidden=OVERLAYS)
         view.page.mouse.click(*centre(view))
         view.page.mouse.wheel(0, 300)
-        settle(view)
+        view.settle()
         assert view.page.evaluate("scrollY") == 0
         after = view.pixels("#one .lv-stage canvas", hidden=OVERLAYS)
         assert (before != after).any(axis=2).mean() > 0.001

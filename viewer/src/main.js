@@ -35,6 +35,7 @@ function start(figure) {
 
   async function draw() {
     const mine = ++turn;
+    figure.dataset.state = "drawing";
     const frame = view.lidars[state.lidar].frames[state.frame];
     frame.unpacked ??= unpackPoints(frame.points);
     const points = await frame.unpacked;
