@@ -12,8 +12,15 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.atomic import replacing
-from pyinfra.statistics.data import DataSet, FloatArray, Vehicles, read_data_set, read_vehicles
-from pyinfra.statistics.intervals import Blocks, Estimate, ratio, time_blocks
+from pyinfra.statistics.data import (
+    DataSet,
+    FloatArray,
+    Vehicles,
+    blocks_of,
+    read_data_set,
+    read_vehicles,
+)
+from pyinfra.statistics.intervals import Blocks, Estimate, ratio
 from pyinfra.statistics.tables import (
     EDGES_M,
     FAR_M,
@@ -209,9 +216,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
-    blocks = time_blocks(np.array(data.frames, dtype=np.int64), data.period_s)
     twin = read_vehicles(instant) if instant is not None else None
-    return claims(read_vehicles(data), blocks, twin)
+    return claims(read_vehicles(data), blocks_of(data), twin)
 
 
 def _key(data: DataSet) -> tuple[str, str, int]:

@@ -14,8 +14,8 @@ from pyinfra import kitti, split
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.config import ConfigError
 from pyinfra.hits import infrasim
-from pyinfra.statistics.command import blocks_of, vehicle_tables
-from pyinfra.statistics.data import read_data_set, read_vehicles
+from pyinfra.statistics.command import vehicle_tables
+from pyinfra.statistics.data import blocks_of, read_data_set, read_vehicles
 
 POINT_BYTES = 16
 STATISTICS = ("points_per_vehicle", "quality")

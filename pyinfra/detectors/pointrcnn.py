@@ -37,7 +37,7 @@ from pyinfra.config import ruled
 from pyinfra.detectors.batch import Batch
 from pyinfra.detectors.losses import focal, smooth_l1
 from pyinfra.detectors.network import Losses, Network
-from pyinfra.detectors.ops.boxes import iou_3d_pairs, nms
+from pyinfra.detectors.ops.boxes import best_overlap, nms
 from pyinfra.detectors.ops.points import box_of_points, points_in_boxes
 from pyinfra.detectors.pointnet import (
     Ball,
@@ -307,7 +307,7 @@ class PointRCNN(Network):
         parts = []
         for found, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
             rois = torch.cat([found, moved(b, draw)])
-            overlap, box = nearest(rois, b)
+            overlap, box = best_overlap(rois, b)
             rows = balanced(overlap.cpu(), self.config.rois, draw).to(rois.device)
             own = b[box[rows]] if len(b) else rois[rows]
             parts.append((rois[rows], overlap[rows], own))
@@ -458,17 +458,6 @@ def moved(boxes: Tensor, draw: torch.Generator) -> Tensor:
     centre = boxes[:, :3] + 0.1 * noise[:, :3] * boxes[:, 3:6]
     sizes = boxes[:, 3:6] * (1 + 0.1 * noise[:, 3:6])
     return torch.cat([centre, sizes, wrapped(boxes[:, 6:] + 0.1 * noise[:, 6:])], dim=1)
-
-
-def nearest(rois: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor]:
-    """The highest overlap (n,) of each proposal with a box (k, 7), and the row (n,) of the box."""
-    if len(boxes) == 0:
-        return rois.new_zeros(len(rois)), torch.zeros_like(rois[:, 0], dtype=torch.int64)
-    reach = rois[:, None, 3:5].norm(dim=2) / 2 + boxes[:, 3:5].norm(dim=1) / 2
-    i, j = (torch.cdist(rois[:, :2], boxes[:, :2]) <= reach).nonzero().unbind(1)
-    every = rois.new_zeros(len(rois), len(boxes))
-    best = every.index_put((i, j), iou_3d_pairs(rois[i], boxes[j])).max(dim=1)
-    return best.values, best.indices
 
 
 def balanced(overlap: Tensor, most: int, draw: torch.Generator) -> Tensor:

@@ -28,7 +28,7 @@ from pyinfra.detectors.batch import Area, Batch
 from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
 from pyinfra.detectors.losses import focal, smooth_l1
 from pyinfra.detectors.network import Losses, Network
-from pyinfra.detectors.ops.boxes import iou_3d_pairs, nms
+from pyinfra.detectors.ops.boxes import best_overlap, nms
 from pyinfra.detectors.ops.points import box_of_points
 from pyinfra.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled
 from pyinfra.detectors.pointpillars import AnchorHead
@@ -271,15 +271,6 @@ def wanted_residuals(boxes: Tensor, own: Tensor) -> Tensor:
     offset = _turned(own[:, :3] - boxes[:, :3], -boxes[:, 6])
     turn = (own[:, 6:] - boxes[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
     return encode(torch.cat([offset, own[:, 3:6], turn], dim=1), here)
-
-
-def best_overlap(boxes: Tensor, own: Tensor) -> tuple[Tensor, Tensor]:
-    """Overlap (r,) of volumes of each box with the vehicle (r,) by row that it overlaps most."""
-    if not len(own):
-        return boxes.new_zeros(len(boxes)), torch.zeros_like(boxes[:, 0], dtype=torch.int64)
-    pairs = boxes.repeat_interleave(len(own), dim=0), own.repeat(len(boxes), 1)
-    best = iou_3d_pairs(*pairs).view(len(boxes), len(own)).max(dim=1)
-    return best.values, best.indices
 
 
 def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:

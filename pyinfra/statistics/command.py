@@ -21,6 +21,7 @@ from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.data import (
     DataSet,
     Vehicles,
+    blocks_of,
     hit_counts,
     read_data_set,
     read_vehicles,
@@ -28,11 +29,6 @@ from pyinfra.statistics.data import (
 from pyinfra.statistics.intervals import Blocks, time_blocks
 
 Tables = dict[str, pd.DataFrame]
-
-
-def blocks_of(data: DataSet) -> Blocks:
-    """The blocks of the bootstrap over a data set's frames."""
-    return time_blocks(np.array(data.frames, dtype=np.int64), data.period_s)
 
 
 def sets_of(vehicles: Vehicles) -> dict[str, Vehicles]:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import yaml
 
 from pyinfra import kitti
+from pyinfra.statistics.intervals import Blocks, time_blocks
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -130,6 +131,11 @@ def read_data_set(folder: Path) -> DataSet:
         tilts=tuple(sensor_tilt(file) for file in files),
         frames=frames[0],
     )
+
+
+def blocks_of(data: DataSet) -> Blocks:
+    """The blocks of the bootstrap over a data set's frames."""
+    return time_blocks(np.array(data.frames, dtype=np.int64), data.period_s)
 
 
 def read_vehicles(data: DataSet, *, above_road: bool = False) -> Vehicles:

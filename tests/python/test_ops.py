@@ -11,7 +11,6 @@ from torch import Tensor
 from pyinfra import boxes as exact
 from pyinfra.detectors.ops import boxes, points, sets, sparse
 from pyinfra.detectors.ops.sparse import (
-    InverseConv3d,
     SparseConv3d,
     SparseTensor,
     SubmanifoldConv3d,
@@ -76,8 +75,10 @@ def test_overlap_agrees_with_the_exact_one(dtype: torch.dtype, within: float, aw
     assert bev.dtype == volume.dtype == dtype
     assert np.abs(bev.numpy() - exact.pair_bev_iou(one, two)).max() < within
     assert np.abs(volume.numpy() - exact.pair_iou_3d(one, two)).max() < within
-    table = boxes.bev_iou(a[:60], b[:40])
-    assert np.abs(table.numpy() - exact.bev_iou(one[:60], two[:40])).max() < within
+    best, row = boxes.best_overlap(a[:60], b[:40])
+    table = exact.iou_3d(one[:60], two[:40])
+    assert np.abs(best.numpy() - table.max(axis=1)).max() < within
+    assert np.abs(table[np.arange(60), row.numpy()] - table.max(axis=1)).max() < within
 
 
 def test_boxes_that_touch_or_are_apart_overlap_by_exactly_nothing() -> None:
@@ -88,18 +89,18 @@ def test_boxes_that_touch_or_are_apart_overlap_by_exactly_nothing() -> None:
     b[2, 2] += 1.6
     assert boxes.bev_iou_pairs(a[:2], b[:2]).tolist() == [0, 0]
     assert boxes.iou_3d_pairs(a[2:], b[2:]).tolist() == [0]
-    assert boxes.bev_iou(a, b)[0, 1] == 0
+    assert boxes.best_overlap(a, b[1:])[0].tolist() == [0, 0, 0]
 
 
 def test_overlap_of_no_boxes_and_of_boxes_without_area() -> None:
     none, some = torch.zeros(0, 7), torch.zeros(3, 7)
-    assert boxes.bev_iou(none, some).shape == (0, 3)
-    assert boxes.bev_iou(some, none).shape == (3, 0)
+    assert [part.shape for part in boxes.best_overlap(none, some)] == [(0,), (0,)]
+    assert [part.tolist() for part in boxes.best_overlap(some, none)] == [[0, 0, 0]] * 2
     assert boxes.bev_iou_pairs(none, none).shape == (0,)
-    assert boxes.bev_iou(some, some).tolist() == torch.zeros(3, 3).tolist()
+    assert boxes.best_overlap(some, some)[0].tolist() == [0, 0, 0]
 
 
-@pytest.mark.parametrize("measure", [boxes.bev_iou_pairs, boxes.iou_3d_pairs, boxes.bev_iou])
+@pytest.mark.parametrize("measure", [boxes.bev_iou_pairs, boxes.iou_3d_pairs])
 def test_gradient_of_the_overlap_is_its_slope(
     measure: Callable[[Tensor, Tensor], Tensor],
 ) -> None:
@@ -279,24 +280,6 @@ def test_strided_convolution_is_the_dense_one(
 
 
 @pytest.mark.usefixtures("either")
-def test_inverse_convolution_is_the_transposed_one_at_the_voxels_before() -> None:
-    x = voxels(200, 4, 0)
-    down = SparseConv3d(4, 5, "a").double()
-    up = InverseConv3d(5, 6, "a").double()
-    coarse = down(x)
-    coarse = coarse.with_features(coarse.features.detach().requires_grad_())
-    out = up(coarse)
-    # The transposed convolution takes the weight (c_in, c_out, z, y, x).
-    weight = up.weight.reshape(3, 3, 3, 5, 6).permute(3, 4, 0, 1, 2)
-    left = tuple(n - (2 * m - 1) for n, m in zip(SHAPE, coarse.shape, strict=True))
-    dense = torch.conv_transpose3d(grid(coarse), weight, None, 2, 1, left)
-    assert out.coordinates is x.coordinates
-    assert out.shape == x.shape
-    assert_same_with_gradients(
-        out.features, at_voxels(dense, x.coordinates), [coarse.features, up.weight]
-    )
-
-
 def test_sparse_convolution_has_the_gradient_of_its_slope() -> None:
     x = voxels(30, 2, 1)
     weight = torch.randn(27, 2, 3, dtype=torch.float64, requires_grad=True)
@@ -354,10 +337,9 @@ def test_sparse_layers_take_no_voxels() -> None:
     x.features.requires_grad_()
     y = SubmanifoldConv3d(4, 4, "a")(x)
     z = SparseConv3d(4, 4, "b")(y)
-    back = InverseConv3d(4, 4, "b")(z)
-    assert len(y.features) == len(z.features) == len(back.features) == 0
+    assert len(y.features) == len(z.features) == 0
     assert z.to_dense().shape == (3, 4 * 4, 6, 5)
-    back.features.sum().backward()
+    z.features.sum().backward()
 
 
 def test_sparse_convolution_under_autocast_is_in_half_precision() -> None:
@@ -384,15 +366,15 @@ def test_sparse_convolution_on_a_gpu_is_as_on_the_cpu() -> None:
 
 @needs_gpu
 def test_gradients_of_sparse_convolutions_on_a_gpu_are_those_of_the_cpu() -> None:
-    down, up = SparseConv3d(8, 8, "b").double(), InverseConv3d(8, 4, "b").double()
+    down, same = SparseConv3d(8, 8, "a").double(), SubmanifoldConv3d(8, 4, "b").double()
     found = {}
     for device in ("cpu", "cuda"):
         x = voxels(700, 8, 0)
         features = x.features.to(device).requires_grad_()
         at = SparseTensor(features, x.coordinates.to(device), x.shape, x.batch_size)
-        out = up.to(device)(down.to(device)(at)).features
+        out = same.to(device)(down.to(device)(at)).features
         weights = torch.linspace(-1, 1, out.numel(), dtype=out.dtype, device=device)
-        inputs = [features, down.weight, up.weight]
+        inputs = [features, down.weight, same.weight]
         found[device] = torch.autograd.grad((out.flatten() * weights).sum(), inputs)
     for here, there in zip(found["cpu"], found["cuda"], strict=True):
         assert (here - there.cpu()).abs().max() < 1e-10
@@ -512,21 +494,6 @@ def test_three_nearest_of_fewer_lack_the_others() -> None:
     assert between.sum(1).allclose(torch.ones(4))
     with pytest.raises(ValueError, match="found no points"):
         points.three_nearest(xyz, xyz[:0])
-
-
-def test_a_group_has_the_offsets_and_features_of_its_points() -> None:
-    xyz = torch.tensor([[0.0, 0, 0], [1, 0, 0], [50, 0, 0]])
-    features = torch.tensor([[1.0], [2], [3]], requires_grad=True)
-    centres = torch.tensor([[0.5, 0, 0], [90, 0, 0]])
-    rows, empty = points.ball_query(xyz, centres, 2, 3)
-    grouped = points.group(xyz, features, centres, rows, empty)
-    first = [[-0.5, 0, 0, 1], [0.5, 0, 0, 2], [-0.5, 0, 0, 1]]
-    assert grouped.tolist() == [first, [[0.0] * 4] * 3]
-    grouped[..., 3].sum().backward()
-    assert features.grad is not None
-    assert features.grad.tolist() == [[2], [1], [0]]
-    rows, empty = points.ball_query(xyz[:0], centres, 2, 3)
-    assert not points.group(xyz[:0], features[:0], centres, rows, empty).any()
 
 
 def test_points_are_in_boxes_up_to_the_surface() -> None:

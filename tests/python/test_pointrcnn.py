@@ -32,7 +32,6 @@ from pyinfra.detectors.pointrcnn import (  # noqa: E402
     decode,
     encode,
     grown,
-    nearest,
     pooled,
     refined,
     refinements,
@@ -284,16 +283,6 @@ def test_corners_forget_which_end_is_the_front() -> None:
     assert corner_distances(boxes, back).max() < 1e-3
     beside = boxes + torch.tensor([0.0, 0, 0.5, 0, 0, 0, 0])
     torch.testing.assert_close(corner_distances(boxes, beside), torch.full((len(boxes), 8), 0.5))
-
-
-def test_overlaps_are_those_of_the_volumes() -> None:
-    boxes = torch.from_numpy(road_sample(9).boxes).float()
-    higher = boxes + torch.tensor([0.0, 0, 0, 0, 0, 0, 0])
-    higher[:, 2] += boxes[:, 5] / 2
-    overlap, row = nearest(higher, boxes)
-    torch.testing.assert_close(overlap, torch.full((len(boxes),), 1 / 3), atol=1e-4, rtol=0)
-    assert row.tolist() == list(range(len(boxes)))
-    assert (nearest(boxes, boxes[:0])[0] == 0).all()
 
 
 def test_proposals_to_learn_from_are_half_good_and_mostly_hard() -> None:

@@ -11,7 +11,6 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
-from pyinfra import boxes as exact  # noqa: E402
 from pyinfra.detectors.batch import Batch, Sample, make_batch  # noqa: E402
 from pyinfra.detectors.pointnet import Clouds  # noqa: E402
 from pyinfra.detectors.pv_rcnn import (  # noqa: E402
@@ -19,7 +18,6 @@ from pyinfra.detectors.pv_rcnn import (  # noqa: E402
     RADII,
     Config,
     PvRcnn,
-    best_overlap,
     corner_loss,
     foreground_loss,
     grid_corners,
@@ -166,15 +164,6 @@ def test_the_second_stage_has_nothing_to_correct_on_the_vehicles_themselves() ->
     assert all(part < 1e-6 for part in parts.values())
     unsure = refinement_losses(torch.zeros(4), torch.zeros(4, 7), [boxes + 0.2], (boxes,))
     assert all(part > 0 for part in unsure.values())
-
-
-def test_the_best_overlap_is_the_exact_one() -> None:
-    boxes, own = some_boxes(40), some_boxes(9)
-    overlap, row = best_overlap(boxes, own)
-    wanted = exact.iou_3d(boxes.double().numpy(), own.double().numpy())
-    np.testing.assert_allclose(overlap.numpy(), wanted.max(axis=1), atol=1e-4)
-    hit = overlap.numpy() > 0
-    np.testing.assert_array_equal(row.numpy()[hit], wanted.argmax(axis=1)[hit])
 
 
 def test_what_is_learnt_from_is_half_on_vehicles_at_most() -> None:

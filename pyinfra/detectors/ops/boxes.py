@@ -21,19 +21,26 @@ _AHEAD = (0.5, 0.5, -0.5, -0.5)
 _LEFT = (-0.5, 0.5, 0.5, -0.5)
 
 
-def bev_iou(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of the boxes' footprints.
+@torch.no_grad()
+def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """Overlap of volumes of each box of a with the one of b that it overlaps most, and its row.
 
-    a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
-    A pair with no overlap gives exactly 0.
+    a: (n, 7), b: (m, 7), in the same frame; returns (n,) in [0, 1] and (n,) int64. A box that
+    overlaps none, or with none to overlap, has exactly 0 and row 0.
     """
-    a, b = _at_least_float32(a), _at_least_float32(b)
+    if not len(b):
+        return a.new_zeros(len(a)), torch.zeros_like(a[:, 0], dtype=torch.int64)
     i, j = _near_pairs(a, b)
-    return a.new_zeros(len(a), len(b)).index_put((i, j), bev_iou_pairs(a[i], b[j]))
+    overlap = iou_3d_pairs(a[i], b[j])
+    best = overlap.new_zeros(len(a), len(b)).index_put((i, j), overlap).max(dim=1)
+    return best.values, best.indices
 
 
 def bev_iou_pairs(a: Tensor, b: Tensor) -> Tensor:
-    """As `bev_iou`, of row i of a with row i of b: (n, 7) and (n, 7) to (n,)."""
+    """Intersection over union of the footprints, row by row: (n, 7) and (n, 7) to (n,) in [0, 1].
+
+    A pair with no overlap gives exactly 0.
+    """
     a, b = _at_least_float32(a), _at_least_float32(b)
     overlap = bev_overlap_pairs(a, b)
     return _ratio(overlap, a[:, 3] * a[:, 4] + b[:, 3] * b[:, 4] - overlap)

@@ -96,18 +96,6 @@ def interpolate(features: Tensor, distances: Tensor, rows: Tensor) -> Tensor:
     return (features[rows] * weights[:, :, None]).sum(1)
 
 
-def group(xyz: Tensor, features: Tensor, centres: Tensor, rows: Tensor, empty: Tensor) -> Tensor:
-    """Each ball's points as offsets from its centre and features; an empty ball has zeros.
-
-    xyz: (n, 3), features: (n, c), centres: (m, 3); rows: (m, k) and empty: (m,) of `ball_query`;
-    returns (m, k, 3 + c).
-    """
-    if not len(xyz):
-        return features.new_zeros(*rows.shape, 3 + features.shape[1])
-    both = torch.cat([xyz[rows] - centres[:, None], features[rows]], 2)
-    return torch.where(empty[:, None, None], 0, both)
-
-
 @torch.no_grad()
 def points_in_boxes(points: Tensor, boxes: Tensor) -> Tensor:
     """Whether each point is in each box, its surface included.

@@ -126,7 +126,6 @@ class SparseConv3d(_Layer):
         padding: int | Triple = 1,
         bias: bool = False,
     ) -> None:
-        """key: by which an InverseConv3d finds the way back."""
         super().__init__(channels_in, channels_out, key, kernel, bias)
         self.stride, self.padding = _triple(stride), _triple(padding)
 
@@ -137,17 +136,6 @@ class SparseConv3d(_Layer):
                 x.coordinates, x.shape, self.kernel, self.stride, self.padding
             )
         return self._convolved(x, x.rulebooks[self.key])
-
-
-class InverseConv3d(_Layer):
-    """Convolution from the output of a SparseConv3d back to the voxels of its input.
-
-    key, kernel: those of the SparseConv3d.
-    """
-
-    def forward(self, x: SparseTensor) -> SparseTensor:
-        """(m, c_in) to (n, c_out)."""
-        return self._convolved(x, x.rulebooks[self.key].inverse())
 
 
 def convolve(

@@ -13,8 +13,8 @@ from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import PRESETS, in_order
 from pyinfra.report.sections.distance import legend
 from pyinfra.statistics import tables
-from pyinfra.statistics.command import blocks_of, sets_of
-from pyinfra.statistics.data import DataSet, read_vehicles
+from pyinfra.statistics.command import sets_of
+from pyinfra.statistics.data import DataSet, blocks_of, read_vehicles
 
 SETS = ("common", "view")
 
