@@ -41,7 +41,7 @@ debian13: build
 test: build
 	@scripts/setup.sh detectors exchange test
 	ctest --preset dev --no-tests=error
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -n 2 --dist loadfile
 
 # clang-tidy reads how the files are compiled from the dev build.
 lint:
