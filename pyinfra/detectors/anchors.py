@@ -28,6 +28,7 @@ class AnchorConfig:
     long_m: tuple[float, float, float] = ruled((9.0, 2.5, 3.2), 0.1, 30)  # the second size
     matched: float = ruled(0.6, 0, 1)  # an anchor stands for a box from this overlap on
     unmatched: float = ruled(0.45, 0, 1)  # and for none below this one
+    candidates: int = ruled(4096, 1, 4096)  # best anchors that become boxes, before suppression
 
     @property
     def sizes(self) -> tuple[tuple[float, float, float], ...]:

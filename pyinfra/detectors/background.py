@@ -387,7 +387,7 @@ def _clusters(xy: Floats, road: Floats, s: Config) -> npt.NDArray[np.int32]:
     """
     distance = np.hypot(xy[:, 0], xy[:, 1])
     grow = 1 + distance / np.float32(100)
-    reach = s.gap_along_m * float(grow.max())
+    reach = max(s.gap_along_m, s.gap_m) * float(grow.max())
     i, j = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
     x, y = (xy[i] - xy[j]).T
     cos, sin = road[_road_cell(xy, len(road))].T

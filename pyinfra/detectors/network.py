@@ -19,7 +19,7 @@ from pyinfra.detectors.site import Site
 
 MIN_SCORE = 0.1  # AP counts from here on
 NMS_IOU = 0.1  # of footprints: vehicles never overlap
-CANDIDATES = 512  # best ones that enter the suppression
+CANDIDATES = 4096  # best ones at most that enter the suppression
 MOST_BOXES = 200  # of a frame
 CLASS = "vehicle"
 
@@ -69,6 +69,8 @@ def keep_memory() -> None:
 
 class Network(nn.Module, abc.ABC):
     """A detector whose weights are learnt. Subclasses say what is lost and what is found."""
+
+    learns_in_windows = False  # of a wide site (windows.py)
 
     def __init__(self, site: Site) -> None:
         super().__init__()

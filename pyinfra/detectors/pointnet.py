@@ -73,6 +73,20 @@ def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
     return torch.cat(found).to(clouds.xyz.device), [min(most, n) for n in clouds.counts]
 
 
+def shuffled(clouds: Clouds) -> Clouds:
+    """The points of each cloud in an order that says nothing of their place, always the same one.
+
+    For the balls of voxels, which lie in order of height: by row they would see the lowest alone.
+    """
+    orders, start = [torch.zeros(0, dtype=torch.int64)], 0
+    for count in clouds.counts:
+        draw = torch.Generator().manual_seed(count)
+        orders.append(start + torch.randperm(count, generator=draw))
+        start += count
+    order = torch.cat(orders).to(clouds.xyz.device)
+    return Clouds(clouds.xyz[order], clouds.features[order], clouds.counts)
+
+
 def neighbours(
     clouds: Clouds, centres: Tensor, counts: Sequence[int], radius: float, most: int
 ) -> tuple[Tensor, Tensor]:

@@ -17,7 +17,7 @@ from pyinfra.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_
 from pyinfra.detectors.batch import Batch
 from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
 from pyinfra.detectors.losses import focal, smooth_l1, start_rare
-from pyinfra.detectors.network import CANDIDATES, Losses, Network
+from pyinfra.detectors.network import Losses, Network
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.site import Site
 from pyinfra.detectors.windows import view_of
@@ -94,10 +94,10 @@ class AnchorHead(nn.Module):
         return score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction / count
 
     def candidates(self, x: Tensor) -> list[tuple[Tensor, Tensor]]:
-        anchors = self.anchors.boxes.flatten(0, 2).to(x.device)
+        anchors = self.anchors.boxes[: x.shape[2], : x.shape[3]].flatten(0, 2).to(x.device)
         found = []
         for scores, residuals, directions in zip(*self(x), strict=True):
-            best = torch.sigmoid(scores).topk(min(CANDIDATES, len(scores)))
+            best = torch.sigmoid(scores).topk(min(self.anchors.config.candidates, len(scores)))
             rows = best.indices
             backwards = directions[rows].argmax(dim=1) == 1
             found.append((decode(residuals[rows], anchors[rows], backwards), best.values))
@@ -115,6 +115,8 @@ def _box_loss(found: Tensor, wanted: Tensor) -> Tensor:
 class PointPillars(Network):
     """Pillars, a two-dimensional network, anchors."""
 
+    learns_in_windows = True
+
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
@@ -126,7 +128,7 @@ class PointPillars(Network):
         self.head = AnchorHead(self.bev.channels, anchors)
 
     def losses(self, batch: Batch) -> Losses:
-        view = view_of(batch, self.encoder, self.bev.step)
+        view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
         return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:

@@ -6,9 +6,10 @@ second stage refines the box and says how well it fits.
 
 Deviations: all points of a voxel count; x y z enter the first layer as -1 to 1 over the area
 (voxel_backbone.py); padding along the height in every strided layer, as areas differ in height;
-anchors of two sizes and one class that stand on the site's floor (anchors.py); 512 proposals enter
-the suppression; second-stage boxes are chosen evenly instead of at random and there is no dropout,
-so that a run repeats; balls and frames with few points are not filled up (pointnet.py). With
+anchors of two sizes and one class that stand on the site's floor (anchors.py); second-stage boxes
+are chosen evenly instead of at random and there is no dropout, so that a run repeats; nor are the
+points of a full ball drawn anew each time, 16 at every level; as many proposals are refined when
+detecting as when learning; balls and frames with few points are not filled up (pointnet.py). With
 `around_m`, key points are taken only around proposals, as in PV-RCNN++ (Shi et al., IJCV 2023):
 over a road of 200 m farthest points spread so thinly that a car has one.
 """
@@ -30,11 +31,12 @@ from pyinfra.detectors.losses import focal, smooth_l1
 from pyinfra.detectors.network import Losses, Network
 from pyinfra.detectors.ops.boxes import best_overlap, nms
 from pyinfra.detectors.ops.points import box_of_points
-from pyinfra.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled
+from pyinfra.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled, shuffled
 from pyinfra.detectors.pointpillars import AnchorHead
 from pyinfra.detectors.processes import of_all
 from pyinfra.detectors.site import Site
 from pyinfra.detectors.voxel_backbone import VoxelBackbone
+from pyinfra.detectors.windows import cut, view_of
 
 # Metres around a key point: raw points, then the levels of voxels; and around a grid point.
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
@@ -78,9 +80,9 @@ class Config:
 class KeyPoints(nn.Module):
     """Key points -> features (m, key_width), weighted by how much they belong to a vehicle."""
 
-    def __init__(self, config: Config, area: Area, canvas_channels: int) -> None:
+    def __init__(self, config: Config, area: Area, cell_m: float, canvas_channels: int) -> None:
         super().__init__()
-        self.area = area
+        self.area, self.cell_m = area, cell_m
         widths = (config.widths[0], *config.widths)  # of raw points and the levels
         sources = [
             SetAbstraction(channels, _balls(radii, config.neighbours, width))
@@ -97,7 +99,7 @@ class KeyPoints(nn.Module):
     ) -> tuple[Clouds, Tensor]:
         """clouds: raw points and the levels; returns the key points (m,) and logits (m,)."""
         found = [
-            source(cloud, xyz, counts).features
+            source(shuffled(cloud), xyz, counts).features
             for source, cloud in zip(self.sources, clouds, strict=True)
         ]
         gathered = torch.cat([*found, self.seen_from_above(canvas, xyz, counts)], dim=1)
@@ -107,7 +109,8 @@ class KeyPoints(nn.Module):
 
     def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: list[int]) -> Tensor:
         """(m, C): the canvas (B, C, H, W) at the key points, between the middles of its cells."""
-        low, size = xyz.new_tensor(self.area.low[:2]), xyz.new_tensor(self.area.size[:2])
+        low = xyz.new_tensor(self.area.low[:2])
+        size = xyz.new_tensor([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m])
         at = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
         found = [
             functional.grid_sample(
@@ -148,6 +151,8 @@ class Refinement(nn.Module):
 class PvRcnn(Network):
     """Sparse voxels, anchors, key points, a second stage."""
 
+    learns_in_windows = True
+
     def __init__(self, config: Config, site: Site) -> None:
         cell_m = math.prod(config.strides) * config.voxel_m
         area = site.area.grown(multiple(config.bev, cell_m))
@@ -166,11 +171,14 @@ class PvRcnn(Network):
         rows, columns = (n // stride for n in self.backbone.grid)
         anchors = Anchors(config.anchors, self.site, stride * cell_m, (rows, columns))
         self.head = AnchorHead(self.bev.channels, anchors)
-        self.key_points = KeyPoints(config, area, self.backbone.channels)
+        self.key_points = KeyPoints(config, area, cell_m, self.backbone.channels)
         self.refinement = Refinement(config)
 
     def losses(self, batch: Batch) -> Losses:
-        levels, canvas = self.backbone(batch)
+        voxel_m, step = self.config.voxel_m, self.bev.step * math.prod(self.config.strides)
+        view = view_of(batch, self.site.area, voxel_m, step)
+        batch = cut(batch, view, self.site.area, voxel_m)
+        levels, canvas = self.backbone(batch, view)
         x = self.bev(canvas)
         first = self.head.losses(x, batch.boxes)
         found = self.proposals(x, LEARNT_NMS_IOU)

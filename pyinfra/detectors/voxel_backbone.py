@@ -13,8 +13,9 @@ import operator
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
-from pyinfra.detectors.batch import Area, Batch
+from pyinfra.detectors.batch import Area, Batch, View
 from pyinfra.detectors.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 from pyinfra.detectors.pointnet import Clouds, Norm
 
@@ -72,30 +73,36 @@ class VoxelBackbone(nn.Module):
         self.channels = canvas_width * depth
         self.grid = rows // along[-1], columns // along[-1]  # of the canvas
 
-    def forward(self, batch: Batch) -> tuple[list[Clouds], Tensor]:
-        x, levels = self.voxels(batch), []
+    def forward(self, batch: Batch, view: View | None = None) -> tuple[list[Clouds], Tensor]:
+        """view: the part of the area that the batch was cut to (windows.py), if not all of it."""
+        x, levels = self.voxels(batch, view), []
         for level, stride in zip(self.levels, self.strides, strict=True):
             x = level(x)
             levels.append(self.middles(x, stride))
         return levels, self.flat(x).to_dense()
 
-    def voxels(self, batch: Batch) -> SparseTensor:
+    def voxels(self, batch: Batch, view: View | None = None) -> SparseTensor:
         """The mean x y z intensity of the points in each voxel, x y z as -1 to 1 over the area."""
+        depth, rows, columns = self.shape
+        if view is not None:
+            rows, columns = view.sides
         low = batch.points.new_tensor(self.area.low)
         extent = batch.points.new_tensor(self.area.size)
         away = batch.points[:, :3] - low
         cell = (away / batch.points.new_tensor(self.size)).long()  # (n, 3)
-        depth, rows, columns = self.shape
         cell = torch.minimum(cell, cell.new_tensor([columns, rows, depth]) - 1)
         key = ((batch.frame * depth + cell[:, 2]) * rows + cell[:, 1]) * columns + cell[:, 0]
         keys, member = torch.unique(key, return_inverse=True)
+        if view is not None and view.first is not None:
+            moved = functional.pad(view.first.flip(1), (0, 1)) * away.new_tensor(self.size)
+            away = away + moved[batch.frame]
         inputs = torch.cat([2 * away / extent - 1, batch.points[:, 3:]], dim=1)  # (n, 4)
         count = torch.bincount(member, minlength=len(keys)).clamp(min=1).to(inputs.dtype)
         mean = inputs.new_zeros(len(keys), 4).index_add(0, member, inputs) / count[:, None]
         above, x = keys // columns, keys % columns
         above, y = above // rows, above % rows
         coordinates = torch.stack([above // depth, above % depth, y, x], dim=1)
-        return SparseTensor(mean, coordinates, self.shape, batch.size)
+        return SparseTensor(mean, coordinates, (depth, rows, columns), batch.size)
 
     def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
         """The voxels as points in their middles; stride: along x, y, z."""

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 
 from pyinfra.detectors.batch import Area, Batch, Sample, View
-from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.kitti import FloatArray
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 def check(network: Network, most_m2: float) -> None:
     """Raises ValueError if windows are asked of a network that has no canvas to cut."""
-    if most_m2 > 0 and not hasattr(network, "encoder"):
+    if most_m2 > 0 and not network.learns_in_windows:
         name = type(network).__name__
         raise ValueError(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
 
@@ -33,16 +32,17 @@ def centre_of(sample: Sample, area: Area, draw: np.random.Generator) -> FloatArr
     return draw.uniform(area.low[:2], area.high[:2])
 
 
-def view_of(batch: Batch, encoder: PillarEncoder, step: int) -> View:
-    """What the batch's windows show; they begin at multiples of `step` cells."""
-    whole = (encoder.rows, encoder.columns)
+def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> View:
+    """What the batch's windows show of an area; they begin at multiples of `step` cells."""
+    columns, rows = (round(area.size[axis] / cell_m) for axis in (0, 1))
+    whole = (rows, columns)
     if batch.windows is None:
         return View(whole, None, batch.boxes)
-    sides = sides_of(whole, batch.windows.most_m2 / encoder.pillar_m**2, step)
+    sides = sides_of(whole, batch.windows.most_m2 / cell_m**2, step)
     if sides == whole:
         return View(whole, None, batch.boxes)
-    low = torch.tensor(encoder.area.low[:2])
-    middles = ((batch.windows.centres - low) / encoder.pillar_m).flip(1).tolist()  # row, column
+    low = torch.tensor(area.low[:2])
+    middles = ((batch.windows.centres - low) / cell_m).flip(1).tolist()  # row, column
     first = torch.tensor(
         [
             [_start(m, side, most, step) for m, side, most in zip(pair, sides, whole, strict=True)]
@@ -52,11 +52,22 @@ def view_of(batch: Batch, encoder: PillarEncoder, step: int) -> View:
     boxes = []
     for own, corner in zip(batch.boxes, first, strict=True):
         moved = own.clone()
-        moved[:, :2] -= corner.flip(0) * encoder.pillar_m
-        cell = (moved[:, :2] - low.to(moved)) / encoder.pillar_m
+        moved[:, :2] -= corner.flip(0) * cell_m
+        cell = (moved[:, :2] - low.to(moved)) / cell_m
         inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)
         boxes.append(moved[inside])
     return View(sides, first, tuple(boxes))
+
+
+def cut(batch: Batch, view: View, area: Area, cell_m: float) -> Batch:
+    """The points and boxes of the view, moved as it is to the area's low corner."""
+    if view.first is None:
+        return batch
+    points = batch.points.clone()
+    points[:, :2] -= (view.first.flip(1) * cell_m)[batch.frame].to(points)
+    at = points[:, :2] - points.new_tensor(area.low[:2])
+    inside = ((at >= 0) & (at < at.new_tensor(view.sides[::-1]) * cell_m)).all(dim=1)
+    return Batch(points[inside], batch.frame[inside], view.boxes)
 
 
 def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:

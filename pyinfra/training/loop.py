@@ -132,7 +132,7 @@ def batch_of(frames: Frames, recipe: Recipe, network: Network, seed: int, step: 
         order = np.random.default_rng([seed, turn]).permutation(len(frames))
         draw = np.random.default_rng([seed, 1, n])
         paste = recipe.augmentation.pasted > 0
-        other = frames.sample(int(draw.integers(len(frames)))) if paste else None
+        other = frames.another(int(order[place]), draw) if paste else None
         sample = augmented(frames.sample(int(order[place])), other, recipe.augmentation, draw)
         samples.append(sample)
         centres.append(windows.centre_of(sample, network.site.area, draw))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -31,18 +32,27 @@ class Frames:
 
     clouds: tuple[Callable[[], Points], ...]
     boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
+    starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
 
     def __len__(self) -> int:
         return len(self.clouds)
 
     def __add__(self, more: Frames) -> Frames:
-        return Frames(self.clouds + more.clouds, self.boxes + more.boxes)
+        starts = tuple(len(self) + first for first in more.starts)
+        starts = self.starts + starts if len(self) else starts
+        return Frames(self.clouds + more.clouds, self.boxes + more.boxes, starts)
 
     def part(self, rows: slice) -> Frames:
+        """Of the frames of one LiDAR."""
         return Frames(self.clouds[rows], self.boxes[rows])
 
     def sample(self, i: int) -> Sample:
         return Sample(self.clouds[i](), self.boxes[i])
+
+    def another(self, i: int, draw: np.random.Generator) -> Sample:
+        """Any frame of the LiDAR of frame i."""
+        of = bisect.bisect(self.starts, i)
+        return self.sample(int(draw.integers(self.starts[of - 1], [*self.starts, len(self)][of])))
 
 
 def augmented(

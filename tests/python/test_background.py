@@ -10,7 +10,7 @@ import pytest
 
 from pyinfra.boxes import bev_iou, iou_3d
 from pyinfra.detectors import Detector, Points
-from pyinfra.detectors.background import DEFAULT, Background
+from pyinfra.detectors.background import DEFAULT, Background, _clusters, _road_cells
 from pyinfra.kitti import FloatArray
 
 SENSOR_HEIGHT_M = 6.0
@@ -112,6 +112,20 @@ def test_traffic_tells_the_heading_of_a_car_with_few_points(busy_road: Backgroun
     assert len(found) == 1
     assert abs(np.sin(found.boxes[0, 6])) < 0.1
     assert bev_iou(found.boxes, car)[0, 0] > 0.5
+
+
+@pytest.mark.parametrize(("across_m", "along_m"), [(2.0, 0.5), (0.5, 2.0)])
+def test_points_are_of_one_cluster_up_to_the_gap_of_their_direction(
+    across_m: float, along_m: float
+) -> None:
+    settings = replace(DEFAULT, gap_m=across_m, gap_along_m=along_m)
+    cells = _road_cells(settings)
+    along_x = np.zeros((cells, cells, 2), np.float32)
+    along_x[..., 0] = 1
+    for step, gap in (((0, 1.5), across_m), ((1.5, 0), along_m)):
+        xy = np.array([(5, 5), (5 + step[0], 5 + step[1])], np.float32)
+        labels = _clusters(xy, along_x, settings)
+        assert (labels[0] == labels[1]) == (gap > 1.5)
 
 
 def test_a_queue_that_stands_half_of_the_time_is_no_background() -> None:

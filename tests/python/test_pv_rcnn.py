@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
 from pyinfra.detectors.batch import Batch, Sample, make_batch  # noqa: E402
-from pyinfra.detectors.pointnet import Clouds  # noqa: E402
+from pyinfra.detectors.pointnet import Clouds, neighbours, shuffled  # noqa: E402
 from pyinfra.detectors.pv_rcnn import (  # noqa: E402
     FOREGROUND_IOU,
     RADII,
@@ -69,6 +69,29 @@ def test_a_key_point_sees_the_raw_points_near_it_and_no_other() -> None:
     assert (seen(near + moved)[0] - before[0]).abs().max() > 1e-4
     torch.testing.assert_close(seen(near + moved)[1], before[1])
     torch.testing.assert_close(seen(far + moved), seen(far))
+
+
+def test_a_full_ball_of_voxels_is_not_its_lowest_corner() -> None:
+    """Voxels lie in order of z, y, x; what a ball takes of them must lie about its middle."""
+    net, sample = network(), road_sample(3)
+    levels, _ = net.eval().backbone(make_batch([sample], SITE.area))
+    car = torch.from_numpy(sample.boxes[:1, :3]).float()
+    coarse, radius = shuffled(levels[-1]), RADII[-1][1]
+    every, _ = neighbours(coarse, car, [1], radius, 4096)
+    some, _ = neighbours(coarse, car, [1], radius, 32)
+    assert len(every) > 3 * len(some)
+    off = coarse.xyz[some].mean(dim=0) - coarse.xyz[every].mean(dim=0)
+    # A mean of 32 is this far from that of all in one of a thousand draws.
+    assert (off.abs() < 3.3 * coarse.xyz[every].std(dim=0) / 32**0.5).all()
+
+
+def test_shuffling_keeps_the_points_of_each_cloud_and_is_always_the_same() -> None:
+    xyz = torch.arange(30.0).view(10, 3)
+    found = shuffled(Clouds(xyz, xyz[:, :1], [6, 0, 4]))
+    assert not torch.equal(found.xyz, xyz)
+    assert torch.equal(found.xyz[:6].sort(dim=0).values, xyz[:6])
+    assert torch.equal(found.xyz[:, :1], found.features)
+    assert torch.equal(found.xyz, shuffled(Clouds(xyz, xyz[:, :1], [6, 0, 4])).xyz)
 
 
 @torch.inference_mode()

@@ -6,6 +6,7 @@ import pickle
 import re
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -198,6 +199,18 @@ class Known:
 
     def eval(self) -> None:
         self.training = False
+
+
+def test_vehicles_are_pasted_from_frames_of_the_same_lidar() -> None:
+    def numbered(*numbers: int) -> Frames:
+        return Frames(
+            tuple(partial(np.full, 1, n) for n in numbers), (np.empty((0, 7)),) * len(numbers)
+        )
+
+    both = Frames((), ()) + numbered(0, 1, 2) + numbered(10, 11)
+    draw = np.random.default_rng(1)
+    drawn = [{int(both.another(i, draw).points[0]) for _ in range(50)} for i in range(5)]
+    assert drawn == [{0, 1, 2}] * 3 + [{10, 11}] * 2
 
 
 def test_validation_is_the_average_precision_of_all_held_out_frames() -> None:

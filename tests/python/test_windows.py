@@ -1,6 +1,7 @@
 """Windows of a canvas: what is learnt from one is what would be learnt of the whole there."""
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -50,11 +51,11 @@ def test_windows_are_as_square_as_they_can_be(
 @pytest.mark.parametrize("name", ON_PILLARS)
 def test_a_window_holds_the_canvas_and_the_boxes_there(name: str) -> None:
     network = network_of(name)
-    encoder = network.encoder
+    encoder, area = network.encoder, network.site.area
     batch = make_batch([road_sample(1), road_sample(2)], network.site.area)
     step = network.bev.step
     corners = [network.site.area.low[:2], network.site.area.high[:2]]
-    view = windows.view_of(looking_at(batch, 300.0, *corners), encoder, step)
+    view = windows.view_of(looking_at(batch, 300.0, *corners), area, encoder.pillar_m, step)
     rows, columns = view.sides
     assert rows % step == columns % step == 0
     assert rows * columns * encoder.pillar_m**2 <= 300
@@ -75,7 +76,22 @@ def test_a_window_holds_the_canvas_and_the_boxes_there(name: str) -> None:
         torch.testing.assert_close(boxes[i], expected)
 
 
-@pytest.mark.parametrize("name", ON_PILLARS)
+def test_a_cut_batch_has_the_voxels_of_its_windows() -> None:
+    network = network_of("pv-rcnn")
+    area, backbone, size = network.site.area, network.backbone, network.config.voxel_m
+    batch = make_batch([road_sample(1), road_sample(2)], area)
+    step = network.bev.step * math.prod(network.config.strides)
+    view = windows.view_of(looking_at(batch, 300.0, area.low[:2], area.high[:2]), area, size, step)
+    found = backbone.voxels(windows.cut(batch, view, area, size), view)
+    whole = backbone.voxels(batch).to_dense()
+    rows, columns = view.sides
+    parts = torch.stack([whole[0, :, :rows, :columns], whole[1, :, -rows:, -columns:]])
+    assert parts.any(dim=(1, 2, 3)).all()
+    # Moving may carry a point over a voxel's side by rounding; not here.
+    torch.testing.assert_close(found.to_dense(), parts, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("name", [*ON_PILLARS, "pv-rcnn"])
 def test_a_window_over_the_whole_area_changes_nothing(name: str) -> None:
     network = network_of(name)
     batch = make_batch([road_sample(1)], network.site.area)
@@ -84,7 +100,7 @@ def test_a_window_over_the_whole_area_changes_nothing(name: str) -> None:
         assert torch.equal(a, b)
 
 
-@pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar"])
+@pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar", "pv-rcnn"])
 def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
     """A car far from the window's rim: what its cells lose does not depend on the window."""
     area = Area((-100.0, -80.0, SITE.area.low[2]), (100.0, 80.0, SITE.area.high[2]))
@@ -100,9 +116,9 @@ def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
 
 def test_windows_are_asked_of_networks_with_a_canvas_only() -> None:
     windows.check(network_of("dsvt"), 100)
-    windows.check(network_of("pv-rcnn"), 0)
-    with pytest.raises(ValueError, match=r"window_m2: found 100 for PvRcnn, allowed 0"):
-        windows.check(network_of("pv-rcnn"), 100)
+    windows.check(network_of("pointrcnn"), 0)
+    with pytest.raises(ValueError, match=r"window_m2: found 100 for PointRCNN, allowed 0"):
+        windows.check(network_of("pointrcnn"), 100)
 
 
 def test_without_vehicles_a_window_lies_anywhere_in_the_area() -> None:
