@@ -12,9 +12,10 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
+from pyinfra.benchmark.value import HQ_AP
 from pyinfra.claims import ABOVE_0, ABOVE_1, AVIA, LINES_64, LINES_128, SPINNING, Row, verdict
 from pyinfra.statistics.compare import Figure
-from pyinfra.statistics.selection import each_road_once, first_seed, first_stress
+from pyinfra.statistics.selection import first_seed, first_stress
 
 DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
@@ -33,12 +34,12 @@ Cells = dict[tuple[str, str], Figure]  # AP by LiDAR and detector
 def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """One row a claim and case, for every scene and preset of `cells`.
 
-    tables: `cells`, `areas`, `distance` and `value` of a benchmark, and `stress` where there is
+    tables: `cells`, `distance` and `value` of a benchmark, and `stress` where there is
     one. A case whose cells are not all there has no row.
     """
     kept = {name: rows for name, rows in tables.items() if len(rows)}
     kept["cells"] = kept["cells"].dropna(subset=["ap"])  # of a seed that failed another stands in
-    of_cells = ("cells", "areas", "distance", "value")
+    of_cells = ("cells", "distance", "value")
     kept |= {name: first_seed(kept[name]) for name in of_cells if name in kept}
     cells = kept["cells"]
     rows: list[dict[str, object]] = []
@@ -48,7 +49,8 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
             for name, t in kept.items()
             if name in of_cells
         }
-        case = {"scene": scene, "preset": preset, "version": own.version.iloc[-1]}
+        versions = " ".join(dict.fromkeys(own.version.astype(str)))
+        case = {"scene": scene, "preset": preset, "version": versions}
         rows.extend(asdict(row) | case for row in claims(own, here))
     rows.extend(tilt(kept.get("stress", pd.DataFrame())))
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -59,7 +61,7 @@ def claims(cells: pd.DataFrame, tables: dict[str, pd.DataFrame]) -> Iterator[Row
     ap = {(c.lidar, c.detector): Figure(c.ap, c.ap_low, c.ap_high) for c in cells.itertuples()}
     for detector in DETECTORS:
         yield from across_lidars(ap, detector)
-        yield from areas(tables.get("areas", pd.DataFrame()), detector)
+        yield from areas(tables.get("distance", pd.DataFrame()), detector)
         yield from gentle(tables.get("distance", pd.DataFrame()), detector)
         yield from value(ap, tables, detector)
     for lidar in (LINES_128, AVIA, LINES_64, "helios_16"):
@@ -117,25 +119,21 @@ def areas(table: pd.DataFrame, detector: str) -> Iterator[Row]:
 def high_quality(
     table: pd.DataFrame, detector: str, ground_truth: str
 ) -> dict[str, tuple[Figure, float]]:
-    """Areas of high quality, give or take the undecided ones, and all areas, by LiDAR.
+    """Areas with an AP above 85, by LiDAR, and all areas; table: a row a window of the road.
 
-    A LiDAR without areas, in a run so short that none counts, is left out.
+    From those that are decided to be high to those and the undecided ones. A LiDAR without areas,
+    in a run so short that none counts, is left out.
     """
     if table.empty:
         return {}
     own = table[(table.ground_truth == ground_truth) & (table.detector == detector)]
-    sums = each_road_once(own).groupby("lidar")[["n_tda", "n_hqda", "undecided"]].sum()
-    return {
-        str(c.Index): (
-            Figure(
-                float(c.n_hqda),
-                float(max(0, c.n_hqda - c.undecided)),
-                float(min(c.n_tda, c.n_hqda + c.undecided)),
-            ),
-            float(c.n_tda),
-        )
-        for c in sums[sums.n_tda > 0].itertuples()
-    }
+    found = {}
+    for lidar, windows in own[own.quality != "few"].groupby("lidar"):
+        sure = float((windows.quality == "high").sum())
+        most = sure + float((windows.quality == "undecided").sum())
+        number = float((windows.ap > HQ_AP).sum())
+        found[str(lidar)] = (Figure(number, sure, most), float(len(windows)))
+    return found
 
 
 def gentle(table: pd.DataFrame, detector: str) -> Iterator[Row]:
@@ -144,6 +142,7 @@ def gentle(table: pd.DataFrame, detector: str) -> Iterator[Row]:
         return
     ahead = table[
         (table.ground_truth == "captured")
+        & (table.road == table.road.iloc[0])
         & (table.detector == detector)
         & table.s.between(0, AHEAD_M)
         & (table.ap_high > table.ap_low)
@@ -173,7 +172,7 @@ def value(ap: Cells, tables: dict[str, pd.DataFrame], detector: str) -> Iterator
     table = tables.get("value", pd.DataFrame())
     if table.empty:
         return
-    good = high_quality(tables.get("areas", pd.DataFrame()), detector, "all")
+    good = high_quality(tables.get("distance", pd.DataFrame()), detector, "all")
     own = table[table.detector == detector].set_index("lidar")
     if not set(SPINNING) <= set(own.index):
         return

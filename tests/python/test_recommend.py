@@ -45,6 +45,18 @@ def values() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def windows(ground_truth: str, qualities: dict[str, list[str]]) -> pd.DataFrame:
+    """Of LiDARs with PointPillars: an AP of 90 where the quality is high, of 86 if undecided."""
+    ap = {"high": 90.0, "undecided": 86.0, "low": 40.0, "few": 90.0}
+    rows = [
+        key_of(lidar, "pointpillars") | {"s": 10.0 * i, "ap": ap[quality], "quality": quality}
+        for lidar, own in qualities.items()
+        for i, quality in enumerate(own)
+    ]
+    table = pd.DataFrame(rows).assign(ground_truth=ground_truth, road="a")
+    return table.assign(ap_low=table.ap - 3, ap_high=table.ap + 3)
+
+
 def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
     """Of a claim's rows, by the first word of the statement and what it is about."""
     rows = claims_table(tables)
@@ -53,9 +65,18 @@ def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
 
 
 def test_a_run_too_short_for_areas_claims_nothing_of_them() -> None:
-    areas = pd.DataFrame([key_of(lidar, "pointpillars") for lidar in PRICES])
-    areas = areas.assign(ground_truth="captured", road="a", n_tda=0, n_hqda=0, undecided=0)
-    assert verdicts({"cells": cells(), "areas": areas}, "areas") == {}
+    short = windows("captured", dict.fromkeys(PRICES, ["few"] * 3))
+    assert verdicts({"cells": cells(), "distance": short}, "areas") == {}
+
+
+def test_areas_count_from_the_decided_to_the_undecided_ones() -> None:
+    own = {"ruby_plus": ["high"] * 8 + ["low"] * 2, "livox_avia": ["high"] * 3 + ["undecided"] * 4}
+    found = verdicts({"cells": cells(), "distance": windows("captured", own)}, "areas")
+    # 8 of 10 against 3 (+ 4) of 7: 80 against 43 to 100 in 100; 8 against 3 to 7.
+    assert list(found.values()) == ["undecided", "holds"]
+    more = own | {"ruby_plus": ["high"] * 7 + ["low"] * 3}
+    found = verdicts({"cells": cells(), "distance": windows("captured", more)}, "areas")
+    assert list(found.values()) == ["undecided", "undecided"]
 
 
 def test_a_difference_has_the_rooted_squares_of_both_ends() -> None:
@@ -103,14 +124,30 @@ def test_a_straight_line_has_its_slope() -> None:
     assert found.high - found.value == pytest.approx(1.96 * (4 / 10) ** 0.5)
 
 
+def test_the_road_ahead_is_the_first_one() -> None:
+    """AP falls by 2 in 10 m along the first road, for the Avia by 1; on the second it rises."""
+    ahead = windows("captured", dict.fromkeys(PRICES, ["high"] * 11))
+    ahead = ahead.assign(
+        ap=95 - ahead.s / ahead.lidar.map(lambda x: 10 if x == "livox_avia" else 5)
+    )
+    side = ahead.assign(road="side", ap=50 + ahead.s / 2)
+    table = pd.concat([ahead, side])
+    table = table.assign(ap_low=table.ap - 1, ap_high=table.ap + 1)
+    rows = claims_table({"cells": cells(), "distance": table})
+    found = rows[rows.claim == "gentle"]
+    assert found.value.to_list() == pytest.approx([1.0])
+    assert found.verdict.to_list() == ["holds"]
+
+
 def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
-    areas = values().assign(ground_truth="all", road="a", n_tda=20, undecided=2)
-    found = verdicts({"cells": cells(), "value": values(), "areas": areas}, "value")
-    # 94 AP for 2,000 against 60 for 1,000; 10 +- 2 areas for 2,000 against 10 +- 2 for 1,000.
+    areas = windows("all", dict.fromkeys(PRICES, ["high"] * 8 + ["undecided"] * 4))
+    found = verdicts({"cells": cells(), "value": values(), "distance": areas}, "value")
+    # 94 AP for 2,000 against 60 for 1,000; 8 to 12 areas for 2,000 against as many for 1,000.
     own = "pointpillars: {} per dollar of the Avia over the best of the others (helios_16) above 1"
     assert found[own.format("AP")] == "fails"
     assert found[own.format("high-quality areas")] == "fails"
-    unsure = {"cells": cells(), "value": values(), "areas": areas.assign(undecided=8)}
+    areas = windows("all", dict.fromkeys(PRICES, ["high"] * 4 + ["undecided"] * 12))
+    unsure = {"cells": cells(), "value": values(), "distance": areas}
     assert verdicts(unsure, "value")[own.format("high-quality areas")] == "undecided"
 
 
