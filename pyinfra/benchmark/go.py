@@ -11,12 +11,13 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.atomic import held
-from pyinfra.benchmark import measure, pool, store, worlds
+from pyinfra.benchmark import inputs, measure, pool, store, worlds
 from pyinfra.benchmark.claims import claims_table
 from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY, value_table
+from pyinfra.config import ConfigError
 from pyinfra.training.recipe import read_recipe
 
 KEYS = {  # of the rows of each table
@@ -66,8 +67,13 @@ class Place:
 def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu") -> None:
     """Fills the tables; cells with a row are left out, those that failed are tried again.
 
-    Raises SimulatorError if a data set cannot be made; a cell that fails is a row with its reason.
+    Raises SimulatorError if a data set cannot be made, ConfigError if the tables are of other
+    inputs; a cell that fails is a row with its reason.
     """
+    inputs.resolved.cache_clear()
+    inputs.check_names(plan)
+    inputs.check_frames(place.table("hits"), inputs.digests(plan))
+    check_costs(place, plan)
     forget_failed(place, plan)
     left = place.without_row(plan.cells)
     if left:
@@ -80,6 +86,17 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
             lost=lambda cell, error: place.put(measure.failed(cell, error)),
         )
     conclude(place, plan)
+
+
+def check_costs(place: Place, plan: Plan) -> None:
+    """Raises ConfigError if the prices of the table are with other costs of the site."""
+    table = store.read(place.table("value"))
+    found = sorted(set(table.site_usd) - {plan.costs.site_usd}) if len(table) else []
+    if found:
+        raise ConfigError(
+            f"{place.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
+            f"{plan.costs.site_usd:g} as in this benchmark, or another --out"
+        )
 
 
 def forget_failed(place: Place, plan: Plan) -> None:
@@ -96,13 +113,18 @@ def forget_failed(place: Place, plan: Plan) -> None:
 
 def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     """All data sets of the plan, split, and their tables."""
+    for cell in plan.cells:
+        file = place.data(cell.world) / cell.lidar / "lidar.yaml"
+        inputs.renew_price(plan.files["lidars", cell.lidar], cell.preset, file)
     shards = worlds.shards(plan, place.work, where.jobs)
     print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
     pool.call_all(worlds.simulate, shards, replace(where, gpu=False))
     for world, cells in plan.worlds().items():
-        worlds.split_by_time(place.data(world))
+        worlds.split_by_time(place.data(world), plan.parts)
         if not is_described(place, cells):
-            place.put(worlds.described(place.data(world), cells))
+            tables = worlds.described(place.data(world), cells)
+            tables["hits"] = tables["hits"].merge(inputs.digests(plan), on=inputs.FRAMES_OF)
+            place.put(tables)
 
 
 def is_described(place: Place, cells: Sequence[Cell]) -> bool:
@@ -163,6 +185,8 @@ def _conclude(place: Place, plan: Plan) -> None:
     tables = {name: store.read(place.table(name)) for name in READ}
     if not all(len(table) for table in tables.values()):
         return
+    tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
+    place.put({"lidars": tables["lidars"]})
     tables["value"] = value_table(tables, plan.costs)
     tables["stress"] = store.read(place.results / "stress.csv")
     place.put({"value": tables["value"]})

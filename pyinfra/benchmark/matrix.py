@@ -9,10 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+from pyinfra import split
 from pyinfra.benchmark.value import Costs
 from pyinfra.config import ConfigError, checked, read_config, ruled
 from pyinfra.hits import configs
-from pyinfra.training.sources import Tier
+from pyinfra.training.sources import PERIOD_S, Tier
 
 Preset = Literal["paper", "equal", "datasheet"]
 # Of the 5,000 frames of 500 s.
@@ -44,11 +45,20 @@ class Block:
 
 
 @dataclass(frozen=True)
+class Parts:
+    """What is learnt from and what is tested on."""
+
+    train_until_s: float = ruled(split.TRAIN_UNTIL_S, 0, 1e6)  # frames that start before it train
+    val_from_s: float = ruled(split.VAL_FROM_S, 0, 1e6)  # and from here on they test
+
+
+@dataclass(frozen=True)
 class Benchmark:
     """A union of blocks, in their order."""
 
     matrix: tuple[Block, ...]  # combinations to measure
     frames: str = ""  # A:B[:STEP] in place of the tier's
+    split: Parts = field(default_factory=Parts)
     costs: Costs = field(default_factory=Costs)
 
 
@@ -85,6 +95,7 @@ class Plan:
     frames: str
     files: dict[tuple[str, str], Path]  # by kind and name
     costs: Costs
+    parts: Parts
 
     def worlds(self) -> dict[str, list[Cell]]:
         """The cells by the data set they need."""
@@ -101,7 +112,12 @@ def read_plan(file: Path, tier: Tier) -> Plan:
 
     def known(kind: str, words: tuple[str, ...]) -> list[str]:
         paths = [config_file(kind, file, word) for word in words]
-        files.update({(kind, path.stem): path for path in paths})
+        for path in paths:
+            if files.setdefault((kind, path.stem), path) != path:
+                raise ConfigError(
+                    f"{file}: {kind}: found '{path.stem}' of two files, {path} and "
+                    f"{files[kind, path.stem]}, allowed one of a name"
+                )
         return [path.stem for path in paths]
 
     def cells() -> Iterator[Cell]:
@@ -119,4 +135,25 @@ def read_plan(file: Path, tier: Tier) -> Plan:
     found = tuple(dict.fromkeys(cells()))
     if not found:
         raise ConfigError(f"{file}: matrix: found no cell, allowed one or more")
-    return Plan(found, benchmark.frames or FRAMES[tier], files, benchmark.costs)
+    frames = benchmark.frames or FRAMES[tier]
+    check_parts(file, frames, benchmark.split)
+    return Plan(found, frames, files, benchmark.costs, benchmark.split)
+
+
+def check_parts(file: Path, frames: str, parts: Parts) -> None:
+    """Raises ConfigError if there is nothing to learn from, or nothing to test on."""
+    try:
+        split.by_time(range_of(frames), PERIOD_S, parts.train_until_s, parts.val_from_s)
+    except ValueError as error:
+        raise ConfigError(f"{file}: frames, split: {error}") from None
+
+
+def range_of(frames: str) -> range:
+    """A:B[:STEP]. Raises ConfigError if it is no range."""
+    words = frames.split(":")
+    if len(words) not in (2, 3) or not all(word.isdecimal() for word in words):
+        raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")
+    numbers = range(*map(int, words)) if "0" not in words[2:] else range(0)
+    if not numbers:
+        raise ConfigError(f"frames: found '{frames}', allowed a range with frames")
+    return numbers

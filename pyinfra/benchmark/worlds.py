@@ -11,8 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra import kitti, split
-from pyinfra.benchmark.matrix import Cell, Plan
-from pyinfra.config import ConfigError
+from pyinfra.benchmark.matrix import Cell, Parts, Plan, range_of
 from pyinfra.hits import infrasim
 from pyinfra.statistics.command import vehicle_tables
 from pyinfra.statistics.data import blocks_of, read_data_set, read_vehicles
@@ -53,16 +52,8 @@ def lidars_of(cells: Sequence[Cell]) -> list[str]:
 
 
 def parts_of(frames: str, parts: int) -> list[str]:
-    """A:B[:STEP] cut into at most so many ranges; together they hold the same frames.
-
-    Raises ConfigError if it is no range.
-    """
-    words = frames.split(":")
-    if len(words) not in (2, 3) or not all(word.isdecimal() for word in words):
-        raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")
-    numbers = range(*map(int, words)) if "0" not in words[2:] else range(0)
-    if not numbers:
-        raise ConfigError(f"frames: found '{frames}', allowed a range with frames")
+    """A:B[:STEP] cut into at most so many ranges; together they hold the same frames."""
+    numbers = range_of(frames)
     cuts = [len(numbers) * i // parts for i in range(parts + 1)]
     pieces = [numbers[a:b] for a, b in itertools.pairwise(cuts) if a < b]
     return [f"{p[0]}:{p[-1] + 1}:{numbers.step}" for p in pieces]
@@ -74,10 +65,11 @@ def simulate(shard: Shard) -> None:
     infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
 
 
-def split_by_time(folder: Path) -> None:
+def split_by_time(folder: Path, parts: Parts) -> None:
     """Raises FileExistsError if the data set is split in another way."""
     data = read_data_set(folder)
-    split.write(data, split.by_time(data.frames, data.period_s))
+    found = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
+    split.write(data, found)
 
 
 def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:

@@ -1,0 +1,105 @@
+"""What a benchmark does when the files behind its names change: nothing old is taken for new."""
+
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pyinfra import cli
+from pyinfra.benchmark.matrix import read_plan
+from pyinfra.config import ConfigError
+from pyinfra.hits import configs
+
+MATRIX = """
+frames: 0:20:5
+split: {train_until_s: 1, val_from_s: 1.5}
+matrix:
+  - scenes: [site.yaml]
+    lidars: [own.yaml]
+    presets: [paper]
+    detectors: [background]
+"""
+
+
+HIGH = 2399  # USD, of helios_16
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """A benchmark of four frames with a scene and a LiDAR beside it."""
+    scene = (configs() / "scenes/highway.yaml").read_text()
+    (tmp_path / "site.yaml").write_text(scene.replace("name: highway", "name: site"))
+    lidar = (configs() / "lidars/helios_16.yaml").read_text()
+    (tmp_path / "own.yaml").write_text(lidar.replace("name: helios_16", "name: own"))
+    file = tmp_path / "small.yaml"
+    file.write_text(MATRIX)
+    return file
+
+
+def run(config: Path, *more: str) -> int:
+    folder = config.parent
+    words = [str(config), "--tier", "smoke", "--out", str(folder / "out"), "--jobs", "1"]
+    return cli.main(["benchmark", *words, "--work", str(folder / "work"), *more])
+
+
+def changed(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def test_a_changed_price_counts_at_once_and_a_changed_pole_is_refused(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(config) == 0
+    table = config.parent / "out/smoke_value.csv"
+    before = pd.read_csv(table)
+    changed(config.parent / "own.yaml", "{low: 2399", "{low: 1000")
+    changed(config, "[background]", "[background, own_background.yaml]")
+    shutil.copy(configs() / "detectors/background.yaml", config.parent / "own_background.yaml")
+    assert run(config) == 0  # the frames are used again
+    after = pd.read_csv(table)
+    assert before.price_usd.to_list() == [pytest.approx((2399 + HIGH) / 2)]
+    assert after.price_usd.to_list() == [pytest.approx((1000 + HIGH) / 2)] * 2
+    written = (config.parent / "work/data/site_paper/own/lidar.yaml").read_text()
+    assert f"price_total_usd: {{low: 1000, high: {HIGH}}}" in written
+
+    capsys.readouterr()
+    changed(config.parent / "site.yaml", "z_m: 6", "z_m: 12")
+    assert run(config) == 2
+    assert "site paper own: found rows of another scene" in capsys.readouterr().err
+
+
+def test_other_costs_of_the_site_do_not_change_prices_in_silence(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(config) == 0
+    config.write_text(f"{MATRIX}costs: {{pole_usd: 1500}}\n")
+    assert run(config) == 2
+    assert "found costs of the site of 0 USD, allowed 1500" in capsys.readouterr().err
+
+
+def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    changed(config.parent / "own.yaml", "name: own", "name: mine")
+    assert run(config) == 2
+    assert "own.yaml: name: found 'mine', allowed 'own'" in capsys.readouterr().err
+    assert not (config.parent / "work").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[background]", "[background, background.yaml]", "detectors: found 'background' of two"),
+        ("0:20:5", "0:10:5", "frames, split: found frames from 0 to 0.5 s, allowed some before 1"),
+        ("val_from_s: 1.5", "val_from_s: 0.5", "frames, split: found val from 0.5 s, allowed 1 s"),
+        ("0:20:5", "'20:0'", "frames: found '20:0', allowed a range"),
+    ],
+)
+def test_what_can_not_be_is_said_before_anything_runs(
+    old: str, new: str, message: str, config: Path
+) -> None:
+    shutil.copy(configs() / "detectors/background.yaml", config.parent / "background.yaml")
+    changed(config, old, new)
+    with pytest.raises(ConfigError, match=message):
+        read_plan(config, "smoke")
