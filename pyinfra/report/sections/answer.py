@@ -10,6 +10,7 @@ from pyinfra.report.blocks import Block, Card, CardLine, Cards, Section, Text, s
 from pyinfra.report.material import Material
 from pyinfra.report.names import detector
 
+STEP_AP = 2.5  # of the 40 recall levels that AP stands on
 CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
@@ -46,7 +47,7 @@ def _lead(material: Material, cells: pd.DataFrame) -> str:
     if rows.ap_all.notna().any():
         whole = rows.loc[rows.ap_all.idxmax()]
         text += f" Of all vehicles on the road, {_name(material, whole)} finds most"
-        text += f" (AP {whole.ap_all:.1f})."
+        text += f" (AP {whole.ap_all:.1f}{_near(material, rows, whole)})."
     return text
 
 
@@ -73,6 +74,8 @@ def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
     if others.ap_all.notna().any():
         second = others.loc[others.ap_all.idxmax()]
         reason += f"; next {material.names.model(second.lidar)}, {second.ap_all:.1f}"
+    if others.ap_all.max() > best.ap_all - STEP_AP:
+        reason += ", which is no more than a step of AP away"
     return _line(material, best, reason)
 
 
@@ -119,9 +122,16 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 
 
 def _tied(rows: pd.DataFrame, best: pd.Series) -> pd.DataFrame:
-    """Other rows whose interval reaches into that of the best; the nearest first."""
-    reach = (rows.ap_high >= best.ap_low) & (rows.index != best.name)
+    """Other rows whose interval reaches into that of the best, or is not known; nearest first."""
+    reach = ~(rows.ap_high < best.ap_low) & (rows.index != best.name)
     return rows[reach].sort_values("ap", ascending=False)
+
+
+def _near(material: Material, rows: pd.DataFrame, best: pd.Series) -> str:
+    """The rows within a step of the best AP of all vehicles, which has no interval."""
+    near = rows[(rows.ap_all > best.ap_all - STEP_AP) & (rows.index != best.name)]
+    near = near.sort_values("ap_all", ascending=False)
+    return f"; within {STEP_AP:g} of it {_listed(material, near)}" if len(near) else ""
 
 
 def _name(material: Material, row: pd.Series) -> str:

@@ -150,10 +150,11 @@ def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
         legend.remove()
     for patch in figure.findobj(Patch):
         patch.set_hatch(_hatch(patch.get_hatch()))
-    label = f"Plan of {data.scene} with {high} high-quality areas of {title}"
+    label = f"Plan of {data.scene} with {high} areas of {title} that are surely of high quality"
     keys = (data.scene, data.preset, lidar)
     return Panel(
-        f"{title}: {high} of {len(rows)}", svg.inline(figure, svg.identifier("plan", *keys), label)
+        f"{title}: surely {high} of {len(rows)}",
+        svg.inline(figure, svg.identifier("plan", *keys), label),
     )
 
 

@@ -41,8 +41,9 @@ def section(material: Material) -> Section | None:
         ]
     presets = in_order(rows.preset, PRESETS)
     table = Table(
-        "A row for each thing tested. A claim holds if its 95 % interval lies inside the range "
-        "that was stated before the run, fails if outside, and is undecided otherwise.",
+        "A row for each thing tested. A claim holds if its 95 % interval lies inside the stated "
+        "range, fails if outside, and is undecided otherwise; for numbers of areas the interval is "
+        "the range from those that are decided to those and the undecided ones.",
         [Column("Claim"), Column("Tested on"), *(Column(f"Preset {p}") for p in presets)],
         _table_rows(rows, presets, material.names),
         Source("report_claims.csv", rows.drop(columns=["key"])),

@@ -31,6 +31,7 @@ class Rung:
     seconds: float  # CPU time of the simulation
     change: float  # of AP, the largest of all LiDARs
     same: bool  # conclusions
+    known: bool  # every LiDAR has an interval
 
 
 def blocks(material: Material) -> tuple[str, list[Block]]:
@@ -58,7 +59,16 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
             rows = own[own[dial] == value].set_index("lidar")
             change = (rows.ap - dearest.ap).abs().max()
             seconds = float(rows.seconds.mean())
-            found.append(Rung(dial, value, seconds, float(change), agrees(rows, dearest)))
+            found.append(
+                Rung(
+                    dial,
+                    value,
+                    seconds,
+                    float(change),
+                    agrees(rows, dearest),
+                    rows.ap_low.notna().all(),
+                )
+            )
     return found
 
 
@@ -157,7 +167,7 @@ def _table(material: Material, found: list[Rung]) -> Table:
             Cell(rung.value),
             number(rung.seconds, ".1f"),
             number(rung.change, ".2f"),
-            Cell("same" if rung.same else "change"),
+            Cell(("same" if rung.same else "change") if rung.known else "no interval"),
         ]
         for rung in found
     ]

@@ -72,8 +72,9 @@ def section(material: Material, sections: Sequence[Section]) -> Section:
         blocks.append(_detectors(names))
     blocks += [_index(sections), _provenance(material)]
     lead = (
-        "Definitions and rules are in docs/conventions.md of the project; those of the claims were "
-        "written before the run. Everything is simulated: no vegetation, one pole for each scene."
+        "Definitions and rules are in docs/conventions.md of the project; those of the claims "
+        "about scanning were written before the run, those about detection before all cells were "
+        "measured. Everything is simulated: no vegetation, one pole for each scene."
     )
     return Section("methods", "Methods and provenance", lead, blocks)
 
