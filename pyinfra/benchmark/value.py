@@ -76,9 +76,13 @@ def covered(
 ) -> pd.DataFrame:
     """Metres of road inside windows whose AP of `all` is above 85, by cell: column covered_m.
 
+    A road goes from the middle of its first window to that of its last one: nothing beyond was
+    evaluated, though half of these windows lies there.
     within_m: how far along the road, to both sides, from the foot of the sensor.
     """
-    good = distance[(distance.ground_truth == "all") & (distance.ap > above)]
+    windows = distance[distance.ground_truth == "all"]
+    ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
+    good = windows[windows.ap > above]
     steps = round(WINDOW_M / WINDOW_STEP_M)
     pieces = pd.concat(
         [
@@ -86,8 +90,10 @@ def covered(
             for i in range(steps)
         ]
     ).drop_duplicates()
-    ends = (pieces.piece + WINDOW_STEP_M).clip(upper=within_m)
-    pieces["covered_m"] = (ends - pieces.piece.clip(lower=-within_m)).clip(lower=0)
+    pieces = pieces.merge(ends, on=[*KEY, "road"])
+    begin = pieces.piece.clip(lower=pieces.begin.clip(lower=-within_m))
+    end = (pieces.piece + WINDOW_STEP_M).clip(upper=pieces.end.clip(upper=within_m))
+    pieces["covered_m"] = (end - begin).clip(lower=0)
     every = distance[KEY].drop_duplicates()
     metres = pieces.groupby(KEY).covered_m.sum()
     return every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})

@@ -13,6 +13,7 @@ from pyinfra import kitti
 from pyinfra.report.names import PRESETS, Names, in_order, read_names
 from pyinfra.report.results import Results, read_results
 from pyinfra.statistics.data import DataSet, read_data_set
+from pyinfra.statistics.selection import preset_of_answers
 
 SCENES = ("highway", "crossroad", "curve")
 
@@ -56,15 +57,6 @@ class Material:
         """
         chosen = {str(s): preset_of_answers(own) for s, own in rows.groupby("scene")}
         return rows[rows.preset == rows.scene.map(chosen)]
-
-
-def preset_of_answers(rows: pd.DataFrame) -> str:
-    """rows: of one scene, one or more, with columns preset and lidar."""
-    counts = rows.groupby("preset").lidar.nunique()
-    for preset in reversed(PRESETS):
-        if counts.get(preset, 0) >= 2:
-            return preset
-    return str(rows.preset.iloc[0])
 
 
 def read_material(

@@ -333,6 +333,13 @@ def key_of(**changes: object) -> dict[str, object]:
     return vars(CELL) | changes
 
 
+def road_of(ap: dict[float, float], name: str = "a", end: float = 100) -> pd.DataFrame:
+    """Windows of a road from -100 m to an end; none but those given has an AP."""
+    windows = {-100.0: None, end: None} | ap
+    table = pd.DataFrame({"s": windows.keys(), "ap": pd.Series(windows.values(), dtype=float)})
+    return table.assign(ground_truth="all", road=name)
+
+
 def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame]:
     """Tables of LiDARs `NAME` at a price, AP of all and of their own alike."""
     keys = [key_of(lidar=name) for name in detectors]
@@ -341,7 +348,7 @@ def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame
     return {
         "cells": pd.DataFrame(keys).assign(ap=ap, ap_all=ap),
         "areas": pd.DataFrame(keys).assign(ground_truth="all", road="a", n_hqda=4),
-        "distance": pd.DataFrame(keys).assign(ground_truth="all", road="a", s=0.0, ap=90.0),
+        "distance": pd.DataFrame(keys).merge(road_of({0: 90.0}), how="cross"),
         "lidars": pd.DataFrame(
             {
                 "lidar": list(detectors),
@@ -394,14 +401,16 @@ def test_the_dominated_are_named_with_what_beats_them() -> None:
 
 
 def test_windows_that_overlap_count_their_road_once() -> None:
-    rows = pd.DataFrame([key_of()] * 4).assign(
-        ground_truth="all",
-        road=["a", "a", "b", "a"],
-        s=[0.0, 5.0, 100.0, 50.0],
-        ap=[90, 86, 99, 85],
-    )
+    rows = pd.concat([road_of({0: 90, 5: 86, 50: 85}), road_of({100: 99}, "b")]).assign(**key_of())
     # -10 to 15 of road a; 90 to 100 of road b, where the region ends; 85 is not above 85.
     assert covered(rows).covered_m.tolist() == [25 + 10]
+
+
+def test_road_beyond_the_last_window_is_not_covered() -> None:
+    rows = road_of({40: 90, 55: 90}, end=60).assign(**key_of())
+    assert covered(rows).covered_m.tolist() == [20 + 10]
+    assert covered(rows, within_m=52).covered_m.tolist() == [20 + 2]
+    assert covered(rows, above=95).covered_m.tolist() == [0]
 
 
 def test_rows_of_two_processes_are_all_there(tmp_path: Path) -> None:

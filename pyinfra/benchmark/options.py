@@ -1,0 +1,168 @@
+"""The options of a benchmark: its finished cells, each with its price and the road it covers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.benchmark.value import KEY, covered
+from pyinfra.report.results import Results, read_results
+from pyinfra.statistics.compare import Figure
+from pyinfra.statistics.selection import preset_of_answers
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a site asks for."""
+
+    budget_usd: float  # of LiDAR and site
+    min_ap: float  # 0 to 100, of the vehicles that a LiDAR captured; for road, of all
+    range_m: float  # of road, to either side of the sensor
+    latency_ms: float  # of a frame, at most
+
+
+@dataclass(frozen=True)
+class Option:
+    """A finished cell.
+
+    Prices are those of LiDAR and site. Road counts as covered where the AP of the ground truth
+    `all` in a window is above what is asked; the ends of `covered_m` take every window's AP at the
+    same end of its interval, and a window without an interval counts at the high end only.
+    """
+
+    scene: str
+    preset: str
+    lidar: str
+    detector: str
+    ap: Figure  # 0 to 100, of the vehicles that the LiDAR captured
+    ap_all: float  # of all vehicles
+    price_usd: float  # middle of low and high
+    price_low_usd: float
+    price_high_usd: float
+    covered_m: Figure
+    road_m: float  # that was evaluated, within the range that is asked
+    latency_ms: float  # of a frame on one core, median
+
+    @property
+    def name(self) -> str:
+        return f"{self.lidar} with {self.detector}"
+
+
+def read_options(results: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
+    """The finished cells of a scene, lowest seed, best first: most road covered, then lowest price.
+
+    preset: by default that of the report's answers. Raises FileNotFoundError without a table, and
+    ValueError for a wrong table, a scene or preset that was not measured, or if a table has not
+    all cells.
+    """
+    found = read_tables(results, tier)
+    done = found.done()
+    if done.empty:
+        raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
+    scene, preset = chosen(done, scene, preset)
+    cells = done[(done.scene == scene) & (done.preset == preset)]
+    table = joined(cells, prices(found), file_of(found, "value"))
+    distance = found.table("distance")
+    here = distance[(distance.scene == scene) & (distance.preset == preset)]
+    table = joined(table, road(here, wish), file_of(found, "distance"))
+    options = [option(row) for _, row in table.iterrows()]
+    return sorted(options, key=lambda o: (-o.covered_m.value, o.price_usd, -o.ap.value))
+
+
+def read_tables(folder: Path, tier: str) -> Results:
+    """As `read_results`, but three tables have to be there, and LiDARs' prices have a preset."""
+    for suffix in ("", "_value", "_distance"):
+        file = folder / f"{tier}{suffix}.csv"
+        if not file.is_file():
+            raise FileNotFoundError(2, "No such table; `pyinfra benchmark` writes it", str(file))
+    found = read_results(folder, tier)
+    lidars = found.table("lidars")
+    if len(lidars) and "preset" not in lidars:
+        raise ValueError(
+            f"{file_of(found, 'lidars')}: found no column preset, "
+            "allowed a table of `pyinfra benchmark`"
+        )
+    return found
+
+
+def file_of(results: Results, table: str) -> Path:
+    return results.folder / results.file(table)
+
+
+def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
+    """The scene and preset that are meant. Raises ValueError if they are not in the table."""
+    scenes = sorted(set(done.scene))
+    if scene not in scenes:
+        if scene or len(scenes) != 1:
+            raise ValueError(f"--scene: found '{scene}', allowed {', '.join(scenes)}")
+        (scene,) = scenes
+    here = done[done.scene == scene]
+    presets = sorted(set(here.preset))
+    if preset and preset not in presets:
+        raise ValueError(f"--preset: found '{preset}', allowed {', '.join(presets)}")
+    return scene, preset or preset_of_answers(here)
+
+
+def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
+    """Every cell with its columns of another table, that of a file, which the error names."""
+    table = cells.merge(more, on=KEY)
+    if len(table) < len(cells):
+        raise ValueError(
+            f"{file}: found {len(table)} of {len(cells)} cells, allowed all; "
+            "`pyinfra benchmark` once more writes it"
+        )
+    return table
+
+
+def prices(results: Results) -> pd.DataFrame:
+    """By cell price_usd, price_low_usd and price_high_usd, all of LiDAR and site.
+
+    Without a row in the table of LiDARs low and high are the price itself.
+    """
+    value = results.table("value").dropna(subset="price_usd")[[*KEY, "price_usd", "site_usd"]]
+    lidars = results.table("lidars")
+    if lidars.empty:
+        return value.assign(price_low_usd=value.price_usd, price_high_usd=value.price_usd)
+    ends = ["price_low_usd", "price_high_usd"]
+    value = value.merge(lidars[["lidar", "preset", *ends]], on=["lidar", "preset"], how="left")
+    return value.assign(**{e: (value[e] + value.site_usd).fillna(value.price_usd) for e in ends})
+
+
+def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
+    """By cell covered_m, low_m and high_m, the ends of what is covered, and road_m.
+
+    distance: windows of the cells of one scene, with columns ap, ap_low and ap_high.
+    """
+    values = {
+        "covered_m": distance.ap,
+        "low_m": distance.ap_low,
+        "high_m": distance.ap_high.fillna(math.inf),
+        "road_m": math.inf,
+    }
+    metres = [
+        covered(distance.assign(ap=ap), wish.min_ap, wish.range_m)
+        .set_index(KEY)
+        .covered_m.rename(name)
+        for name, ap in values.items()
+    ]
+    return pd.concat(metres, axis=1).reset_index()
+
+
+def option(row: pd.Series) -> Option:
+    return Option(
+        scene=row.scene,
+        preset=row.preset,
+        lidar=row.lidar,
+        detector=row.detector,
+        ap=Figure(row.ap, row.ap_low, row.ap_high),
+        ap_all=row.ap_all,
+        price_usd=row.price_usd,
+        price_low_usd=row.price_low_usd,
+        price_high_usd=row.price_high_usd,
+        covered_m=Figure(row.covered_m, row.low_m, row.high_m),
+        road_m=row.road_m,
+        latency_ms=row.latency_p50_ms,
+    )
