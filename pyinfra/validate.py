@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.prediction_checks import Finding, check_predictions, find_files
 from pyinfra.kitti import FormatError
+from pyinfra.kitti.table import lines_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -53,8 +55,8 @@ def validate(
 def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     """Errors of the text files, the first MOST_ERRORS of them."""
     readers: dict[kitti.Part, Callable[[Path], object]] = {
-        "label_2": kitti.read_labels,
-        "objects": kitti.read_objects,
+        "label_2": partial(kitti.read_labels, in_radians=True),
+        "objects": partial(kitti.read_objects, in_radians=True),
         "calib": kitti.read_calibration,
     }
     errors = []
@@ -76,7 +78,7 @@ def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
 
 def _labels(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     files = [kitti.frame_file(folder, "label_2", frame) for frame in frames]
-    rows = [line.split() for file in files for line in file.read_text().splitlines()]
+    rows = [line.split() for file in files for line in lines_of(file)]
     rows = [row for row in rows if row[0] != "DontCare"]
     if not rows:
         yield Finding("warning", "no-labels", f"{folder}: no frame has a label")

@@ -248,9 +248,9 @@ def _number(cell: str) -> float:
 
 
 def _texts(files: Sequence[Path]) -> list[list[str]]:
-    """Lines of each file."""
+    """Lines of each file, without the byte order mark of spreadsheet programs."""
     try:
-        return [file.read_bytes().decode().splitlines() for file in files]
+        return [file.read_bytes().decode("utf-8-sig").splitlines() for file in files]
     except UnicodeDecodeError:
         for file in files:
             _decodes(file)

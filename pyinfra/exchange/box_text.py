@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from pyinfra.exchange.recording import Boxes
 from pyinfra.kitti import FloatArray
 from pyinfra.kitti.layout import Names
-from pyinfra.kitti.table import Table, lines_of
+from pyinfra.kitti.table import MOST_RADIANS, RADIANS, Table, lines_of
 
 COLUMNS = "x y z dx dy dz heading category".split()
 
 
 def read_boxes(file: Path) -> Boxes:
     """Raises FormatError with file and line."""
-    rows = [line.split() for line in lines_of(file) if line.strip()]
-    table = Table(file, 1, rows, COLUMNS, "category")
+    rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
+    table = Table(file, list(rows), list(rows.values()), COLUMNS, "category")
     table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
+    table.check(["heading"], lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
     return Boxes(table.names, table.values)
 
 

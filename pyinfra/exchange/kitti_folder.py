@@ -52,7 +52,7 @@ def read(source: Path, options: Options) -> Recording:
 
 def _boxes(file: Path, calib: Path) -> Boxes:
     calibration = kitti.read_calibration(calib) if calib.is_file() else None
-    labels = kitti.read_labels(file, calibration=calibration)
+    labels = kitti.read_labels(file, calibration=calibration, in_radians=True)
     assert labels.image is not None
     return Boxes(labels.names, labels.boxes, visibility=_visibility(labels.image[:, 1]))
 

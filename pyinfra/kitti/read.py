@@ -15,7 +15,7 @@ from pyinfra.kitti.layout import (
     Labels,
     Objects,
 )
-from pyinfra.kitti.table import Table, lines_of
+from pyinfra.kitti.table import MOST_RADIANS, RADIANS, Table, lines_of
 
 
 def read_points(file: Path) -> npt.NDArray[np.float32]:
@@ -40,9 +40,10 @@ def read_fields(file: Path) -> npt.NDArray[np.void]:
     return _records(file, FIELDS, "time_s ring class object_id")
 
 
-def read_objects(file: Path) -> Objects:
+def read_objects(file: Path, *, in_radians: bool = False) -> Objects:
     """The vehicles of one frame; a frame without vehicles gives k = 0.
 
+    in_radians: headings beyond 2 pi, which must be degrees, are an error.
     Raises FormatError with file and line.
     """
     lines = lines_of(file)
@@ -50,8 +51,10 @@ def read_objects(file: Path) -> Objects:
     if header != ",".join(OBJECT_COLUMNS):
         raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(OBJECT_COLUMNS)}'")
     rows = [line.split(",") for line in lines[1:]]
-    table = Table(file, 2, rows, OBJECT_COLUMNS, "class")
+    table = Table(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
     table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
+    if in_radians:
+        table.check(["heading"], lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
     table.check(["id"], lambda v: v == np.floor(v), "a whole number")
     table.check(
         ["points", "points_in_box"],
@@ -77,17 +80,22 @@ def read_labels(
     scores: bool = False,
     calibration: Calibration | None = None,
     dont_care: bool = False,
+    in_radians: bool = False,
 ) -> Labels:
     """The boxes of a label file, or with `scores` of a prediction file, in the LiDAR frame.
 
     calibration: of the frame's camera; that of a simulated LiDAR by default. DontCare regions are
-    left out unless asked for; an empty file gives k = 0.
+    left out unless asked for; an empty file gives k = 0. in_radians: a rotation_y beyond 2 pi,
+    which must be in degrees, is an error.
     Raises FormatError with file and line, also for scores in a label file and none in predictions.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
-    table = Table(file, 1, [line.split() for line in lines_of(file)], columns, "type")
+    rows = [line.split() for line in lines_of(file)]
+    table = Table(file, range(1, 1 + len(rows)), rows, columns, "type")
     known = table.names != "DontCare"
     table.check(["h", "w", "l"], lambda v: (v > 0) | ~known, "more than 0")
+    if in_radians:
+        table.check(["rotation_y"], lambda v: (np.abs(v) <= MOST_RADIANS) | ~known, RADIANS)
     keep = known | dont_care
     values = table.values[keep]
     return Labels(

@@ -1,5 +1,6 @@
 """Rows of words and numbers whose errors name file, line and column."""
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -9,27 +10,36 @@ import numpy.typing as npt
 
 from pyinfra.kitti.layout import FloatArray, FormatError, Names
 
+MOST_RADIANS = 2 * math.pi + 0.01  # rounded; an angle beyond it is in degrees
+RADIANS = "-2 pi to 2 pi, in radians"
+
 
 def lines_of(file: Path) -> list[str]:
-    """Raises FormatError if the text is not UTF-8."""
+    """Lines without the byte order mark of spreadsheet programs.
+
+    Raises FormatError if the text is not UTF-8.
+    """
     try:
-        return file.read_text(encoding="utf-8").splitlines()
+        return file.read_bytes().decode().removeprefix("\ufeff").splitlines()
     except UnicodeDecodeError as error:
         raise FormatError(f"{file}: found byte {error.start} that is not UTF-8") from None
 
 
 class Table:
-    """Rows of numbers with one column of names; errors name file, line and column."""
+    """Rows of numbers with one column of names; errors name file, line and column.
+
+    lines: where the rows stand in the file.
+    """
 
     def __init__(
         self,
         file: Path,
-        first_line: int,
+        lines: Sequence[int],
         rows: Sequence[Sequence[str]],
         columns: Sequence[str],
         name_column: str,
     ) -> None:
-        self.file, self.first_line = file, first_line
+        self.file, self.lines = file, lines
         self.columns = [c for c in columns if c != name_column]
         at = columns.index(name_column)
         for i, row in enumerate(rows):
@@ -58,7 +68,7 @@ class Table:
                 self._fail(int(bad[0]), f"{column}: found {self[column][bad[0]]:g}", rule)
 
     def _fail(self, row: int, found: str, allowed: str) -> NoReturn:
-        raise FormatError(f"{self.file}:{self.first_line + row}: {found}, allowed {allowed}")
+        raise FormatError(f"{self.file}:{self.lines[row]}: {found}, allowed {allowed}")
 
     def _fail_at_word(self, cells: Sequence[Sequence[str]]) -> NoReturn:
         for i, row in enumerate(cells):

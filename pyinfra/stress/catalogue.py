@@ -10,15 +10,15 @@ import numpy as np
 
 from pyinfra.detectors import Points
 from pyinfra.hits import LIDARS, SCENES
-from pyinfra.stress import clouds, worlds
-from pyinfra.stress.worlds import Base, World
+from pyinfra.stress import clouds, limits, worlds
+from pyinfra.stress.worlds import PRESETS, Base, World
 
 Dial = float | str
 OWN = "own"  # no stress, where a dial is a name
-PRESETS = ("paper", "equal", "datasheet")
 
 CloudChange = Callable[[Points, float, clouds.Draws], Points]
 WorldChange = Callable[[Base, Dial], World]
+Need = Callable[[Base], str]  # why a base lacks it, or nothing
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class Stressor:
     dials: tuple[Dial, ...]  # the first one is none
     cloud: CloudChange | None = None
     world: WorldChange | None = None
+    needs: tuple[Need, ...] = ()
     each_frame: bool = True  # other draws for each frame
 
     @property
@@ -41,6 +42,10 @@ class Stressor:
         if self.cloud:
             return "cloud"
         return "world" if self.world else "training"
+
+    def lacks(self, base: Base) -> str:
+        """Why it cannot act on a base, or nothing."""
+        return next((why for need in self.needs if (why := need(base))), "")
 
     def apply(self, points: Points, dial: float, seed: int, frame: int) -> Points:
         """A cloud (n, 4) under a dial of a stressor of clouds; the same one without stress."""
@@ -71,6 +76,8 @@ def _dial(word: str) -> float:
     return value
 
 
+WORLD = (limits.scene, limits.rays)
+TRAFFIC = (*WORLD, limits.traffic)
 NONE = Stressor("none", "", (0.0,))
 
 STRESSORS = {
@@ -93,17 +100,30 @@ STRESSORS = {
         ),
         Stressor("blocked_sector", "deg", (0.0, 10.0, 20.0, 40.0, 80.0), clouds.blocked_sector),
         # The motorway of the catalogue holds no more than four times its own.
-        Stressor("density", "times", (1.0, 2.0, 4.0), world=worlds.density),
-        Stressor("speed", "times", (1.0, 1.25, 1.5, 2.0), world=worlds.speed),
-        Stressor("tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=worlds.tilt),
-        Stressor("unseen_lidar", "name", (OWN, *LIDARS), world=worlds.other_lidar),
-        Stressor("unseen_scene", "name", (OWN, *SCENES), world=worlds.other_scene),
-        Stressor("unseen_preset", "name", (OWN, *PRESETS), world=worlds.other_preset),
+        Stressor("density", "times", (1.0, 2.0, 4.0), world=worlds.density, needs=TRAFFIC),
+        Stressor("speed", "times", (1.0, 1.25, 1.5, 2.0), world=worlds.speed, needs=TRAFFIC),
+        Stressor("tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=worlds.tilt, needs=WORLD),
+        Stressor(
+            "unseen_lidar",
+            "name",
+            (OWN, *LIDARS),
+            world=worlds.other_lidar,
+            needs=(limits.scene, limits.known_preset),
+        ),
+        Stressor("unseen_scene", "name", (OWN, *SCENES), world=worlds.other_scene, needs=WORLD),
+        Stressor(
+            "unseen_preset",
+            "name",
+            (OWN, *PRESETS),
+            world=worlds.other_preset,
+            needs=(limits.scene, limits.catalogue),
+        ),
         Stressor(
             "vehicle_class",
             "name",
             (OWN, "Truck", "Bus", "Motorcycle", "Cyclist"),
             world=worlds.one_class,
+            needs=TRAFFIC,
         ),
         # Their dials are what the runs were trained with.
         Stressor("training_frames", "frames", ()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -60,6 +60,10 @@ class Cell:
     stressor: Stressor
     dial: Dial
 
+    @property
+    def at(self) -> tuple[str, Dial]:
+        return self.stressor.name, self.dial
+
 
 def read_run(folder: Path, base: Base) -> Run:
     """Raises FileNotFoundError, and ValueError for a model of another LiDAR."""
@@ -81,12 +85,8 @@ def plan(
     """Every cell: first without stress, then stressor by stressor, so that early rows compare.
 
     The first run of a detector is stressed; its others are dials of the training's stressors.
-    Raises ValueError for runs that differ from the first in more than one of them, or in none, and
-    for worlds of a folder without dataset.yaml.
+    Raises ValueError for runs that differ from the first in more than one of them, or in none.
     """
-    if not base.scene and any(stressor.world for stressor in stressors):
-        place = base.folder.parent
-        raise ValueError(f"{place}: found no dataset.yaml, allowed --stressors of clouds alone")
     first: dict[str, Run] = {}
     for run in runs:
         first.setdefault(run.detector, run)
@@ -178,6 +178,27 @@ def fill(cell: Cell, base: Base, out: Path, seed: int) -> bool:
 def missing(cells: Sequence[Cell], base: Base, out: Path, seed: int) -> Iterator[Cell]:
     table = read(out / "stress.csv")
     return (cell for cell in cells if not store.has(table, key_of(cell, base, seed)))
+
+
+def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
+    """The stressors that cannot act on a base, by the reason."""
+    reasons: dict[str, list[str]] = {}
+    for stressor in stressors:
+        if why := stressor.lacks(base):
+            reasons.setdefault(why, []).append(stressor.name)
+    return reasons
+
+
+def wrong_worlds(cells: Iterable[Cell], base: Base) -> dict[tuple[str, Dial], Exception]:
+    """What is wrong with the worlds of cells, by Cell.at; nothing is simulated."""
+    wrong: dict[tuple[str, Dial], Exception] = {}
+    for cell in {cell.at: cell for cell in cells if cell.stressor.world}.values():
+        assert cell.stressor.world is not None
+        try:
+            worlds.check(base, cell.stressor.world(base, cell.dial))
+        except (OSError, ValueError, RuntimeError) as error:
+            wrong[cell.at] = error
+    return wrong
 
 
 def seconds_of(cells: Sequence[Cell], base: Base) -> float:

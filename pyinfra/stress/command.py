@@ -13,14 +13,17 @@ import pandas as pd
 from tqdm import tqdm
 
 from pyinfra.atomic import held, replacing
+from pyinfra.cli import message_of
 from pyinfra.stress import cells, figures, summary, worlds
-from pyinfra.stress.catalogue import STRESSORS, Dial, Stressor
+from pyinfra.stress.catalogue import NONE, STRESSORS, Dial, Stressor
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Turns dials on clouds, worlds and training from none to breaking; rows go to stress.csv. "
-        "A row that is there is not computed again, and several processes share the work."
+        "A row that is there is not computed again, and several processes share the work. "
+        "Stressors that cannot act on the data are left out with a note; cells that fail are "
+        "named, and the exit status is then 1."
     )
     parser.epilog = (
         "example: pyinfra stress runs/background runs/pillars --data data/highway/ruby_plus "
@@ -59,20 +62,65 @@ def run(args: argparse.Namespace) -> int:
     stressors = chosen(args.stressors, args.dials)
     base = worlds.read_base(args.data, args.frames)
     runs = [cells.read_run(folder, base) for folder in args.runs]
-    every = cells.plan(runs, stressors, base)
+    every = cells.plan(runs, able(stressors, base), base)
     todo = list(cells.missing(every, base, args.out, args.seed))
+    todo, failed = sound(todo, base)
     if args.dry_run:
         _list(todo, base, len(every))
-        return 0
-    args.out.mkdir(parents=True, exist_ok=True)
+    else:
+        failed += measure(todo, base, args.out, args.seed)
+        for file in write(args.out):
+            print(file)
+    if failed:
+        text = f"{len(failed)} of {len(every)} cells failed; the same command tries them again"
+        print(f"pyinfra: {text}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def sound(todo: list[cells.Cell], base: worlds.Base) -> tuple[list[cells.Cell], list[cells.Cell]]:
+    """The cells whose worlds can be simulated, and the others, with a line on stderr for each."""
+    wrong = cells.wrong_worlds(todo, base)
+    for (name, dial), error in wrong.items():
+        print(f"pyinfra: {name} {dial} failed: {message_of(error)}", file=sys.stderr)
+    return [c for c in todo if c.at not in wrong], [c for c in todo if c.at in wrong]
+
+
+def able(
+    stressors: dict[Stressor, tuple[Dial, ...]], base: worlds.Base
+) -> dict[Stressor, tuple[Dial, ...]]:
+    """Those that can act on a base, with a note on stderr of the others.
+
+    Raises ValueError if none can.
+    """
+    reasons = cells.left_out(stressors, base)
+    left_out = {name for names in reasons.values() for name in names}
+    if len(left_out) == len(stressors):
+        raise ValueError("; ".join(reasons))
+    for why, names in reasons.items():
+        print(f"pyinfra: note: left out {', '.join(names)}: {why}", file=sys.stderr)
+    return {s: dials for s, dials in stressors.items() if s.name not in left_out}
+
+
+def measure(todo: list[cells.Cell], base: worlds.Base, out: Path, seed: int) -> list[cells.Cell]:
+    """Fills cells; returns those that failed, each with a line on stderr.
+
+    Raises what a cell without stress raises: nothing compares without it.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    failed = []
     # Without a terminal there is no bar.
     bar = tqdm(todo, unit="cell", disable=None, file=sys.stderr)
     for cell in bar:
-        bar.set_postfix_str(f"{cell.run.folder.name} {cell.stressor.name} {cell.dial}")
-        cells.fill(cell, base, args.out, args.seed)
-    for file in write(args.out):
-        print(file)
-    return 0
+        name = f"{cell.run.folder.name} {cell.stressor.name} {cell.dial}"
+        bar.set_postfix_str(name)
+        try:
+            cells.fill(cell, base, out, seed)
+        except (OSError, ValueError, RuntimeError) as error:
+            if cell.stressor is NONE:
+                raise
+            tqdm.write(f"pyinfra: {name} failed: {message_of(error)}", file=sys.stderr)
+            failed.append(cell)
+    return failed
 
 
 def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:

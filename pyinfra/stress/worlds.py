@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +18,11 @@ from pyinfra.atomic import held, replacing
 from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.hits import infrasim, lidar_file, scene_file
 from pyinfra.kitti import FormatError
+from pyinfra.stress import lidar
 
+PRESETS = ("paper", "equal", "datasheet")  # of the catalogue
 NOT_OF_THE_SCENE = ("preset", "version")  # keys that a run adds to its scene
+SCENE = "scene.yaml"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +31,18 @@ class Base:
 
     folder: Path
     lidar: kitti.Lidar
-    scene: dict[str, Any]  # as the run resolved it; empty without dataset.yaml
+    scene: dict[str, Any]  # as the run resolved it, files by whole paths; empty if not known
     frames: tuple[int, ...]  # ascending
 
     @property
     def scene_name(self) -> str:
         return str(self.scene.get("name", "unknown"))
+
+    @property
+    def trajectories(self) -> Path | None:
+        """Where the recorded vehicles are; nothing if they are simulated."""
+        file = self.scene.get("trajectories")
+        return Path(file) if file else None
 
 
 @dataclass(frozen=True)
@@ -40,8 +50,8 @@ class World:
     """What differs from the base; nothing is as there."""
 
     set: tuple[str, ...] = ()  # KEY=VALUE
-    lidar: str = ""
-    scene: str = ""
+    lidar: str = ""  # of the catalogue
+    scene: str = ""  # of the catalogue
     preset: str = ""
 
 
@@ -61,6 +71,8 @@ def read_base(folder: Path, most: int) -> Base:
     if not isinstance(scene, dict):
         raise FormatError(f"{description}:1: found no mapping, allowed the keys of a scene")
     scene = {key: value for key, value in scene.items() if key not in NOT_OF_THE_SCENE}
+    if scene.get("trajectories"):  # relative to a scene file that is elsewhere; a run copies them
+        scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
     step = math.ceil(len(frames) / most)
     return Base(folder, kitti.read_lidar(folder), scene, tuple(frames[::step]))
 
@@ -86,40 +98,90 @@ def other_scene(_: Base, name: float | str) -> World:
     return World(scene=str(name))
 
 
-def other_preset(_: Base, name: float | str) -> World:
-    return World(preset=str(name))
+def other_preset(base: Base, name: float | str) -> World:
+    """Of the catalogue's LiDAR of this name: a data set holds one preset alone."""
+    return World(lidar=base.lidar.name, preset=str(name))
 
 
 def one_class(_: Base, name: float | str) -> World:
     return World((f"traffic.class_shares={{{name}: 1}}",))
 
 
+def check(base: Base, world: World) -> None:
+    """Reads all that a world is made of, as its run will, and casts no ray.
+
+    Raises ValueError for frames that its scene is too short for, and SimulatorError.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        scene, lidar_yaml = _written(_texts(base, world), world, Path(folder))
+        infrasim("check", lidar_yaml, "--preset", _preset(base, world))
+        if world.scene or world.set:  # that of the base was read by its own run
+            text = infrasim("check", scene, *_sets(world))
+    if world.scene:
+        _check_length(base, scene_file(world.scene), yaml.safe_load(text)["duration_s"])
+
+
+def _check_length(base: Base, scene: Path, duration_s: float) -> None:
+    needed = (base.frames[-1] + 1) * base.lidar.period_s
+    if needed > duration_s + 1e-6:
+        raise ValueError(
+            f"{scene}: duration_s: found {duration_s:g}, allowed {needed:g} or more, as frame "
+            f"{base.frames[-1]} is tested"
+        )
+
+
 def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
     """The LiDAR's folder of the base's frames in another world; what is there already stays.
 
     name: of its folder in the cache, for a reader; a digest of the configuration follows.
-    Raises ValueError for a LiDAR that is not in the catalogue, and SimulatorError.
+    Raises FormatError for a LiDAR that was not simulated, and SimulatorError.
     """
-    lidar = lidar_file(world.lidar or base.lidar.name)
-    if not lidar.is_file():
-        raise ValueError(f"{lidar}: found no such LiDAR, needed to simulate again")
+    texts = _texts(base, world)
+    out = cache / f"{name}_{_digest(base, world, texts)}"
+    with held(cache / f"{out.name}.lock", wait=True):
+        folder = out / (world.lidar or base.lidar.name)
+        if all(kitti.frame_file(folder, "velodyne", k).is_file() for k in base.frames):
+            return folder
+        scene, lidar_yaml = _written(texts, world, cache / f"{out.name}_inputs")
+        words = ["--preset", _preset(base, world), "--frames", frame_words(base.frames)]
+        words += ["--threads", "1", *_sets(world)]
+        infrasim("run", scene, "--lidar", lidar_yaml, "--out", out, *words)
+    return folder
+
+
+def _texts(base: Base, world: World) -> dict[str, str]:
+    """What the simulator reads, by name; a LiDAR of the catalogue stays where it is."""
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if world.scene:
         text = scene_file(world.scene).read_text("utf-8")
-    preset = world.preset or base.lidar.preset
-    digest = hashlib.sha256("\n".join([text, preset, *world.set]).encode()).hexdigest()[:8]
-    out = cache / f"{name}_{digest}"
-    with held(cache / f"{out.name}.lock", wait=True):
-        folder = out / lidar.stem
-        if all(kitti.frame_file(folder, "velodyne", k).is_file() for k in base.frames):
-            return folder
-        scene = cache / f"{out.name}.yaml"
-        with replacing(scene) as beside:
+    own = {} if world.lidar else lidar.texts(base.folder / lidar.FILE)
+    return {SCENE: text} | own
+
+
+def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, Path]:
+    """Writes the texts; returns the files of the scene and of the LiDAR."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        with replacing(folder / name) as beside:
             beside.write_text(text, "utf-8")
-        words = ["--preset", preset, "--frames", frame_words(base.frames), "--threads", "1"]
-        sets = ["--set", *world.set] if world.set else []
-        infrasim("run", scene, "--lidar", lidar, "--out", out, *words, *sets)
-    return folder
+    return folder / SCENE, lidar_file(world.lidar) if world.lidar else folder / lidar.FILE
+
+
+def _digest(base: Base, world: World, texts: dict[str, str]) -> str:
+    """Of all that a world depends on but the frames, the binary and the catalogue's LiDARs."""
+    parts = [*texts.values(), _preset(base, world), *world.set]
+    digest = hashlib.sha256("\n".join(parts).encode())
+    if base.trajectories and not world.scene:
+        digest.update(base.trajectories.read_bytes())
+    return digest.hexdigest()[:8]
+
+
+def _preset(base: Base, world: World) -> str:
+    return world.preset or base.lidar.preset
+
+
+def _sets(world: World) -> list[str]:
+    return ["--set", *world.set] if world.set else []
 
 
 def frame_words(frames: Sequence[int]) -> str:

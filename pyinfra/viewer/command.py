@@ -32,8 +32,9 @@ def read_views(
 def write_page(views: Views, title: str, out: Path, most_points: int | None = None) -> int:
     """Writes the page and returns its size in bytes.
 
-    Raises ValueError, and writes nothing, above LARGEST_MB.
+    Raises ValueError, and writes nothing, above LARGEST_MB and if `out` is a folder.
     """
+    check_file(out)
     text = page(views, title=title, most_points=most_points).encode()
     if len(text) > 1e6 * LARGEST_MB:
         raise ValueError(
@@ -44,6 +45,12 @@ def write_page(views: Views, title: str, out: Path, most_points: int | None = No
     with replacing(out) as beside:
         beside.write_bytes(text)
     return len(text)
+
+
+def check_file(out: Path) -> None:
+    """Raises ValueError if a file cannot be written there because a folder has its name."""
+    if out.is_dir():
+        raise ValueError(f"--out: found the folder {out}, allowed the name of a file")
 
 
 def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[Path]:
@@ -141,6 +148,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if args.most_points is not None and args.most_points < 1:
         raise ValueError(f"--most-points: found {args.most_points}, allowed 1 or more")
+    check_file(args.out)
     folders = chosen_folders(args.data, args.lidar)
     predictions = prediction_folders(args.pred, folders)
     words = str(args.frame) if args.frame is not None else args.frames

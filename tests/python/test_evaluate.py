@@ -240,6 +240,9 @@ def test_csv_and_kitti_predictions_give_the_same(tmp_path: Path) -> None:
         (as_csv / f"{k:06d}.csv").write_text(header + rows)
     one, two = evaluate(gt, pred), evaluate(gt, as_csv)
     assert one.ap.ap.tolist() == pytest.approx(two.ap.ap.tolist())
+    for file in as_csv.iterdir():  # as spreadsheet programs save it
+        file.write_bytes(file.read_text().replace("\n", "\r\n").encode("utf-8-sig"))
+    assert evaluate(gt, as_csv).ap.ap.tolist() == two.ap.ap.tolist()
 
 
 def test_only_the_split_is_evaluated(tmp_path: Path) -> None:

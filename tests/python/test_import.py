@@ -291,6 +291,13 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
         1,
         ["labels/000005.txt:1: found 4 columns"],
     ),
+    "degrees": (
+        lambda f: (f / "labels/000005.txt").write_text(
+            "9 1 2 4 2 2 6.28 Car\n\n9 1 2 4 2 2 -90 Car\n"
+        ),
+        1,
+        ["labels/000005.txt:3: heading: found -90, allowed -2 pi to 2 pi, in radians"],
+    ),
     "label alone": (
         lambda f: (f / "labels/000009.txt").write_text(""),
         2,
@@ -319,6 +326,19 @@ def test_wrong_files_are_named_and_nothing_is_left(
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
     fails(words, capsys, code, *parts)
     assert not any((tmp_path / "in").iterdir()) if (tmp_path / "in").exists() else True
+
+
+def test_degrees_in_labels_of_kitti_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write_recording(tmp_path / "made_up")
+    file = kitti.frame_file(source, "label_2", 7)
+    words = file.read_text().split()
+    ignored = "DontCare -1 -1 -10 1 1 9 9 -1 -1 -1 -1000 -1000 -1000 -10"
+    file.write_text(f"{ignored}\n{' '.join([*words[:14], '85'])}\n")
+    command = ["import", source, "--from", "kitti", "--out", tmp_path / "in/pole"]
+    fails(command, capsys, 1, f"{file}:2: rotation_y: found 85, allowed -2 pi to 2 pi, in radians")
+    assert not (tmp_path / "in/pole").exists()
 
 
 def test_a_file_is_refused_with_the_reason(

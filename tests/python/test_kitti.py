@@ -267,6 +267,12 @@ def test_wrong_label_file_is_named_by_line_and_column(
         kitti.read_labels(written(tmp_path, text))
 
 
+def test_a_byte_order_mark_is_no_part_of_a_table(tmp_path: Path) -> None:
+    objects = written(tmp_path, f"\ufeff{HEADER}\r\n{VEHICLE}\r\n", "objects")
+    assert kitti.read_objects(objects).names.tolist() == ["Car"]
+    assert kitti.read_labels(written(tmp_path, f"\ufeff{LABEL}\n")).names.tolist() == ["Car"]
+
+
 def test_missing_file_is_an_error_of_the_system(tmp_path: Path) -> None:
     for read in (kitti.read_points, kitti.read_objects, kitti.read_labels):
         with pytest.raises(FileNotFoundError):

@@ -6,7 +6,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,7 +18,8 @@ from detector_data import SITE
 
 from pyinfra import cli, kitti
 from pyinfra.detectors.background import Background
-from pyinfra.stress import cells, worlds
+from pyinfra.hits import SimulatorError
+from pyinfra.stress import cells, lidar, worlds
 from pyinfra.stress.catalogue import STRESSORS
 from pyinfra.stress.command import chosen
 
@@ -137,6 +140,260 @@ def test_at_most_so_many_frames_evenly_spaced(data: Path) -> None:
     assert worlds.read_base(data, 60).frames == FRAMES
     assert worlds.read_base(data, 2).frames == (0, 40)
     assert worlds.read_base(data, 1).frames == (0,)
+
+
+# A LiDAR of one's own.
+
+OTHER_LINES = {"count": 8, "upper_deg": 2, "lower_deg": -20}
+Made = Callable[..., Path]
+
+
+def own_lidar(folder: Path, name: str, **keys: Any) -> Path:
+    """The file of a LiDAR of eight lines, or of other keys, without presets."""
+    spinning = {"rate_hz": 10, "azimuth_step_deg": 0.4, "channels": OTHER_LINES}
+    single = {
+        "price_usd": {"low": 1, "high": 2, "source": "nobody", "date": "2026"},
+        "pattern": {"spinning": spinning},
+        "returns": {"max_range_m": 120, "range_accuracy_m": 0.02},
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{name}.yaml"
+    file.write_text(yaml.safe_dump({"name": name} | (keys if "bundle" in keys else single | keys)))
+    return file
+
+
+@pytest.fixture
+def made(
+    infrasim: Callable[..., Any], run_command: Callable[..., list[str]], tmp_path: Path
+) -> Made:
+    """Simulates the three frames with a LiDAR of one's own; the folder of its frames."""
+
+    def make(file: Path, preset: str = "paper", scene: Path | None = None) -> Path:
+        out = tmp_path / f"data_{file.stem}"
+        words = run_command(frames="0:41:20", preset=preset, out=out)
+        words[words.index("--lidar") + 1] = str(file)
+        if scene is not None:
+            first = words.index("--set")
+            words = ["run", str(scene), *words[2:first], *words[first + 4 :]]
+        infrasim(*words, check=True)
+        return out / file.stem
+
+    return make
+
+
+def lidars_of_all_kinds(folder: Path) -> dict[str, Path]:
+    part = own_lidar(folder, "part")
+    rays = np.column_stack([np.linspace(-1, 1, 500), np.tile([-0.1, -0.2], 250)])
+    np.save(folder / "table.npy", rays)
+    table = {"table": {"file": "table.npy", "rays_per_s": 50000}}
+    parts = [{"lidar": "part.yaml", "pitch_deg": 10}, {"lidar": "table.yaml", "yaw_deg": 180}]
+    return {
+        "lines": part,
+        "table": own_lidar(folder, "table", pattern=table),
+        "tilted": own_lidar(folder, "tilted", bundle=parts[:1]),
+        "bundle": own_lidar(folder, "bundle", bundle=parts),
+        "shipped name": own_lidar(folder, "helios_16"),
+        "no phase": own_lidar(folder, "ruby_plus", random_phase=False),
+    }
+
+
+@pytest.mark.parametrize("kind", ["lines", "table", "tilted", "bundle", "shipped name", "no phase"])
+def test_a_world_is_cast_with_the_lidar_of_the_frames(
+    kind: str, made: Made, tmp_path: Path
+) -> None:
+    file = lidars_of_all_kinds(tmp_path / "lidars")[kind]
+    folder = made(file)
+    for table in (tmp_path / "lidars").glob("table.npy"):
+        table.rename(folder / table.name)
+    base = worlds.read_base(folder, 60)
+    same = worlds.simulated(base, worlds.World(), tmp_path / "cache", "same")
+    assert bytes_of(same) == bytes_of(folder)
+    assert len(bytes_of(same)[0]) > 1000
+
+
+def test_another_lidar_of_the_same_name_is_another_world(
+    made: Made, data: Path, tmp_path: Path
+) -> None:
+    cache = tmp_path / "cache"
+    own = worlds.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
+    shipped = replace(own, folder=data)
+    found = [worlds.simulated(b, worlds.World(), cache, "same") for b in (own, shipped)]
+    assert found[0] != found[1]
+
+
+def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
+    made: Made, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ["fog", "tilt", "unseen_lidar", "unseen_preset"]
+    folder, out = made(own_lidar(tmp_path, "mine")), tmp_path / "out"
+    assert cli.main(command(background, folder, out, "--stressors", *names)) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("pyinfra: note: left out unseen_preset: ")
+    assert "lidar.yaml: name: found 'mine', allowed a LiDAR of the catalogue" in error
+    assert rows(out).stressor.value_counts().to_dict() == {
+        "none": 1,
+        "fog": 4,
+        "tilt": 4,
+        "unseen_lidar": 4,
+    }
+    assert set(pd.read_csv(out / "stress_summary.csv").stressor) == set(names[:3])
+
+
+def reasons(names: list[str], base: worlds.Base) -> dict[str, list[str]]:
+    return cells.left_out([STRESSORS[name] for name in names], base)
+
+
+def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) -> None:
+    base = worlds.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
+    ((why, names),) = reasons(["tilt", "unseen_preset", "unseen_lidar"], base).items()
+    assert names == ["unseen_preset"]
+    assert "lidar.yaml: pattern: found another than in " in why
+
+
+def test_a_shipped_lidar_can_take_every_stressor(base: worlds.Base) -> None:
+    assert cells.left_out(STRESSORS.values(), base) == {}
+
+
+def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path) -> None:
+    base = worlds.read_base(made(own_lidar(tmp_path, "mine"), preset="rainy"), 60)
+    ((why, names),) = reasons(["tilt", "unseen_lidar"], base).items()
+    assert names == ["unseen_lidar"]
+    assert "preset: found 'rainy', allowed paper, equal, datasheet" in why
+
+
+def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: Path) -> None:
+    folder = made(lidars_of_all_kinds(tmp_path / "lidars")["table"])
+    base = worlds.read_base(folder, 60)
+    ((why, names),) = reasons(["tilt", "unseen_lidar", "unseen_scene"], base).items()
+    assert names == ["tilt", "unseen_scene"]
+    assert f"pattern.table.file: found no file {folder / 'table.npy'}, allowed a copy" in why
+
+
+def test_the_first_difference_of_two_lidars_is_named(base: worlds.Base) -> None:
+    own = lidar.read(base.folder / "lidar.yaml")
+    assert lidar.difference(own, own) == ""
+    assert lidar.difference(own, own | {"price_usd": {"low": 1}}) == ""
+    assert lidar.difference(own, own | {"name": "mine"}) == "name"
+    assert lidar.difference(own, own | {"returns": {"max_range_m": 1}}) == "returns"
+    units = lidar.units_of(own)
+    assert lidar.difference(own, own | {"bundle": units}) == ""
+    assert lidar.difference(own, own | {"bundle": units * 2}) == "bundle"
+    assert lidar.difference(own, own | {"bundle": [units[0] | {"pitch_deg": 3}]}) == "pitch_deg"
+
+
+# Recorded trajectories.
+
+
+@pytest.fixture
+def recorded(infrasim: Callable[..., Any], made: Made, tmp_path: Path) -> Path:
+    """The motorway with vehicles from a file beside the scene, as the eight lines see it."""
+    scenes = tmp_path / "scenes"
+    scenes.mkdir()
+    words = ["--set", "duration_s=20", "--set", "traffic.warm_up_s=5"]
+    highway, file = "configs/scenes/highway.yaml", scenes / "t.csv"
+    infrasim("trajectories", highway, *words, "--out", file, check=True)
+    keys = yaml.safe_load((ROOT / highway).read_text()) | {
+        "duration_s": 20,
+        "trajectories": "t.csv",
+    }
+    (scenes / "own.yaml").write_text(
+        yaml.safe_dump({k: v for k, v in keys.items() if k != "traffic"})
+    )
+    return made(own_lidar(tmp_path, "mine"), scene=scenes / "own.yaml")
+
+
+def test_recorded_trajectories_come_from_beside_the_frames(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "scenes/t.csv").unlink()
+    base = worlds.read_base(recorded, 60)
+    cache = tmp_path / "cache"
+    same = worlds.simulated(base, worlds.World(), cache, "same")
+    assert bytes_of(same) == bytes_of(recorded)
+    objects = [
+        [kitti.frame_file(place, "objects", k).read_bytes() for k in FRAMES]
+        for place in (recorded, same)
+    ]
+    assert objects[0] == objects[1]
+    file = recorded.parent / "trajectories.csv"
+    file.write_text(file.read_text().replace(",Car,", ",Van,"))
+    assert worlds.simulated(base, worlds.World(), cache, "same") != same
+
+
+def test_recorded_trajectories_have_no_density_and_no_speed(
+    recorded: Path, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names, out = ["density", "speed", "tilt", "vehicle_class"], tmp_path / "out"
+    assert cli.main(command(background, recorded, out, "--stressors", *names)) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("pyinfra: note: left out density, speed, vehicle_class: ")
+    assert "dataset.yaml: traffic: found recorded trajectories, allowed simulated" in error
+    assert set(rows(out).stressor) == {"none", "tilt"}
+    (recorded.parent / "trajectories.csv").unlink()
+    assert cli.main(command(background, recorded, tmp_path / "2", "--stressors", "tilt")) == 2
+    assert "trajectories.csv: found no such file, needed to" in capsys.readouterr().err
+
+
+# Worlds that fail.
+
+
+def test_a_wrong_world_is_named_before_the_first_cell_and_the_rest_is_measured(
+    background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--stressors", "speed", "--dials", "1.5", "100"]
+    assert cli.main(command(background, data, tmp_path, *words, "--dry-run")) == 1
+    said = capsys.readouterr()
+    assert said.out.splitlines()[:-1] == ["run none 0.0", "run speed 1.5"]
+    assert cli.main(command(background, data, tmp_path, *words)) == 1
+    first, last = capsys.readouterr().err.splitlines()
+    assert first.startswith("pyinfra: speed 100.0 failed: infrasim check: --set traffic.speed")
+    assert "mean_km_h: found '6200', allowed above 0 to 200" in first
+    assert last == "pyinfra: 1 of 3 cells failed; the same command tries them again"
+    assert rows(tmp_path).dial.tolist() == [0, 1.5]
+    assert pd.read_csv(tmp_path / "stress_summary.csv").dials.tolist() == [2]
+
+
+def test_a_world_that_fails_on_the_way_leaves_the_others_their_rows_and_figures(
+    background: Path,
+    data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulated = worlds.simulated
+
+    def failing(base: worlds.Base, world: worlds.World, *rest: Any) -> Path:
+        if world.scene == "curve":
+            raise SimulatorError("infrasim run: disk full", 1)
+        return simulated(base, world, *rest)
+
+    monkeypatch.setattr(worlds, "simulated", failing)
+    words = command(background, data, tmp_path, "--stressors", "unseen_scene", "fog")
+    assert cli.main(words) == 1
+    error = capsys.readouterr().err.splitlines()
+    assert error[0] == "pyinfra: run unseen_scene curve failed: infrasim run: disk full"
+    assert set(rows(tmp_path).dial) == {"0", "5", "10", "20", "40", "crossroad"}
+    for name in ("stress_summary.csv", "stress_ranking.csv", "stress_highway_paper_helios_16.svg"):
+        assert (tmp_path / name).stat().st_size > 50
+    monkeypatch.setattr(worlds, "simulated", simulated)
+    assert cli.main(words) == 0
+    assert "curve" in set(rows(tmp_path).dial)
+
+
+def test_a_detector_that_fails_without_stress_ends_the_test(
+    background: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> None:
+        raise RuntimeError("no memory")
+
+    monkeypatch.setattr(cells, "row_of", failing)
+    assert cli.main(command(background, data, tmp_path, "--stressors", "fog")) == 1
+    assert not (tmp_path / "stress_summary.csv").exists()
+
+
+def test_a_scene_of_the_catalogue_must_be_as_long_as_the_frames(base: worlds.Base) -> None:
+    late = replace(base, frames=(0, 5000))
+    worlds.check(base, worlds.World(scene="curve"))
+    with pytest.raises(ValueError, match=r"curve.yaml: duration_s: found 500, allowed 500.1 or m"):
+        worlds.check(late, worlds.World(scene="curve"))
 
 
 # The command.
@@ -336,7 +593,7 @@ def test_wrong_folders_are_one_line(
 def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without dataset.yaml nobody knows the world."""
+    """Without dataset.yaml nobody knows the world; that of an import holds none."""
     recorded = tmp_path / "site" / "helios_16"
     recorded.parent.mkdir()
     recorded.symlink_to(data)
@@ -344,3 +601,8 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     assert cli.main(command(background, recorded, out, "--stressors", "fog")) == 0
     assert cli.main(command(background, recorded, out, "--stressors", "tilt")) == 2
     assert "found no dataset.yaml, allowed --stressors of clouds" in capsys.readouterr().err
+    (recorded.parent / "dataset.yaml").write_text("name: site\npreset: recorded\n")
+    assert cli.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("pyinfra: note: left out tilt: ")
+    assert "dataset.yaml: found no roads, as of a recording, allowed --stressors of" in said

@@ -142,6 +142,24 @@ def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
     assert "objects/000005.csv: missing" in texts[2]
 
 
+def test_degrees_in_objects_and_labels_are_errors(lidar: Path) -> None:
+    objects, label = (kitti.frame_file(lidar, part, 4) for part in ("objects", "label_2"))
+    lines = objects.read_text().splitlines()
+    cells = lines[2].split(",")
+    lines[2] = ",".join([*cells[:8], "90", *cells[9:]])
+    objects.write_text("\n".join(lines) + "\n")
+    lines = label.read_text().splitlines()
+    ignored = "DontCare -1 -1 -10 1 1 9 9 -1 -1 -1 -1000 -1000 -1000 -10"
+    lines[1:2] = [ignored, " ".join([*lines[1].split()[:14], "-179.5"])]
+    label.write_text("\n".join(lines) + "\n")
+    texts = [str(f) for f in validate(lidar) if f.level == "error"]
+    allowed = "allowed -2 pi to 2 pi, in radians"
+    assert texts == [
+        f"error: wrong-file: {label}:3: rotation_y: found -179.5, {allowed}",
+        f"error: wrong-file: {objects}:3: heading: found 90, {allowed}",
+    ]
+
+
 def test_a_cut_cloud_and_odd_intensities_are_named(lidar: Path) -> None:
     file = kitti.frame_file(lidar, "velodyne", 0)
     file.write_bytes(file.read_bytes()[:-4])

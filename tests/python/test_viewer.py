@@ -281,6 +281,20 @@ def test_wrong_words_end_in_one_line_and_no_page(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("more", [[], ["--rerun"]])
+def test_a_folder_in_place_of_the_page_is_named(
+    more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = lidar_folder(tmp_path / "data/one"), tmp_path / "pages"
+    out.mkdir()
+    allowed = f"--out: found the folder {out}, allowed the name of a file"
+    assert cli.main(["view", str(folder), *more, "--out", str(out)]) == 2
+    assert capsys.readouterr().err == f"pyinfra: {allowed}\n"
+    with pytest.raises(ValueError, match="found the folder"):
+        command.write_page({}, "title", out)
+    assert list(out.iterdir()) == []
+
+
 def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

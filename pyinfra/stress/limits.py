@@ -1,0 +1,69 @@
+"""What a stressor of worlds needs of a data set; each function says why it lacks it, or nothing."""
+
+from __future__ import annotations
+
+import yaml
+
+from pyinfra.hits import SimulatorError, infrasim, lidar_file
+from pyinfra.stress import lidar
+from pyinfra.stress.worlds import PRESETS, Base
+
+CLOUDS_ALONE = "allowed --stressors of clouds alone"
+
+
+def scene(base: Base) -> str:
+    """The scene of a simulated data set, and the vehicles recorded for it."""
+    place = base.folder.parent
+    if not base.scene:
+        return f"{place}: found no dataset.yaml, {CLOUDS_ALONE}"
+    if "roads" not in base.scene:
+        return f"{place / 'dataset.yaml'}: found no roads, as of a recording, {CLOUDS_ALONE}"
+    recorded = base.trajectories
+    if recorded is not None and not recorded.is_file():
+        return f"{recorded}: found no such file, needed to simulate again"
+    return ""
+
+
+def rays(base: Base) -> str:
+    """Where the rays of its LiDAR go."""
+    file = base.folder / lidar.FILE
+    config = lidar.read(file)
+    if not lidar.units_of(config):
+        return f"{file}: found no pattern, as of a recording, {CLOUDS_ALONE}"
+    for table in lidar.table_files(config, base.folder):
+        if not table.is_file():
+            return f"{file}: pattern.table.file: found no file {table}, allowed a copy of it there"
+    return ""
+
+
+def traffic(base: Base) -> str:
+    """Vehicles that are simulated."""
+    if not base.scene.get("traffic"):
+        file = base.folder.parent / "dataset.yaml"
+        return f"{file}: traffic: found recorded trajectories, allowed simulated traffic"
+    return ""
+
+
+def known_preset(base: Base) -> str:
+    """A preset that the LiDARs of the catalogue have."""
+    found = base.lidar.preset
+    if found not in PRESETS:
+        allowed = f"{', '.join(PRESETS)}, which the catalogue has"
+        return f"{base.folder / lidar.FILE}: preset: found '{found}', allowed {allowed}"
+    return ""
+
+
+def catalogue(base: Base) -> str:
+    """A LiDAR of the catalogue: what another's presets say, its frames do not tell."""
+    file = base.folder / lidar.FILE
+    shipped = lidar_file(base.lidar.name)
+    if not shipped.is_file():
+        return f"{file}: name: found '{base.lidar.name}', allowed a LiDAR of the catalogue"
+    try:
+        text = infrasim("check", shipped, "--preset", base.lidar.preset)
+    except SimulatorError as error:
+        return str(error)
+    key = lidar.difference(lidar.read(file), yaml.safe_load(text))
+    if key:
+        return f"{file}: {key}: found another than in {shipped}, allowed a LiDAR of the catalogue"
+    return ""
