@@ -671,6 +671,86 @@ bundle:
   EXPECT_EQ(lidar.price_usd.high, 4);
 }
 
+TEST(bundle, of_one_turned_unit_is_dumped_with_its_turn_and_reads_back) {
+  const TestFolder folder;
+  folder.write("part.yaml", kLidar);
+  for (const char* turn : {"pitch_deg: 10", "yaw_deg: -35", "yaw_deg: 35, pitch_deg: -5"}) {
+    SCOPED_TRACE(turn);
+    const auto file = folder.write(
+        "bundle.yaml",
+        std::string("name: turned\nrandom_phase: false\nbundle: [{lidar: part.yaml, ") + turn +
+            "}]\n");
+    const LidarConfig lidar = read_lidar(file, "even");
+    const std::string dumped = dump_lidar(lidar);
+    const LidarConfig back = read_lidar(folder.write("dumped.yaml", dumped), "even");
+    EXPECT_EQ(dump_lidar(back), dumped);
+    ASSERT_EQ(back.units.size(), 1U);
+    const LidarUnit &a = lidar.units.front(), &b = back.units.front();
+    EXPECT_TRUE(a.yaw_deg != 0 || a.pitch_deg != 0);
+    EXPECT_EQ(a.yaw_deg, b.yaw_deg);
+    EXPECT_EQ(a.pitch_deg, b.pitch_deg);
+    EXPECT_EQ(b.pattern.spinning->channels.table.size(), 2U);
+    EXPECT_EQ(b.returns.range_accuracy_m, 0.02);
+    EXPECT_EQ(back.name, "turned");
+    EXPECT_FALSE(back.random_phase);
+    EXPECT_EQ(back.price_usd.high, 2);
+    EXPECT_EQ(back.price_usd.source, "nobody");
+  }
+}
+
+TEST(bundle, of_one_unit_that_is_not_turned_is_dumped_as_that_unit) {
+  const TestFolder folder;
+  const auto part = folder.write("part.yaml", kLidar);
+  const auto file =
+      folder.write("bundle.yaml", "name: two\nmodel: Two lines\nbundle: [{lidar: part.yaml}]\n");
+  EXPECT_EQ(dump_lidar(read_lidar(file, "even")), dump_lidar(read_lidar(part, "even")));
+}
+
+TEST(bundle, dumps_the_path_of_a_table_in_another_folder_as_it_reads_it) {
+  const TestFolder folder;
+  std::filesystem::create_directory(folder.path() / "parts");
+  folder.write("parts/table.csv", "azimuth_rad,elevation_rad\n0,0\n0,0.1\n");
+  folder.write("parts/part.yaml", R"(name: listed
+price_usd: {low: 1, high: 1, source: nobody, date: "2025"}
+pattern: {table: {file: table.csv, rays_per_s: 100}}
+returns: {max_range_m: 10}
+)");
+  const auto file = folder.write(
+      "bundle.yaml", "name: turned\nbundle: [{lidar: parts/part.yaml, pitch_deg: 10}]\n");
+  const auto dumped = folder.write("dumped.yaml", dump_lidar(read_lidar(file, "")));
+  EXPECT_EQ(read_lidar(dumped, "").units.front().pattern.table->directions.size(), 2U);
+}
+
+TEST(bundle, entry_is_a_file_or_a_whole_unit) {
+  const std::string pattern = "pattern: {table: {file: table.csv, rays_per_s: 100}}";
+  const std::string returns = "returns: {max_range_m: 10}";
+  const TestFolder folder;
+  for (const std::string& entry :
+       {std::string("yaw_deg: 1"), std::string("lidar: ''"), pattern, returns,
+        "lidar: part.yaml, " + returns, "lidar: part.yaml, " + pattern + ", " + returns}) {
+    SCOPED_TRACE(entry);
+    const auto file = folder.write("bundle.yaml", "name: pair\nbundle:\n  - {" + entry + "}\n");
+    expect_message(error_of([&] { read_lidar(file, ""); }), file, 3, "bundle.0.lidar",
+                   "allowed a LiDAR file, or pattern and returns");
+  }
+}
+
+TEST(bundle, has_a_price_of_its_own_if_and_only_if_it_names_no_files) {
+  const std::string price = "price_usd: {low: 1, high: 1, source: nobody, date: '2025'}\n";
+  const std::string file_entry = "{lidar: part.yaml}";
+  const std::string whole_entry =
+      "{pattern: {table: {file: table.csv, rays_per_s: 100}}, returns: {max_range_m: 10}}";
+  const TestFolder folder;
+  folder.write("table.csv", "azimuth_rad,elevation_rad\n0,0\n");
+  const auto with = [&](const std::string& more, const std::string& entries) {
+    return folder.write("bundle.yaml", "name: pair\n" + more + "bundle: [" + entries + "]\n");
+  };
+  EXPECT_EQ(read_lidar(with(price, whole_entry + ", " + whole_entry), "").units.size(), 2U);
+  for (const auto& file :
+       {with("", whole_entry), with(price, file_entry), with("", file_entry + ", " + whole_entry)})
+    EXPECT_NE(error_of([&] { read_lidar(file, ""); }).find("price_usd"), std::string::npos);
+}
+
 TEST(bundle, in_a_bundle_is_an_error) {
   const TestFolder folder;
   folder.write("part.yaml", kLidar);

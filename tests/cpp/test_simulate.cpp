@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "infrasim/run.h"
+#include "infrasim/sensor/beam.h"
 #include "infrasim/simulate.h"
 #include "small_scenes.h"
 
@@ -427,6 +429,96 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
   const Frame f = frame(world_with(scene, {}), beam_lidar(0.2, 2));  // from -0.8 to 1.2 degrees
   EXPECT_GT(f.cloud.size(), 20U);
 }
+
+LidarConfig wide_beam_lidar(double elevation_deg, double pitch_deg = 0) {
+  LidarConfig lidar = beam_lidar(elevation_deg, 0.1);
+  lidar.units.front().pitch_deg = pitch_deg;
+  lidar.units.front().returns.beam->horizontal_deg = 5;
+  return lidar;
+}
+
+TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
+  SceneConfig scene = empty_road();
+  scene.ground.push_back(ground_at(0));
+  const Frame f = frame(world_with(scene, {}), wide_beam_lidar(-20));
+  ASSERT_EQ(f.cloud.size(), 720U);
+  const double middle = 6 / std::sin(rad(20));
+  for (std::size_t i = 0; i < f.cloud.size(); ++i) {
+    EXPECT_GT(norm(point(f.cloud, i)), middle);
+    EXPECT_LT(norm(point(f.cloud, i)), middle / std::cos(rad(2.5)));
+  }
+}
+
+void set_direction(RayBatch& rays, std::size_t i, Vec3 d) {
+  rays.dx[i] = static_cast<float>(d.x);
+  rays.dy[i] = static_cast<float>(d.y);
+  rays.dz[i] = static_cast<float>(d.z);
+}
+
+Vec3 direction(const RayBatch& rays, std::size_t i) { return {rays.dx[i], rays.dy[i], rays.dz[i]}; }
+
+TEST(beam, turns_with_its_unit) {
+  const Mat3 level = rotation(0, 0, 0), turned = rotation(rad(50), rad(30), rad(-10));
+  for (const BeamConfig& config : {BeamConfig{.vertical_deg = 0.1, .horizontal_deg = 5},
+                                   BeamConfig{.vertical_deg = 5, .horizontal_deg = 0.1}}) {
+    RayBatch rays, turned_rays, sub_rays, turned_sub_rays;
+    for (RayBatch* batch : {&rays, &turned_rays}) batch->resize(72);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Vec3 d = rotation(rad(5.0 * static_cast<double>(i)), rad(20), 0) * Vec3{1, 0, 0};
+      set_direction(rays, i, d);
+      set_direction(turned_rays, i, turned * d);
+    }
+    Beam(config, level).expand(rays, sub_rays);
+    Beam(config, turned).expand(turned_rays, turned_sub_rays);
+    for (std::size_t i = 0; i < sub_rays.size(); ++i)
+      EXPECT_LT(norm(turned * direction(sub_rays, i) - direction(turned_sub_rays, i)), 1e-6);
+  }
+}
+
+TEST(beam, straight_down_is_at_the_sensors_height) {
+  for (const bool wide : {true, false}) {
+    const LidarConfig lidar = wide ? wide_beam_lidar(-90) : beam_lidar(-90, 5);
+    const Frame f = frame(world_with(empty_road(), {}), lidar);
+    ASSERT_EQ(f.cloud.size(), 720U);
+    for (std::size_t i = 0; i < f.cloud.size(); ++i) EXPECT_NEAR(norm(point(f.cloud, i)), 6, 0.01);
+  }
+}
+
+// --- warnings of a run ------------------------------------------------------------------------
+
+/// What a run in this weather warns of, with units that detect by power or do not.
+std::vector<std::string> warnings_of(const WeatherConfig& weather,
+                                     const std::vector<bool>& detecting) {
+  LidarConfig lidar = fine_lidar();
+  lidar.preset = "paper";
+  lidar.units.resize(detecting.size(), lidar.units.front());
+  for (std::size_t i = 0; i < detecting.size(); ++i)
+    if (detecting[i]) lidar.units[i].returns.detection.emplace();
+  RunRequest request;
+  request.scene.weather = weather;
+  request.lidars = {lidar};
+  return warnings(request);
+}
+
+TEST(warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {
+  for (const WeatherConfig& weather :
+       {WeatherConfig{.rain_mm_per_h = 5}, WeatherConfig{.visibility_m = 100}}) {
+    const std::vector<std::string> lines = warnings_of(weather, {false});
+    ASSERT_EQ(lines.size(), 1U);
+    EXPECT_EQ(lines.front(),
+              "lidar, preset paper: weather: no effect, found no returns.detection, allowed a "
+              "preset that has it");
+    EXPECT_TRUE(warnings_of(weather, {true, true}).empty());
+  }
+}
+
+TEST(warnings, count_the_units_of_a_bundle_once) {
+  const auto lines = warnings_of({.rain_mm_per_h = 5}, {true, false, false});
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_NE(lines.front().find("no effect on 2 of its 3 units"), std::string::npos);
+}
+
+TEST(warnings, are_none_in_clear_air) { EXPECT_TRUE(warnings_of({}, {false}).empty()); }
 
 // --- meshes -----------------------------------------------------------------------------------
 

@@ -343,6 +343,18 @@ def test_a_pipe_gets_results_on_stdout_and_no_bar(infrasim: Infrasim, run_comman
     assert [line.split()[0] for line in lines[1:]] == FOUR
 
 
+def test_weather_that_a_preset_does_not_feel_is_a_warning(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    fog = ("--set", "weather.visibility_m=30")
+    result = infrasim(*run_command(frames="0:1"), *fog, "--out", tmp_path / "a")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == (
+        "infrasim: warning: helios_16, preset paper: weather: no effect, found no "
+        "returns.detection, allowed a preset that has it\n"
+    )
+
+
 def test_a_terminal_gets_a_bar_on_stderr(run_command: Words) -> None:
     primary, secondary = pty.openpty()
     try:

@@ -95,6 +95,8 @@ void print_table(const std::vector<SummaryRow>& rows) {
 int run_command(const Options& o) {
   const RunRequest request = request_of(o);
   const std::string summary = path_of("--summary", o.summary);
+  for (const std::string& line : warnings(request))
+    std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
   const std::vector<SummaryRow> rows = run(request, g_signal, progress_bar());

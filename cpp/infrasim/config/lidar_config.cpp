@@ -129,9 +129,11 @@ namespace {
 
 /// One entry of a bundle: another LiDAR's file, or (in a resolved dump) the unit itself.
 struct BundleEntry {
-  std::string lidar;
-  LidarUnit unit;
-  bool resolved = false;
+  std::optional<std::string> lidar;
+  double yaw_deg = 0;
+  double pitch_deg = 0;
+  std::optional<PatternConfig> pattern;
+  std::optional<ReturnsConfig> returns;
 };
 
 /// The keys of a LiDAR file; either one unit or a bundle.
@@ -147,13 +149,26 @@ struct LidarFile {
 
 template <class Fields>
 void visit(Fields& f, BundleEntry& c) {
-  if (!c.resolved) f.field("lidar", c.lidar, "LiDAR file, relative to this one", required());
-  f.field("yaw_deg", c.unit.yaw_deg, "turned to the left on the mount", between(-360, 360));
-  f.field("pitch_deg", c.unit.pitch_deg, "positive looks down", between(-90, 90));
-  if (c.resolved) {
-    f.field("pattern", c.unit.pattern, "directions and times of its rays");
-    f.field("returns", c.unit.returns, "which hits become points");
+  f.field("lidar", c.lidar, "LiDAR file, relative to this one");
+  f.field("yaw_deg", c.yaw_deg, "turned to the left on the mount", between(-360, 360));
+  f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
+  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // listed once, outside of bundles
+    f.field("pattern", c.pattern, "directions and times of its rays");
+    f.field("returns", c.returns, "which hits become points");
   }
+  const bool file = c.lidar && !c.lidar->empty() && !c.pattern && !c.returns;
+  const bool whole = !c.lidar && c.pattern && c.returns;
+  f.check(file || whole, "lidar",
+          "found neither or both, allowed a LiDAR file, or pattern and returns in its place");
+}
+
+/// A bundle of files has the sum of their prices; one of whole units has its own.
+bool is_bundle(const LidarFile& c) {
+  const auto files =
+      std::ranges::count_if(c.bundle, [](const BundleEntry& e) { return e.lidar.has_value(); });
+  const bool own_price = c.price_usd && files == 0;
+  const bool sum = !c.price_usd && files == std::ssize(c.bundle);
+  return !c.pattern && !c.returns && !c.bundle.empty() && (own_price || sum);
 }
 
 template <class Fields>
@@ -166,11 +181,12 @@ void visit(Fields& f, LidarFile& c) {
   f.field("random_phase", c.random_phase, "start the motors at a seeded random phase");
   f.field("pattern", c.pattern, "directions and times of its rays");
   f.field("returns", c.returns, "which hits become points");
-  f.field("bundle", c.bundle, "several LiDARs cast as one");
+  f.field("bundle", c.bundle,
+          "several LiDARs cast as one; resolved, with pattern and returns in place of lidar");
   const bool single = c.pattern && c.returns && c.price_usd && c.bundle.empty();
-  const bool bundle = !c.pattern && !c.returns && !c.price_usd && !c.bundle.empty();
-  f.check(single || bundle, "bundle",
-          "found an incomplete LiDAR, allowed pattern, returns and price_usd, or bundle alone");
+  f.check(single || is_bundle(c), "bundle",
+          "found an incomplete LiDAR, allowed pattern, returns and price_usd, or bundle alone, or "
+          "price_usd and a bundle without files");
 }
 
 /// The file's tree with the named preset merged in.
@@ -233,29 +249,47 @@ std::size_t lasers_of(const PatternConfig& pattern) {
   return pattern.wedges ? pattern.wedges->laser_offsets.size() : 1;
 }
 
-LidarConfig single(const std::filesystem::path& file, LidarFile& keys) {
+/// Works on a single LiDAR's keys and on a whole entry of a bundle.
+template <class Keys>
+LidarUnit unit_of(const std::filesystem::path& file, const Keys& keys) {
   LidarUnit unit{.yaw_deg = 0, .pitch_deg = 0, .pattern = *keys.pattern, .returns = *keys.returns};
   resolve_files(file, unit.pattern);
-  return {keys.name, keys.model, "", *keys.price_usd, keys.random_phase, {unit}};
+  return unit;
 }
 
-LidarConfig bundle(const std::filesystem::path& file, const LidarFile& keys,
-                   const std::string& preset) {
-  LidarConfig out{keys.name, keys.model, "", {}, keys.random_phase, {}};
+void add_price(const PriceConfig& part, PriceConfig& sum) {
+  sum.low += part.low;
+  sum.high += part.high;
+  sum.source = part.source;
+  sum.date = part.date;
+}
+
+/// The unit that a file of a bundle describes; its price is added to the sum.
+LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& part,
+                       const std::string& preset, PriceConfig& sum) {
+  const std::filesystem::path part_file = file.parent_path() / part;
+  const auto keys = config::read_struct<LidarFile>(preset_tree(part_file, preset));
+  if (!keys.bundle.empty())
+    config::fail({file.string()}, "bundle", "found a bundle in it, allowed single LiDARs");
+  add_price(*keys.price_usd, sum);
+  LidarUnit unit = unit_of(part_file, keys);
+  // From here on the path is relative to the bundle.
+  if (auto& table = unit.pattern.table)
+    table->file = (std::filesystem::path(part).parent_path() / table->file).string();
+  return unit;
+}
+
+LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
+                     const std::string& preset) {
+  LidarConfig out{keys.name, keys.model, preset, {}, keys.random_phase, {}};
+  if (keys.price_usd) out.price_usd = *keys.price_usd;
+  if (keys.bundle.empty()) out.units.push_back(unit_of(file, keys));
   for (const BundleEntry& entry : keys.bundle) {
-    const std::filesystem::path part_file = file.parent_path() / entry.lidar;
-    auto part_keys = config::read_struct<LidarFile>(preset_tree(part_file, preset));
-    if (!part_keys.bundle.empty())
-      config::fail({file.string()}, "bundle", "found a bundle in it, allowed single LiDARs");
-    const LidarConfig part = single(part_file, part_keys);
-    LidarUnit unit = part.units.front();
-    unit.yaw_deg = entry.unit.yaw_deg;
-    unit.pitch_deg = entry.unit.pitch_deg;
-    out.units.push_back(unit);
-    out.price_usd.low += part.price_usd.low;
-    out.price_usd.high += part.price_usd.high;
-    out.price_usd.source = part.price_usd.source;
-    out.price_usd.date = part.price_usd.date;
+    LidarUnit& unit =
+        out.units.emplace_back(entry.lidar ? unit_of_file(file, *entry.lidar, preset, out.price_usd)
+                                           : unit_of(file, entry));
+    unit.yaw_deg = entry.yaw_deg;
+    unit.pitch_deg = entry.pitch_deg;
   }
   return out;
 }
@@ -263,9 +297,8 @@ LidarConfig bundle(const std::filesystem::path& file, const LidarFile& keys,
 }  // namespace
 
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset) {
-  auto keys = config::read_struct<LidarFile>(preset_tree(file, preset));
-  LidarConfig lidar = keys.bundle.empty() ? single(file, keys) : bundle(file, keys, preset);
-  lidar.preset = preset;
+  const auto keys = config::read_struct<LidarFile>(preset_tree(file, preset));
+  LidarConfig lidar = lidar_of(file, keys, preset);
   std::size_t lasers = 0;
   for (const LidarUnit& unit : lidar.units) lasers += lasers_of(unit.pattern);
   if (lasers > kMaxLasers)
@@ -284,12 +317,15 @@ std::vector<std::string> preset_names(const std::filesystem::path& file) {
 std::string dump_lidar(const LidarConfig& lidar) {
   LidarFile keys{lidar.name,   lidar.model, std::nullopt, lidar.random_phase, std::nullopt,
                  std::nullopt, {}};
-  if (lidar.units.size() == 1) {
-    keys.price_usd = lidar.price_usd;
-    keys.pattern = lidar.units.front().pattern;
-    keys.returns = lidar.units.front().returns;
+  const LidarUnit& first = lidar.units.front();
+  const bool alone = lidar.units.size() == 1;
+  if (alone) keys.price_usd = lidar.price_usd;
+  if (alone && first.yaw_deg == 0 && first.pitch_deg == 0) {
+    keys.pattern = first.pattern;
+    keys.returns = first.returns;
   } else {
-    for (const LidarUnit& unit : lidar.units) keys.bundle.push_back({"", unit, true});
+    for (const LidarUnit& u : lidar.units)
+      keys.bundle.push_back({std::nullopt, u.yaw_deg, u.pitch_deg, u.pattern, u.returns});
   }
   return config::dump_struct(keys);
 }

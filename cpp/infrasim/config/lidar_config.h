@@ -130,7 +130,8 @@ LidarConfig read_lidar(const std::filesystem::path& file, const std::string& pre
 /// Names of the presets in a LiDAR file, in its order.
 std::vector<std::string> preset_names(const std::filesystem::path& file);
 
-/// Every key with its value as plain YAML, channels as read. That of a single LiDAR reads back.
+/// Every key with its value as plain YAML, channels as read. That of one unit reads back, turned or
+/// not; that of several has no price.
 std::string dump_lidar(const LidarConfig& lidar);
 
 }  // namespace infrasim

@@ -284,7 +284,8 @@ void visit(Fields& f, SceneConfig& c) {
           "half length of the evaluation region along each road", between(1, 1e4));
   f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());
   f.check(c.mounts.size() == 1, "mounts", "found more than one mount, allowed one");
-  f.field("weather", c.weather, "what attenuates the beams");
+  f.field("weather", c.weather,
+          "what attenuates the beams; no effect on LiDARs without returns.detection");
   f.field("roads", c.roads, "roads", at_least_one());
   f.field("ground", c.ground, "pieces of terrain");
   f.field("buildings", c.buildings, "upright boxes");

@@ -9,6 +9,7 @@ namespace infrasim {
 namespace {
 
 constexpr float kRangeResolution = 0.5F;  // m: echoes closer than a pulse of 3 ns merge
+constexpr double kAlongUp = 1e-6;         // sine: nearer to up or down a side is rounding alone
 
 /// Power of a sub-ray's echo, up to a constant.
 float power(float range, float cos_incidence, float reflectance) {
@@ -17,12 +18,20 @@ float power(float range, float cos_incidence, float reflectance) {
 
 }  // namespace
 
-Beam::Beam(const BeamConfig& config, const Mat3& unit_pose) {
-  const bool vertical = config.vertical_deg >= config.horizontal_deg;
-  axis_ = unit_pose * (vertical ? Vec3{0, 0, 1} : Vec3{0, 1, 0});
+Beam::Beam(const BeamConfig& config, const Mat3& unit_pose)
+    : vertical_(config.vertical_deg >= config.horizontal_deg),
+      up_(unit_pose * Vec3{0, 0, 1}),
+      left_(unit_pose * Vec3{0, 1, 0}) {
   const double width = rad(std::max(config.vertical_deg, config.horizontal_deg));
   for (int i = 0; i < config.sub_rays; ++i)
     offsets_.push_back(static_cast<float>(std::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
+}
+
+/// Unit vector along which the sub-rays of a ray lie; straight up and down any level one is right.
+Vec3 Beam::side_of(Vec3 ray) const {
+  const Vec3 across = vertical_ ? up_ - dot(up_, ray) * ray : cross(up_, ray);
+  const double sine = norm(across);
+  return sine < kAlongUp ? left_ : 1 / sine * across;
 }
 
 void Beam::expand(const RayBatch& rays, RayBatch& sub_rays) const {
@@ -31,8 +40,7 @@ void Beam::expand(const RayBatch& rays, RayBatch& sub_rays) const {
   sub_rays.max_range = rays.max_range;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const Vec3 d{rays.dx[i], rays.dy[i], rays.dz[i]};
-    const Vec3 across = axis_ - dot(axis_, d) * d;
-    const Vec3 side = 1 / norm(across) * across;
+    const Vec3 side = side_of(d);
     for (std::size_t j = 0; j < n; ++j) {
       const Vec3 tilted = d + static_cast<double>(offsets_[j]) * side;
       const Vec3 sub = 1 / norm(tilted) * tilted;

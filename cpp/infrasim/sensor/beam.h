@@ -8,7 +8,8 @@
 
 namespace infrasim {
 
-/// A beam wider than a ray, as sub-rays side by side along its longer axis.
+/// A beam wider than a ray, as sub-rays side by side along its longer axis: up and down, or level,
+/// as the unit stands. All are across the ray.
 class Beam {
  public:
   /// @param unit_pose rotation from the unit's frame to the levelled frame
@@ -27,8 +28,11 @@ class Beam {
                std::vector<float>& reflectance) const;
 
  private:
-  std::vector<float> offsets_;  ///< tangents, along the axis
-  Vec3 axis_;                   ///< levelled frame; made perpendicular to each ray
+  Vec3 side_of(Vec3 ray) const;
+
+  std::vector<float> offsets_;  ///< tangents, to the side
+  bool vertical_;
+  Vec3 up_, left_;  ///< of the unit, levelled frame
 };
 
 }  // namespace infrasim
