@@ -160,11 +160,17 @@ def progress(cell: Cell, row: pd.Series) -> str:
 
 
 def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
-    """Measures the latency of every finished cell whose run is here, one after the other."""
-    for cell in plan.cells:
-        run, table = place.work / "runs" / cell.name, place.finished()
-        if not run.is_dir() or not store.has(table, asdict(cell)):
-            continue
+    """Measures the latency of every finished cell whose run is here, one after the other.
+
+    Raises FileNotFoundError if there is none.
+    """
+    runs = place.work / "runs"
+    finished = [cell for cell in plan.cells if store.has(place.finished(), asdict(cell))]
+    here = [cell for cell in finished if (runs / cell.name).is_dir()]
+    if not here:
+        raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
+    for cell in here:
+        run, table = runs / cell.name, place.finished()
         rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)]
         times = measure.detected(run, place.data(cell.world) / cell.lidar, device)
         rows = rows.assign(**measure.latency_columns(times))

@@ -119,6 +119,14 @@ def test_latency_can_be_measured_again_alone(results: Path) -> None:
     assert after.ap.to_list() == before.ap.to_list()
 
 
+def test_latency_without_a_run_is_an_error(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = ["--work", str(tmp_path), "--latency"]
+    assert cli.main([*words(results.parent / "small.yaml", results), *again]) == 1
+    assert f"No run of the {CELLS} finished cells is in" in capsys.readouterr().err
+
+
 def test_a_failed_cell_is_a_row_with_its_reason_and_is_tried_again(
     config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
