@@ -64,7 +64,7 @@ def test_closed_form_is_the_vendors_table(
     vendors = np.load(vendor_table(table)).astype(np.float64)
     assert len(ours) == len(vendors)
     off = angles_deg(directions(ours[:, 0], ours[:, 1]), directions(*vendors.T))
-    record_property("max_deg", off.max())
+    record_property("max_deg", float(off.max()))
     print(f"{model}: rms {np.sqrt(np.mean(off**2)):.2e}, max {off.max():.2e} deg")
     assert off.max() < 5e-5
     steps = np.arange(len(ours)) // lasers
