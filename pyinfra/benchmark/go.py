@@ -113,9 +113,11 @@ def forget_failed(place: Place, plan: Plan) -> None:
 
 def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     """All data sets of the plan, split, and their tables."""
-    for cell in plan.cells:
-        file = place.data(cell.world) / cell.lidar / "lidar.yaml"
-        inputs.renew_price(plan.files["lidars", cell.lidar], cell.preset, file)
+    for world, cells in plan.worlds().items():
+        for name in worlds.lidars_of(cells):
+            file = place.data(world) / name / "lidar.yaml"
+            inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
+    digests = inputs.digests(plan)
     shards = worlds.shards(plan, place.work, where.jobs)
     print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
     pool.call_all(worlds.simulate, shards, replace(where, gpu=False))
@@ -123,7 +125,7 @@ def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
         worlds.split_by_time(place.data(world), plan.parts)
         if not is_described(place, cells):
             tables = worlds.described(place.data(world), cells)
-            tables["hits"] = tables["hits"].merge(inputs.digests(plan), on=inputs.FRAMES_OF)
+            tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF)
             place.put(tables)
 
 
@@ -164,8 +166,8 @@ def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
 
     Raises FileNotFoundError if there is none.
     """
-    runs = place.work / "runs"
-    finished = [cell for cell in plan.cells if store.has(place.finished(), asdict(cell))]
+    runs, table = place.work / "runs", place.finished()
+    finished = [cell for cell in plan.cells if store.has(table, asdict(cell))]
     here = [cell for cell in finished if (runs / cell.name).is_dir()]
     if not here:
         raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from functools import cache
 from pathlib import Path
@@ -26,6 +25,12 @@ FRAMES_OF = ["scene", "preset", "lidar"]
 def resolved(file: Path, preset: str = "") -> str:
     """A scene, or a LiDAR under a preset, as the simulator writes it. Raises SimulatorError."""
     return infrasim("check", file, *(["--preset", preset] if preset else []))
+
+
+def price_of(lidar: Path, preset: str) -> str:
+    """The price as the simulator writes it; nothing for a bundle, which has none of its own."""
+    found = PRICE.search(resolved(lidar, preset))
+    return found.group() if found else ""
 
 
 def check_names(plan: Plan) -> None:
@@ -51,8 +56,7 @@ def digests(plan: Plan) -> pd.DataFrame:
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     world = resolved(plan.files["scenes", scene])
     unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset))
-    text = json.dumps([yaml.safe_load(world), yaml.safe_load(unit), plan.frames], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return hashlib.sha256("\n".join([world, unit, plan.frames]).encode()).hexdigest()[:16]
 
 
 def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
@@ -79,8 +83,9 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
     numbers = dict.fromkeys(("price_low_usd", "price_high_usd"), float)
     lidars = lidars.astype(numbers | dict.fromkeys(("price_source", "price_date"), object))
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
-        price = yaml.safe_load(resolved(plan.files["lidars", name], preset)).get("price_usd")
-        if price:  # a bundle has none of its own
+        text = price_of(plan.files["lidars", name], preset)
+        if text:
+            price = yaml.safe_load(text)["price_usd"]
             at = (lidars.lidar == name) & (lidars.preset == preset)
             lidars.loc[at, ["price_low_usd", "price_high_usd"]] = [price["low"], price["high"]]
             lidars.loc[at, ["price_source", "price_date"]] = [price["source"], str(price["date"])]
@@ -89,13 +94,13 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
 
 def renew_price(lidar: Path, preset: str, file: Path) -> None:
     """Writes the price of now into the `lidar.yaml` of frames, which do not depend on it."""
-    new = PRICE.search(resolved(lidar, preset))
-    if new is None or not file.is_file():
+    new = price_of(lidar, preset)
+    if not new or not file.is_file():
         return
-    low, high = (re.findall(rf"{end}: (\S+)", new.group())[0] for end in ("low", "high"))
+    low, high = (re.findall(rf"{end}: (\S+)", new)[0] for end in ("low", "high"))
     total = f"price_total_usd: {{low: {low}, high: {high}}}\n"
     old = file.read_text(encoding="utf-8")
-    text = TOTAL.sub(total, PRICE.sub(lambda _: new.group(), old))
+    text = TOTAL.sub(total, PRICE.sub(lambda _: new, old))
     if text != old:
         with replacing(file) as beside:
             beside.write_text(text, encoding="utf-8")
