@@ -11,6 +11,7 @@ import yaml
 
 from pyinfra.hits import LIDARS, configs
 from pyinfra.report.looks import Look, look
+from pyinfra.statistics import selection
 
 KINDS = {
     "livox_avia": "non-repetitive",
@@ -27,7 +28,7 @@ DETECTORS = {
     "centerpoint-pillar": "CenterPoint-Pillar",
     "background": "Background",
 }
-PRESETS = ("paper", "equal", "datasheet")
+PRESETS = selection.PRESETS
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import pandas as pd
 
 CELL = ("scene", "lidar", "preset", "detector", "tier")  # and the seed
 CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
-NEAREST_FIRST = ("datasheet", "equal", "paper")  # presets, by how near they are to what one can buy
+PRESETS = ("paper", "equal", "datasheet")  # of the catalogue; the last is nearest to what one buys
 
 
 def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
@@ -34,7 +34,7 @@ def preset_of_answers(rows: pd.DataFrame) -> str:
     rows: of one scene, one or more, with columns preset and lidar.
     """
     counts = rows.groupby("preset").lidar.nunique()
-    for preset in NEAREST_FIRST:
+    for preset in reversed(PRESETS):
         if counts.get(preset, 0) >= 2:
             return preset
     return str(rows.preset.iloc[0])

@@ -10,8 +10,9 @@ import numpy as np
 
 from pyinfra.detectors import Points
 from pyinfra.hits import LIDARS, SCENES
+from pyinfra.statistics.selection import PRESETS
 from pyinfra.stress import clouds, limits, worlds
-from pyinfra.stress.worlds import PRESETS, Base, World
+from pyinfra.stress.worlds import Base, World
 
 Dial = float | str
 OWN = "own"  # no stress, where a dial is a name

@@ -5,8 +5,9 @@ from __future__ import annotations
 import yaml
 
 from pyinfra.hits import SimulatorError, infrasim, lidar_file
+from pyinfra.statistics.selection import PRESETS
 from pyinfra.stress import lidar
-from pyinfra.stress.worlds import PRESETS, Base
+from pyinfra.stress.worlds import Base
 
 CLOUDS_ALONE = "allowed --stressors of clouds alone"
 

@@ -20,7 +20,6 @@ from pyinfra.hits import infrasim, lidar_file, scene_file
 from pyinfra.kitti import FormatError
 from pyinfra.stress import lidar
 
-PRESETS = ("paper", "equal", "datasheet")  # of the catalogue
 NOT_OF_THE_SCENE = ("preset", "version")  # keys that a run adds to its scene
 SCENE = "scene.yaml"
 
