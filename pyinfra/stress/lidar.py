@@ -1,4 +1,4 @@
-"""The LiDAR of a data set, from its `lidar.yaml`, as files that the simulator reads."""
+"""The LiDAR of a data set, from its `lidar.yaml`, as a file that the simulator reads."""
 
 from __future__ import annotations
 
@@ -31,10 +31,7 @@ def units_of(config: Keys) -> list[Keys]:
         return [{key: unit[key] for key in UNIT} for unit in config["bundle"]]
     if "pattern" not in config:
         return []
-    # A bundle of one may stand there as a single LiDAR, and its turn in the field of view alone.
-    turn = config.get("field_of_view", [NOT_TURNED])[0]
-    keys = config | {key: turn[key] for key in NOT_TURNED}
-    return [{key: keys[key] for key in UNIT}]
+    return [NOT_TURNED | {key: config[key] for key in ("pattern", "returns")}]
 
 
 def table_files(config: Keys, folder: Path) -> list[Path]:
@@ -43,8 +40,8 @@ def table_files(config: Keys, folder: Path) -> list[Path]:
     return [(folder / table["file"]).resolve() for table in tables if table]
 
 
-def texts(file: Path) -> dict[str, str]:
-    """What the simulator reads instead of a `lidar.yaml`: texts by name, FILE and any units.
+def text(file: Path) -> str:
+    """What the simulator reads instead of a `lidar.yaml`: all units as one bundle, maybe of one.
 
     Raises FormatError for a LiDAR that was not simulated.
     """
@@ -52,16 +49,11 @@ def texts(file: Path) -> dict[str, str]:
     units = units_of(config)
     if not units:
         raise FormatError(f"{file}: found no pattern, needed to simulate again")
-    about = {key: config[key] for key in ABOUT}
-    parts = [_part(config, unit, len(units), file.parent) for unit in units]
-    if len(parts) == 1 and units[0]["yaw_deg"] == units[0]["pitch_deg"] == 0:
-        return {FILE: _text(about | parts[0])}
-    bundle = [
-        {"lidar": f"unit_{i}.yaml"} | {key: unit[key] for key in NOT_TURNED}
-        for i, unit in enumerate(units)
-    ]
-    named = {f"unit_{i}.yaml": _text({"name": f"unit_{i}"} | p) for i, p in enumerate(parts)}
-    return {FILE: _text(about | {"bundle": bundle})} | named
+    total = config["price_total_usd"] | {"source": "the bundle", "date": "its own"}
+    keys = {key: config[key] for key in ABOUT}
+    keys["price_usd"] = config.get("price_usd", total)
+    keys["bundle"] = [_with_whole_path(unit, file.parent) for unit in units]
+    return str(yaml.safe_dump(keys, sort_keys=False))
 
 
 def difference(config: Keys, shipped: Keys) -> str:
@@ -76,25 +68,9 @@ def difference(config: Keys, shipped: Keys) -> str:
     return next((key for key in UNIT if any(a[key] != b[key] for a, b in pairs)), "")
 
 
-def _part(config: Keys, unit: Keys, of: int, folder: Path) -> Keys:
-    """A unit on its own, with its share of the price; relative paths become whole."""
-    total = config["price_total_usd"]
-    share = {
-        "low": total["low"] / of,
-        "high": total["high"] / of,
-        "source": "the bundle",
-        "date": "its own",
-    }
-    pattern = unit["pattern"]
-    if "table" in pattern:
-        file = (folder / pattern["table"]["file"]).resolve()
-        pattern = {"table": pattern["table"] | {"file": str(file)}}
-    return {
-        "price_usd": config.get("price_usd", share),
-        "pattern": pattern,
-        "returns": unit["returns"],
-    }
-
-
-def _text(keys: Keys) -> str:
-    return str(yaml.safe_dump(keys, sort_keys=False))
+def _with_whole_path(unit: Keys, folder: Path) -> Keys:
+    table = unit["pattern"].get("table")
+    if table is None:
+        return unit
+    file = (folder / table["file"]).resolve()
+    return unit | {"pattern": {"table": table | {"file": str(file)}}}

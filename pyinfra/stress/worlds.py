@@ -153,7 +153,7 @@ def _texts(base: Base, world: World) -> dict[str, str]:
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if world.scene:
         text = scene_file(world.scene).read_text("utf-8")
-    own = {} if world.lidar else lidar.texts(base.folder / lidar.FILE)
+    own = {} if world.lidar else {lidar.FILE: lidar.text(base.folder / lidar.FILE)}
     return {SCENE: text} | own
 
 
