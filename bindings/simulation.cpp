@@ -68,6 +68,13 @@ void bind_simulation(py::module_& m) {
            "All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; "
            "levelled frame.");
 
+  m.def(
+      "warnings",
+      [](const World& w, const std::vector<LidarConfig>& lidars) {
+        return warnings(w.scene, lidars);
+      },
+      py::arg("world"), py::arg("lidars"), "What a user should know before the frames, as lines.");
+
   py::class_<FrameStream>(m, "FrameStream",
                           "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")
       .def(py::init<const World&, std::vector<LidarConfig>, std::vector<int>, int>(),

@@ -6,7 +6,7 @@ import collections.abc
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version']
+__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
 class ConfigError(ValueError):
     pass
 class IoError(OSError):
@@ -197,4 +197,8 @@ def suppress(boxes: numpy.typing.NDArray[numpy.float64], iou: typing.SupportsFlo
 def version() -> str:
     """
     Version of the simulator.
+    """
+def warnings(world: World, lidars: collections.abc.Sequence[Lidar]) -> list[str]:
+    """
+    What a user should know before the frames, as lines.
     """

@@ -135,7 +135,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="last",
         help="default: last; best: by the recipe's validate_frames",
     )
-    parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
+    parser.add_argument("--device", default="cpu", help="of a network: cpu, cuda, cuda:1, ...")
     parser.add_argument(
         "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
     )

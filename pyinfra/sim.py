@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeAlias
+from warnings import warn
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ from pyinfra._core import (
     World,
     kept_rows,
     learn_background,
+    warnings,
 )
 
 __all__ = [
@@ -101,6 +103,7 @@ def simulate(
     The next frames are computed by threads of their own while the caller works on this one. The
     columns of a frame are read-only views that keep it alive; nothing is copied.
     A scene or LiDAR may be a file; then preset, seed and set apply to it.
+    Warns where weather has no effect.
     Raises ConfigError for a wrong file or a frame that the scene does not have, and IoError.
     """
     if isinstance(scene, World):
@@ -110,6 +113,8 @@ def simulate(
     else:
         world = load_scene(scene, seed=seed, set=set)
     units = [x if isinstance(x, Lidar) else load_lidar(x, preset) for x in lidars]
+    for line in warnings(world, units):
+        warn(line, stacklevel=2)
     count = threads or os.cpu_count() or 1
     return FrameStream(world, units, list(frames), count)
 

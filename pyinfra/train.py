@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from pyinfra.training.loop import Description, Progress
 
 BACKGROUND_FRAMES = 100
+# What a method that does not learn by steps has no use for, and its default.
+OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0}
 
 
 def train(
@@ -176,16 +178,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1, ...")
+    parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
+    parser.add_argument("--device", default=OF_NETWORKS["device"], help="cpu, cuda, cuda:1, ...")
     parser.add_argument(
         "--precision",
         choices=get_args(Precision),
-        default="float32",
+        default=OF_NETWORKS["precision"],
         help="of the layers; default: float32",
     )
     parser.add_argument(
-        "--budget", type=float, default=1.0, help="share of the tier's steps, the schedule with it"
+        "--budget",
+        type=float,
+        default=OF_NETWORKS["budget"],
+        help="share of the tier's steps, the schedule with it",
     )
 
 
@@ -199,6 +204,9 @@ def run(args: argparse.Namespace) -> int:
         steps = max(1, round(args.budget * recipe.learning.steps))
         learning = dataclasses.replace(recipe.learning, steps=steps)
         recipe = dataclasses.replace(recipe, learning=learning)
+    elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
+        words = ", ".join(f"--{key}" for key in given)
+        print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
     how = {"seed": args.seed, "device": args.device, "precision": args.precision}
     model = train(recipe, _sources(args), args.out, **how)
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first

@@ -1,7 +1,6 @@
 #include "infrasim/run.h"
 
 #include <algorithm>
-#include <cmath>
 #include <exception>
 #include <fstream>
 #include <mutex>
@@ -169,24 +168,6 @@ class Session {
 };
 
 }  // namespace
-
-std::vector<std::string> warnings(const RunRequest& request) {
-  std::vector<std::string> lines;
-  const WeatherConfig& weather = request.scene.weather;
-  if (weather.rain_mm_per_h == 0 && std::isinf(weather.visibility_m)) return lines;
-  for (const LidarConfig& lidar : request.lidars) {
-    const auto blind = std::ranges::count_if(
-        lidar.units, [](const LidarUnit& unit) { return !unit.returns.detection; });
-    if (blind == 0) continue;
-    const auto units = std::ssize(lidar.units);
-    const std::string where = blind == units ? ""
-                                             : " on " + std::to_string(blind) + " of its " +
-                                                   std::to_string(units) + " units";
-    lines.push_back(lidar.name + ", preset " + lidar.preset + ": weather: no effect" + where +
-                    ", found no returns.detection, allowed a preset that has it");
-  }
-  return lines;
-}
 
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,
                             const Progress& progress) {

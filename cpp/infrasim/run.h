@@ -28,10 +28,6 @@ struct RunRequest {
   int threads = 1;
 };
 
-/// What a user should know before the run, one line for each LiDAR concerned: that its points
-/// are the same in any weather.
-std::vector<std::string> warnings(const RunRequest& request);
-
 /// One row of summary.csv.
 struct SummaryRow {
   std::string lidar;

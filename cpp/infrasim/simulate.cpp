@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <map>
 
 #include "infrasim/aggregate/frame_builder.h"
@@ -270,6 +271,25 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
     frames[i].seconds = seconds[i];
   }
   return frames;
+}
+
+std::vector<std::string> warnings(const SceneConfig& scene,
+                                  std::span<const LidarConfig> lidars) {
+  std::vector<std::string> lines;
+  const WeatherConfig& weather = scene.weather;
+  if (weather.rain_mm_per_h == 0 && std::isinf(weather.visibility_m)) return lines;
+  for (const LidarConfig& lidar : lidars) {
+    const auto blind = std::ranges::count_if(
+        lidar.units, [](const LidarUnit& unit) { return !unit.returns.detection; });
+    if (blind == 0) continue;
+    const auto units = std::ssize(lidar.units);
+    const std::string where = blind == units ? ""
+                                             : " on " + std::to_string(blind) + " of its " +
+                                                   std::to_string(units) + " units";
+    lines.push_back(lidar.name + ", preset " + lidar.preset + ": weather: no effect" + where +
+                    ", found no returns.detection, allowed a preset that has it");
+  }
+  return lines;
 }
 
 }  // namespace infrasim

@@ -494,10 +494,9 @@ std::vector<std::string> warnings_of(const WeatherConfig& weather,
   lidar.units.resize(detecting.size(), lidar.units.front());
   for (std::size_t i = 0; i < detecting.size(); ++i)
     if (detecting[i]) lidar.units[i].returns.detection.emplace();
-  RunRequest request;
-  request.scene.weather = weather;
-  request.lidars = {lidar};
-  return warnings(request);
+  SceneConfig scene;
+  scene.weather = weather;
+  return warnings(scene, {{lidar}});
 }
 
 TEST(warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {

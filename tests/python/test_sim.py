@@ -92,6 +92,14 @@ def test_a_built_world_takes_no_further_settings(world: sim.World) -> None:
         sim.simulate(world, [], [0], seed=1)
 
 
+def test_weather_that_a_lidar_does_not_feel_is_a_warning() -> None:
+    foggy = sim.load_scene(SCENE, set=SHORT | {"weather.visibility_m": 30})
+    with pytest.warns(UserWarning, match="livox_avia, preset paper: weather: no effect") as found:
+        sim.simulate(foggy, LIDARS[:1], range(1), preset="paper")
+    assert found[0].filename == __file__
+    sim.simulate(foggy, LIDARS[:1], range(1), preset="datasheet")
+
+
 def test_scan_pattern_runs_on_over_frames() -> None:
     whole = sim.scan_pattern(LIDARS[0], range(3))
     np.testing.assert_array_equal(whole[48000:], sim.scan_pattern(LIDARS[0], range(2, 3)))

@@ -524,6 +524,18 @@ def test_frames_that_may_have_been_learnt_from_are_a_warning(
     assert capsys.readouterr().err == ""
 
 
+def test_background_says_what_it_has_no_use_for(
+    lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", str(ROOT / "configs/detectors/background.yaml"), "--data", str(lidar_folder)]
+    words += ["--out", str(tmp_path), "--tier", "smoke"]
+    assert cli.main([*words, "--seed", "2", "--budget", "0.5"]) == 0
+    note = "pyinfra: note: background: no use for --seed, --budget\n"
+    assert capsys.readouterr().err == note
+    assert cli.main(words) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "background.npz").touch()
     with pytest.raises(FileExistsError, match=r"background.npz: is there already, of another"):

@@ -13,6 +13,7 @@
 #include "infrasim/core/errors.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/run.h"
+#include "infrasim/simulate.h"
 
 namespace infrasim::cli {
 
@@ -95,7 +96,7 @@ void print_table(const std::vector<SummaryRow>& rows) {
 int run_command(const Options& o) {
   const RunRequest request = request_of(o);
   const std::string summary = path_of("--summary", o.summary);
-  for (const std::string& line : warnings(request))
+  for (const std::string& line : warnings(request.scene, request.lidars))
     std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
