@@ -202,7 +202,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Tests the paper's claims on data sets, each of one preset."
     parser.epilog = "example: pyinfra claims data/highway_paper data/highway_paper_instant"
     parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
-    parser.add_argument("--out", type=Path, default=Path("results/claims.csv"), help="CSV to write")
+    usual = Path("results/claims.csv")
+    parser.add_argument("--out", type=Path, default=usual, help="CSV to write; default: %(default)s")
 
 
 def run(args: argparse.Namespace) -> int:

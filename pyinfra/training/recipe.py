@@ -26,7 +26,7 @@ class Learning:
     rate: float = ruled(0.003, 1e-7, 1)  # the highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # of AdamW
     clip: float = ruled(10.0, 1e-6, 1e6)  # of the gradients' norm
-    window_m2: float = ruled(0.0, 0, 1e9)  # the most a frame shows a network on pillars; 0: all
+    window_m2: float = ruled(0.0, 0, 1e9)  # m2 of a frame that are learnt from at a time; 0: all
     # The last ones of each LiDAR are not learnt from: they choose best.safetensors. None by
     # default, because the published figures are of networks that learnt from all frames.
     validate_frames: int = ruled(0, 0, 100_000)
