@@ -203,7 +203,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra claims data/highway_paper data/highway_paper_instant"
     parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
     usual = Path("results/claims.csv")
-    parser.add_argument("--out", type=Path, default=usual, help="CSV to write; default: %(default)s")
+    parser.add_argument("--out", type=Path, default=usual, help="CSV; default: %(default)s")
 
 
 def run(args: argparse.Namespace) -> int:
