@@ -68,19 +68,17 @@ def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folde
     run = folder.parents[2] / "runs" / f"{cell.name}_{words}"
     rows = measure.tables(cell, recipe, folder, run)["cells"].assign(**change)
     rows["command"] = "benchmarks/training.py"
-    store.put(file, rows, list(key), folder.parents[2] / "results.lock")
+    store.put(file, rows, list(key))
     print(*rows.iloc[0][["detector", *change, "ap", "ap_low", "ap_high"]], flush=True)
 
 
-def add_known(
-    file: Path, work: Path, detectors: tuple[str, ...], change: dict[str, object]
-) -> None:
+def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object]) -> None:
     """The rows of the matrix with what is not changed."""
     table = store.read(file.with_name("quick.csv"))
     wanted = pd.DataFrame([dataclasses.asdict(cell_of(name)) for name in detectors])
     rows = table[store.among(table, wanted, KEY)].assign(**change)
     if len(rows):
-        store.put(file, rows, [*KEY, *change], work / "results.lock")
+        store.put(file, rows, [*KEY, *change])
 
 
 def main() -> None:
@@ -94,12 +92,12 @@ def main() -> None:
         for budget in BUDGETS:
             file = args.out / "budget.csv"
             add(file, cell_of(detector), {"budget": budget}, cut(recipe, budget), data / LIDAR)
-    add_known(args.out / "budget.csv", args.work, STARVED, {"budget": 1.0})
+    add_known(args.out / "budget.csv", STARVED, {"budget": 1.0})
     twin = split_at_random(data)
     for detector in LEAKING:
         recipe = read_recipe(configs() / f"detectors/{detector}.yaml", "quick")
         add(args.out / "split.csv", cell_of(detector), {"split": "random"}, recipe, twin / LIDAR)
-    add_known(args.out / "split.csv", args.work, LEAKING, {"split": "time"})
+    add_known(args.out / "split.csv", LEAKING, {"split": "time"})
 
 
 if __name__ == "__main__":

@@ -142,7 +142,7 @@ def scan_pattern(
     Sensor frame; time since the start of the run; phase 0 unless a seed is given.
     """
     unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
-    return unit.pattern(frames.start, frames.stop, seed)
+    return unit.pattern(frames.start, frames.stop, frames.step, seed)
 
 
 def _yaml(value: object) -> str:

@@ -4,9 +4,15 @@
 #include <exception>
 #include <map>
 #include <mutex>
+#include <string>
+#include <system_error>
 #include <thread>
 
+#include "infrasim/core/errors.h"
+
 namespace infrasim {
+
+constexpr int kMostThreads = 1024;
 
 struct FrameStream::Impl {
   const World& world;
@@ -28,7 +34,19 @@ struct FrameStream::Impl {
         lidars(std::move(l)),
         numbers(std::move(n)),
         ahead(2 * static_cast<std::size_t>(thread_count)) {
-    for (int i = 0; i < thread_count; ++i) threads.emplace_back([this] { work(); });
+    if (thread_count < 1 || thread_count > kMostThreads)
+      throw ConfigError("threads: found " + std::to_string(thread_count) + ", allowed 1 to " +
+                        std::to_string(kMostThreads));
+    for (int i = 0; i < thread_count; ++i) start();
+  }
+
+  /// Without one more thread those that run do the work.
+  void start() {
+    try {
+      threads.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+      if (threads.empty()) throw;
+    }
   }
 
   /// Index of the next frame to compute; waits while enough of them lie ready.

@@ -12,7 +12,7 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
-#include "infrasim/sensor/scan_pattern.h"
+#include "infrasim/sensor/pattern_table.h"
 #include "infrasim/simulate.h"
 #include "infrasim/version.h"
 
@@ -52,8 +52,10 @@ std::string lidar_text(const RunRequest& request, const LidarConfig& lidar) {
   text << "T_levelled_sensor: {pitch_deg: " << n(mount.pitch_deg)
        << ", roll_deg: " << n(mount.roll_deg) << "}\n";
   text << "field_of_view:\n";
-  for (const LidarUnit& unit : lidar.units) {
-    const FieldOfView fov = field_of_view(ScanPattern(unit.pattern, 0, rotation(0, 0, 0), 0));
+  const std::vector<FieldOfView> fields = fields_of_view(lidar);
+  for (std::size_t i = 0; i < lidar.units.size(); ++i) {
+    const LidarUnit& unit = lidar.units[i];
+    const FieldOfView& fov = fields[i];
     const auto two = [&](double v) { return n(std::round(v * 100) / 100); };
     text << "  - {yaw_deg: " << n(unit.yaw_deg) << ", pitch_deg: " << n(unit.pitch_deg)
          << ", azimuth_deg: [" << two(fov.azimuth_min_deg) << ", " << two(fov.azimuth_max_deg)
@@ -66,14 +68,16 @@ std::string lidar_text(const RunRequest& request, const LidarConfig& lidar) {
 
 /// Creates the folder, or checks that it holds the same run.
 void open_folder(const RunRequest& request, const World& world) {
+  std::vector<std::string> texts;  // first, as they may be refused
+  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(request, lidar));
   create_folder(request.out);
   claim_file(request.out / "dataset.yaml", run_text(request));
   claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));
   claim_file(request.out / "roads.csv", world.region.roads_csv());
-  for (const LidarConfig& lidar : request.lidars) {
-    const auto folder = request.out / lidar.name;
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    const auto folder = request.out / request.lidars[i].name;
     create_frame_folders(folder, request.scene.fields);
-    claim_file(folder / "lidar.yaml", lidar_text(request, lidar));
+    claim_file(folder / "lidar.yaml", texts[i]);
   }
 }
 
@@ -84,7 +88,7 @@ class Session {
           const Progress& progress)
       : request_(request), world_(world), stop_(stop), progress_(progress) {
     const FrameRange& f = request.frames;
-    total_ = (f.last - f.first + f.step - 1) / f.step;
+    total_ = 1 + (f.last - 1 - f.first) / f.step;
     for (const LidarConfig& lidar : request.lidars) {
       SummaryRow row;
       row.lidar = lidar.name;

@@ -129,7 +129,7 @@ struct FrameSimulator::Impl {
                                 world.frame.to_level(o.from), world.frame.to_level(o.to)});
       objects.boxes.push_back(box);
       objects.reflectance.push_back(paint_reflectance(
-          Rng::of(world.scene.seed, "paint", 0).at(static_cast<std::uint64_t>(o.id))));
+          Rng::of(world.scene.seed, "paint").at(static_cast<std::uint64_t>(o.id) + 1)));
     }
     raycaster.place(objects.placed, kFramePeriod);
     for (std::size_t i = 0; i < objects.moving.size(); ++i) {
@@ -151,7 +151,7 @@ struct FrameSimulator::Impl {
       const RayRange frame = unit.pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
       const RayRange range = unit.pattern.fired_between((k + slice.from) * kFramePeriod,
                                                         (k + slice.to) * kFramePeriod);
-      const Rng rng = Rng::of(world.scene.seed, unit.stream, k);
+      const Rng rng = Rng::of(world.scene.seed, unit.stream).at(static_cast<std::uint64_t>(k) + 1);
       const int group = unit.pattern.group_size();
       const std::int64_t chunk = group * std::max(4, kChunkRays / group / 4 * 4);
       for (std::int64_t first = range.first; first < range.last; first += chunk) {
@@ -273,8 +273,7 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
   return frames;
 }
 
-std::vector<std::string> warnings(const SceneConfig& scene,
-                                  std::span<const LidarConfig> lidars) {
+std::vector<std::string> warnings(const SceneConfig& scene, std::span<const LidarConfig> lidars) {
   std::vector<std::string> lines;
   const WeatherConfig& weather = scene.weather;
   if (weather.rain_mm_per_h == 0 && std::isinf(weather.visibility_m)) return lines;

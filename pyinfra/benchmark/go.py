@@ -52,7 +52,7 @@ class Place:
 
     def put(self, tables: dict[str, pd.DataFrame]) -> None:
         for name, rows in tables.items():
-            store.put(self.table(name), rows, KEYS[name], self.work / "results.lock")
+            store.put(self.table(name), rows, KEYS[name])
 
     def finished(self) -> pd.DataFrame:
         """The rows of cells that did not fail."""
@@ -73,6 +73,7 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
     inputs.check_frames(place.table("hits"), inputs.digests(plan))
+    inputs.check_lidars(place.table("hits"), plan, place.data)
     check_costs(place, plan)
     forget_failed(place, plan)
     left = place.without_row(plan.cells)
@@ -108,7 +109,7 @@ def forget_failed(place: Place, plan: Plan) -> None:
     wanted = store.among(table, pd.DataFrame([asdict(cell) for cell in plan.cells]), KEY)
     rows = table[table.reason.notna() & wanted]
     if len(rows):
-        store.drop(file, rows, KEY, place.work / "results.lock")
+        store.drop(file, rows, KEY)
 
 
 def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
@@ -125,7 +126,7 @@ def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
         worlds.split_by_time(place.data(world), plan.parts)
         if not is_described(place, cells):
             tables = worlds.described(place.data(world), cells)
-            tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF)
+            tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF, how="left")
             place.put(tables)
 
 
@@ -139,7 +140,7 @@ def is_described(place: Place, cells: Sequence[Cell]) -> bool:
 def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
     """The rows of one cell, unless another process is at it; an exception becomes its reason."""
     run = place.work / "runs" / cell.name
-    with held(run.with_suffix(".lock"), wait=False) as ours:
+    with held(run.with_name(f"{run.name}.lock"), wait=False) as ours:
         if not ours or not place.without_row([cell]):
             return
         file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
@@ -185,7 +186,7 @@ def conclude(place: Place, plan: Plan) -> None:
 
     The smoke tier shows that all works, and its networks have hardly learnt: it tests no claim.
     """
-    with held(place.work / "conclude.lock", wait=True):
+    with held(place.results / "locks/conclude", wait=True):
         _conclude(place, plan)
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import yaml
@@ -27,10 +29,15 @@ def resolved(file: Path, preset: str = "") -> str:
     return infrasim("check", file, *(["--preset", preset] if preset else []))
 
 
-def price_of(lidar: Path, preset: str) -> str:
-    """The price as the simulator writes it; nothing for a bundle, which has none of its own."""
-    found = PRICE.search(resolved(lidar, preset))
-    return found.group() if found else ""
+def price_of(lidar: Path, preset: str) -> dict[str, Any]:
+    """Keys low, high, source and date; of a bundle the sum of its units."""
+    file = yaml.safe_load(lidar.read_text("utf-8"))
+    for keys in (yaml.safe_load(resolved(lidar, preset)), file):
+        if "price_usd" in keys:
+            return dict(keys["price_usd"])
+    units = [price_of(lidar.parent / unit["lidar"], preset) for unit in file["bundle"]]
+    ends = {end: sum(unit[end] for unit in units) for end in ("low", "high")}
+    return {**ends, "source": "sum of the units", "date": ""}
 
 
 def check_names(plan: Plan) -> None:
@@ -45,7 +52,8 @@ def check_names(plan: Plan) -> None:
 def digests(plan: Plan) -> pd.DataFrame:
     """Columns scene, preset, lidar and `inputs`: a digest of what the frames depend on.
 
-    That is the scene, the LiDAR without its price, and the range of frames.
+    That is the scene with its recorded vehicles, the LiDAR without its price, the range of frames
+    and how it is split.
     """
     keys = dict.fromkeys((cell.scene, cell.preset, cell.lidar) for cell in plan.cells)
     return pd.DataFrame(
@@ -54,9 +62,13 @@ def digests(plan: Plan) -> pd.DataFrame:
 
 
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
-    world = resolved(plan.files["scenes", scene])
+    file = plan.files["scenes", scene]
+    world = resolved(file)
     unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset))
-    return hashlib.sha256("\n".join([world, unit, plan.frames]).encode()).hexdigest()[:16]
+    found = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
+    if recorded := yaml.safe_load(world).get("trajectories"):
+        found.update((file.parent / recorded).read_bytes())
+    return found.hexdigest()[:16]
 
 
 def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
@@ -72,35 +84,53 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
     if len(other):
         row = other.iloc[0]
         raise ConfigError(
-            f"{hits}: {row.scene} {row.preset} {row.lidar}: found rows of another scene, LiDAR or "
-            "range of frames of these names, allowed those of this benchmark, or another --out"
+            f"{hits}: {row.scene} {row.preset} {row.lidar}: found rows of another scene, LiDAR, "
+            "range of frames or split of these names, allowed those of this benchmark, or another "
+            "--out"
         )
 
 
+def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> None:
+    """Raises ConfigError if rows were measured among other LiDARs than the data set has or gets.
+
+    Which vehicles all LiDARs of a data set can see, the truth `common`, is a matter of all of them.
+    """
+    table = store.read(hits)
+    for world, cells in plan.worlds().items() if len(table) else ():
+        scene, preset = cells[0].scene, cells[0].preset
+        known = set(table.lidar[(table.scene == scene) & (table.preset == preset)])
+        there = {file.parent.name for file in folder_of(world).glob("*/lidar.yaml")}
+        now = there | {cell.lidar for cell in cells}
+        if known and known != now:
+            raise ConfigError(
+                f"{hits}: {scene} {preset}: found rows measured among the LiDARs "
+                f"{', '.join(sorted(known))}, allowed {', '.join(sorted(now))}, or another --out; "
+                "trainings in the folder of --work are used again"
+            )
+
+
 def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
-    """The table of LiDARs with the prices that the files of single LiDARs have now."""
+    """The table of LiDARs with the prices that the files of its LiDARs have now."""
     # A table whose dates are all years was read as whole numbers.
     numbers = dict.fromkeys(("price_low_usd", "price_high_usd"), float)
     lidars = lidars.astype(numbers | dict.fromkeys(("price_source", "price_date"), object))
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
-        text = price_of(plan.files["lidars", name], preset)
-        if text:
-            price = yaml.safe_load(text)["price_usd"]
-            at = (lidars.lidar == name) & (lidars.preset == preset)
-            lidars.loc[at, ["price_low_usd", "price_high_usd"]] = [price["low"], price["high"]]
-            lidars.loc[at, ["price_source", "price_date"]] = [price["source"], str(price["date"])]
+        price = price_of(plan.files["lidars", name], preset)
+        at = (lidars.lidar == name) & (lidars.preset == preset)
+        lidars.loc[at, ["price_low_usd", "price_high_usd"]] = [price["low"], price["high"]]
+        lidars.loc[at, ["price_source", "price_date"]] = [price["source"], str(price["date"])]
     return lidars
 
 
 def renew_price(lidar: Path, preset: str, file: Path) -> None:
     """Writes the price of now into the `lidar.yaml` of frames, which do not depend on it."""
-    new = price_of(lidar, preset)
-    if not new or not file.is_file():
+    if not file.is_file():
         return
-    low, high = (re.findall(rf"{end}: (\S+)", new)[0] for end in ("low", "high"))
-    total = f"price_total_usd: {{low: {low}, high: {high}}}\n"
+    price = price_of(lidar, preset)
+    total = "price_total_usd: {{low: {low:.15g}, high: {high:.15g}}}\n".format(**price)
+    own = PRICE.search(resolved(lidar, preset))
     old = file.read_text(encoding="utf-8")
-    text = TOTAL.sub(total, PRICE.sub(lambda _: new, old))
+    text = TOTAL.sub(total, PRICE.sub(lambda _: own.group() if own else "", old))
     if text != old:
         with replacing(file) as beside:
             beside.write_text(text, encoding="utf-8")

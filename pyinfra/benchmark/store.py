@@ -16,18 +16,23 @@ def read(file: Path, text: Sequence[str] = ()) -> pd.DataFrame:
     return pd.read_csv(file, dtype=dict.fromkeys(text, str)) if file.is_file() else pd.DataFrame()
 
 
-def put(file: Path, rows: pd.DataFrame, key: Sequence[str], lock: Path) -> None:
+def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
     """Adds rows; those of the table with the same key go."""
     text = [name for name in key if is_string_dtype(rows[name])]
-    with held(lock, wait=True):
+    with held(lock(file), wait=True):
         kept = without(read(file, text), rows, key)
         write(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))
 
 
-def drop(file: Path, rows: pd.DataFrame, key: Sequence[str], lock: Path) -> None:
+def drop(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
     """Takes out the rows with the same key."""
-    with held(lock, wait=True):
+    with held(lock(file), wait=True):
         write(file, without(read(file), rows, key))
+
+
+def lock(file: Path) -> Path:
+    """Beside the tables, so that all who write them meet there."""
+    return file.parent / "locks/tables"
 
 
 def write(file: Path, table: pd.DataFrame) -> None:

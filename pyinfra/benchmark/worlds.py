@@ -73,21 +73,22 @@ def split_by_time(folder: Path, parts: Parts) -> None:
 
 
 def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
-    """Tables of a data set: `lidars`, `hits`, and those of STATISTICS."""
+    """Tables of a data set and all LiDARs in it, its cells' or not.
+
+    They are `lidars`, those of STATISTICS, and last `hits`, which marks the end.
+    """
     key = {"scene": cells[0].scene, "preset": cells[0].preset}
-    names = lidars_of(cells)
     data = read_data_set(folder)
     vehicles = read_vehicles(data)
+    names = vehicles.lidars
     on_vehicles = dict(zip(vehicles.lidars, vehicles.points.sum(axis=0), strict=True))
-    tables = {
-        "lidars": pd.DataFrame([lidar_row(folder / name) for name in names]),
-        "hits": pd.DataFrame([key | hit_row(folder / name, on_vehicles[name]) for name in names]),
-    }
+    tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in names])}
     found = vehicle_tables(vehicles, blocks_of(data))
     for name in STATISTICS:
         rows = found[name]
         tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)
-    return tables
+    hits = [key | hit_row(folder / name, on_vehicles[name]) for name in names]
+    return tables | {"hits": pd.DataFrame(hits)}
 
 
 def lidar_row(folder: Path) -> dict[str, object]:

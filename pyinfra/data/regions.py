@@ -131,8 +131,8 @@ def road_windows(roads: list[Road]) -> list[Window]:
 
 
 def distance_windows(farthest: float) -> list[Window]:
-    """Windows of 20 m every 5 m from the sensor until the farthest object is in one."""
-    middles = np.arange(WINDOW_M / 2, max(farthest, 0) + WINDOW_M / 2, WINDOW_STEP_M)
+    """Windows of 20 m every 5 m from the sensor until the farthest object is in one, or one."""
+    middles = np.arange(WINDOW_M / 2, max(farthest, 1e-9) + WINDOW_M / 2, WINDOW_STEP_M)
     return [Window(0, float(middle)) for middle in middles]
 
 

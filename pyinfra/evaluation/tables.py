@@ -129,10 +129,11 @@ def _areas(distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
     counts = (distance.quality != "few").to_numpy()
     total = int(counts.sum())
     high = int((distance.ap[counts] > HIGH_QUALITY).sum())
-    known = ~np.isnan(draws[counts])
+    has_interval = ~np.isnan(distance.ap_low[counts].to_numpy())
+    known = has_interval[:, None] & ~np.isnan(draws[counts])
     defined = known.sum(0)
     share = np.full(draws.shape[1], np.nan)
-    above = (draws[counts] > HIGH_QUALITY).sum(0)
+    above = (known & (draws[counts] > HIGH_QUALITY)).sum(0)
     np.divide(100.0 * above, defined, out=share, where=defined > 0)
     share = share[~np.isnan(share)]
     low, top = np.percentile(share, [2.5, 97.5]) if len(share) > 0 else (math.nan, math.nan)

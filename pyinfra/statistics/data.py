@@ -292,7 +292,10 @@ def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
 
 
 def _mapping(file: Path) -> dict[str, object]:
-    found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    try:
+        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise kitti.FormatError(f"{file}: {' '.join(str(error).split())}") from None
     if not isinstance(found, dict):
         raise kitti.FormatError(f"{file}:1: found no mapping, allowed keys and values")
     return found

@@ -37,8 +37,8 @@ def draw(name: str, table: pd.DataFrame) -> Figure:
 def save(figure: Figure, stem: Path) -> None:
     """Writes stem.svg and stem.png."""
     with mpl.rc_context(STYLE):
-        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
-        figure.savefig(stem.with_suffix(".png"), dpi=150)
+        figure.savefig(f"{stem}.svg", metadata={"Date": None})
+        figure.savefig(f"{stem}.png", dpi=150)
 
 
 def points_per_vehicle(table: pd.DataFrame) -> Figure:

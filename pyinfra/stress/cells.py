@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from pyinfra.detect import detect, load_detector, model_file
 from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.kitti import VEHICLE_TYPES
-from pyinfra.stress import score, worlds
+from pyinfra.stress import lidar, score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
 
@@ -30,6 +31,7 @@ COLUMNS = (
     "trained_frames",
     "trained_seed",
     *score.COLUMNS,
+    "inputs",
     "command",
     "version",
     "machine",
@@ -46,9 +48,17 @@ class Run:
     frames: int
     seed: int
 
+    @property
+    def name(self) -> str:
+        return self.folder.resolve().name
+
     @cached_property
     def model(self) -> Detector:
         return load_detector(self.folder)
+
+    @cached_property
+    def digest(self) -> str:
+        return hashlib.sha256(model_file(self.folder).read_bytes()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -119,10 +129,17 @@ def _difference(a: Run, b: Run) -> tuple[str, Dial]:
 
 def key_of(cell: Cell, base: Base, seed: int) -> dict[str, str]:
     run = cell.reference
-    names = (run.detector, run.folder.name, base.lidar.name, base.lidar.preset, base.scene_name)
+    names = (run.detector, run.name, base.lidar.name, base.lidar.preset, base.scene_name)
     dial = cell.dial if isinstance(cell.dial, str) else f"{cell.dial:g}"
     values = (*names, cell.stressor.name, dial, str(seed), str(len(base.frames)))
     return dict(zip(KEY, values, strict=True))
+
+
+def inputs_of(cell: Cell, base: Base) -> str:
+    """A digest of what a row depends on beside its key: models, frames, scene and LiDAR."""
+    parts = [cell.reference.digest, cell.run.digest, str(base.frames), str(base.scene)]
+    text = (base.folder / lidar.FILE).read_text("utf-8")
+    return hashlib.sha256("\n".join([*parts, text]).encode()).hexdigest()[:16]
 
 
 def row_of(cell: Cell, base: Base, cache: Path, seed: int) -> dict[str, object]:
@@ -147,6 +164,7 @@ def row_of(cell: Cell, base: Base, cache: Path, seed: int) -> dict[str, object]:
         "trained_frames": cell.run.frames,
         "trained_seed": cell.run.seed,
         **score.scored(read_ground_truth(folder, base.frames), found, types),
+        "inputs": inputs_of(cell, base),
         "command": f"pyinfra stress{chosen} --seed {seed} --frames {len(base.frames)}",
         "version": __version__,
         "machine": machine(),
@@ -157,7 +175,9 @@ def read(file: Path) -> pd.DataFrame:
     """The rows that are there; keys are text. Raises ValueError for another table."""
     if not file.is_file():
         return pd.DataFrame(columns=list(COLUMNS))
-    table = pd.read_csv(file, dtype=dict.fromkeys((*KEY, "unit"), str), keep_default_na=True)
+    table = pd.read_csv(file, dtype=dict.fromkeys((*KEY, "unit", "inputs"), str))
+    if "inputs" not in table:  # of an earlier version
+        table["inputs"] = None
     missing = [name for name in COLUMNS if name not in table]
     if missing:
         raise ValueError(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
@@ -171,13 +191,24 @@ def fill(cell: Cell, base: Base, out: Path, seed: int) -> bool:
         if not ours or store.has(read(file), key):
             return False
         row = pd.DataFrame([row_of(cell, base, out / "worlds", seed)], columns=list(COLUMNS))
-        store.put(file, row, KEY, out / "locks" / "table")
+        store.put(file, row, KEY)
     return True
 
 
 def missing(cells: Sequence[Cell], base: Base, out: Path, seed: int) -> Iterator[Cell]:
-    table = read(out / "stress.csv")
-    return (cell for cell in cells if not store.has(table, key_of(cell, base, seed)))
+    """The cells without a row. Raises ValueError for a row of the same names, and other inputs."""
+    file = out / "stress.csv"
+    table = read(file)
+    for cell in cells:
+        key = key_of(cell, base, seed)
+        rows = table[store.among(table, pd.DataFrame([key]), KEY)]
+        if len(rows) == 0:
+            yield cell
+        elif not rows.inputs.isin([inputs_of(cell, base)]).all() and rows.inputs.notna().all():
+            raise ValueError(
+                f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
+                "another data set of these names, allowed the same, or another --out"
+            )
 
 
 def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:

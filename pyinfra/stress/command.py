@@ -111,7 +111,7 @@ def measure(todo: list[cells.Cell], base: worlds.Base, out: Path, seed: int) -> 
     # Without a terminal there is no bar.
     bar = tqdm(todo, unit="cell", disable=None, file=sys.stderr)
     for cell in bar:
-        name = f"{cell.run.folder.name} {cell.stressor.name} {cell.dial}"
+        name = f"{cell.run.name} {cell.stressor.name} {cell.dial}"
         bar.set_postfix_str(name)
         try:
             cells.fill(cell, base, out, seed)
@@ -154,6 +154,6 @@ def write(out: Path) -> list[Path]:
 
 def _list(todo: list[cells.Cell], base: worlds.Base, of: int) -> None:
     for cell in todo:
-        print(cell.run.folder.name, cell.stressor.name, cell.dial)
+        print(cell.run.name, cell.stressor.name, cell.dial)
     minutes = cells.seconds_of(todo, base) / 60
     print(f"{len(todo)} of {of} cells to do, {len(base.frames)} frames each, {minutes:.1f} min")

@@ -24,10 +24,10 @@ def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:
     """Writes a figure for each LiDAR, preset and scene, as SVG and PNG; returns the files."""
     files = []
     for key, rows in table.groupby(["scene", "preset", "lidar"], sort=False):
-        if rows.stressor.nunique() > 1:
+        if any(curves(rows)):
             stem = out / ("stress_" + "_".join(key))
             save(stress(rows), stem)
-            files += [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+            files += [Path(f"{stem}.svg"), Path(f"{stem}.png")]
     return files
 
 

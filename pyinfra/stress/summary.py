@@ -18,6 +18,13 @@ CURVE = "detector run lidar preset scene seed frames".split()  # and the stresso
 FALL = 10.0  # AP
 LEAST_SHARE = 0.2  # of the fall, for an error to be named
 BEYOND = "beyond"
+COLUMNS = [
+    *CURVE,
+    *"stressor unit dials ap_none ap_least dial_least falls_by_10 falls_to_half".split(),
+    *"fails_first largest_blame share_of_fall gentleness".split(),
+]
+GROUP = "lidar preset scene seed frames".split()  # within which detectors are ranked
+RANKING = [*GROUP, "rank", "detector", "run", "gentleness", "stressors"]
 
 
 def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.DataFrame]]:
@@ -123,36 +130,33 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
                 "gentleness": gentleness(curve, stressor),
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
     """Detectors of each LiDAR by their mean gentleness, over what all of them went through.
 
-    Nothing for a LiDAR without such a stressor.
+    Nothing for a LiDAR without such a stressor, or a detector whose AP without stress is 0.
     """
+    training = [name for name, stressor in STRESSORS.items() if stressor.acts_on == "training"]
     rows = summary(table)
-    if len(rows) == 0:
-        return rows
     rows["dials"] = [" ".join(curve.dial) for _, _, curve in curves(table)]
-    rows = rows[
-        ~rows.stressor.isin([s.name for s in STRESSORS.values() if s.acts_on == "training"])
-    ]
+    rows = rows[~rows.stressor.isin(training)].dropna(subset="gentleness")
     found = []
-    for key, part in rows.groupby(["lidar", "preset", "scene", "seed", "frames"], sort=False):
+    for key, part in rows.groupby(GROUP, sort=False):
         by_run = part.pivot(
             index=["detector", "run"], columns="stressor", values=["gentleness", "dials"]
         )
         whole = by_run["dials"].notna().all() & (by_run["dials"].nunique() == 1)
-        common = by_run["gentleness"].loc[:, _names(whole)].astype(float).dropna(axis=1)
+        common = by_run["gentleness"].loc[:, _names(whole)].astype(float)
         if common.shape[1] == 0:
             continue
         mean = common.mean(axis=1).sort_values(ascending=False)
         for rank, ((detector, run), value) in enumerate(mean.items(), start=1):
-            names = dict(zip(["lidar", "preset", "scene", "seed", "frames"], key, strict=True))
             row = {"rank": rank, "detector": detector, "run": run, "gentleness": value}
+            names = dict(zip(GROUP, key, strict=True))
             found.append({**names, **row, "stressors": common.shape[1]})
-    return pd.DataFrame(found)
+    return pd.DataFrame(found, columns=RANKING)
 
 
 def _names(chosen: pd.Series) -> Sequence[str]:

@@ -85,8 +85,10 @@ def speed(base: Base, times: float | str) -> World:
 
 
 def tilt(base: Base, pitch_deg: float | str) -> World:
-    """Looks down by the pitch; every mount, as there is one."""
-    return World(tuple(f"mounts.{name}.pitch_deg={pitch_deg:g}" for name in base.scene["mounts"]))
+    """Looks further down by the pitch; every mount, as there is one."""
+    mounts = base.scene["mounts"].items()
+    down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
+    return World(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
 
 
 def other_lidar(_: Base, name: float | str) -> World:

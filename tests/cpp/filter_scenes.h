@@ -63,7 +63,7 @@ inline double range_to_box(const Box3d& box, Vec3 u) {
 inline LabelledCloud cast(const Scene& scene, std::span<const Vec3> directions, std::int64_t frame,
                           double max_range_m = 120) {
   LabelledCloud cloud;
-  const Rng rng = Rng::of(1, "filter_scenes", frame);
+  const Rng rng = Rng::of(1, "filter_scenes").at(static_cast<std::uint64_t>(frame));
   for (std::size_t i = 0; i < directions.size(); ++i) {
     const Vec3 u = directions[i];
     double range = range_to_profile(scene, u);
@@ -121,7 +121,7 @@ inline std::vector<Box3d> traffic(std::span<const double> lanes_y, double spacin
   for (const double y : lanes_y) {
     const double way = y < 0 ? 1 : -1;
     for (double s = -240; s < 240; s += spacing_m, ++serial) {
-      const Rng rng = Rng::of(2, "traffic", static_cast<std::int64_t>(serial));
+      const Rng rng = Rng::of(2, "traffic").at(static_cast<std::uint64_t>(serial));
       const auto& size = sizes[rng.bits(0) % 8];
       const double x = std::remainder(s + 8 * rng.uniform(1) + way * shift_m, 480.0);
       if (std::abs(x) > 118) continue;

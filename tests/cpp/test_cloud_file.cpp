@@ -211,6 +211,8 @@ TEST(pcd, wrong_headers_are_errors) {
       {"FIELDS x y z", "FIELDS"},
       {"FIELDS x y z", "FIELDS x y z w"},
       {"FIELDS x y z\n", ""},
+      {"SIZE 4 4 4\n", ""},
+      {"TYPE F F F\n", ""},
       {"SIZE 4 4 4", "SIZE 4 4"},
       {"SIZE 4 4 4", "SIZE 4 4 3"},
       {"SIZE 4 4 4", "SIZE 4 4 -4"},

@@ -110,14 +110,14 @@ double chi_squared(const std::vector<double>& draws) {
 }
 
 TEST(rng, is_uniform_over_rays_over_draws_and_over_frames) {
-  const Rng frame = Rng::of(1, "avia", 0);
+  const Rng frame = Rng::of(1, "avia").at(1);
   std::vector<double> rays;
   std::vector<double> draws;
   std::vector<double> frames;
   for (unsigned i = 0; i < 100000; ++i) {
     rays.push_back(frame.at(i).uniform(0));
     draws.push_back(frame.uniform(i));
-    frames.push_back(Rng::of(1, "avia", i).uniform(0));
+    frames.push_back(Rng::of(1, "avia").at(i).uniform(0));
   }
   EXPECT_LT(chi_squared(rays), 161);
   EXPECT_LT(chi_squared(draws), 161);
@@ -125,7 +125,7 @@ TEST(rng, is_uniform_over_rays_over_draws_and_over_frames) {
 }
 
 TEST(rng, neighbouring_rays_and_draws_are_not_correlated) {
-  const Rng frame = Rng::of(1, "avia", 0);
+  const Rng frame = Rng::of(1, "avia").at(1);
   const int n = 100000;
   double rays = 0;
   double draws = 0;
@@ -139,8 +139,22 @@ TEST(rng, neighbouring_rays_and_draws_are_not_correlated) {
   EXPECT_LT(std::abs(draws), five_sigma);
 }
 
+TEST(rng, frames_are_not_shifted_copies_of_each_other) {
+  const Rng lidar = Rng::of(1, "avia");
+  const int n = 100000;
+  for (const int shift : {-2, -1, 0, 1, 2}) {
+    double sum = 0;
+    for (int i = 2; i < n + 2; ++i) {
+      const auto ray = static_cast<std::uint64_t>(i);
+      const auto other = static_cast<std::uint64_t>(i + shift);
+      sum += (lidar.at(1).at(other).uniform(0) - 0.5) * (lidar.at(2).at(ray).uniform(0) - 0.5);
+    }
+    EXPECT_LT(std::abs(sum), 5 * std::sqrt(n) / 12) << shift;
+  }
+}
+
 TEST(rng, a_draw_does_not_depend_on_the_order_of_the_draws) {
-  const Rng frame = Rng::of(3, "vlp16", 12);
+  const Rng frame = Rng::of(3, "vlp16").at(12);
   std::vector<unsigned> order(1000);
   std::iota(order.begin(), order.end(), 0U);
   std::vector<double> forward;
@@ -150,15 +164,15 @@ TEST(rng, a_draw_does_not_depend_on_the_order_of_the_draws) {
 }
 
 TEST(rng, seed_name_and_frame_each_change_the_draws) {
-  const double draw = Rng::of(1, "avia", 0).uniform(0);
-  EXPECT_EQ(Rng::of(1, "avia", 0).uniform(0), draw);
-  EXPECT_NE(Rng::of(2, "avia", 0).uniform(0), draw);
-  EXPECT_NE(Rng::of(1, "vlp16", 0).uniform(0), draw);
-  EXPECT_NE(Rng::of(1, "avia", 1).uniform(0), draw);
+  const double draw = Rng::of(1, "avia").at(0).uniform(0);
+  EXPECT_EQ(Rng::of(1, "avia").at(0).uniform(0), draw);
+  EXPECT_NE(Rng::of(2, "avia").at(0).uniform(0), draw);
+  EXPECT_NE(Rng::of(1, "vlp16").at(0).uniform(0), draw);
+  EXPECT_NE(Rng::of(1, "avia").at(1).uniform(0), draw);
 }
 
 TEST(rng, normal_draws_have_mean_0_and_deviation_1) {
-  const Rng frame = Rng::of(1, "avia", 0);
+  const Rng frame = Rng::of(1, "avia").at(1);
   const int n = 100000;
   double sum = 0;
   double squares = 0;

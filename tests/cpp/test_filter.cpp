@@ -199,8 +199,16 @@ TEST(ground, morphological_filter_reaches_the_targets_on_roads_and_banks) {
 }
 
 TEST(ground, morphological_filter_removes_the_ground_of_a_pattern_without_rings) {
-  const LabelledCloud cloud = cast(bank(), rosette_directions(0), 0, 200);
-  expect_targets(score(cloud, keep(cloud.xyz, GroundMorphological{})));
+  // A frame keeps 94 to 100 % of them: some are cut by the edge of the view.
+  constexpr int kFrames = 10;
+  Score mean{};
+  for (int k = 0; k < kFrames; ++k) {
+    const LabelledCloud cloud = cast(bank(), rosette_directions(k), k, 200);
+    const Score s = score(cloud, keep(cloud.xyz, GroundMorphological{}));
+    mean.vehicles_kept += s.vehicles_kept / kFrames;
+    mean.ground_removed += s.ground_removed / kFrames;
+  }
+  expect_targets(mean);
 }
 
 TEST(ground, morphological_filter_keeps_points_beyond_its_range) {

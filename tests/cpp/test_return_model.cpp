@@ -33,7 +33,7 @@ HitBatch hits_at(double range, std::size_t n, double cos_incidence = 1) {
 ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance = 0.1F,
                     const WeatherConfig& weather = {}, std::size_t n = kDraws) {
   const ReturnModel model(config, weather);
-  const Rng rng = Rng::of(1, "lidar", 0);
+  const Rng rng = Rng::of(1, "lidar").at(0);
   HitBatch hits = hits_at(range, n);
   for (std::size_t i = 0; i < n; ++i)
     if (model.loses_at_random() && model.lost_at_random(rng, i)) hits.range[i] = HUGE_VALF;
@@ -130,7 +130,7 @@ TEST(detection, reaches_as_the_square_root_of_reflectance) {
 TEST(detection, falls_with_the_cosine_of_incidence) {
   const ReturnModel model(detecting(100), {});
   ReturnBatch out;
-  model.apply(Rng::of(1, "lidar", 0), 0, hits_at(100, kDraws, 0.5),
+  model.apply(Rng::of(1, "lidar").at(0), 0, hits_at(100, kDraws, 0.5),
               std::vector<float>(kDraws, 0.2F), out);
   EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
   EXPECT_NEAR(out.intensity.at(0), 0.1, 1e-6);
@@ -225,7 +225,7 @@ ReturnBatch some(const Rng& rng, std::uint64_t first, std::size_t n) {
 }
 
 TEST(draws, of_a_ray_do_not_depend_on_its_batch) {
-  const Rng rng = Rng::of(1, "lidar", 3);
+  const Rng rng = Rng::of(1, "lidar").at(3);
   const ReturnBatch whole = some(rng, 0, 1000);
   ReturnBatch parts = some(rng, 0, 321);
   const ReturnBatch rest = some(rng, 321, 679);
@@ -240,7 +240,7 @@ TEST(draws, of_a_ray_do_not_depend_on_its_batch) {
 
 TEST(draws, depend_on_seed_lidar_and_frame) {
   const auto rays = [](std::uint64_t seed, const char* name, int frame) {
-    return some(Rng::of(seed, name, frame), 0, 1000).ray;
+    return some(Rng::of(seed, name).at(frame), 0, 1000).ray;
   };
   EXPECT_EQ(rays(1, "lidar", 3), rays(1, "lidar", 3));
   EXPECT_NE(rays(2, "lidar", 3), rays(1, "lidar", 3));

@@ -251,6 +251,26 @@ TEST(table_pattern, repeats_its_rows_while_time_goes_on) {
   EXPECT_NEAR(pattern.ray(1).direction.y, std::cos(0.2) * std::sin(0.1), 1e-12);
 }
 
+// --- field of view ----------------------------------------------------------------------------
+
+TEST(field_of_view, is_that_of_a_whole_cycle) {
+  PatternConfig slow = five_directions();
+  slow.table->rays_per_s = 0.5;  // 10 s
+  const FieldOfView some = field_of_view(ScanPattern(five_directions(), 0, kLevel, 0));
+  const FieldOfView all = field_of_view(ScanPattern(slow, 0, kLevel, 0));
+  EXPECT_EQ(all.azimuth_max_deg, some.azimuth_max_deg);
+  EXPECT_EQ(all.elevation_max_deg, some.elevation_max_deg);
+}
+
+TEST(field_of_view, of_a_spinning_unit_has_no_gap_between_columns) {
+  PatternConfig coarse = vlp16();
+  coarse.spinning->azimuth_step_deg = 2;
+  const FieldOfView all = field_of_view(ScanPattern(coarse, 0, kLevel, 0));
+  EXPECT_EQ(all.azimuth_min_deg, -180);
+  EXPECT_EQ(all.azimuth_max_deg, 180);
+  EXPECT_NEAR(all.elevation_max_deg, 15, 1e-9);
+}
+
 // --- wedges -----------------------------------------------------------------------------------
 
 /// Shares and extent are those of the vendor's scan table, 4 s at 240,000 rays a second.

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from pyinfra import cli
+from pyinfra.benchmark import inputs
 from pyinfra.benchmark.matrix import read_plan
 from pyinfra.config import ConfigError
 from pyinfra.hits import configs
@@ -78,6 +80,68 @@ def test_other_costs_of_the_site_do_not_change_prices_in_silence(
     config.write_text(f"{MATRIX}costs: {{pole_usd: 1500}}\n")
     assert run(config) == 2
     assert "found costs of the site of 0 USD, allowed 1500" in capsys.readouterr().err
+
+
+def test_a_changed_price_counts_in_a_bundle(config: Path) -> None:
+    (config.parent / "two.yaml").write_text(
+        "name: two\nmodel: 2 x own\nbundle: [{lidar: own.yaml}, {lidar: own.yaml, yaw_deg: 180}]\n"
+    )
+    changed(config, "[own.yaml]", "[two.yaml]")
+    assert run(config) == 0
+    changed(config.parent / "own.yaml", "{low: 2399", "{low: 1000")
+    assert run(config) == 0
+    row = pd.read_csv(config.parent / "out/lidars.csv").iloc[0]
+    assert [row.price_low_usd, row.price_high_usd] == [2000, 2 * HIGH]
+    changed(config, "[background]", "[background, own_background.yaml]")
+    shutil.copy(configs() / "detectors/background.yaml", config.parent / "own_background.yaml")
+    assert run(config) == 0  # the frames are used again
+    written = (config.parent / "work/data/site_paper/two/lidar.yaml").read_text()
+    assert f"price_total_usd: {{low: 2000, high: {2 * HIGH}}}" in written
+
+
+def test_another_lidar_changes_what_all_see(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(config) == 0
+    shutil.copy(configs() / "lidars/livox_avia.yaml", config.parent / "avia.yaml")
+    changed(config.parent / "avia.yaml", "name: livox_avia", "name: avia")
+    changed(config, "[own.yaml]", "[avia.yaml]")
+    assert run(config) == 2
+    error = capsys.readouterr().err
+    assert "site paper: found rows measured among the LiDARs own, allowed avia, own, or" in error
+    assert run(config, "--out", str(config.parent / "other")) == 0
+    changed(config, "[avia.yaml]", "[own.yaml]")  # a part of the matrix, measured among both
+    assert run(config, "--out", str(config.parent / "other")) == 0
+
+
+def test_a_digest_knows_the_split_and_the_recorded_vehicles(config: Path) -> None:
+    def digest() -> str:
+        inputs.resolved.cache_clear()
+        return str(inputs.digests(read_plan(config, "smoke")).inputs.item())
+
+    found = [digest()]
+    changed(config, "val_from_s: 1.5", "val_from_s: 1.4")
+    found.append(digest())
+    scene = yaml.safe_load((config.parent / "site.yaml").read_text())
+    del scene["traffic"]
+    (config.parent / "site.yaml").write_text(yaml.safe_dump(scene | {"trajectories": "t.csv"}))
+    for x in (1, 2):
+        (config.parent / "t.csv").write_text(
+            "t,id,class,x,y,z,heading,dx,dy,dz,speed\n"
+            f"0,1,Car,{x},0,1,0,4,2,2,0\n0.1,1,Car,{x},0,1,0,4,2,2,0\n"
+        )
+        found.append(digest())
+    assert len(set(found)) == 4
+
+
+def test_names_with_dots_have_locks_of_their_own(config: Path) -> None:
+    names = ["pillars_0.1.yaml", "pillars_0.2.yaml"]
+    for name in names:
+        shutil.copy(configs() / "detectors/background.yaml", config.parent / name)
+    changed(config, "[background]", f"[{', '.join(names)}]")
+    assert run(config, "--jobs", "2") == 0
+    table = pd.read_csv(config.parent / "out/smoke.csv")
+    assert sorted(table.detector) == ["pillars_0.1", "pillars_0.2"]
 
 
 def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -193,6 +193,16 @@ WRONG_SCENES = {
         "junctions.0.roads", ["1 names", "allowed 2"]),
     "traffic and trajectories": ("duration_s: 2", "trajectories: t.csv",
         "traffic", ["both or neither", "allowed either"]),
+    "plane that stands upright": ("duration_s: 2", "filters: [{ground_plane: {max_tilt_deg: 90}}]",
+        "filters.0.ground_plane.max_tilt_deg", ["'90'", "allowed above 0 to 89.9"]),
+    "window below a cell": ("duration_s: 2",
+        "filters: [{ground_morphological: {window_m: 1, cell_m: 2}}]",
+        "filters.0.ground_morphological.window_m", ["below cell_m"]),
+    "grid without end": ("duration_s: 2", "filters: [{ground_morphological: {cell_m: 0.1}}]",
+        "filters.0.ground_morphological.max_range_m", ["more than 2000 cells"]),
+    "outline without area": ("duration_s: 2",
+        "filters: [{crop_polygon: {outline_m: [[0, 0], [1, 1], [2, 2]]}}]",
+        "filters.0.crop_polygon.outline_m", ["found no area"]),
     "name of two lines": ("name: small", "name: \"a\\nb\"",
         "name", ["control character", "one line"]),
 }  # fmt: skip
@@ -234,6 +244,8 @@ WRONG_LIDARS = {
         "name", ["found nothing", "allowed a text"]),
     "name that is a path": ("name: tiny", "name: ../tiny",
         "name", ["'../tiny'", "can be a folder"]),
+    "name of two columns": ("name: tiny", "name: a,b",
+        "name", ["'a,b'", "a word of a table"]),
     "price that falls": ("low: 1, high: 2", "low: 3, high: 2",
         "price_usd.high", ["below low"]),
     "price without a source": ("source: test, ", "",
@@ -273,6 +285,28 @@ def test_wrong_lidar(case: str, site: Site) -> None:
 def test_unknown_preset_lists_those_there_are(site: Site) -> None:
     result = site.run("--preset", "best")
     assert_one_line(result, site, f"{site.lidar}:", "presets: ", "'best'", "equal, datasheet")
+
+
+def test_a_preset_that_is_no_word(site: Site) -> None:
+    text = LIDAR[: LIDAR.index("presets:")] + "returns: {max_range_m: 100}\n"
+    site.lidar.write_text(text)
+    assert_one_line(site.run("--preset", 'no"such'), site, "preset: ", "a word of a table")
+
+
+def test_light_that_does_not_leave_a_wedge(site: Site) -> None:
+    wedge = "{rpm: 7294, angle_deg: 34, refractive_index: 1.8144, faces: flat_first}"
+    pattern = (
+        f"wedges: {{steps_per_s: 40000, focal_length: 30, laser_offsets: [0], wedges: [{wedge}]}}"
+    )
+    start, end = LIDAR.index("  spinning:"), LIDAR.index("presets:")
+    site.lidar.write_text(f"{LIDAR[:start]}  {pattern}\n{LIDAR[end:]}")
+    words = ("tiny: pattern.wedges.wedges: ", "is reflected", "smaller angle_deg")
+    assert_one_line(site.run(), site, *words)
+    check = site.infrasim("check", site.lidar)
+    assert check.returncode == 2
+    assert all(word in check.stderr for word in words)
+    site.lidar.write_text(site.lidar.read_text().replace("angle_deg: 34", "angle_deg: 33"))
+    assert site.infrasim("check", site.lidar).returncode == 0
 
 
 def test_lidar_given_twice(site: Site) -> None:

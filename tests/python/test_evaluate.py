@@ -346,6 +346,20 @@ def test_an_area_whose_interval_holds_85_is_undecided(run: Callable[..., Evaluat
     assert result.areas.undecided.tolist() == [4, 4, 4]
 
 
+def test_an_area_without_an_interval_is_left_out_of_that_of_the_share(
+    run: Callable[..., Evaluation],
+) -> None:
+    """Near the sensor all vehicles pass in two of twenty blocks of 5 s, and are found."""
+    near = [[car(12)] if k % 50 < 15 and k < 100 else [] for k in range(1000)]
+    frames = [[*cars, car(80)] for cars in near]
+    result = run(
+        frames, [boxes[: len(cars)] for boxes, cars in zip(perfect(frames), near, strict=True)]
+    )
+    assert set(result.distance_ap.ap.dropna()) == {0, 100}
+    assert (result.areas.p_hqda == 50).all()
+    assert result.areas[["p_low", "p_high"]].to_numpy().tolist() == [[0, 0]] * 3
+
+
 def test_few_blocks_give_no_interval_and_a_warning(run: Callable[..., Evaluation]) -> None:
     frames = traffic(449)  # 9 blocks of 5 s
     result = run(frames, perfect(frames))
@@ -542,6 +556,14 @@ def test_no_vehicles_give_no_ap_and_a_warning(run: Callable[..., Evaluation]) ->
     result = run([[], []], [[(box(car(20)), 0.9)], []])
     assert result.ap.ap.isna().all()
     assert "no-objects" in [finding.name for finding in result.findings]
+
+
+def test_no_vehicles_and_no_roads_are_told_too(tmp_path: Path) -> None:
+    gt = write_lidar(tmp_path / "lidar", [[], []])
+    pred = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)], []])
+    result = evaluate(gt, pred, Settings(ground_truths=SETS))
+    assert "no-objects" in [finding.name for finding in result.findings]
+    assert result.areas.n_tda.tolist() == [0, 0, 0]
 
 
 def test_the_devkits_cap_is_told(run: Callable[..., Evaluation]) -> None:

@@ -100,6 +100,21 @@ def test_weather_that_a_lidar_does_not_feel_is_a_warning() -> None:
     sim.simulate(foggy, LIDARS[:1], range(1), preset="datasheet")
 
 
+@pytest.mark.parametrize("threads", [-1, 1025])
+def test_threads_that_can_not_be(world: sim.World, threads: int) -> None:
+    with pytest.raises(sim.ConfigError, match=f"threads: found {threads}, allowed 1 to 1024"):
+        sim.simulate(world, LIDARS, range(1), threads=threads)
+
+
+def test_scan_pattern_takes_the_step_of_its_range() -> None:
+    every = sim.scan_pattern(LIDARS[1], range(0, 3))
+    first, _, third = np.split(every, 3)
+    np.testing.assert_array_equal(
+        sim.scan_pattern(LIDARS[1], range(0, 3, 2)), np.concatenate([first, third])
+    )
+    assert len(sim.scan_pattern(LIDARS[1], range(0, 3, 2**31 - 1))) == len(first)
+
+
 def test_scan_pattern_runs_on_over_frames() -> None:
     whole = sim.scan_pattern(LIDARS[0], range(3))
     np.testing.assert_array_equal(whole[48000:], sim.scan_pattern(LIDARS[0], range(2, 3)))

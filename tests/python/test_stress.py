@@ -116,6 +116,12 @@ def test_a_tilted_sensor_sees_other_points_of_the_same_boxes(
     assert nearest[1] < nearest[0]
 
 
+def test_tilt_is_added_to_the_pitch_of_the_mount(base: worlds.Base) -> None:
+    mounts = {"pole": {"pitch_deg": 10}, "level": {}}
+    down = replace(base, scene=base.scene | {"mounts": mounts})
+    assert worlds.tilt(down, 5.0).set == ("mounts.pole.pitch_deg=15", "mounts.level.pitch_deg=5")
+
+
 def test_all_traffic_is_of_the_class(base: worlds.Base, tmp_path: Path) -> None:
     folder = stress("vehicle_class", "Bus", base, tmp_path)
     names = [kitti.read_objects(kitti.frame_file(folder, "objects", k)).names for k in FRAMES]
@@ -460,6 +466,33 @@ def test_a_finished_cell_is_not_computed_again(
     monkeypatch.setattr(cells, "row_of", lambda *_: pytest.fail("computed again"))
     assert cli.main(command(background, data, whole, "--stressors", *QUICK)) == 0
     assert (whole / "stress.csv").read_bytes() == before
+
+
+def test_another_model_of_the_same_name_is_no_finished_cell(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clouds = [kitti.read_points(kitti.frame_file(data, "velodyne", k)) for k in FRAMES]
+    for place, learnt in (("old", clouds), ("new", clouds[:2])):
+        (tmp_path / place / "run").mkdir(parents=True)
+        Background.learn(learnt).save(tmp_path / place / "run/background.npz")
+    old, new = (
+        command(tmp_path / place / "run", data, tmp_path / "out", "--stressors", "drop_out")
+        for place in ("old", "new")
+    )
+    assert cli.main(old) == 0
+    assert cli.main(new) == 2
+    assert "none 0 1 3: found a row of another model, other frames" in capsys.readouterr().err
+    table = pd.read_csv(tmp_path / "out/stress.csv")
+    table.drop(columns="inputs").to_csv(tmp_path / "out/stress.csv", index=False)
+    assert cli.main(new) == 0  # rows of an earlier version are taken for the same
+
+
+def test_a_run_is_named_as_its_folder(
+    background: Path, base: worlds.Base, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(background)
+    (cell,) = cells.plan([cells.read_run(Path(), base)], {}, base)
+    assert cells.key_of(cell, base, 1)["run"] == "run"
 
 
 def test_a_cell_that_another_process_holds_is_left_to_it(

@@ -243,6 +243,35 @@ def test_ranking_takes_what_all_detectors_went_through() -> None:
     assert len(summary.ranking(pd.concat(other_dials))) == 0
 
 
+def test_a_detector_that_finds_nothing_has_no_rank_and_takes_none() -> None:
+    table = pd.concat(
+        [
+            rows("fog", {"0": 80, "5": 40}, "a"),
+            rows("fog", {"0": 0, "5": 0}, "b"),
+            rows("fog", {"0": 60, "5": 60}, "c"),
+        ]
+    )
+    assert summary.ranking(table).detector.tolist() == ["c", "a"]
+
+
+def test_tables_and_figures_of_nothing(tmp_path: Path) -> None:
+    table = rows("fog", {"0": math.nan, "5": 9})
+    for rows_, columns in (
+        (summary.summary(table), summary.COLUMNS),
+        (summary.ranking(table), summary.RANKING),
+    ):
+        assert rows_.columns.tolist() == columns
+        assert len(rows_) == 0
+    assert figures.draw_all(table, tmp_path) == []
+
+
+def test_a_figure_keeps_the_dots_of_its_names(tmp_path: Path) -> None:
+    table = rows("fog", {"0": 80, "5": 40}).assign(lidar="own.v2")
+    files = figures.draw_all(table, tmp_path)
+    assert [file.name.partition("_own")[2] for file in files] == [".v2.svg", ".v2.png"]
+    assert all(file.is_file() for file in files)
+
+
 def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
     table = pd.concat(
         [

@@ -31,7 +31,9 @@ void check_command(const CheckOptions& o) {
        tree.find("presets") != nullptr)) {
     if (!o.assignments.empty())
       throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
-    std::fputs(dump_lidar(read_lidar(o.file, o.preset.value_or("datasheet"))).c_str(), stdout);
+    const LidarConfig lidar = read_lidar(o.file, o.preset.value_or("datasheet"));
+    fields_of_view(lidar);  // every ray can be traced
+    std::fputs(dump_lidar(lidar).c_str(), stdout);
     return;
   }
   if (o.preset) throw ConfigError("--preset: found a scene file, allowed for LiDARs only");

@@ -33,7 +33,7 @@ void visit(Fields& f, ChannelsConfig& c) {
   f.field("upper_deg", c.upper_deg, "elevation of the first", between(-90, 90));
   f.field("lower_deg", c.lower_deg, "elevation of the last", between(-90, 90));
   f.field("file", c.file, "table of channels, relative to this file");
-  f.field("table", c.table, "channels, in firing order");
+  f.field("table", c.table, "channels, in the order of their points in a column");
   const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
   f.check(ways == 1, "count", "found none or several, allowed one of count, file, table");
   f.check(c.count == 0 || c.upper_deg > c.lower_deg, "upper_deg",
@@ -174,8 +174,8 @@ bool is_bundle(const LidarFile& c) {
 template <class Fields>
 void visit(Fields& f, LidarFile& c) {
   f.field("name", c.name, "name, and folder of its frames", required());
-  f.check(c.name.find_first_of("/\\") == std::string::npos && !c.name.starts_with('.'), "name",
-          "found '" + c.name + "', allowed a name that can be a folder");
+  f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && !c.name.starts_with('.'), "name",
+          "found '" + c.name + "', allowed a name that can be a folder and a word of a table");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
   f.field("random_phase", c.random_phase, "start the motors at a seeded random phase");
@@ -193,7 +193,11 @@ void visit(Fields& f, LidarFile& c) {
 config::Tree preset_tree(const std::filesystem::path& file, const std::string& preset) {
   config::Tree tree = config::read_tree(file);
   const config::Tree* presets = tree.find("presets");
-  if (presets == nullptr) return tree;
+  if (presets == nullptr) {
+    if (preset.find_first_of(",\"\n") != std::string::npos)
+      config::fail(tree.place, "preset", "found '" + preset + "', allowed a word of a table");
+    return tree;
+  }
   const config::Tree* chosen = presets->find(preset);
   if (chosen == nullptr) {
     std::string names;

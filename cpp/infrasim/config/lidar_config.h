@@ -25,7 +25,7 @@ struct ChannelsConfig {
   int count = 0;
   double upper_deg = 0;
   double lower_deg = 0;
-  std::vector<Channel> table;  ///< resolved, in firing order
+  std::vector<Channel> table;  ///< resolved
 };
 
 /// Turns clockwise seen from above, as all sensors of the catalogue do.

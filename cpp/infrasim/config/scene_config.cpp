@@ -200,6 +200,7 @@ template <class Fields>
 void visit(Fields& f, CropPolygon& c) {
   f.field("outline_m", c.outline_m, "corners, levelled LiDAR frame", required());
   f.check(c.outline_m.size() >= 3, "outline_m", "found fewer than 3 corners");
+  f.check(signed_area(c.outline_m) != 0, "outline_m", "found no area, allowed an outline with one");
 }
 
 template <class Fields>
@@ -227,7 +228,7 @@ void visit(Fields& f, GroundHeight& c) {
 template <class Fields>
 void visit(Fields& f, GroundPlane& c) {
   f.field("distance_m", c.distance_m, "half thickness", positive(10));
-  f.field("max_tilt_deg", c.max_tilt_deg, "from horizontal", positive(90));
+  f.field("max_tilt_deg", c.max_tilt_deg, "from horizontal", positive(89.9));
 }
 
 template <class Fields>
@@ -238,6 +239,9 @@ void visit(Fields& f, GroundMorphological& c) {
   f.field("azimuth_cell_deg", c.azimuth_cell_deg, "sectors in which gaps are filled",
           between(0.05, 10));
   f.field("max_range_m", c.max_range_m, "farther points are kept", positive(600));
+  f.check(c.window_m >= c.cell_m, "window_m", "found it below cell_m, allowed cell_m or more");
+  f.check(c.max_range_m <= 2000 * c.cell_m, "max_range_m",
+          "found more than 2000 cells of cell_m, allowed 2000");
 }
 
 template <class Fields>

@@ -26,6 +26,13 @@ bool separated_by_edge(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& 
 
 }  // namespace
 
+double signed_area(std::span<const Vec2> outline) {
+  double twice = 0;
+  for (std::size_t i = 0, j = outline.size() - 1; i < outline.size(); j = i++)
+    twice += cross(outline[j], outline[i]);
+  return twice / 2;
+}
+
 bool footprints_overlap(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b) {
   return !separated_by_edge(a, b) && !separated_by_edge(b, a);
 }

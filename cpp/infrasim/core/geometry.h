@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 
 namespace infrasim {
 
@@ -84,6 +85,9 @@ struct Box3d {
 
 /// Corners of the footprint, counter-clockwise from front right.
 std::array<Vec2, 4> footprint(const Box3d& box);
+
+/// Of an outline, not closed; positive if counter-clockwise.
+double signed_area(std::span<const Vec2> outline);
 
 /// True if the footprints share an area (touching does not count).
 bool footprints_overlap(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b);

@@ -28,13 +28,14 @@ class Rng {
  public:
   constexpr explicit Rng(std::uint64_t key) : key_(key) {}
 
-  /// Key of one frame of one named stream (a LiDAR, the traffic).
-  static constexpr Rng of(std::uint64_t seed, std::string_view name, std::int64_t frame) {
-    return Rng(mix64(mix64(seed + kStep) ^ hash_name(name)) +
-               kStep * static_cast<std::uint64_t>(frame + 1));
+  /// Key of one named stream (a LiDAR, the traffic).
+  static constexpr Rng of(std::uint64_t seed, std::string_view name) {
+    return Rng(mix64(mix64(seed + kStep) ^ hash_name(name)));
   }
 
-  /// Key of one ray (or vehicle) of this stream.
+  /// Key of one part of this stream: a vehicle, a frame, and of that a ray. Keys are mixed at each
+  /// level: were they steps from each other, the rays of a frame would have the draws of those one
+  /// further in the frame before. Parts of a stream that draws itself are numbered from 1.
   constexpr Rng at(std::uint64_t index) const { return Rng(mix64(key_ + kStep * (index + 1))); }
 
   /// Draw j, uniform in [0, 1).

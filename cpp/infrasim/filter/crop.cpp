@@ -23,13 +23,6 @@ bool is_inside(const std::vector<Vec2>& outline, Vec2 p) {
   return inside;
 }
 
-double signed_area(const std::vector<Vec2>& outline) {
-  double twice = 0;
-  for (std::size_t i = 0, j = outline.size() - 1; i < outline.size(); j = i++)
-    twice += cross(outline[j], outline[i]);
-  return twice / 2;
-}
-
 }  // namespace
 
 std::vector<int> keep(std::span<const float> xyz, const CropBox& box) {

@@ -144,10 +144,13 @@ class PcdReader {
     for (const CloudField& f : cloud_.fields) {
       const bool valid =
           f.size == 8 || f.size == 4 || (f.type != 'F' && (f.size == 1 || f.size == 2));
-      if (!valid || f.count < 1)
+      if (f.count < 1) fail("COUNT", "found 0 of field '" + f.name + "', allowed 1 or more");
+      if (!valid)
         fail("SIZE", "found field '" + f.name + "' of type " + f.type + " and size " +
                          std::to_string(f.size) + ", allowed F4 F8 I1 I2 I4 I8 U1 U2 U4 U8");
     }
+    for (const char* key : {"SIZE", "TYPE"})
+      if (std::ranges::count(keys_, key) == 0) fail(key, "found nothing, required");
     for (const char* name : {"x", "y", "z"})
       if (std::ranges::count(cloud_.fields, name, &CloudField::name) != 1)
         fail("FIELDS", std::string("found no field ") + name + " or several, allowed one");

@@ -68,7 +68,7 @@ class Traffic {
   explicit Traffic(const SceneConfig& scene)
       : config_(*scene.traffic),
         network_(build_lane_network(scene)),
-        rng_(Rng::of(scene.seed, "traffic", 0)),
+        rng_(Rng::of(scene.seed, "traffic")),
         lanes_(network_.lanes.size()),
         signals_(network_.junctions.size()) {
     for (std::size_t a = 0; a < network_.approaches.size(); ++a)
@@ -126,7 +126,7 @@ class Traffic {
   }
 
   Vehicle new_vehicle(int lane) {
-    const Rng rng = rng_.at(static_cast<std::uint64_t>(next_id_));
+    const Rng rng = rng_.at(static_cast<std::uint64_t>(next_id_) + 1);
     Vehicle v;
     v.id = next_id_++;
     v.lane = lane;
@@ -161,7 +161,7 @@ class Traffic {
   void spawn() {
     for (std::size_t n = waiting_; n > 0; --n) {
       const int lane =
-          entries_[rng_.at(1'000'000'000ULL + spawn_draws_++).bits(0) % entries_.size()];
+          entries_[rng_.at(1'000'000'001ULL + spawn_draws_++).bits(0) % entries_.size()];
       Vehicle v = new_vehicle(lane);
       v.s = v.dx / 2;
       v.speed = v.desired_speed;

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
+#include "infrasim/core/errors.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/scene/trajectories.h"
-#include "infrasim/sensor/scan_pattern.h"
 
 namespace infrasim {
 
@@ -20,7 +20,7 @@ std::string stream_name(const LidarConfig& lidar, std::size_t unit) {
 
 double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit) {
   if (!lidar.random_phase) return 0;
-  return kPhaseSpan_s * Rng::of(seed, stream_name(lidar, unit), -1).uniform(0);
+  return kPhaseSpan_s * Rng::of(seed, stream_name(lidar, unit)).uniform(0);
 }
 
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
@@ -30,8 +30,9 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
     const LidarUnit& unit = lidar.units[u];
     const Mat3 pose = rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
     const ScanPattern pattern(unit.pattern, seed ? start_phase_s(*seed, lidar, u) : 0, pose, 0);
-    for (int k = first; k < last; k += step) {
-      const RayRange range = pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
+    for (std::int64_t k = first; k < last; k += step) {
+      const RayRange range = pattern.fired_between(static_cast<double>(k) * kFramePeriod,
+                                                   static_cast<double>(k + 1) * kFramePeriod);
       for (std::int64_t i = range.first; i < range.last; ++i) {
         const Ray ray = pattern.ray(i);
         const Vec3 d = pose * ray.direction;
@@ -40,6 +41,16 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
     }
   }
   return rows;
+}
+
+std::vector<FieldOfView> fields_of_view(const LidarConfig& lidar) {
+  std::vector<FieldOfView> fields;
+  for (const LidarUnit& unit : lidar.units) try {
+      fields.push_back(field_of_view(ScanPattern(unit.pattern, 0, rotation(0, 0, 0), 0)));
+    } catch (const ConfigError& error) {
+      throw ConfigError(lidar.name + ": " + error.what());
+    }
+  return fields;
 }
 
 }  // namespace infrasim

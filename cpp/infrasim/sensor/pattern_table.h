@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
+#include "infrasim/sensor/scan_pattern.h"
 
 namespace infrasim {
 
@@ -20,5 +21,9 @@ double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t u
 /// by row, in firing order; sensor frame. Phase 0 unless a seed is given.
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed);
+
+/// Of each unit, in its own frame.
+/// @throws ConfigError, with the LiDAR's name, for rays that can't be traced
+std::vector<FieldOfView> fields_of_view(const LidarConfig& lidar);
 
 }  // namespace infrasim

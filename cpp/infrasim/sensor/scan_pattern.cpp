@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "infrasim/core/errors.h"
+
 namespace infrasim {
 
 namespace {
@@ -15,9 +17,14 @@ double positive_fmod(double value, double period) {
 }
 
 /// Snell's law in vector form at a face with the given normal; mu = n_before / n_after.
+/// @throws ConfigError for total reflection
 Vec3 refract(Vec3 d, Vec3 normal, double mu) {
-  const double c = dot(d, normal);
-  return mu * d + (std::sqrt(1 - mu * mu * (1 - c * c)) - mu * c) * normal;
+  const double c = dot(d, normal), cos_squared = 1 - mu * mu * (1 - c * c);
+  if (cos_squared < 0)
+    throw ConfigError(
+        "pattern.wedges.wedges: found light that is reflected and does not leave a wedge, allowed "
+        "smaller angle_deg, refractive_index or laser_offsets");
+  return mu * d + (std::sqrt(cos_squared) - mu * c) * normal;
 }
 
 /// Light through one wedge whose tilted face has the given normal.
@@ -89,6 +96,15 @@ RayRange ScanPattern::fired_between(double from_s, double to_s) const {
     return static_cast<std::int64_t>(std::ceil(t * groups_per_s_ - 1e-6));
   };
   return {group_at(from_s) * group_size_, group_at(to_s) * group_size_};
+}
+
+bool ScanPattern::spins() const { return config_.spinning.has_value(); }
+
+double ScanPattern::cycle_s() const {
+  if (config_.spinning) return 1 / config_.spinning->rate_hz;
+  if (config_.table)
+    return static_cast<double>(config_.table->directions.size()) / config_.table->rays_per_s;
+  return 0;
 }
 
 Ray ScanPattern::ray(std::int64_t index) const {
@@ -214,8 +230,8 @@ std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
 
 FieldOfView field_of_view(const ScanPattern& pattern) {
   FieldOfView fov{180, -180, 90, -90};
-  const RayRange second = pattern.fired_between(0, 1);
-  for (std::int64_t i = second.first; i < second.last; ++i) {
+  const RayRange rays = pattern.fired_between(0, std::max(1.0, pattern.cycle_s()));
+  for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
     const double azimuth = deg(std::atan2(d.y, d.x)), elevation = deg(std::asin(d.z));
     fov.azimuth_min_deg = std::min(fov.azimuth_min_deg, azimuth);
@@ -223,6 +239,8 @@ FieldOfView field_of_view(const ScanPattern& pattern) {
     fov.elevation_min_deg = std::min(fov.elevation_min_deg, elevation);
     fov.elevation_max_deg = std::max(fov.elevation_max_deg, elevation);
   }
+  // Between its columns a spinning LiDAR sees as well.
+  if (pattern.spins()) fov.azimuth_min_deg = -180, fov.azimuth_max_deg = 180;
   return fov;
 }
 
