@@ -124,7 +124,8 @@ def test_a_digest_knows_the_split_and_the_recorded_vehicles(config: Path) -> Non
     found.append(digest())
     scene = yaml.safe_load((config.parent / "site.yaml").read_text())
     del scene["traffic"]
-    (config.parent / "site.yaml").write_text(yaml.safe_dump(scene | {"trajectories": "t.csv"}))
+    own = {"trajectories": "t.csv", "duration_s": 0.1}
+    (config.parent / "site.yaml").write_text(yaml.safe_dump(scene | own))
     for x in (1, 2):
         (config.parent / "t.csv").write_text(
             "t,id,class,x,y,z,heading,dx,dy,dz,speed\n"
