@@ -50,7 +50,7 @@ void bind_simulation(py::module_& m) {
       .def("dump", &dump_lidar, "Every key with its value, as YAML.")
       .def("pattern", &pattern_rays, py::arg("first_frame"), py::arg("last_frame"), py::arg("step"),
            py::arg("seed") = py::none(),
-           "(n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, in firing order, "
+           "(n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, "
            "sensor frame; phase 0 unless a seed is given.");
 
   py::class_<World>(m, "World", "A scene made ready.")

@@ -129,7 +129,7 @@ class Lidar:
         """
     def pattern(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex, seed: typing.SupportsInt | typing.SupportsIndex | None = None) -> numpy.typing.NDArray[numpy.float64]:
         """
-        (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, in firing order, sensor frame; phase 0 unless a seed is given.
+        (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame; phase 0 unless a seed is given.
         """
     @property
     def name(self) -> str:

@@ -137,7 +137,7 @@ def filtered(points: npt.NDArray[np.float32], *steps: Filter) -> npt.NDArray[np.
 def scan_pattern(
     lidar: Lidar | str | Path, frames: range, *, preset: str = "datasheet", seed: int | None = None
 ) -> npt.NDArray[np.float64]:
-    """Azimuth, elevation (rad) and time (s) of every ray: (n, 3) float64, in firing order.
+    """Azimuth, elevation (rad) and time (s) of every ray: (n, 3) float64, column by column.
 
     Sensor frame; time since the start of the run; phase 0 unless a seed is given.
     """

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// Rays from the origin of the levelled frame, in firing order, one column per attribute.
+/// Rays from the origin of the levelled frame, group by group, one column per attribute.
 struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame

@@ -18,7 +18,7 @@ std::string stream_name(const LidarConfig& lidar, std::size_t unit);
 double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit);
 
 /// Azimuth, elevation (rad) and time (s) of every ray of every step-th frame in [first, last), row
-/// by row, in firing order; sensor frame. Phase 0 unless a seed is given.
+/// by row, group by group; sensor frame. Phase 0 unless a seed is given.
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed);
 

@@ -9,7 +9,7 @@
 
 namespace infrasim {
 
-/// Hits that became points, in firing order.
+/// Hits that became points, in the order of their rays.
 struct ReturnBatch {
   std::vector<std::uint32_t> ray;  ///< index in the batch of rays
   std::vector<float> range;        ///< metres, with noise

@@ -43,7 +43,7 @@ class ScanPattern {
   /// One ray in double precision.
   Ray ray(std::int64_t index) const;
 
-  /// Rays of whole groups, in firing order, in the levelled frame; times since `start_s`.
+  /// Rays of whole groups, one after the other, in the levelled frame; times since `start_s`.
   void generate(RayRange range, double start_s, RayBatch& rays) const;
 
   /// An order in which rays of that many groups are near each other: tiles of 4 columns by 4
