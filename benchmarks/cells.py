@@ -90,8 +90,8 @@ def main() -> None:
     rows.append({"what": "two bare processes", "value": bare / beside, "unit": "speed-up"})
     rows.append({"what": "two workers against one", "value": one / two, "unit": "speed-up"})
     table = pd.DataFrame(rows).assign(command="benchmarks/cells.py", version=__version__)
-    with replacing(args.out) as beside:
-        table.to_csv(beside, index=False, float_format="%.4g")
+    with replacing(args.out) as file:
+        table.to_csv(file, index=False, float_format="%.4g")
     print(table.to_string(index=False))
 
 

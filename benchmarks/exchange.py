@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy
@@ -51,15 +52,13 @@ def rows(data: Path, folder: Path) -> Iterator[Row]:
         frames = frame_numbers(source, "all")
         for name in EXPORTS:
             out = folder / f"{lidar}-{name}"
-            seconds = timed(lambda n=name, s=source, f=frames, o=out: export(s, f, n, o))
+            seconds = timed(partial(export, source, frames, name, out))
             yield row("export", name, lidar, len(frames), out, seconds)
         for name in IMPORTS:
             recording = source if name == "kitti" else folder / f"{lidar}-{name}"
             out = folder / f"{lidar}-from-{name}" / lidar
             about = About(lidar, "highway")
-            seconds = timed(
-                lambda n=name, r=recording, a=about, o=out: import_recording(r, n, o, a, Options())
-            )
+            seconds = timed(partial(import_recording, recording, name, out, about, Options()))
             yield row("import", name, lidar, len(frames), out, seconds)
 
 

@@ -20,6 +20,7 @@ from pyinfra import __version__, sim
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.patches import Rectangle
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
@@ -144,7 +145,7 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
         xyz = frame.xyz[frame.object_id == car["id"]]
         axis.scatter(xyz[:, 0] - car["x"], xyz[:, 1] - car["y"], s=2, color="black")
         axis.add_patch(
-            plt.Rectangle(
+            Rectangle(
                 (-car["dx"] / 2, -car["dy"] / 2), car["dx"], car["dy"], fill=False, color="tab:blue"
             )
         )

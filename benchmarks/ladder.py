@@ -16,6 +16,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra import __version__, detect, kitti, machine
+from pyinfra.benchmark.matrix import Parts
 from pyinfra.benchmark.worlds import split_by_time
 from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.evaluate import evaluate
@@ -51,13 +52,12 @@ def simulated(model: dict[str, str], folder: Path) -> float:
     sets = [
         word for dial in ("detail", "aggregation") for word in ("--set", f"{dial}={model[dial]}")
     ]
-    infrasim(
-        *("run", scene_file("highway"), "--lidar", *map(lidar_file, LIDARS), "--preset", "paper"),
-        *("--frames", f"0:{ALL_FRAMES}:{ALL_FRAMES // frames}", "--threads", "1", *sets),
-        *("--out", folder),
-    )
+    lidars = [lidar_file(name) for name in LIDARS]
+    words = ["--frames", f"0:{ALL_FRAMES}:{ALL_FRAMES // frames}", "--threads", "1", *sets]
+    scene = scene_file("highway")
+    infrasim("run", scene, "--lidar", *lidars, "--preset", "paper", *words, "--out", folder)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    split_by_time(folder)
+    split_by_time(folder, Parts())
     return 1000 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) / frames
 
 

@@ -194,7 +194,8 @@ def of_spconv(
 
     def work() -> Tensor:
         with torch.no_grad():
-            return layer(tensor).features
+            features: Tensor = layer(tensor).features
+        return features
 
     tensor.indice_dict = layer(tensor).indice_dict
     error = (work() - wanted).abs().max() / wanted.abs().max()

@@ -36,7 +36,7 @@ def points(folder: Path, frame: int) -> pd.DataFrame:
 def distances(both: pd.DataFrame) -> npt.NDArray[np.float64]:
     """Between the two places of each ray, metres: (n,)."""
     here, there = (both[[f"{axis}_{i}" for axis in "xyz"]].to_numpy(float) for i in (0, 1))
-    return np.linalg.norm(here - there, axis=1)
+    return np.asarray(np.linalg.norm(here - there, axis=1), np.float64)
 
 
 def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
