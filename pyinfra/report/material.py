@@ -50,10 +50,9 @@ class Material:
         return in_order(self.results.table("cells").preset, PRESETS)
 
     def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """The rows of each scene under one preset: of those with two LiDARs or more the nearest to
-        LiDARs one can buy.
+        """The rows of each scene under one preset, that of `preset_of_answers`.
 
-        rows: with columns scene, preset and lidar.
+        rows: with columns scene, preset, lidar and detector.
         """
         chosen = {str(s): preset_of_answers(own) for s, own in rows.groupby("scene")}
         return rows[rows.preset == rows.scene.map(chosen)]

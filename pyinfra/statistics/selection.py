@@ -31,10 +31,12 @@ def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
 def preset_of_answers(rows: pd.DataFrame) -> str:
     """Of the presets with two LiDARs or more the nearest to LiDARs one can buy, else the first.
 
-    rows: of one scene, one or more, with columns preset and lidar.
+    One with a single detector gives no answers where another has several: it is begun, no more.
+    rows: of one scene, one or more, with columns preset, lidar and detector.
     """
-    counts = rows.groupby("preset").lidar.nunique()
+    counts = rows.groupby("preset")[["lidar", "detector"]].nunique()
+    enough = (counts.lidar >= 2) & (counts.detector >= min(2, counts.detector.max()))
     for preset in reversed(PRESETS):
-        if counts.get(preset, 0) >= 2:
+        if enough.get(preset, False):
             return preset
     return str(rows.preset.iloc[0])

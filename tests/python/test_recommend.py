@@ -359,7 +359,10 @@ def test_the_preset_is_that_of_the_reports_answers(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = pd.DataFrame({"preset": ["paper", "paper", "equal", "equal"], "lidar": list("abcd")})
+    rows["detector"] = ["x", "y"] * 2
     assert preset_of_answers(rows) == "equal"
+    assert preset_of_answers(rows.assign(detector=["x", "y", "x", "x"])) == "paper"
+    assert preset_of_answers(rows.assign(detector="x")) == "equal"
     assert preset_of_answers(rows.assign(lidar=["a", "b", "c", "c"])) == "paper"
     assert preset_of_answers(rows.assign(lidar="a")) == "paper"
     for file in ("quick", "quick_value", "quick_distance"):
