@@ -426,8 +426,7 @@ def test_rows_of_two_processes_are_all_there(tmp_path: Path) -> None:
         "import sys, pandas as pd; from pathlib import Path; from pyinfra.benchmark import store\n"
         "for i in range(20):\n"
         "    row = pd.DataFrame([{'who': sys.argv[1], 'i': i}])\n"
-        f"    store.put(Path({str(tmp_path / 't.csv')!r}), row, ['who', 'i'],"
-        f" Path({str(tmp_path / 'lock')!r}))"
+        f"    store.put(Path({str(tmp_path / 't.csv')!r}), row, ['who', 'i'])"
     )
     both = [subprocess.Popen([sys.executable, "-c", code, name]) for name in "ab"]
     assert [process.wait(60) for process in both] == [0, 0]
