@@ -80,14 +80,13 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
     key = {"scene": cells[0].scene, "preset": cells[0].preset}
     data = read_data_set(folder)
     vehicles = read_vehicles(data)
-    names = vehicles.lidars
-    on_vehicles = dict(zip(vehicles.lidars, vehicles.points.sum(axis=0), strict=True))
-    tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in names])}
+    tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in vehicles.lidars])}
     found = vehicle_tables(vehicles, blocks_of(data))
     for name in STATISTICS:
         rows = found[name]
         tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)
-    hits = [key | hit_row(folder / name, on_vehicles[name]) for name in names]
+    on_vehicles = zip(vehicles.lidars, vehicles.points.sum(axis=0), strict=True)
+    hits = [key | hit_row(folder / name, points) for name, points in on_vehicles]
     return tables | {"hits": pd.DataFrame(hits)}
 
 

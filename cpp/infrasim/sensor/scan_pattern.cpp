@@ -104,7 +104,7 @@ double ScanPattern::cycle_s() const {
   if (config_.spinning) return 1 / config_.spinning->rate_hz;
   if (config_.table)
     return static_cast<double>(config_.table->directions.size()) / config_.table->rays_per_s;
-  return 0;
+  return 1;
 }
 
 Ray ScanPattern::ray(std::int64_t index) const {
@@ -230,7 +230,7 @@ std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
 
 FieldOfView field_of_view(const ScanPattern& pattern) {
   FieldOfView fov{180, -180, 90, -90};
-  const RayRange rays = pattern.fired_between(0, std::max(1.0, pattern.cycle_s()));
+  const RayRange rays = pattern.fired_between(0, pattern.cycle_s());
   for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
     const double azimuth = deg(std::atan2(d.y, d.x)), elevation = deg(std::asin(d.z));

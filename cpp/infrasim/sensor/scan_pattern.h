@@ -35,7 +35,7 @@ class ScanPattern {
   int group_size() const { return group_size_; }
   double groups_per_s() const { return groups_per_s_; }
   bool spins() const;
-  double cycle_s() const;  ///< after which directions repeat; 0 for wedges
+  double cycle_s() const;  ///< in which it looks everywhere; 1 s for wedges, which never repeat
 
   /// Whole groups that start in [from, to) seconds.
   RayRange fired_between(double from_s, double to_s) const;
