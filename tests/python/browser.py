@@ -19,8 +19,12 @@ SWITCHES = [
 ]
 PATIENCE_MS = 120_000
 TWO_TURNS = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-ALL_READY = """[...document.querySelectorAll('figure.lidar-view')]
-    .every(figure => figure.dataset.state === 'ready')"""
+# A promise and not wait_for_function(): its later looks are evaluated under the page's own policy.
+ALL_DRAWN = """(async () => {
+    const views = [...document.querySelectorAll('figure.lidar-view')];
+    while (!views.every(view => ['ready', 'waiting'].includes(view.dataset.state)))
+        await new Promise(requestAnimationFrame);
+})()"""
 
 
 @dataclass(frozen=True)
@@ -40,9 +44,9 @@ class Opened:
         return bool(self.page.evaluate(wide))
 
     def settle(self) -> None:
-        """Waits until what the views were asked for is heard, unpacked and on the screen."""
+        """Waits until what the views near the screen were asked for is unpacked and drawn."""
         self.page.evaluate(TWO_TURNS)
-        self.page.wait_for_function(ALL_READY)
+        self.page.evaluate(ALL_DRAWN)
         self.page.evaluate(TWO_TURNS)
 
     def pixels(self, selector: str, hidden: str = "[hidden]") -> npt.NDArray[np.uint8]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import report_data
-from browser import Browser
+from browser import Browser, Opened
 
 from pyinfra import cli, kitti
 
@@ -55,12 +55,20 @@ def predictions(lidar: Path, folder: Path, detector: str) -> Path:
     return run
 
 
+def show_view(opened: Opened) -> None:
+    """The 3-D view starts when it comes near the screen."""
+    view = opened.page.locator(".lidar-view")
+    view.scroll_into_view_if_needed()
+    opened.settle()
+    assert view.get_attribute("data-state") == "ready"
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_it_asks_for_nothing_and_complains_of_nothing(
     theme: str, browser: Browser, pictured: Path
 ) -> None:
     with browser.open(pictured, theme=theme) as opened:
-        opened.settle()
+        show_view(opened)
         outside = [r for r in opened.requests if not r.startswith("data:")]  # pictures in the page
         assert outside == [pictured.as_uri()]
         assert opened.problems == []
@@ -105,8 +113,8 @@ def test_a_figure_is_drawn_in_the_colours_of_the_page(browser: Browser, whole: P
 
 def test_the_view_is_not_blank(browser: Browser, pictured: Path) -> None:
     with browser.open(pictured) as opened:
-        opened.page.locator(".lidar-view").scroll_into_view_if_needed()
-        opened.settle()
+        assert opened.page.locator(".lidar-view").get_attribute("data-state") == "waiting"
+        show_view(opened)
         picture = opened.pixels(".lidar-view canvas", ".lv-reset, .lv-scale, .lv-tip").astype(int)
         ground = np.median(picture.reshape(-1, 3), axis=0)
         assert np.count_nonzero(np.abs(picture - ground).max(axis=2) > 40) > 500

@@ -281,10 +281,14 @@ def test_two_views_stand_in_one_long_page_that_still_scrolls(
     file.write_text(f"<!DOCTYPE html><meta charset=utf-8>{body}{library()}", encoding="utf-8")
     with browser.open(file) as view:
         view.settle()
-        view.page.locator("#two").get_by_role("radio", name="Second").check()
+        second = view.page.locator("#two")
+        assert second.get_attribute("data-state") == "waiting"
+        second.scroll_into_view_if_needed()
+        view.settle()
+        second.get_by_role("radio", name="Second").check()
         view.settle()
         assert view.page.locator("#one figcaption").inner_text().startswith("First")
-        assert view.page.locator("#two figcaption").inner_text().startswith("Second")
+        assert second.locator("figcaption").inner_text().startswith("Second")
         view.page.evaluate("scrollTo(0, 0)")
         view.page.mouse.move(*centre(view))
         view.page.mouse.wheel(0, 300)

@@ -1,4 +1,7 @@
-/** Turns every <figure class="lidar-view"> of the page into an interactive view of its data. */
+/**
+ * Turns every <figure class="lidar-view"> of the page into an interactive view of its data, as soon
+ * as it is about to be seen: the page around it opens first.
+ */
 
 import { endsOf, modesOf, paint } from "./colours.js";
 import { unpackPoints } from "./decode.js";
@@ -121,4 +124,13 @@ function write(panel, view, state, boxes) {
   [panel.low.textContent, panel.high.textContent] = endsOf(state.colour, view);
 }
 
-document.querySelectorAll("figure.lidar-view:not([data-state])").forEach(start);
+const nearby = new IntersectionObserver((entries) => {
+  for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
+    nearby.unobserve(target);
+    start(target);
+  }
+}, { rootMargin: "50%" });
+for (const figure of document.querySelectorAll("figure.lidar-view:not([data-state])")) {
+  figure.dataset.state = "waiting";
+  nearby.observe(figure);
+}
