@@ -28,7 +28,7 @@ MEASURED = (
 
 
 def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
-    """The rows of a cell: `cells`, `areas`, `distance`.
+    """The rows of a cell: `cells`, `areas`, and `distance` without ground truth `common`.
 
     folder: the LiDAR's, split; run: where the model goes.
     A training that was stopped goes on.
@@ -36,9 +36,10 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
     seconds = trained(cell, recipe, folder, run, device)
     times = detected(run, folder, device)
     evaluation = evaluate(folder, run / "predictions", Settings(ground_truths=SETS))
+    windows = evaluation.distance_ap
     return {
         "areas": keyed(cell, evaluation.areas),
-        "distance": keyed(cell, evaluation.distance_ap),
+        "distance": keyed(cell, windows[windows.ground_truth != "common"]),
         "cells": pd.DataFrame([row(cell, evaluation, seconds, times)]),
     }
 

@@ -93,6 +93,8 @@ def test_each_cell_has_areas_distances_and_a_price(results: Path) -> None:
     for name in ("areas", "distance", "value"):
         table = pd.read_csv(results / f"smoke_{name}.csv")
         assert len(table[KEY].drop_duplicates()) == CELLS, name
+    windows = pd.read_csv(results / "smoke_distance.csv")
+    assert set(windows.ground_truth) == {"captured", "all"}
     lidars = pd.read_csv(results / "lidars.csv").set_index("lidar")
     assert lidars.price_low_usd["livox_avia"] == 2079
     assert lidars.horizontal_fov_deg["helios_16"] == pytest.approx(360, abs=1)
