@@ -111,7 +111,7 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
 
 def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
     """The table of LiDARs with the prices that the files of its LiDARs have now."""
-    # A table whose dates are all years was read as whole numbers.
+    # Prices may all be whole, and sources all empty.
     numbers = dict.fromkeys(("price_low_usd", "price_high_usd"), float)
     lidars = lidars.astype(numbers | dict.fromkeys(("price_source", "price_date"), object))
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):

@@ -18,7 +18,7 @@ def read(file: Path, text: Sequence[str] = ()) -> pd.DataFrame:
 
 def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
     """Adds rows; those of the table with the same key go."""
-    text = [name for name in key if is_string_dtype(rows[name])]
+    text = [name for name in rows if is_string_dtype(rows[name])]
     with held(lock(file), wait=True):
         kept = without(read(file, text), rows, key)
         write(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))

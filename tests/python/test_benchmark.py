@@ -423,6 +423,12 @@ def test_road_beyond_the_last_window_is_not_covered() -> None:
     assert covered(rows, above=95).covered_m.tolist() == [0]
 
 
+def test_text_stays_text_beside_an_empty_cell(tmp_path: Path) -> None:
+    for name, date in (("a", "2025"), ("b", ""), ("c", "2026-01")):
+        store.put(tmp_path / "t.csv", pd.DataFrame([{"lidar": name, "date": date}]), ["lidar"])
+    assert (tmp_path / "t.csv").read_text().split() == ["lidar,date", "a,2025", "b,", "c,2026-01"]
+
+
 def test_rows_of_two_processes_are_all_there(tmp_path: Path) -> None:
     code = (
         "import sys, pandas as pd; from pathlib import Path; from pyinfra.benchmark import store\n"
