@@ -22,7 +22,7 @@ TWO_TURNS = "new Promise(done => requestAnimationFrame(() => requestAnimationFra
 # A promise and not wait_for_function(): its later looks are evaluated under the page's own policy.
 ALL_DRAWN = """(async () => {
     const views = [...document.querySelectorAll('figure.lidar-view')];
-    while (!views.every(view => ['ready', 'waiting'].includes(view.dataset.state)))
+    while (views.some(view => view.dataset.state === 'drawing'))
         await new Promise(requestAnimationFrame);
 })()"""
 
