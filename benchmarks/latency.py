@@ -1,0 +1,114 @@
+"""Latency of a matrix's networks on a quiet machine, without their whole training.
+
+    .venv/bin/python benchmarks/latency.py configs/benchmarks/paper.yaml --scenes crossroad curve
+
+How long a network takes hangs on its widths and the canvas and hardly on what it has learnt, so
+each cell learns from a tenth of its steps, two at a time, and is then timed alone. The rows of
+CHECKED, trained in full too, show what that changes. Rows of results/latency.csv that are there
+are left out; all but those of CHECKED go into results/quick.csv as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+from training import cut
+
+from pyinfra import detect, kitti, machine
+from pyinfra.benchmark import measure, store
+from pyinfra.benchmark.go import Place, simulate_worlds
+from pyinfra.benchmark.matrix import Cell, Plan, read_plan
+from pyinfra.benchmark.pool import Pool, call_all
+from pyinfra.benchmark.value import KEY
+from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.training.recipe import read_recipe
+
+ROOT = Path(__file__).resolve().parent.parent
+BUDGET = 0.1
+CHECKED = tuple(
+    Cell("highway", "ruby_plus", "paper", detector, "quick", 1)
+    for detector in ("pointpillars", "pointrcnn-remedied", "pv-rcnn")
+)
+ROW_KEY = [*KEY, "budget"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A cell, and the share of its steps that it learns from."""
+
+    cell: Cell
+    budget: float
+
+    @property
+    def key(self) -> dict[str, object]:
+        return {**asdict(self.cell), "budget": self.budget}
+
+    def run(self, place: Place) -> Path:
+        return place.work / "latency" / f"{self.cell.name}_{self.budget:g}"
+
+
+def tasks_of(plan: Plan, scenes: Sequence[str]) -> list[Task]:
+    """The networks of the scenes, and CHECKED if the highway is among them."""
+    cells = [c for c in plan.cells if c.detector != "background" and c.scene in scenes]
+    tasks = [Task(cell, BUDGET) for cell in cells]
+    return tasks + [Task(cell, 1.0) for cell in CHECKED if cell in cells]
+
+
+def learn(task: Task, plan: Plan, place: Place) -> None:
+    """Trains, or goes on where it was stopped."""
+    recipe = read_recipe(plan.files["detectors", task.cell.detector], task.cell.tier)
+    folder = place.data(task.cell.world) / task.cell.lidar
+    measure.trained(task.cell, cut(recipe, task.budget), folder, task.run(place), "cpu")
+
+
+def timed(task: Task, place: Place, every: int) -> pd.DataFrame:
+    """The row of a task: every `every`-th test frame, points to boxes, one thread."""
+    folder = place.data(task.cell.world) / task.cell.lidar
+    frames = frame_numbers(folder)[::every]
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
+    detector = detect.load_detector(task.run(place))
+    detect.detect(detector, files[:5], None)  # the first calls are slower
+    times = detect.detect(detector, files, None)[1]
+    about = {"frames": len(files), "command": "benchmarks/latency.py", "machine": machine()}
+    return pd.DataFrame([{**task.key, **measure.latency_columns(times), **about}])
+
+
+def put(task: Task, row: pd.DataFrame, place: Place) -> None:
+    """Into the table of latencies, and into the cell's own row if that has one."""
+    store.put(place.results / "latency.csv", row, ROW_KEY)
+    table = place.finished()
+    own = table[store.among(table, row, KEY)] if len(table) else table
+    if len(own) and task.cell not in CHECKED:
+        columns = {name: row[name].iloc[0] for name in row if name.startswith("latency_")}
+        place.put({"cells": own.assign(**columns)})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("config", type=Path, help="file of configs/benchmarks")
+    parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
+    parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
+    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    parser.add_argument("--every", type=int, default=3, help="of the test frames; default: 3")
+    parser.add_argument("--only-train", action="store_true", help="time nothing yet")
+    args = parser.parse_args()
+    plan, place = read_plan(args.config, "quick"), Place(args.work, args.out, "quick")
+    table = store.read(args.out / "latency.csv")
+    tasks = [t for t in tasks_of(plan, args.scenes) if not store.has(table, t.key)]
+    simulate_worlds(plan, place, Pool(jobs=2))
+    call_all(partial(learn, plan=plan, place=place), tasks, Pool(jobs=2))
+    if args.only_train:
+        return
+    for task in tasks:
+        row = timed(task, place, args.every)
+        put(task, row, place)
+        print(task.cell.title, task.budget, row.latency_p50_ms.iloc[0], "ms", flush=True)
+
+
+if __name__ == "__main__":
+    main()
