@@ -191,7 +191,7 @@ def conclude(place: Place, plan: Plan) -> None:
 
 
 def _conclude(place: Place, plan: Plan) -> None:
-    tables = {name: store.read(place.table(name), ["price_date"]) for name in READ}
+    tables = {name: store.read(place.table(name), inputs.PRICE_TEXT) for name in READ}
     if not all(len(table) for table in tables.values()):
         return
     tables["lidars"] = inputs.with_prices(plan, tables["lidars"])

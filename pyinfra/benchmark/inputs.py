@@ -20,6 +20,7 @@ from pyinfra.hits import infrasim
 
 PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)
+PRICE_TEXT = ["price_source", "price_date"]
 FRAMES_OF = ["scene", "preset", "lidar"]
 
 
@@ -110,15 +111,16 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
 
 
 def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
-    """The table of LiDARs with the prices that the files of its LiDARs have now."""
-    # Prices may all be whole, and sources all empty.
-    numbers = dict.fromkeys(("price_low_usd", "price_high_usd"), float)
-    lidars = lidars.astype(numbers | dict.fromkeys(("price_source", "price_date"), object))
+    """The table of LiDARs with the prices that the files of its LiDARs have now.
+
+    lidars: with the columns PRICE_TEXT as text.
+    """
+    lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})  # may all be whole
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
         price = price_of(plan.files["lidars", name], preset)
         at = (lidars.lidar == name) & (lidars.preset == preset)
         lidars.loc[at, ["price_low_usd", "price_high_usd"]] = [price["low"], price["high"]]
-        lidars.loc[at, ["price_source", "price_date"]] = [price["source"], str(price["date"])]
+        lidars.loc[at, PRICE_TEXT] = [price["source"], str(price["date"])]
     return lidars
 
 

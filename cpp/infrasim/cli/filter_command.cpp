@@ -14,7 +14,7 @@ namespace infrasim::cli {
 
 namespace {
 
-struct Options {
+struct FilterOptions {
   std::string in;
   std::string out;
   std::string encoding;
@@ -37,7 +37,7 @@ BackgroundModel background_of(const std::vector<std::string>& files) {
 }
 
 /// In the order of --help: what needs the ground before what removes it.
-std::vector<FilterStep> steps_of(const Options& o) {
+std::vector<FilterStep> steps_of(const FilterOptions& o) {
   std::vector<FilterStep> steps;
   if (const auto& b = o.crop_box; !b.empty())
     steps.emplace_back(CropBox{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}});
@@ -64,7 +64,7 @@ std::vector<FilterStep> steps_of(const Options& o) {
   return steps;
 }
 
-void filter_command(const Options& o) {
+void filter_command(const FilterOptions& o) {
   CloudFile cloud = read_cloud(o.in);
   const std::vector<float> xyz = cloud.xyz();
   std::vector<int> kept;
@@ -89,7 +89,7 @@ void add_filter_command(CLI::App& app) {
       "Crop a cloud, remove its ground or its background; steps run in this order.\n"
       "Example: infrasim filter 000000.bin --out vehicles.pcd --range 1,100 "
       "--ground-morphological");
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<FilterOptions>();
   command->add_option("in", o->in, ".bin (KITTI) or .pcd file")->required();
   command->add_option("--out", o->out, ".bin or .pcd file")->required();
   command->add_option("--crop-box", o->crop_box, "xmin,ymin,zmin,xmax,ymax,zmax (m)")

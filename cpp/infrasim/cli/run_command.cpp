@@ -24,7 +24,7 @@ static_assert(std::atomic<int>::is_always_lock_free);
 
 void on_signal(int number) { g_signal = number; }
 
-struct Options {
+struct RunOptions {
   std::string scene;
   std::vector<std::string> lidars;
   std::string preset = "datasheet";
@@ -36,7 +36,7 @@ struct Options {
 };
 
 /// Options that override a key of the scene of the same name are assignments too.
-std::vector<std::string> assignments(const Options& o) {
+std::vector<std::string> assignments(const RunOptions& o) {
   std::vector<std::string> all = o.assignments;
   const auto add = [&](const char* key, const std::optional<std::string>& value) {
     if (value) all.push_back(std::string(key) + "=" + *value);
@@ -56,7 +56,7 @@ std::string path_of(const char* option, const std::optional<std::string>& value)
   return value.value_or("");
 }
 
-RunRequest request_of(const Options& o) {
+RunRequest request_of(const RunOptions& o) {
   RunRequest request;
   request.scene = read_scene(o.scene, assignments(o));
   for (const std::string& file : o.lidars) request.lidars.push_back(read_lidar(file, o.preset));
@@ -93,7 +93,7 @@ void print_table(const std::vector<SummaryRow>& rows) {
                 r.vehicles_per_frame, r.vehicle_points_per_frame, r.seconds, r.mrays_per_s);
 }
 
-int run_command(const Options& o) {
+int run_command(const RunOptions& o) {
   const RunRequest request = request_of(o);
   const std::string summary = path_of("--summary", o.summary);
   for (const std::string& line : warnings(request.scene, request.lidars))
@@ -116,7 +116,7 @@ void add_run_command(CLI::App& app, CommandResult& result) {
       "Simulate frames of one scene for several LiDARs.\nExample: infrasim run "
       "configs/scenes/highway.yaml --lidar configs/lidars/ruby_plus.yaml --preset paper "
       "--frames 0:100 --out data/highway");
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<RunOptions>();
   command->add_option("scene", o->scene, "scene file")->required();
   command->add_option("--lidar", o->lidars, "LiDAR files")->required();
   command->add_option("--preset", o->preset, "preset of the LiDARs")->capture_default_str();

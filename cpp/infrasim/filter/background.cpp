@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <stdexcept>
 
@@ -11,8 +10,6 @@
 namespace infrasim {
 
 namespace {
-
-constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
 struct Sample {
   float range;

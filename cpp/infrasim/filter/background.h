@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -9,13 +10,15 @@
 
 namespace infrasim {
 
+inline constexpr float kUnseen = std::numeric_limits<float>::infinity();
+
 /// The static scene as one fixed sensor sees it: two bounds for each cell of azimuth and elevation.
 /// It needs no beam table, so it serves any scan pattern.
 struct BackgroundModel {
   int azimuth_cells = 0;
   int elevation_cells = 0;
-  std::vector<float> range_m;   ///< points farther are background; +inf where it was not seen
-  std::vector<float> height_m;  ///< points lower are background; -inf where it is not level
+  std::vector<float> range_m;   ///< points farther are background; kUnseen where it was not seen
+  std::vector<float> height_m;  ///< points lower are background; -kUnseen where it is not level
 };
 
 /// Learns the background from frames of one sensor in one place, `frames_xyz[i]` row-major points.

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <limits>
 
 #include "infrasim/core/errors.h"
 #include "infrasim/filter/background.h"
@@ -15,7 +14,6 @@ static_assert(std::endian::native == std::endian::little);
 namespace {
 
 constexpr std::string_view kMagic = "infrasim-background 1\n";
-constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
 /// Rows of elevation that hold a background; the others are not stored.
 struct Header {
