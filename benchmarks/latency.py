@@ -20,7 +20,7 @@ from pathlib import Path
 import pandas as pd
 from training import cut
 
-from pyinfra import detect, kitti, machine
+from pyinfra import detect, kitti
 from pyinfra.benchmark import measure, store
 from pyinfra.benchmark.go import Place, simulate_worlds
 from pyinfra.benchmark.matrix import Cell, Plan, read_plan
@@ -81,7 +81,7 @@ def timed(task: Task, place: Place, every: int) -> pd.DataFrame:
     detector = detect.load_detector(task.run(place))
     detect.detect(detector, files[:5], None)  # the first calls are slower
     times = detect.detect(detector, files, None)[1]
-    about = {"frames": len(files), "command": "benchmarks/latency.py", "machine": machine()}
+    about = {"frames": len(files), "command": "benchmarks/latency.py"}
     return pd.DataFrame([{**task.key, **measure.latency_columns(times), **about}])
 
 

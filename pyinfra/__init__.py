@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -28,7 +29,10 @@ def _git(root: Path, *words: str) -> str:
 
 def machine() -> str:
     """The cores and processor that a measured row is of."""
-    return f"{os.cpu_count()} x {platform.processor() or platform.machine()}"
+    about = Path("/proc/cpuinfo")
+    text = about.read_text(encoding="utf-8", errors="replace") if about.is_file() else ""
+    named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return f"{os.cpu_count()} x {named[1] if named else platform.machine()}"
 
 
 try:

@@ -23,7 +23,7 @@ from pyinfra.training.sources import read_source
 Tables = dict[str, pd.DataFrame]
 MEASURED = (
     *("ap", "ap_low", "ap_high", "ap_common", "ap_all", "objects", "train_seconds"),
-    *("latency_p50_ms", "latency_p95_ms", "latency_version"),
+    *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
 )
 
 
@@ -69,6 +69,7 @@ def latency_columns(times: FloatArray) -> dict[str, object]:
         "latency_p50_ms": round(p50, 2),
         "latency_p95_ms": round(p95, 2),
         "latency_version": __version__,
+        "latency_machine": machine(),
     }
 
 
