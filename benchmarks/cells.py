@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__
+from pyinfra import __version__, machine
 from pyinfra.atomic import replacing
 from pyinfra.benchmark import measure
 from pyinfra.benchmark.go import Place, benchmark, simulate_worlds
@@ -89,7 +89,8 @@ def main() -> None:
     rows.append({"what": "overhead", "value": 100 * (one / bare - 1), "unit": "%"})
     rows.append({"what": "two bare processes", "value": bare / beside, "unit": "speed-up"})
     rows.append({"what": "two workers against one", "value": one / two, "unit": "speed-up"})
-    table = pd.DataFrame(rows).assign(command="benchmarks/cells.py", version=__version__)
+    about = {"command": "benchmarks/cells.py", "version": __version__, "machine": machine()}
+    table = pd.DataFrame(rows).assign(**about)
     with replacing(args.out) as file:
         table.to_csv(file, index=False, float_format="%.4g")
     print(table.to_string(index=False))
