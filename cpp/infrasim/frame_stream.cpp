@@ -12,8 +12,6 @@
 
 namespace infrasim {
 
-constexpr int kMostThreads = 1024;
-
 struct FrameStream::Impl {
   const World& world;
   std::vector<LidarConfig> lidars;

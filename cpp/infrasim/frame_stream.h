@@ -9,11 +9,13 @@
 
 namespace infrasim {
 
+inline constexpr int kMostThreads = 1024;
+
 /// Frames of all LiDARs in order, computed ahead by threads of its own while the caller works on
 /// the ones it has. At most two frames a thread wait.
 class FrameStream {
  public:
-  /// The world must outlive the stream.
+  /// The world must outlive the stream. Throws ConfigError unless threads are 1 to kMostThreads.
   FrameStream(const World& world, std::vector<LidarConfig> lidars, std::vector<int> frames,
               int threads);
   /// Stops the threads; frames not taken are dropped.

@@ -11,6 +11,7 @@
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/frame_stream.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/run.h"
 #include "infrasim/simulate.h"
@@ -125,7 +126,7 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--summary", o->summary, "also write the summary to this file");
   command->add_option("--threads", o->threads, "frames computed at a time")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1024));
+      ->check(CLI::Range(1, kMostThreads));
   command->add_option("--seed", o->seed, "overrides the scene's seed");
   command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");
   command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");
