@@ -42,8 +42,6 @@ matrix:
     presets: [paper]
     detectors: [background, tiny.yaml]
 """
-# Half a minute, and six times that beside two busy processes: a cluster is several processes.
-SLOW_WHEN_BUSY = pytest.mark.timeout(900)
 MEASURED = ["train_seconds", "latency_p50_ms", "latency_p95_ms"]
 CELLS = 4
 
@@ -199,7 +197,6 @@ def test_a_training_that_went_on_has_the_seconds_of_all_its_steps(
     assert measure.trained(cell, recipe, tmp_path, tmp_path, "cpu") == 4.0
 
 
-@SLOW_WHEN_BUSY
 @pytest.mark.parametrize("backend", pool.BACKENDS)
 def test_the_tasks_of_a_killed_worker_are_done_by_others(
     backend: pool.Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -280,7 +277,6 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
     assert not_there(tasks) == lost
 
 
-@SLOW_WHEN_BUSY
 @pytest.mark.parametrize("backend", ["ray", "dask"])
 def test_a_cluster_gives_the_same_rows(
     backend: str, results: Path, config: Path, tmp_path: Path
