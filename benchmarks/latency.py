@@ -20,13 +20,11 @@ from pathlib import Path
 import pandas as pd
 from training import cut
 
-from pyinfra import detect, kitti
 from pyinfra.benchmark import measure, store
-from pyinfra.benchmark.go import Place, simulate_worlds
+from pyinfra.benchmark.go import Place, put_latency, simulate_worlds
 from pyinfra.benchmark.matrix import Cell, Plan, read_plan
 from pyinfra.benchmark.pool import Pool, call_all
 from pyinfra.benchmark.value import KEY
-from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.training.recipe import read_recipe
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -36,7 +34,6 @@ CHECKED = tuple(
     Cell("highway", "ruby_plus", "paper", detector, "quick", 1)
     for detector in ("pointpillars", "pointrcnn-remedied", "pv-rcnn")
 )
-ROW_KEY = [*KEY, "budget"]
 
 
 @dataclass(frozen=True)
@@ -73,26 +70,16 @@ def learn(task: Task, plan: Plan, place: Place) -> None:
     measure.trained(task.cell, cut(recipe, task.budget), folder, task.run(place), "cpu")
 
 
-def timed(task: Task, place: Place, every: int) -> pd.DataFrame:
-    """The row of a task: every `every`-th test frame, points to boxes, one thread."""
+def measured(task: Task, place: Place, every: int) -> None:
+    """Times a task on one thread; into the table of latencies, and into its cell's own row."""
     folder = place.data(task.cell.world) / task.cell.lidar
-    frames = frame_numbers(folder)[::every]
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
-    detector = detect.load_detector(task.run(place))
-    detect.detect(detector, files[:5], None)  # the first calls are slower
-    times = detect.detect(detector, files, None)[1]
-    about = {"frames": len(files), "command": "benchmarks/latency.py"}
-    return pd.DataFrame([{**task.key, **measure.latency_columns(times), **about}])
-
-
-def put(task: Task, row: pd.DataFrame, place: Place) -> None:
-    """Into the table of latencies, and into the cell's own row if that has one."""
-    store.put(place.results / "latency.csv", row, ROW_KEY)
-    table = place.finished()
-    own = table[store.among(table, row, KEY)] if len(table) else table
-    if len(own):
-        columns = {name: row[name].iloc[0] for name in row if name.startswith("latency_")}
-        place.put({"cells": own.assign(**columns)})
+    times = measure.detected(task.run(place), folder, "cpu", every=every)
+    columns = measure.latency_columns(times)
+    about = {"frames": len(times), "command": "benchmarks/latency.py"}
+    row = pd.DataFrame([{**task.key, **columns, **about}])
+    store.put(place.results / "latency.csv", row, [*KEY, "budget"])
+    put_latency(task.cell, place, columns)
+    print(task.cell.title, task.budget, columns["latency_p50_ms"], "ms", flush=True)
 
 
 def main() -> None:
@@ -114,9 +101,7 @@ def main() -> None:
     if args.only_train:
         return
     for task in tasks:
-        row = timed(task, place, args.every)
-        put(task, row, place)
-        print(task.cell.title, task.budget, row.latency_p50_ms.iloc[0], "ms", flush=True)
+        measured(task, place, args.every)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -173,12 +173,18 @@ def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
     if not here:
         raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
     for cell in here:
-        run, table = runs / cell.name, place.finished()
-        rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)]
-        times = measure.detected(run, place.data(cell.world) / cell.lidar, device)
-        rows = rows.assign(**measure.latency_columns(times))
-        place.put({"cells": rows})
-        print(f"{cell.title}: {rows.latency_p50_ms.iloc[0]} ms", file=sys.stderr, flush=True)
+        times = measure.detected(runs / cell.name, place.data(cell.world) / cell.lidar, device)
+        columns = measure.latency_columns(times)
+        put_latency(cell, place, columns)
+        print(f"{cell.title}: {columns['latency_p50_ms']} ms", file=sys.stderr, flush=True)
+
+
+def put_latency(cell: Cell, place: Place, columns: Mapping[str, object]) -> None:
+    """Puts a latency in place of that of the cell's row, if the cell is finished."""
+    table = place.finished()
+    rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
+    if len(rows):
+        place.put({"cells": rows.assign(**columns)})
 
 
 def conclude(place: Place, plan: Plan) -> None:
