@@ -23,11 +23,11 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy
 import pandas as pd
 
 from pyinfra import __version__
-from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.data.frames import frame_numbers
 from pyinfra.exchange.data_set import About
-from pyinfra.exchange.export_command import export
+from pyinfra.exchange.exports import export
 from pyinfra.exchange.formats import EXPORTS, IMPORTS
-from pyinfra.exchange.import_command import import_recording
+from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.rates import size_of
 from pyinfra.exchange.recording import Options
 

@@ -15,17 +15,19 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, detect, kitti, machine
+from pyinfra import __version__, kitti, machine
+from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
-from pyinfra.benchmark.worlds import split_by_time
 from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.evaluate import evaluate
-from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation.evaluate import evaluate
 from pyinfra.evaluation.judge import Settings
-from pyinfra.hits import infrasim, lidar_file, scene_file
-from pyinfra.train import train
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.training import detect
 from pyinfra.training.recipe import read_recipe
 from pyinfra.training.sources import read_source
+from pyinfra.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from pyinfra import kitti
-from pyinfra.statistics.data import DataSet, read_data_set
+from pyinfra.data.data_set import DataSet, read_data_set
 
 SAME_RAYS_PERCENT = 99.99
 TOTALS_PERCENT = 0.01

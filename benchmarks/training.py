@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import split
 from pyinfra.benchmark import measure, store
 from pyinfra.benchmark.matrix import Cell
 from pyinfra.benchmark.value import KEY
-from pyinfra.hits import configs
-from pyinfra.statistics.data import read_data_set
+from pyinfra.data import split
+from pyinfra.data.data_set import read_data_set
+from pyinfra.simulator.catalogue import configs
 from pyinfra.training.recipe import Recipe, read_recipe
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -6,6 +6,12 @@ import re
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pyinfra.evaluation.evaluate import evaluate
+
+__all__ = ["__version__", "evaluate", "machine"]
 
 _CODE = ("cpp", "bindings", "pyinfra", "configs")
 
@@ -39,3 +45,12 @@ try:
     __version__ = version("infrasim")
 except PackageNotFoundError:
     __version__ = _source_version()
+
+
+def __getattr__(name: str) -> object:
+    """`pyinfra.evaluate(...)`; what it needs is imported when it is asked for."""
+    if name == "evaluate":
+        from pyinfra.evaluation.evaluate import evaluate
+
+        return evaluate
+    raise AttributeError(f"module 'pyinfra' has no attribute '{name}'")

@@ -31,24 +31,34 @@ class Command:
 
 
 COMMANDS = (
-    Command("demo", "pyinfra.hits", "the paper's hit points, a few frames and their pictures"),
-    Command("dataset", "pyinfra.dataset", "three scenes, four LiDARs, split, data card, SHA-256"),
-    Command("pictures", "pyinfra.pictures", "a frame from above, the scene, vehicles close up"),
-    Command("view", "pyinfra.viewer.command", "frames in 3-D, as an HTML file without a network"),
-    Command("statistics", "pyinfra.statistics.command", "hits, points per vehicle, patterns"),
-    Command("claims", "pyinfra.claims", "tests of the paper's claims on data sets"),
-    Command("evaluate", "pyinfra.evaluate", "average precision of predictions, with intervals"),
-    Command("report", "pyinfra.report.command", "the results as one page that opens from disk"),
-    Command("validate", "pyinfra.validate", "checks of data sets and predictions"),
-    Command("train", "pyinfra.train", "a detector learns from frames"),
-    Command("detect", "pyinfra.detect", "boxes of a trained detector, and its latency"),
-    Command("stress", "pyinfra.stress.command", "where detectors fail, and what fails first"),
-    Command("onnx", "pyinfra.onnx", "a dense detector as one ONNX file"),
-    Command("benchmark", "pyinfra.benchmark.command", "accuracy, speed and price, cell by cell"),
-    Command("recommend", "pyinfra.recommend", "which LiDAR and detector for a budget"),
-    Command("export", "pyinfra.exchange.export_command", "frames for other tools"),
-    Command("import", "pyinfra.exchange.import_command", "other tools' frames as a data set"),
-    Command("split", "pyinfra.split", "which frames train and which test"),
+    Command(
+        "demo", "pyinfra.commands.demo", "the paper's hit points, a few frames and their pictures"
+    ),
+    Command(
+        "dataset",
+        "pyinfra.commands.dataset",
+        "three scenes, four LiDARs, split, data card, SHA-256",
+    ),
+    Command(
+        "pictures", "pyinfra.commands.pictures", "a frame from above, the scene, vehicles close up"
+    ),
+    Command("view", "pyinfra.commands.view", "frames in 3-D, as an HTML file without a network"),
+    Command("statistics", "pyinfra.commands.statistics", "hits, points per vehicle, patterns"),
+    Command("claims", "pyinfra.commands.claims", "tests of the paper's claims on data sets"),
+    Command(
+        "evaluate", "pyinfra.commands.evaluate", "average precision of predictions, with intervals"
+    ),
+    Command("report", "pyinfra.commands.report", "the results as one page that opens from disk"),
+    Command("validate", "pyinfra.commands.validate", "checks of data sets and predictions"),
+    Command("train", "pyinfra.commands.train", "a detector learns from frames"),
+    Command("detect", "pyinfra.commands.detect", "boxes of a trained detector, and its latency"),
+    Command("stress", "pyinfra.commands.stress", "where detectors fail, and what fails first"),
+    Command("onnx", "pyinfra.commands.onnx", "a dense detector as one ONNX file"),
+    Command("benchmark", "pyinfra.commands.benchmark", "accuracy, speed and price, cell by cell"),
+    Command("recommend", "pyinfra.commands.recommend", "which LiDAR and detector for a budget"),
+    Command("export", "pyinfra.commands.export", "frames for other tools"),
+    Command("import", "pyinfra.commands.import_", "other tools' frames as a data set"),
+    Command("split", "pyinfra.commands.split", "which frames train and which test"),
 )
 
 

@@ -19,16 +19,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from pyinfra._launch import binary
 from pyinfra.benchmark.matrix import Benchmark
 from pyinfra.config import Rule, as_plain
 from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.simulator.launch import binary
 from pyinfra.training.recipe import Learning
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import TIERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs/reference.md"
-
 UNITS = {  # of a number, by the end of its key; the first that fits
     "_mm_per_h": "mm/h",
     "_km_h": "km/h",

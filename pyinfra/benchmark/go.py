@@ -11,8 +11,8 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.atomic import held
-from pyinfra.benchmark import inputs, measure, pool, store, worlds
-from pyinfra.benchmark.claims import claims_table
+from pyinfra.benchmark import frames, inputs, measure, pool, store
+from pyinfra.benchmark.detection_claims import claims_table
 from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.paper import paper_table
@@ -29,7 +29,7 @@ KEYS = {  # of the rows of each table
     "hits": ["scene", "preset", "lidar"],
     "claims": ["scene", "preset"],
     "paper": ["scene", "preset"],
-    **{name: ["scene", "preset"] for name in worlds.STATISTICS},
+    **{name: ["scene", "preset"] for name in frames.STATISTICS},
 }
 READ = ("cells", "areas", "distance", "lidars", "hits")
 
@@ -115,17 +115,17 @@ def forget_failed(place: Place, plan: Plan) -> None:
 def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     """All data sets of the plan, split, and their tables."""
     for world, cells in plan.worlds().items():
-        for name in worlds.lidars_of(cells):
+        for name in frames.lidars_of(cells):
             file = place.data(world) / name / "lidar.yaml"
             inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
     digests = inputs.digests(plan)
-    shards = worlds.shards(plan, place.work, where.jobs)
+    shards = frames.shards(plan, place.work, where.jobs)
     print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
-    pool.call_all(worlds.simulate, shards, replace(where, gpu=False))
+    pool.call_all(frames.simulate, shards, replace(where, gpu=False))
     for world, cells in plan.worlds().items():
-        worlds.split_by_time(place.data(world), plan.parts)
+        frames.split_by_time(place.data(world), plan.parts)
         if not is_described(place, cells):
-            tables = worlds.described(place.data(world), cells)
+            tables = frames.described(place.data(world), cells)
             tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF, how="left")
             place.put(tables)
 

@@ -16,7 +16,7 @@ from pyinfra.atomic import replacing
 from pyinfra.benchmark import store
 from pyinfra.benchmark.matrix import Plan
 from pyinfra.config import ConfigError
-from pyinfra.hits import infrasim
+from pyinfra.simulator.runs import infrasim
 
 PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)

@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from pyinfra import split
 from pyinfra.benchmark.value import Costs
 from pyinfra.config import ConfigError, checked, read_config, ruled
-from pyinfra.hits import configs
+from pyinfra.data import split
+from pyinfra.simulator.catalogue import configs
 from pyinfra.training.sources import PERIOD_S, Tier
 
 Preset = Literal["paper", "equal", "datasheet"]

@@ -9,16 +9,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, detect, kitti, machine
+from pyinfra import __version__, kitti, machine
 from pyinfra.benchmark.matrix import Cell
-from pyinfra.evaluate import evaluate
-from pyinfra.evaluation.ground_truth import SETS, frame_numbers
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation.evaluate import evaluate
+from pyinfra.evaluation.ground_truth import SETS
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti import FloatArray
-from pyinfra.train import train
+from pyinfra.training import detect
 from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source
+from pyinfra.training.train import train
 
 Tables = dict[str, pd.DataFrame]
 MEASURED = (

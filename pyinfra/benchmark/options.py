@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.benchmark.results import Results, read_results
 from pyinfra.benchmark.value import KEY, covered
-from pyinfra.report.results import Results, read_results
 from pyinfra.statistics.compare import Figure
 from pyinfra.statistics.selection import preset_of_answers
 

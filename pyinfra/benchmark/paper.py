@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import permutation_test, rankdata, spearmanr
 
-from pyinfra.hits import paper_ap
+from pyinfra.data.paper_tables import paper_ap
 from pyinfra.statistics.selection import first_seed
 
 CASE = ["scene", "lidar", "detector"]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import pandas as pd
 
 from pyinfra import kitti
-from pyinfra.split import TRAIN_UNTIL_S, VAL_FROM_S, by_time
-from pyinfra.statistics.data import DataSet
+from pyinfra.data.data_set import DataSet
+from pyinfra.data.split import TRAIN_UNTIL_S, VAL_FROM_S, by_time
 
 TEXT = """\
 # Simulated roadside LiDAR frames
@@ -67,7 +67,6 @@ time: a moving vehicle's points lie partly outside its box.
 ## Licence
 The data: Creative Commons Attribution 4.0 (CC-BY-4.0). The software that made it: Apache-2.0.
 """
-
 PRESETS = {
     "paper": "Evenly spaced channels; CARLA's drop-off of points and a range of 100 m for the\n"
     "spinning LiDARs, none and 260 m for the Avia, as the study's hit points imply.",

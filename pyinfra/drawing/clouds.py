@@ -24,8 +24,8 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from PIL import Image
 
 from pyinfra import kitti
+from pyinfra.data.data_set import FULL_CIRCLE_DEG
 from pyinfra.kitti import FloatArray
-from pyinfra.statistics.data import FULL_CIRCLE_DEG
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
@@ -35,7 +35,6 @@ VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0
 MARGIN_M = 12.0
 DARKEST_M = 3.0
 HALF_HEIGHT_M = 32.0  # the least that is drawn above and below the middle of a picture
-
 FRAME_S = 0.1
 CAR_AT_M = 60.0
 # Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high, seen from 6 m up.

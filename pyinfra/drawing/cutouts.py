@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from pyinfra import kitti
 from pyinfra.data import frame_tables
+from pyinfra.data.data_set import field_of_view_mask, read_owners
 from pyinfra.drawing import clouds
 from pyinfra.drawing.scene import Scene
 from pyinfra.kitti import FloatArray
-from pyinfra.statistics.data import field_of_view_mask, read_owners
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
 NEAR_M = 8.0  # a vehicle this far from a column's distance still stands for it

@@ -17,9 +17,9 @@ from matplotlib.patches import Patch, Polygon
 
 from pyinfra import kitti
 from pyinfra.data import regions
+from pyinfra.data.data_set import Tilt, sensor_tilt
 from pyinfra.data.regions import Road
 from pyinfra.drawing import clouds
-from pyinfra.statistics.data import Tilt, sensor_tilt
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0

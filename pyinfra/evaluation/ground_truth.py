@@ -12,21 +12,20 @@ import numpy.typing as npt
 
 from pyinfra import kitti
 from pyinfra.data import regions
+from pyinfra.data.data_set import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
 from pyinfra.data.frame_tables import Vehicles, read_vehicles
+from pyinfra.data.frames import PERIOD_S, frame_numbers
 from pyinfra.data.regions import Places, Road, Window
-from pyinfra.kitti import FormatError
-from pyinfra.statistics.data import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
+
 # captured: at least some points of this LiDAR (the paper). common: inside the field of view and
 # range of every LiDAR of the data set, and visible. all: visible. Each inside the region.
 Set = Literal["captured", "common", "all"]
 SETS: tuple[Set, ...] = get_args(Set)
-
-PERIOD_S = 0.1  # of a folder without lidar.yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,34 +112,6 @@ def read_ground_truth(
         neighbours=neighbours,
         roads=tuple(regions.read_roads(roads)) if lidar and roads.is_file() else (),
     )
-
-
-def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
-    """Frames of a folder, ascending.
-
-    split: those of ImageSets/SPLIT.txt; left out, those of val.txt if there is one, else all; `all`
-    is all. Raises FileNotFoundError, and FormatError with file and line.
-    """
-    training = folder / "training"
-    if (training / "velodyne").is_dir():
-        present = kitti.frames(folder)
-    elif (training / "label_2").is_dir():
-        stems = (file.stem for file in (training / "label_2").glob("*.txt"))
-        present = sorted(int(stem) for stem in stems if stem.isdigit())
-    else:
-        raise FileNotFoundError(2, "No training/velodyne or training/label_2 in it", str(folder))
-    if split == "all" or (split is None and not (folder / "ImageSets/val.txt").is_file()):
-        return present
-    return _split(folder / f"ImageSets/{split or 'val'}.txt", set(present))
-
-
-def _split(file: Path, present: set[int]) -> list[int]:
-    frames = []
-    for line, word in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
-        if not word.strip().isdecimal() or int(word) not in present:
-            raise FormatError(f"{file}:{line}: found '{word}', allowed a frame of the folder")
-        frames.append(int(word))
-    return sorted(frames)
 
 
 def _reach(lidar: kitti.Lidar) -> float:

@@ -16,9 +16,9 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra import ap
 from pyinfra.data.frame_tables import Predictions, Vehicles
 from pyinfra.data.regions import Places, Window
+from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth, Set
 from pyinfra.evaluation.matching import (
     LEAST_OVERLAP,

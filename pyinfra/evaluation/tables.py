@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyinfra import ap
 from pyinfra.data.regions import Window
+from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import Set
 from pyinfra.evaluation.judge import (
     CAUSES,
@@ -26,7 +26,6 @@ from pyinfra.evaluation.judge import (
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
 HIGH_QUALITY = 85.0  # an area above this AP is of high quality
 PR_RECALLS = 100
 AP_COLUMNS = "class ground_truth iou protocol ap ap_low ap_high objects predictions frames".split()

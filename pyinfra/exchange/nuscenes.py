@@ -33,13 +33,12 @@ import matplotlib.image
 import numpy as np
 
 from pyinfra.atomic import replacing
-from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.data.frames import frame_numbers
 from pyinfra.exchange.source import Frame, Source, quaternion, read_frames, read_source
 from pyinfra.kitti import FloatArray, FormatError
 
 Row = dict[str, Any]
 Add = Callable[[Row], None]  # adds a row to a table
-
 VERSION = "v1.0-infrasim"
 CHANNEL = "LIDAR_TOP"  # the devkit knows a LiDAR by this name only
 MAX_INTENSITY = 255

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from pyinfra import kitti
 from pyinfra.data.frame_tables import read_cameras
-from pyinfra.evaluation.ground_truth import frame_numbers
+from pyinfra.data.frames import frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, FloatArray, Labels
 
 # Both toolboxes' names; what is not among them has no class there and is left out.

@@ -14,7 +14,7 @@ import yaml
 from pyinfra import kitti
 from pyinfra.boxes import points_in_boxes
 from pyinfra.data.frame_tables import read_cameras
-from pyinfra.evaluation.ground_truth import PERIOD_S
+from pyinfra.data.frames import PERIOD_S
 from pyinfra.kitti import FormatError, Objects
 
 _KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml

@@ -9,19 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-import pandas as pd
+from pyinfra.benchmark.results import TableFile
 
 NOTHING = "\N{EN DASH}"
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """A CSV file beside the page: one of the results as it stands, or a table made from them."""
-
-    name: str
-    content: Path | pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -69,7 +60,7 @@ class Table:
     caption: str
     columns: Sequence[Column]
     rows: Sequence[Sequence[Cell]]
-    source: Source
+    source: TableFile
     closed: bool = False
     kind = "table"
 
@@ -101,7 +92,7 @@ class Figure:
     name: str
     caption: str
     panels: Sequence[Panel]
-    source: Source | None = None
+    source: TableFile | None = None
     legend: Sequence[LegendEntry] = ()
     layout: str = "small"
     plate: bool = False
@@ -132,7 +123,7 @@ class Cards:
     """Answers beside each other."""
 
     cards: Sequence[Card]
-    source: Source
+    source: TableFile
     kind = "cards"
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra import kitti
+from pyinfra.benchmark.results import Results, read_results
+from pyinfra.data.data_set import DataSet, read_data_set
 from pyinfra.report.names import PRESETS, Names, in_order, read_names
-from pyinfra.report.results import Results, read_results
-from pyinfra.statistics.data import DataSet, read_data_set
 from pyinfra.statistics.selection import preset_of_answers
 
 SCENES = ("highway", "crossroad", "curve")

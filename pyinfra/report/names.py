@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from pyinfra.hits import LIDARS, configs
 from pyinfra.report.looks import Look, look
+from pyinfra.simulator.catalogue import LIDARS, configs
 from pyinfra.statistics import selection
 
 KINDS = {

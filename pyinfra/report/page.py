@@ -10,7 +10,8 @@ from pathlib import Path
 import jinja2
 
 from pyinfra.atomic import replacing
-from pyinfra.report.blocks import Section, Source
+from pyinfra.benchmark.results import TableFile
+from pyinfra.report.blocks import Section
 from pyinfra.report.looks import themes
 from pyinfra.report.svg import identifier
 
@@ -26,7 +27,7 @@ class Page:
     subtitle: str
     footer: str
     sections: Sequence[Section]
-    tables: Sequence[Source] = ()
+    tables: Sequence[TableFile] = ()
 
 
 def write_page(page: Page, file: Path) -> Path:
@@ -60,7 +61,7 @@ def render(page: Page, folder: str) -> str:
     )
 
 
-def sources(sections: Sequence[Section]) -> Iterator[Source]:
+def sources(sections: Sequence[Section]) -> Iterator[TableFile]:
     """The tables that the sections name, each once."""
     seen = set()
     for block in (block for section in sections for block in section.blocks):
@@ -70,7 +71,7 @@ def sources(sections: Sequence[Section]) -> Iterator[Source]:
             yield source
 
 
-def _write_source(source: Source, file: Path) -> None:
+def _write_source(source: TableFile, file: Path) -> None:
     with replacing(file) as beside:
         if isinstance(source.content, Path):
             shutil.copyfile(source.content, beside)

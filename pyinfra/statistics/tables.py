@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pyinfra.statistics.data import FloatArray, IntArray, Vehicles, moving, same_rows
+from pyinfra.data.data_set import FloatArray, IntArray
 from pyinfra.statistics.intervals import Blocks, Estimate, ratio
+from pyinfra.statistics.vehicles import Vehicles, moving, same_rows
 
 EDGES_M = np.arange(30.0, 121.0, 5.0)
 FAR_M = 90.0

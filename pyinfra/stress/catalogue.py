@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.detectors import Points
-from pyinfra.hits import LIDARS, SCENES
+from pyinfra.simulator.catalogue import LIDARS, SCENES
 from pyinfra.statistics.selection import PRESETS
 from pyinfra.stress import clouds, limits, worlds
 from pyinfra.stress.worlds import Base, World
 
 Dial = float | str
 OWN = "own"  # no stress, where a dial is a name
-
 CloudChange = Callable[[Points, float, clouds.Draws], Points]
 WorldChange = Callable[[Base, Dial], World]
 Need = Callable[[Base], str]  # why a base lacks it, or nothing
@@ -80,7 +79,6 @@ def _dial(word: str) -> float:
 WORLD = (limits.scene, limits.rays)
 TRAFFIC = (*WORLD, limits.traffic)
 NONE = Stressor("none", "", (0.0,))
-
 STRESSORS = {
     row.name: row
     for row in (

@@ -15,13 +15,13 @@ import yaml
 from pyinfra import __version__, kitti, machine
 from pyinfra.atomic import held
 from pyinfra.benchmark import store
-from pyinfra.detect import detect, load_detector, model_file
 from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.stress import lidar, score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
+from pyinfra.training.detect import detect, load_detector, model_file
 
 # What a row is of; a cell with such a row is not computed again.
 KEY = "detector run lidar preset scene stressor dial seed frames".split()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import yaml
 
-from pyinfra.hits import SimulatorError, infrasim, lidar_file
+from pyinfra.simulator.catalogue import lidar_file
+from pyinfra.simulator.runs import SimulatorError, infrasim
 from pyinfra.statistics.selection import PRESETS
 from pyinfra.stress import lidar
 from pyinfra.stress.worlds import Base

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra import ap
 from pyinfra.data.frame_tables import Predictions
 from pyinfra.detectors import Detections
+from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Contest, Settings, Verdict, causes, contest
 from pyinfra.evaluation.judge import judge as judged
@@ -26,7 +26,6 @@ from pyinfra.kitti import VEHICLE_TYPES
 IntArray = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
 IOU = 0.5
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
 ERRORS = ("ghosts", *(f"misses_{band}" for band in BANDS_M), "position", "heading")

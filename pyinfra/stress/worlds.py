@@ -15,9 +15,10 @@ import yaml
 
 from pyinfra import kitti
 from pyinfra.atomic import held, replacing
-from pyinfra.evaluation.ground_truth import frame_numbers
-from pyinfra.hits import infrasim, lidar_file, scene_file
+from pyinfra.data.frames import frame_numbers
 from pyinfra.kitti import FormatError
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
 from pyinfra.stress import lidar
 
 NOT_OF_THE_SCENE = ("preset", "version")  # keys that a run adds to its scene

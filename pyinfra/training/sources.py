@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 import yaml
 
-from pyinfra import kitti, split
+from pyinfra import kitti
+from pyinfra.data import split
 from pyinfra.data.frame_tables import read_vehicles
+from pyinfra.data.frames import frame_numbers
 from pyinfra.detectors import Points
-from pyinfra.evaluation.ground_truth import frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, FloatArray, read_yaml
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
-
 VEHICLE_CLASSES = range(10, 15)  # of the simulator: Car to Motorcycle
 PERIOD_S = 0.1  # of the simulator's frames
 

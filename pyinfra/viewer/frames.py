@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from pyinfra import kitti
 from pyinfra.data import frame_tables
+from pyinfra.data.frames import PERIOD_S
 from pyinfra.data.regions import to_world
-from pyinfra.evaluation.ground_truth import PERIOD_S
 from pyinfra.evaluation.prediction_checks import find_files
 from pyinfra.kitti import FloatArray, Labels, WorldPose
 

@@ -16,10 +16,9 @@ import torch
 from detector_data import SITE, road_sample
 from torch import Tensor
 
-from pyinfra import train
 from pyinfra.detectors import processes
 from pyinfra.detectors.batch import Sample, make_batch
-from pyinfra.training import checkpoint, loop
+from pyinfra.training import checkpoint, loop, train
 from pyinfra.training.recipe import Recipe, read_recipe
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import read_source

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pyinfra import ap
 from pyinfra.boxes import bev_iou
-from pyinfra.evaluation import matching
+from pyinfra.evaluation import ap, matching
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -14,12 +14,12 @@ import pytest
 import ray
 
 from pyinfra import cli
-from pyinfra.benchmark import gpus, measure, pool, store, worlds
+from pyinfra.benchmark import frames, gpus, measure, pool, store
 from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, read_plan
 from pyinfra.benchmark.value import KEY, Costs, covered, value_table
 from pyinfra.config import ConfigError
-from pyinfra.hits import configs
+from pyinfra.simulator.catalogue import configs
 from pyinfra.training.recipe import read_recipe
 
 TINY = """
@@ -315,7 +315,7 @@ def test_a_wrong_benchmark_says_where(
 ) -> None:
     config.write_text(MATRIX.replace(*change))
     with pytest.raises(ConfigError, match=message):
-        worlds.shards(read_plan(config, "smoke"), tmp_path, 1)
+        frames.shards(read_plan(config, "smoke"), tmp_path, 1)
 
 
 def test_every_benchmark_of_the_package_has_its_files() -> None:
@@ -333,7 +333,7 @@ def test_every_benchmark_of_the_package_has_its_files() -> None:
     ],
 )
 def test_shards_hold_each_frame_once(frames: str, parts: int, expected: list[str]) -> None:
-    assert worlds.parts_of(frames, parts) == expected
+    assert frames.parts_of(frames, parts) == expected
 
 
 CELL = Cell("road", "lidar", "paper", "net", "quick", 1)

@@ -11,7 +11,7 @@ from pyinfra import cli
 from pyinfra.benchmark import inputs
 from pyinfra.benchmark.matrix import read_plan
 from pyinfra.config import ConfigError
-from pyinfra.hits import configs
+from pyinfra.simulator.catalogue import configs
 
 MATRIX = """
 frames: 0:20:5

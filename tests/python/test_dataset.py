@@ -7,8 +7,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pyinfra import cli, dataset, hits, kitti
-from pyinfra.split import VAL_FROM_S
+from pyinfra import cli, kitti
+from pyinfra.data import release
+from pyinfra.data.split import VAL_FROM_S
+from pyinfra.simulator import catalogue
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,13 +33,13 @@ def sha256sum(folder: Path) -> subprocess.CompletedProcess[str]:
     [(5000, 5000, 1), (500, 500, 10), (100, 100, 50), (3000, 2500, 2), (3, 3, 2499), (2, 2, 4999)],
 )
 def test_frames_are_spread_over_the_whole_scene(count: int, found: int, step: int) -> None:
-    frames = dataset.spread(count)
+    frames = release.spread(count)
     assert (frames[0], len(frames), frames.step) == (0, found, step)
 
 
 def test_any_number_of_frames_can_be_split() -> None:
     for count in range(2, 5001):
-        frames = dataset.spread(count)
+        frames = release.spread(count)
         assert count / 2 < len(frames) <= count
         assert frames[-1] * 0.1 > VAL_FROM_S
 
@@ -58,8 +60,8 @@ def test_wrong_preset_is_one_line_and_writes_nothing(tmp_path: Path, capsys) -> 
 
 
 def test_every_scene_and_lidar_is_there_and_split(made: Path) -> None:
-    for scene in hits.SCENES:
-        for lidar in hits.LIDARS:
+    for scene in catalogue.SCENES:
+        for lidar in catalogue.LIDARS:
             folder = made / scene / lidar
             assert kitti.frames(folder) == [0, 4999]
             assert (folder / "ImageSets/train.txt").read_text() == "000000\n"
@@ -69,7 +71,7 @@ def test_every_scene_and_lidar_is_there_and_split(made: Path) -> None:
 def test_sha256sum_accepts_the_list_and_finds_a_changed_byte(made: Path) -> None:
     listed = {line.split("  ")[1] for line in (made / "SHA256SUMS").read_text().splitlines()}
     files = {str(file.relative_to(made)) for file in made.rglob("*") if file.is_file()}
-    assert files - listed == {"SHA256SUMS", *(f"{scene}/summary.csv" for scene in hits.SCENES)}
+    assert files - listed == {"SHA256SUMS", *(f"{scene}/summary.csv" for scene in catalogue.SCENES)}
     assert sha256sum(made).returncode == 0
     label = made / "curve/ruby_plus/training/label_2/004999.txt"
     text = label.read_text()
@@ -82,7 +84,7 @@ def test_sha256sum_accepts_the_list_and_finds_a_changed_byte(made: Path) -> None
 
 def test_card_has_the_figures_of_the_frames(made: Path) -> None:
     card = (made / "DATASET.md").read_text()
-    for scene in hits.SCENES:
+    for scene in catalogue.SCENES:
         labels = [
             line.split()[0]
             for file in sorted((made / scene).glob("*/training/label_2/*.txt"))
@@ -91,7 +93,7 @@ def test_card_has_the_figures_of_the_frames(made: Path) -> None:
         counts = pd.Series(labels).value_counts().sort_index()
         text = ", ".join(f"{name} {count:,}" for name, count in counts.items())
         assert f"| {scene} | 1 | 1 | {text} |" in card
-        for lidar in hits.LIDARS:
+        for lidar in catalogue.LIDARS:
             sizes = [f.stat().st_size for f in (made / scene / lidar).glob("training/velodyne/*")]
             (row,) = re.findall(rf"^\| {scene} \| {lidar} \|.*$", card, re.MULTILINE)
             assert row.split(" | ")[4] == f"{sum(sizes) / 16 / 2:,.1f}"
@@ -107,7 +109,7 @@ def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
     (made / "curve/helios_16/training/velodyne/004999.bin").unlink()
     kept = made / "highway/ruby_plus/training/velodyne/000000.bin"
     written = kept.stat().st_mtime_ns
-    dataset.write(made, dataset.spread(2), "paper")
+    release.write(made, release.spread(2), "paper")
     assert (made / "SHA256SUMS").read_text() == before
     assert kept.stat().st_mtime_ns == written
 
@@ -115,7 +117,7 @@ def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
 def test_folder_with_other_frames_is_refused_and_stays(made: Path) -> None:
     before = (made / "SHA256SUMS").read_text()
     with pytest.raises(ValueError, match=r"highway/\w+: found frame 4999 of another --frames"):
-        dataset.write(made, dataset.spread(3), "paper")
+        release.write(made, release.spread(3), "paper")
     assert (made / "SHA256SUMS").read_text() == before
 
 

@@ -20,11 +20,12 @@ from evaluation_data import (
     write_roads,
 )
 
-from pyinfra import evaluate as command
-from pyinfra import kitti
+from pyinfra import cli, kitti
+from pyinfra.commands.evaluate import class_types
 from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.evaluate import evaluate
-from pyinfra.evaluation.ground_truth import frame_numbers, read_ground_truth
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation.evaluate import evaluate
+from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti import FormatError
@@ -182,7 +183,7 @@ def test_all_is_the_same_for_a_lidar_of_short_range(tmp_path: Path) -> None:
 
 def test_classes_are_chosen_by_name(run: Callable[..., Evaluation]) -> None:
     frames = [[car(20), car(40, **{"class": "Truck"}), car(60, **{"class": "Pedestrian"})]]
-    classes = command.class_types(["vehicle", "Car", "large=Truck,Bus"])
+    classes = class_types(["vehicle", "Car", "large=Truck,Bus"])
     result = run(frames, perfect(frames), name="Car", classes=classes)
     assert row(result, **{"class": "vehicle"}).objects == 2
     assert row(result, **{"class": "Car"}).objects == 1
@@ -426,7 +427,7 @@ def test_command_writes_tables_and_figures(
     pred = write_predictions(tmp_path / "pred", noisy(frames))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
     options = ["--ground-truth", *SETS, "--iou", "0.5", "0.7", "--protocol", "definition", "kitti"]
-    assert command.main([*words, *options]) == 0
+    assert cli.main(["evaluate", *words, *options]) == 0
     printed = capsys.readouterr()
     assert "vehicle     captured" in printed.out
     table = pd.read_csv(tmp_path / "out/ap.csv")
@@ -450,7 +451,7 @@ def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
     pred = write_predictions(tmp_path / "pred", noisy(frames))
     for out in ("a", "b"):
         words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / out)]
-        assert command.main(words) == 0
+        assert cli.main(["evaluate", *words]) == 0
     for file in (tmp_path / "a").iterdir():
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
 
@@ -486,7 +487,7 @@ def test_a_wrong_line_is_named(
     file = pred / "000001.txt"
     file.write_text(spoiled(file.read_text(), change))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
-    assert command.main(words) == 1
+    assert cli.main(["evaluate", *words]) == 1
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
@@ -591,7 +592,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
     pred = write_predictions(tmp_path / "pred", perfect(frames))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out"), *options]
     try:
-        code: object = command.main(words)
+        code: object = cli.main(["evaluate", *words])
     except SystemExit as stop:
         code = stop.code
     error = capsys.readouterr().err
@@ -602,7 +603,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
 
 def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--gt", str(tmp_path), "--pred", str(tmp_path), "--out", str(tmp_path / "out")]
-    assert command.main(words) == 1
+    assert cli.main(["evaluate", *words]) == 1
     assert capsys.readouterr().err == (
         f"pyinfra: {tmp_path}: No training/velodyne or training/label_2 in it\n"
     )

@@ -8,7 +8,7 @@ from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
 from pypcd4 import Encoding, PointCloud
 
 from pyinfra import kitti
-from pyinfra.exchange.export_command import export
+from pyinfra.exchange.exports import export
 from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.kitti import FormatError
 

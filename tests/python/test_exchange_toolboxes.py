@@ -9,7 +9,7 @@ from exchange_data import BOXES, LIDARS, points, write_recording
 from toolbox_readers import grid_of, listed, mmdet3d, openpcdet, openpcdet_config
 
 from pyinfra import kitti
-from pyinfra.exchange.export_command import export
+from pyinfra.exchange.exports import export
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
 UP = np.array([0, 0, 6, 0, 0, 0, 0])  # from the sensor to the road

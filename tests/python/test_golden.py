@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra import ap, sim
+from pyinfra import sim
+from pyinfra.evaluation import ap
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden"

@@ -10,8 +10,12 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from pyinfra import cli, hits
+from pyinfra import cli
+from pyinfra.commands import demo
+from pyinfra.data import paper_tables
 from pyinfra.drawing import clouds
+from pyinfra.simulator import catalogue, runs
+from pyinfra.statistics import hit_points
 
 SUMMARY = """\
 lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,vehicle_points_per_frame,seconds,mrays_per_s
@@ -35,7 +39,7 @@ def simulated(*rows: tuple[str, str, float]) -> pd.DataFrame:
 def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
     file = tmp_path / "summary.csv"
     file.write_text(SUMMARY)
-    assert hits.read_hits(file).to_dict() == {"livox_avia": 900.5, "helios_16": 220}
+    assert runs.read_hits(file).to_dict() == {"livox_avia": 900.5, "helios_16": 220}
 
 
 @pytest.mark.parametrize(
@@ -50,11 +54,11 @@ def test_summary_without_hits_is_an_error(tmp_path: Path, old: str, new: str, me
     file = tmp_path / "summary.csv"
     file.write_text(SUMMARY.replace(old, new))
     with pytest.raises(ValueError, match=message):
-        hits.read_hits(file)
+        runs.read_hits(file)
 
 
 def test_errors_are_relative_to_the_paper() -> None:
-    table = hits.compare(
+    table = hit_points.compare(
         simulated(("livox_avia", "highway", 900), ("helios_16", "highway", 220)), FLAT, PAPER
     )
     assert table["lidar"].tolist() == ["livox_avia", "helios_16"]
@@ -64,16 +68,16 @@ def test_errors_are_relative_to_the_paper() -> None:
 
 
 def test_scene_that_the_paper_does_not_have_has_no_error() -> None:
-    table = hits.compare(simulated(("livox_avia", "tunnel", 900)), FLAT, PAPER)
+    table = hit_points.compare(simulated(("livox_avia", "tunnel", 900)), FLAT, PAPER)
     assert table[["paper", "error", "flat_error"]].isna().all(axis=None)
     assert table["simulated"].tolist() == [900]
-    text = hits.table_text(table)
+    text = hit_points.table_text(table)
     assert "mean error" not in text
     assert "nan" not in text
 
 
 def test_printed_table_has_the_mean_and_the_largest_error() -> None:
-    table = hits.compare(
+    table = hit_points.compare(
         simulated(
             ("livox_avia", "highway", 900),
             ("helios_16", "highway", 204),
@@ -82,16 +86,16 @@ def test_printed_table_has_the_mean_and_the_largest_error() -> None:
         FLAT,
         PAPER,
     )
-    text = hits.table_text(table)
+    text = hit_points.table_text(table)
     assert "simulated: mean error 4.0%, largest 10.0% (highway, livox_avia)" in text
     assert "flat ground: mean error 150.0%, largest 300.0% (curve, livox_avia)" in text
     assert "+2.0%" in text
 
 
 def test_written_table_reads_back(tmp_path: Path) -> None:
-    table = hits.compare(simulated(("livox_avia", "highway", 912.34)), FLAT, PAPER)
+    table = hit_points.compare(simulated(("livox_avia", "highway", 912.34)), FLAT, PAPER)
     file = tmp_path / "deep/hit_points.csv"
-    hits.write_table(table, file)
+    hit_points.write_table(table, file)
     (row,) = pd.read_csv(file).to_dict("records")
     assert row["simulated"] == 912.3
     assert row["error"] == -0.0877
@@ -99,16 +103,16 @@ def test_written_table_reads_back(tmp_path: Path) -> None:
 
 
 def test_paper_has_a_figure_for_every_scene_and_lidar() -> None:
-    paper = hits.paper_hits()
+    paper = paper_tables.paper_hits()
     pairs = set(zip(paper["scene"], paper["lidar"], strict=True))
-    assert pairs == {(scene, lidar) for scene in hits.SCENES for lidar in hits.LIDARS}
+    assert pairs == {(scene, lidar) for scene in catalogue.SCENES for lidar in catalogue.LIDARS}
 
 
 def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
-    scenes = [hits.scene_file("crossroad")]
-    lidars = [hits.lidar_file(name) for name in ("livox_avia", "pandar_64")]
+    scenes = [catalogue.scene_file("crossroad")]
+    lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "pandar_64")]
     steps: list[str] = []
-    table = hits.hit_table(scenes, lidars, "0:75:25", cache=tmp_path, say=steps.append)
+    table = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path, say=steps.append)
     assert len(steps) == 2
     assert table["lidar"].tolist() == ["livox_avia", "pandar_64"]
     assert (table["error"].abs() < 0.05).all()
@@ -116,14 +120,16 @@ def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
 
     summaries = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert len(summaries) == 2
-    again = hits.hit_table(scenes, lidars, "0:75:25", cache=tmp_path)
+    again = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path)
     pd.testing.assert_frame_equal(again, table)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == summaries
 
 
 def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
     """A channel at elevation e from 6 m hits flat ground at 6 / sin(-e); the range is 100 m."""
-    found = hits.hits_per_frame(hits.scene_file("flat"), [hits.lidar_file("pandar_64")], "0:20")
+    found = runs.hits_per_frame(
+        catalogue.scene_file("flat"), [catalogue.lidar_file("pandar_64")], "0:20"
+    )
     elevations = np.radians(np.linspace(-25, 15, 64))
     ranges = 6 / np.sin(-elevations[elevations < 0])
     ranges = ranges[ranges < 100]
@@ -136,15 +142,15 @@ def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
 def test_wrong_configuration_keeps_the_message_of_the_binary(tmp_path: Path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: [1\n")
-    with pytest.raises(hits.SimulatorError, match=r"infrasim check: .*scene\.yaml:") as error:
-        hits.hits_per_frame(scene, [hits.lidar_file("pandar_64")], "0:1")
+    with pytest.raises(runs.SimulatorError, match=r"infrasim check: .*scene\.yaml:") as error:
+        runs.hits_per_frame(scene, [catalogue.lidar_file("pandar_64")], "0:1")
     assert error.value.exit_code == 2
 
 
 def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = tmp_path / "highway"
-    lidars = [hits.lidar_file(name) for name in ("livox_avia", "helios_16")]
-    hits.simulate(hits.scene_file("highway"), lidars, "2:3", data)
+    lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "helios_16")]
+    runs.simulate(catalogue.scene_file("highway"), lidars, "2:3", data)
     assert cli.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 0
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
     views = ["sheet.png", "highway_helios_16.png", "highway_livox_avia.png"]
@@ -175,8 +181,8 @@ def test_rays_on_a_car_are_counted_per_frame() -> None:
 def test_demo_writes_all_it_names_and_resumes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hits, "SCENES", ("highway",))
-    monkeypatch.setattr(hits, "LIDARS", ("livox_avia", "helios_16"))
+    monkeypatch.setattr(demo, "SCENES", ("highway",))
+    monkeypatch.setattr(demo, "LIDARS", ("livox_avia", "helios_16"))
     command = ["demo", "--out", str(tmp_path), "--frames", "4:6"]
     assert cli.main(command) == 0
     first = capsys.readouterr()
@@ -230,7 +236,7 @@ def test_help_of_every_command_has_an_example(
 
 def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
     data = tmp_path / "highway"
-    hits.simulate(hits.scene_file("highway"), [hits.lidar_file("helios_16")], "0:1", data)
+    runs.simulate(catalogue.scene_file("highway"), [catalogue.lidar_file("helios_16")], "0:1", data)
     words = ["pictures", str(data), "--out", str(tmp_path / "out")]
     read, write = os.pipe()
     os.close(read)

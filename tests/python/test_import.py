@@ -13,11 +13,11 @@ import pytest
 from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
 
 from pyinfra import cli, kitti
+from pyinfra.data.data_set import read_data_set, sensor_tilt
 from pyinfra.exchange.data_set import About
-from pyinfra.exchange.export_command import export
-from pyinfra.exchange.import_command import import_recording
+from pyinfra.exchange.exports import export
+from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
-from pyinfra.statistics.data import read_data_set, sensor_tilt
 
 LAYOUTS = ("kitti", "openpcdet", "pcd", "nuscenes")
 ABOUT = About("pole", "junction")

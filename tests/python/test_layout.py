@@ -3,9 +3,12 @@
 import ast
 import re
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from pyinfra.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
 SIMULATOR = ROOT / "cpp/infrasim"
@@ -96,6 +99,52 @@ def imports(path: Path) -> Iterator[str]:
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
+# The rooms of pyinfra, lowest first: each imports only itself and what stands before it.
+ROOMS = (
+    *("arrays", "atomic", "boxes", "config"),
+    *("kitti", "simulator", "sim", "data", "drawing", "statistics", "evaluation"),
+    *("detectors", "training", "benchmark", "stress", "exchange", "viewer", "report"),
+    *("cli", "commands"),
+)
+EVERYWHERE = {"_core"}
+MODULES_AT_THE_TOP = 8
+
+
+def room_of(module: str) -> str | None:
+    """The room of `pyinfra.data.frames`: `data`; None outside of pyinfra."""
+    top, _, rest = module.partition(".")
+    room = rest.split(".")[0]
+    return room if top == "pyinfra" and (room in ROOMS or room in EVERYWHERE) else None
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "pyinfra").glob("**/*.py")), ids=lambda p: p.name)
+def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
+    parts = path.relative_to(ROOT / "pyinfra").with_suffix("").parts
+    if parts[0] in {"__init__", "__main__"}:
+        return  # the doors of the house
+    below = set(ROOMS[: ROOMS.index(parts[0]) + 1]) | EVERYWHERE
+    assert {room for name in imports(path) if (room := room_of(name))} <= below
+
+
+def test_no_circle_of_modules() -> None:
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in (ROOT / "pyinfra").rglob("*.py")
+        if path.name not in {"__init__.py", "__main__.py"}
+    }
+    graph = {name: set(imports(path)) & set(files) - {name} for name, path in files.items()}
+    assert list(TopologicalSorter(graph).static_order())
+
+
+def test_few_modules_stand_at_the_top() -> None:
+    assert len(list((ROOT / "pyinfra").glob("*.py"))) <= MODULES_AT_THE_TOP
+
+
+def test_each_command_is_a_module_of_commands() -> None:
+    files = {path.stem for path in (ROOT / "pyinfra/commands").glob("*.py")} - {"__init__"}
+    assert {command.module for command in COMMANDS} == {f"pyinfra.commands.{f}" for f in files}
+
+
 def test_only_the_simulator_and_the_kernels_import_the_extension() -> None:
     users = {
         path.relative_to(ROOT / "pyinfra")
@@ -107,8 +156,9 @@ def test_only_the_simulator_and_the_kernels_import_the_extension() -> None:
 
 
 def test_evaluation_does_not_import_torch() -> None:
-    for path in (ROOT / "pyinfra").glob("*.py"):
-        if path.stem in {"kitti", "boxes", "ap"}:
+    below = ROOMS[: ROOMS.index("evaluation") + 1]
+    for path in (ROOT / "pyinfra").rglob("*.py"):
+        if path.relative_to(ROOT / "pyinfra").with_suffix("").parts[0] in below:
             assert "torch" not in {name.split(".")[0] for name in imports(path)}, path
 
 

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from pyinfra import cli
-from pyinfra.benchmark.claims import Figure, claims_table, slope
+from pyinfra.benchmark.detection_claims import Figure, claims_table, slope
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY
-from pyinfra.hits import paper_ap
+from pyinfra.data.paper_tables import paper_ap
 from pyinfra.statistics.selection import preset_of_answers
 
 PRICES = {"ruby_plus": 24000, "livox_avia": 2000, "pandar_64": 6000, "helios_16": 1000}
@@ -433,7 +433,9 @@ def test_help_says_of_which_vehicles_the_ap_is(capsys: pytest.CaptureFixture[str
 
 
 def test_an_answer_needs_neither_plots_nor_networks() -> None:
-    code = "import sys, pyinfra.recommend; print({'matplotlib', 'torch'} & set(sys.modules))"
+    code = (
+        "import sys, pyinfra.benchmark.recommend; print({'matplotlib', 'torch'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 

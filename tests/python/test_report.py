@@ -9,10 +9,10 @@ import report_data
 from report_data import HOSTILE, Read
 
 from pyinfra import cli
+from pyinfra.benchmark.results import read_results
 from pyinfra.report import svg
 from pyinfra.report.material import Material, read_material
 from pyinfra.report.names import read_names
-from pyinfra.report.results import read_results
 from pyinfra.report.sections import ladder
 from pyinfra.report.sections.accuracy import paper_ap
 from pyinfra.report.sections.claims import thing_tested

@@ -9,12 +9,14 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from pyinfra import cli, hits, kitti, pictures
-from pyinfra.drawing import clouds
+from pyinfra import cli, kitti
+from pyinfra.data import frames
+from pyinfra.drawing import clouds, pictures
 from pyinfra.drawing import cutouts as cutout_figures
 from pyinfra.drawing import scene as scene_figures
 from pyinfra.drawing.cutouts import DISTANCES_M
 from pyinfra.drawing.scene import Scene
+from pyinfra.simulator import catalogue, runs
 
 LIDARS = ("livox_avia", "helios_16")
 
@@ -22,15 +24,15 @@ LIDARS = ("livox_avia", "helios_16")
 @pytest.fixture(scope="module")
 def data_sets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("data")
-    lidars = [hits.lidar_file(name) for name in LIDARS]
+    lidars = [catalogue.lidar_file(name) for name in LIDARS]
     for scene in ("highway", "crossroad"):
         words = ["--lidar", *lidars, "--preset", "paper", "--frames", "0:4", "--fields"]
-        hits.infrasim("run", hits.scene_file(scene), *words, "--out", folder / scene)
+        runs.infrasim("run", catalogue.scene_file(scene), *words, "--out", folder / scene)
     return {name: folder / name for name in ("highway", "crossroad")}
 
 
 def read(data_set: Path) -> Scene:
-    return scene_figures.read_scene(pictures.lidar_folders(data_set))
+    return scene_figures.read_scene(frames.lidar_folders(data_set))
 
 
 def lines(scene: Scene) -> list[Line2D]:
@@ -39,7 +41,7 @@ def lines(scene: Scene) -> list[Line2D]:
 
 @pytest.mark.parametrize("scene", ["highway", "crossroad"])
 def test_pictures_of_a_data_set(data_sets: dict[str, Path], scene: str, tmp_path: Path) -> None:
-    files = pictures.draw_scenes([pictures.lidar_folders(data_sets[scene])], 1, tmp_path)
+    files = pictures.draw_scenes([frames.lidar_folders(data_sets[scene])], 1, tmp_path)
     assert [file.name for file in files] == [f"plan_{scene}.png", f"cutouts_{scene}.png"]
     for file in files:
         with Image.open(file) as image:
@@ -134,7 +136,7 @@ def test_missing_file_is_named(
     data_sets: dict[str, Path], tmp_path: Path, missing: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data_set = shutil.copytree(data_sets["highway"], tmp_path / "highway")
-    folders = pictures.lidar_folders(data_set)
+    folders = frames.lidar_folders(data_set)
     (data_set / missing).unlink()
     with pytest.raises(FileNotFoundError, match=missing):
         pictures.draw_scenes([folders], 1, tmp_path / "out")

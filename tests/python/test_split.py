@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra import kitti, split
-from pyinfra.statistics.data import DataSet, Tilt
+from pyinfra import kitti
+from pyinfra.commands import split as command
+from pyinfra.data import split
+from pyinfra.data.data_set import DataSet, Tilt
 
 
 def data_set(folder: Path, seed: int = 1, frames: range = range(0, 5000, 5)) -> DataSet:
@@ -86,21 +88,21 @@ def test_write_replaces_another_split_only_when_forced(tmp_path: Path) -> None:
 
 def test_val_data_goes_with_seed_alone(tmp_path: Path) -> None:
     parser = argparse.ArgumentParser()
-    split.add_arguments(parser)
+    command.add_arguments(parser)
     for words in (["--by", "seed"], ["--val-data", str(tmp_path)]):
         with pytest.raises(ValueError, match="go together"):
-            split.run(parser.parse_args([str(tmp_path), *words]))
+            command.run(parser.parse_args([str(tmp_path), *words]))
 
 
 def test_a_short_recording_is_split_at_borders_of_its_own(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     data = data_set(tmp_path / "data", frames=range(100))
-    monkeypatch.setattr(split, "read_data_set", lambda folder: data)
+    monkeypatch.setattr(command, "read_data_set", lambda folder: data)
     parser = argparse.ArgumentParser()
-    split.add_arguments(parser)
+    command.add_arguments(parser)
     words = [str(tmp_path / "data"), "--train-until-s", "5", "--val-from-s", "7"]
-    assert split.run(parser.parse_args(words)) == 0
+    assert command.run(parser.parse_args(words)) == 0
     lists = tmp_path / "data/a/ImageSets"
     assert lists.joinpath("train.txt").read_text().split()[-1] == "000049"
     assert lists.joinpath("val.txt").read_text().split()[0] == "000070"

@@ -11,17 +11,12 @@ import pandas as pd
 import pytest
 
 from pyinfra import kitti
-from pyinfra.statistics import command as statistics
-from pyinfra.statistics import patterns
+from pyinfra.commands import statistics
+from pyinfra.data.data_set import Tilt, field_of_view_mask, read_data_set
+from pyinfra.statistics import patterns, study
 from pyinfra.statistics import tables as statistics_tables
-from pyinfra.statistics.data import (
-    Tilt,
-    Vehicles,
-    field_of_view_mask,
-    read_data_set,
-    read_vehicles,
-)
 from pyinfra.statistics.intervals import Blocks, ratio, time_blocks
+from pyinfra.statistics.vehicles import Vehicles, read_vehicles
 
 Infrasim = Callable[..., Any]
 
@@ -303,7 +298,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
     data = read_data_set(folder)
     assert read_vehicles(data, above_road=True).points.tolist() == [[1], [0]]
     for above_road, count in ((False, 2), (True, 1)):
-        tables = statistics.statistics([folder], above_road=above_road, patterns=False)
+        tables = study.statistics([folder], above_road=above_road, patterns=False)
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
     roads.write_text(roads.read_text() + "m,1,1,0,0.5,0,21\n")
@@ -313,7 +308,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
 
 def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1)]}})
-    table = statistics.speed_table(read_data_set(folder))
+    table = study.speed_table(read_data_set(folder))
     assert table.samples.sum() == 1
     assert table[table.from_km_h == 54].samples.tolist() == [1]
 
@@ -334,11 +329,11 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
 
 def test_frames_without_vehicles_give_tables_without_numbers(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [], 1: []}})
-    tables = statistics.statistics([folder], patterns=False)
+    tables = study.statistics([folder], patterns=False)
     assert tables["points_per_vehicle"].vehicles.sum() == 0
     assert tables["points_per_vehicle"].apv.isna().all()
     drawn = {name: tables[name] for name in ("points_per_vehicle", "quality")}
-    assert len(statistics.write(drawn, tmp_path / "out")) == 2
+    assert len(study.write(drawn, tmp_path / "out")) == 2
 
 
 def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path: Path) -> None:
@@ -347,11 +342,11 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
     recording = write_folder(tmp_path / "recording", {"a": {0: rows}})
     (recording / "trajectories.csv").unlink()
     assert read_vehicles(read_data_set(recording)).ids.tolist() == [1]
-    tables = statistics.statistics([recording])
+    tables = study.statistics([recording])
     assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
     assert not {"speed", "lit_share", "angular_density"} & set(tables)
     run = write_folder(tmp_path / "run", {"a": {0: rows}})
-    assert "speed" in statistics.statistics([recording, run], patterns=False)
+    assert "speed" in study.statistics([recording, run], patterns=False)
 
 
 @pytest.mark.slow

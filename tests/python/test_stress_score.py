@@ -9,7 +9,7 @@ import pytest
 from evaluation_data import box, car, noisy, traffic, write_lidar, write_predictions, write_roads
 
 from pyinfra.detectors import Detections
-from pyinfra.evaluate import evaluate
+from pyinfra.evaluation.evaluate import evaluate
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.stress import figures, score, summary
 from pyinfra.stress.catalogue import STRESSORS

@@ -19,11 +19,17 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import road_sample  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
 
-from pyinfra import cli, detect, kitti, train  # noqa: E402
+from pyinfra import cli, kitti  # noqa: E402
 from pyinfra.boxes import points_in_box  # noqa: E402
 from pyinfra.config import ConfigError  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
-from pyinfra.training import checkpoint, loop, validation  # noqa: E402
+from pyinfra.training import (  # noqa: E402
+    checkpoint,
+    detect,
+    loop,
+    train,
+    validation,
+)
 from pyinfra.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.training.samples import (  # noqa: E402
     Augmentation,

@@ -17,7 +17,7 @@ from evaluation_data import (
 )
 
 from pyinfra import cli, kitti
-from pyinfra.validate import validate
+from pyinfra.evaluation.frame_checks import validate
 
 Found = list[list[tuple[list[float], float]]]
 

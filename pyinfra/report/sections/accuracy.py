@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.hits import paper_ap
+from pyinfra.benchmark.results import TableFile
+from pyinfra.data.paper_tables import paper_ap
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     NOTHING,
@@ -18,7 +19,6 @@ from pyinfra.report.blocks import (
     LegendEntry,
     Panel,
     Section,
-    Source,
     Table,
     Text,
     number,
@@ -71,7 +71,7 @@ def _agreement(material: Material) -> list[Block]:
         "correlation over the cells that both have, and the mean of AP here less the paper's."
     )
     columns = [Column(head, number=head != "Scene") for head in heads]
-    return [Table(caption, columns, found, Source(material.results.file("paper"), rows))]
+    return [Table(caption, columns, found, TableFile(material.results.file("paper"), rows))]
 
 
 def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
@@ -121,7 +121,7 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
     if rows.empty:
         return []
     columns = [*KEY, "preset", "seed", "ap", "ap_low", "ap_high", "paper_ap", "origin"]
-    source = Source("report_ap_against_paper.csv", rows[columns])
+    source = TableFile("report_ap_against_paper.csv", rows[columns])
     panels = [_versus(material, own) for _, own in rows.groupby("scene", sort=False)]
     lidars = material.names.sorted(rows.lidar)
     legend = [

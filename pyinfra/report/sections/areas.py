@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.patches import Patch
 
 from pyinfra.data import regions
+from pyinfra.data.data_set import DataSet
 from pyinfra.evaluation.figures import LABELS, LOOKS, areas_plan
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
@@ -28,7 +29,6 @@ from pyinfra.report.looks import INK, drawing, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.report.sections.distance import MEANING
-from pyinfra.statistics.data import DataSet
 from pyinfra.statistics.selection import first_seed
 
 TRUTHS = ("captured", "all")

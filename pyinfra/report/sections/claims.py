@@ -6,7 +6,8 @@ import re
 
 import pandas as pd
 
-from pyinfra.report.blocks import NOTHING, Cell, Column, Section, Source, Table, Text, shown, span
+from pyinfra.benchmark.results import TableFile
+from pyinfra.report.blocks import NOTHING, Cell, Column, Section, Table, Text, shown, span
 from pyinfra.report.material import Material
 from pyinfra.report.names import PRESETS, Names, in_order
 
@@ -46,7 +47,7 @@ def section(material: Material) -> Section | None:
         "the range from those that are decided to those and the undecided ones.",
         [Column("Claim"), Column("Tested on"), *(Column(f"Preset {p}") for p in presets)],
         _table_rows(rows, presets, material.names),
-        Source("report_claims.csv", rows.drop(columns=["key"])),
+        TableFile("report_claims.csv", rows.drop(columns=["key"])),
     )
     left = [f"{name} ({text[0].lower()}{text[1:]})" for name, text in CLAIMS.items()]
     left = [text for name, text in zip(CLAIMS, left, strict=True) if name not in set(rows.claim)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
@@ -12,7 +13,6 @@ from pyinfra.report.blocks import (
     Figure,
     Panel,
     Section,
-    Source,
     Table,
     number,
 )
@@ -34,7 +34,7 @@ def section(material: Material) -> Section | None:
     lead = ""
     if len(detail) > 0:
         ladder = _ladder(detail)
-        source = Source("report_fidelity.csv", ladder)
+        source = TableFile("report_fidelity.csv", ladder)
         lead = recommendation(ladder)
         blocks += [_figure(material, ladder, source), _ladder_table(material, ladder, source)]
     if len(aggregation) > 0:
@@ -101,7 +101,7 @@ def _cost_of_slices(table: pd.DataFrame) -> str:
     return f"{text}; {'; '.join(others)}." if others else f"{text}."
 
 
-def _figure(material: Material, ladder: pd.DataFrame, source: Source) -> Figure:
+def _figure(material: Material, ladder: pd.DataFrame, source: TableFile) -> Figure:
     with drawing():
         figure, ax = panel(4.6, 2.9)
         rows = ladder[ladder.detail != REFERENCE]
@@ -126,7 +126,7 @@ def _figure(material: Material, ladder: pd.DataFrame, source: Source) -> Figure:
     return Figure("figure-fidelity", caption, [drawn], source, legend(material.names, lidars))
 
 
-def _ladder_table(material: Material, ladder: pd.DataFrame, source: Source) -> Table:
+def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -> Table:
     heads = [Column("Detail"), Column("LiDAR")]
     titles = ("Mean change, %", "Largest change, %", "Time")
     heads += [Column(c, number=True) for c in titles]

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.hits import paper_hits
+from pyinfra.benchmark.results import TableFile
+from pyinfra.data.paper_tables import paper_hits
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
@@ -17,7 +18,6 @@ from pyinfra.report.blocks import (
     LegendEntry,
     Panel,
     Section,
-    Source,
     Table,
     number,
 )
@@ -36,7 +36,7 @@ def section(material: Material) -> Section | None:
     paper = paper_hits().rename(columns={"hits": "paper_hits"})
     rows = rows.merge(paper, on=KEY, how="left")
     rows["difference_percent"] = 100 * (rows.hits_per_frame / rows.paper_hits - 1)
-    source = Source("report_hits.csv", rows)
+    source = TableFile("report_hits.csv", rows)
     table = Table(
         f"Mean hit points of a frame. Difference: preset paper against the paper's table. {file}",
         [Column("Scene"), Column("LiDAR"), *(Column(c, number=True) for c in _heads(rows))],
@@ -101,7 +101,7 @@ def _lead(rows: pd.DataFrame) -> str:
     )
 
 
-def _figure(material: Material, rows: pd.DataFrame, source: Source) -> Figure:
+def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure:
     """Simulated against printed, a panel for each scene, on logarithmic axes."""
     panels = [_panel(material, own) for _, own in rows.groupby("scene", sort=False)]
     lidars = material.names.sorted(rows.lidar)

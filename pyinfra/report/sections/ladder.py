@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
-from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Source, Table, number
+from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Table, number
 from pyinfra.report.looks import drawing, panel
 from pyinfra.report.material import Material
 from pyinfra.report.sections.distance import legend
@@ -173,5 +174,5 @@ def _table(material: Material, found: list[Rung]) -> Table:
     ]
     made = pd.DataFrame([vars(rung) for rung in found])
     caption = "Conclusions with a cheaper model, from ladder.csv."
-    source = Source("report_ladder.csv", made)
+    source = TableFile("report_ladder.csv", made)
     return Table(caption, [*heads, Column("Conclusions")], rows, source)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
+from pyinfra.benchmark.results import TableFile
 from pyinfra.report.blocks import (
     Block,
     Cell,
@@ -13,7 +14,6 @@ from pyinfra.report.blocks import (
     Index,
     Link,
     Section,
-    Source,
     Steps,
     Table,
     number,
@@ -83,7 +83,7 @@ def _detectors(names: list[str]) -> Table:
     rows = [[Cell(detector(n)), *(Cell(t) for t in KINDS.get(n, ("own", "")))] for n in names]
     heads = [Column("Detector"), Column("Kind"), Column("How it works")]
     table = pd.DataFrame([[c.text for c in row] for row in rows], columns=["name", "kind", "how"])
-    return Table("The detectors.", heads, rows, Source("report_detectors.csv", table))
+    return Table("The detectors.", heads, rows, TableFile("report_detectors.csv", table))
 
 
 def anchors(sections: Iterable[Section]) -> list[str]:
@@ -121,7 +121,7 @@ def _provenance(material: Material) -> Table:
     ]
     heads = [Column(c.capitalize(), number=c == "rows") for c in columns]
     caption = "Where the numbers come from."
-    return Table(caption, heads, cells, Source("report_provenance.csv", listed))
+    return Table(caption, heads, cells, TableFile("report_provenance.csv", listed))
 
 
 def _different(table: pd.DataFrame, column: str) -> str:

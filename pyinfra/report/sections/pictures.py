@@ -14,15 +14,16 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure as Drawing
 
 from pyinfra import kitti
+from pyinfra.benchmark.results import TableFile
 from pyinfra.data import frame_tables
+from pyinfra.data.data_set import DataSet
 from pyinfra.drawing import clouds, cutouts, scene
 from pyinfra.report import svg
-from pyinfra.report.blocks import Block, Figure, LegendEntry, Panel, Section, Source
+from pyinfra.report.blocks import Block, Figure, LegendEntry, Panel, Section
 from pyinfra.report.looks import drawing, panel
 from pyinfra.report.material import Material, Run
 from pyinfra.report.names import detector
-from pyinfra.statistics.command import described, speed_table
-from pyinfra.statistics.data import DataSet
+from pyinfra.statistics.study import described, speed_table
 
 PATTERN_S = 2.0
 SHOWN_SCORE = 0.3  # of predicted boxes
@@ -238,7 +239,7 @@ def _speeds(data_sets: Sequence[DataSet]) -> Block:
     table = pd.concat([described(d, speed_table(d), above_road=False) for d in first])
     panels = [_speed_panel(rows) for _, rows in table.groupby("scene", sort=False)]
     caption = "Speeds of all vehicles at the times of the frames."
-    return Figure("figure-speeds", caption, panels, Source("report_speeds.csv", table))
+    return Figure("figure-speeds", caption, panels, TableFile("report_speeds.csv", table))
 
 
 def _speed_panel(rows: pd.DataFrame) -> Panel:

@@ -6,15 +6,17 @@ from typing import Any
 
 import pandas as pd
 
+from pyinfra.benchmark.results import TableFile
+from pyinfra.data.data_set import DataSet
 from pyinfra.report import svg
-from pyinfra.report.blocks import Figure, Panel, Section, Source
+from pyinfra.report.blocks import Figure, Panel, Section
 from pyinfra.report.looks import drawing, log_ticks, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import PRESETS, in_order
 from pyinfra.report.sections.distance import legend
 from pyinfra.statistics import tables
-from pyinfra.statistics.command import sets_of
-from pyinfra.statistics.data import DataSet, blocks_of, read_vehicles
+from pyinfra.statistics.study import sets_of
+from pyinfra.statistics.vehicles import blocks_of, read_vehicles
 
 SETS = ("common", "view")
 
@@ -35,14 +37,14 @@ def section(material: Material) -> Section | None:
     return Section("points", "Points per vehicle", lead, figures)
 
 
-def _measured(material: Material) -> tuple[pd.DataFrame, Source]:
+def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
     """The results' own table, else what is counted in the data sets."""
     table = material.results.table("points")
     exact = [data for data in material.data if data.aggregation == "exact"]
     if len(table) > 0 or not exact:
         return table, material.results.source("points")
     table = pd.concat([_counted(data) for data in exact], ignore_index=True)
-    return table, Source("report_points_per_vehicle.csv", table)
+    return table, TableFile("report_points_per_vehicle.csv", table)
 
 
 def _counted(data: DataSet) -> pd.DataFrame:
@@ -55,7 +57,7 @@ def _counted(data: DataSet) -> pd.DataFrame:
 
 
 def _figure(
-    material: Material, table: pd.DataFrame, source: Source, preset: str, presets: list[str]
+    material: Material, table: pd.DataFrame, source: TableFile, preset: str, presets: list[str]
 ) -> Figure:
     rows = table[table.preset == preset]
     panels = [

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
@@ -17,7 +18,6 @@ from pyinfra.report.blocks import (
     LegendEntry,
     Panel,
     Section,
-    Source,
     Table,
 )
 from pyinfra.report.looks import FAINT, drawing, panel
@@ -153,7 +153,7 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
     ax.fill_between(rows["at"], rows.ap_low, rows.ap_high, color=colour, alpha=0.12, linewidth=0)
 
 
-def _plain(material: Material, rows: pd.DataFrame, source: Source, caption: str) -> Table:
+def _plain(material: Material, rows: pd.DataFrame, source: TableFile, caption: str) -> Table:
     """A table with the columns that its file has."""
     columns = [c for c in rows if c not in ("origin", "command", "version", "machine", "run")]
     numeric = {c: pd.to_numeric(rows[c], errors="coerce") for c in columns}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pyinfra.data.data_set import DataSet
 from pyinfra.report.blocks import Block, Embed, Section
 from pyinfra.report.material import Material
 from pyinfra.report.names import detector
 from pyinfra.report.sections.pictures import frame_of, is_of
 from pyinfra.report.svg import identifier
-from pyinfra.statistics.data import DataSet
 from pyinfra.viewer import frames, page
 
 MOST_POINTS = 60_000  # of a frame

@@ -1,0 +1,39 @@
+"""`pyinfra benchmark configs/benchmarks/NAME.yaml --tier TIER --out RESULTS`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from pyinfra.benchmark import store
+from pyinfra.benchmark.go import Place
+from pyinfra.benchmark.matrix import Cell, Plan
+
+# CPU seconds of a cell on one core where no row says better: training, detection, evaluation.
+SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
+BACKGROUND_S = 20.0
+
+
+def outlook(plan: Plan, place: Place, jobs: int) -> str:
+    """The cells that are not finished, and how long they will take by those that are."""
+    table = place.finished()
+    left = [cell for cell in plan.cells if not store.has(table, vars(cell))]
+    seconds = expected_seconds(left, table)
+    lines = [f"{cell.title}: {s:.0f} s" for cell, s in zip(left, seconds, strict=True)]
+    total = sum(seconds)
+    lines.append(
+        f"{len(left)} of {len(plan.cells)} cells to do: {total / 60:.0f} core-minutes, "
+        f"about {total / 60 / jobs:.0f} minutes with {jobs} jobs"
+    )
+    return "\n".join(lines)
+
+
+def expected_seconds(cells: Sequence[Cell], table: pd.DataFrame) -> list[float]:
+    """Of each cell: the median of its detector's rows, else what the tier allows."""
+    known = table.groupby("detector").train_seconds.median() if len(table) else {}
+    own = {"background": BACKGROUND_S}
+    return [
+        float(known.get(cell.detector, own.get(cell.detector, SECONDS[cell.tier])))
+        for cell in cells
+    ]

@@ -1,0 +1,91 @@
+"""`pyinfra detect RUN --data DATA/LIDAR --out DIR`, or `pyinfra detect RUN cloud.bin`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra import kitti
+from pyinfra.data.frames import frame_numbers
+from pyinfra.detectors import Detections
+from pyinfra.training.detect import PERCENTILES, detect, load_detector, model_file, transfer
+from pyinfra.training.sources import spread
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Finds vehicles with a trained detector; prints its latency."
+    parser.epilog = (
+        "example: pyinfra detect runs/pillars --data data/highway/ruby_plus "
+        "--out runs/pillars/predictions"
+    )
+    parser.add_argument("model", metavar="RUN", type=Path, help="folder of `pyinfra train`")
+    parser.add_argument("cloud", nargs="*", type=Path, help=".bin files, x y z intensity")
+    parser.add_argument("--data", type=Path, help="folder of a LiDAR")
+    parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
+    parser.add_argument(
+        "--split", help="val, train or all, with --data; default: val if split, else all"
+    )
+    parser.add_argument("--frames", type=int, default=0, help="at most so many, evenly spread")
+    parser.add_argument(
+        "--checkpoint",
+        choices=("last", "best"),
+        default="last",
+        help="default: last; best: by the recipe's validate_frames",
+    )
+    parser.add_argument("--device", default="cpu", help="of a network: cpu, cuda, cuda:1, ...")
+    parser.add_argument(
+        "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.frames < 0:
+        raise ValueError(f"--frames: found {args.frames}, allowed 0 or more")
+    if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
+        raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
+    model = model_file(args.model, args.checkpoint)
+    detector = load_detector(model, device=args.device)
+    files = args.cloud
+    if args.data is not None:
+        numbers = frame_numbers(args.data, args.split)
+        chosen = spread(numbers, args.frames) if args.frames else numbers
+        files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
+        warn(model, args)
+    if not files:
+        raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
+    found, times = detect(detector, files, args.out)
+    if args.out is None:
+        _print_boxes(files, found)
+    low, high = np.percentile(times, PERCENTILES)
+    print(
+        f"{len(files)} frames, {sum(map(len, found))} boxes, "
+        f"{low:.1f} ms a frame (median), {high:.1f} ms (95 %)",
+        file=sys.stderr if args.out is None else sys.stdout,
+    )
+    return 0
+
+
+def warn(model: Path, args: argparse.Namespace) -> None:
+    """Of what makes AP lower or higher than a user may think."""
+    other = transfer(model, args.data)
+    if other and not args.allow_transfer:
+        print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
+    if not other and not args.split and not (args.data / "ImageSets/val.txt").is_file():
+        print(
+            f"pyinfra: warning: {args.data} is not split, so all frames are taken, also those that "
+            "were learnt from; `pyinfra split` it first, or --split all if this is meant",
+            file=sys.stderr,
+        )
+
+
+def _print_boxes(files: Sequence[Path], found: Sequence[Detections]) -> None:
+    print("file,class,x,y,z,dx,dy,dz,heading,score")
+    for file, detections in zip(files, found, strict=True):
+        rows = zip(detections.names, detections.boxes, detections.scores, strict=True)
+        for name, box, score in rows:
+            numbers = ",".join(f"{v:.3f}" for v in box)
+            print(f"{file},{name},{numbers},{score:.4f}")

@@ -1,0 +1,127 @@
+"""`pyinfra evaluate --gt DATA/LIDAR --pred DIR --out DIR`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pyinfra.data.frames import frame_range
+from pyinfra.evaluation.evaluate import default_settings, evaluate, write
+from pyinfra.evaluation.ground_truth import SETS
+from pyinfra.evaluation.judge import PROTOCOLS, Settings
+from pyinfra.evaluation.matching import Metric
+from pyinfra.evaluation.summary import summary
+from pyinfra.kitti import VEHICLE_TYPES
+
+METRICS: tuple[Metric, ...] = ("bev", "3d")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Average precision, by distance and area, with 95 % intervals."
+    parser.epilog = (
+        "example: pyinfra evaluate --gt data/highway/livox_avia "
+        "--pred runs/pillars/predictions --out out/evaluation"
+    )
+    parser.add_argument("--gt", type=Path, required=True, help="folder of a LiDAR, KITTI layout")
+    parser.add_argument(
+        "--pred",
+        type=Path,
+        required=True,
+        help="folder of NNNNNN.txt (KITTI results) or NNNNNN.csv (class,x,y,z,dx,dy,dz,heading,"
+        "score in the LiDAR frame)",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
+    default = Settings()
+    parser.add_argument(
+        "--ground-truth",
+        nargs="+",
+        choices=SETS,
+        help="captured: with points of this LiDAR; common: in view of every LiDAR of the data set, "
+        "visible; all: visible. Default: captured all, without objects captured",
+    )
+    parser.add_argument(
+        "--class",
+        dest="classes",
+        nargs="+",
+        metavar="NAME[=TYPE,...]",
+        help=f"KITTI types that count; default vehicle={','.join(VEHICLE_TYPES)}",
+    )
+    parser.add_argument("--iou", type=float, nargs="+", default=default.ious)
+    parser.add_argument("--metric", nargs="+", choices=METRICS, default=default.metrics)
+    parser.add_argument(
+        "--protocol",
+        nargs="+",
+        choices=PROTOCOLS,
+        default=default.protocols,
+        help="definition: 40 recalls; r11: 11 recalls; kitti: the devkit's sampling, strict IoU",
+    )
+    parser.add_argument("--min-score", type=float, default=default.min_score)
+    parser.add_argument(
+        "--min-points", type=int, default=default.min_points, help="of a captured vehicle"
+    )
+    parser.add_argument(
+        "--min-objects", type=int, default=default.min_objects, help="of an area that counts"
+    )
+    parser.add_argument(
+        "--cut-first", action="store_true", help="also match within each window alone; slow"
+    )
+    parser.add_argument("--draws", type=int, default=default.draws, help="of the bootstrap")
+    parser.add_argument("--seed", type=int, default=default.seed, help="of the bootstrap")
+    frames = parser.add_mutually_exclusive_group()
+    frames.add_argument(
+        "--split", help="train, val, ... of ImageSets, or all; default val if there is one"
+    )
+    frames.add_argument("--frames", metavar="A:B[:STEP]", help="B excluded")
+    parser.add_argument(
+        "--allow-missing", action="store_true", help="a missing file means nothing found"
+    )
+    parser.add_argument("--no-figures", action="store_true")
+
+
+def run(args: argparse.Namespace) -> int:
+    default = default_settings(args.gt)
+    settings = Settings(
+        classes=class_types(args.classes) if args.classes else default.classes,
+        ground_truths=tuple(args.ground_truth or default.ground_truths),
+        ious=tuple(args.iou),
+        protocols=tuple(args.protocol),
+        metrics=tuple(args.metric),
+        min_score=args.min_score,
+        min_points=args.min_points,
+        min_objects=args.min_objects,
+        cut_first=args.cut_first,
+        draws=args.draws,
+        seed=args.seed,
+    )
+    evaluation = evaluate(
+        args.gt,
+        args.pred,
+        settings,
+        frames=frame_range(args.frames, args.gt) if args.frames else None,
+        split=args.split,
+        allow_missing=args.allow_missing,
+    )
+    for finding in evaluation.findings:
+        print(f"pyinfra: {finding}", file=sys.stderr)
+    write(evaluation, args.out, figures=not args.no_figures)
+    print(summary(evaluation))
+    return 0
+
+
+def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """`vehicle`, `Car` or `large=Truck,Bus` as classes with their types.
+
+    Raises ValueError for a class without types.
+    """
+    classes = {}
+    for word in words:
+        name, equals, types = word.partition("=")
+        listed = tuple(types.split(",")) if equals else (name,)
+        if name == "vehicle" and not equals:
+            listed = VEHICLE_TYPES
+        if not name or not all(listed):
+            raise ValueError(f"--class: found '{word}', allowed NAME or NAME=TYPE,TYPE")
+        classes[name] = listed
+    return classes

@@ -1,0 +1,33 @@
+"""`pyinfra report RESULTS --out report.html`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pyinfra.report.contents import page
+from pyinfra.report.material import read_material
+from pyinfra.report.page import write_page
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "One page that opens from disk: the answer, and the figures behind it."
+    parser.epilog = (
+        "example: pyinfra report results --data data/highway --runs runs/* --out report.html"
+    )
+    parser.add_argument("results", type=Path, help="folder of the tables of `pyinfra benchmark`")
+    parser.add_argument(
+        "--data", nargs="+", type=Path, default=[], help="data sets to draw pictures of"
+    )
+    parser.add_argument(
+        "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
+    )
+    parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
+    parser.add_argument("--out", type=Path, default=Path("report.html"), help="HTML file to write")
+
+
+def run(args: argparse.Namespace) -> int:
+    material = read_material(args.results, args.data, args.runs, args.tier)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    print(write_page(page(material), args.out))
+    return 0

@@ -1,0 +1,35 @@
+"""`pyinfra statistics DATA --out DIR`."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from pyinfra.statistics.study import statistics, write
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Scanning statistics of data sets, as tables and figures."
+    parser.epilog = "example: pyinfra statistics data/highway data/curve --out out/statistics"
+    parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the tables and figures")
+    parser.add_argument(
+        "--above-road", action="store_true", help="leave out points below road level (need fields)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    patterns = _extension_is_there()
+    if not patterns:
+        print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)
+    tables = statistics(args.data, above_road=args.above_road, patterns=patterns)
+    for file in write(tables, args.out):
+        print(file)
+    return 0
+
+
+def _extension_is_there() -> bool:
+    try:
+        from pyinfra import sim  # noqa: F401
+    except ImportError:
+        return False
+    return True

@@ -1,0 +1,75 @@
+"""`pyinfra train CONFIG --data DATA/LIDAR... --tier TIER --out RUN`."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.training.recipe import Precision, read_recipe
+from pyinfra.training.sources import TIERS, Source, read_source, simulated_source
+
+if TYPE_CHECKING:
+    pass
+from pyinfra.training.train import OF_NETWORKS, train
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Trains a detector on frames; the same command goes on after a stop."
+    parser.epilog = (
+        "example: pyinfra train configs/detectors/pointpillars.yaml "
+        "--data data/highway/ruby_plus --tier quick --out runs/pillars"
+    )
+    parser.add_argument("config", type=Path, help="file of configs/detectors")
+    parser.add_argument("--data", nargs="+", type=Path, default=[], help="folders of LiDARs")
+    parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
+    parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
+    parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
+    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
+    parser.add_argument("--device", default=OF_NETWORKS["device"], help="cpu, cuda, cuda:1, ...")
+    parser.add_argument(
+        "--precision",
+        choices=get_args(Precision),
+        default=OF_NETWORKS["precision"],
+        help="of the layers; default: float32",
+    )
+    parser.add_argument(
+        "--budget",
+        type=float,
+        default=OF_NETWORKS["budget"],
+        help="share of the tier's steps, the schedule with it",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    if not 0 < args.budget <= 100:
+        raise ValueError(f"--budget: found {args.budget:g}, allowed above 0 to 100")
+    if args.seed < 0:
+        raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
+    recipe = read_recipe(args.config, args.tier)
+    if DETECTORS[recipe.detector].learnt:
+        steps = max(1, round(args.budget * recipe.learning.steps))
+        learning = dataclasses.replace(recipe.learning, steps=steps)
+        recipe = dataclasses.replace(recipe, learning=learning)
+    elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
+        words = ", ".join(f"--{key}" for key in given)
+        print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
+    how = {"seed": args.seed, "device": args.device, "precision": args.precision}
+    model = train(recipe, _sources(args), args.out, **how)
+    if os.environ.get("RANK", "0") == "0":  # of several processes, the first
+        print(model)
+    return 0
+
+
+def _sources(args: argparse.Namespace) -> list[Source]:
+    if (args.scene is None) == (not args.data) or (args.scene is None) != (args.lidar is None):
+        raise ValueError("found no or two sources, allowed --data, or --scene with --lidar")
+    if args.scene is None:
+        return [read_source(folder, args.tier) for folder in args.data]
+    return [simulated_source(args.scene, args.lidar, args.tier, preset=args.preset)]

@@ -1,0 +1,24 @@
+"""Pictures of data sets: `pyinfra pictures DATA...`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pyinfra.drawing import clouds
+from pyinfra.drawing import cutouts as cutout_figures
+from pyinfra.drawing import scene as scene_figures
+
+
+def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
+    """Writes the plan and the cut-outs of each data set; returns the files.
+
+    data_sets: the LiDAR folders of each data set. Raises OSError and kitti.FormatError.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    files = []
+    for folders in data_sets:
+        scene = scene_figures.read_scene(folders)
+        name = folders[0].parent.name
+        files += [out / f"plan_{name}.png", out / f"cutouts_{name}.png"]
+        clouds.save(scene_figures.plan([scene]), files[-2])
+        clouds.save(cutout_figures.cutouts(scene, frame), files[-1])
+    return files

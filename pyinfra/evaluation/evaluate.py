@@ -1,0 +1,73 @@
+"""Average precision of predictions: `pyinfra evaluate --gt DATA/LIDAR --pred DIR --out DIR`.
+
+Any detector of any toolbox: predictions are KITTI result files or CSV in the LiDAR frame. What
+counts and what is ignored stands in pyinfra.evaluation, AP in pyinfra.ap, the rest in
+docs/conventions.md, "Evaluation".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.atomic import replacing
+from pyinfra.data.frame_tables import read_cameras, read_predictions
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.prediction_checks import check_predictions, find_files
+from pyinfra.evaluation.result import Evaluation, evaluate_tables
+
+
+def evaluate(
+    gt: Path,
+    pred: Path,
+    settings: Settings | None = None,
+    *,
+    frames: Sequence[int] | None = None,
+    split: str | None = None,
+    allow_missing: bool = False,
+) -> Evaluation:
+    """Reads a LiDAR's folder and predictions of its frames, and evaluates them.
+
+    frames: those to evaluate; left out, those of the split (ImageSets/SPLIT.txt; by default `val`
+    if there is one, else all). Raises FormatError with file and line, FileNotFoundError, and
+    ValueError for settings that do not fit the folder.
+    """
+    known = frame_numbers(gt, "all")
+    chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
+    settings = settings or default_settings(gt)
+    found = find_files(pred, chosen, known, allow_missing=allow_missing)
+    truth = read_ground_truth(gt, chosen, beyond_range="all" in settings.ground_truths)
+    predictions = read_predictions(found.files, read_cameras(gt, chosen))
+    types = settings.types
+    of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
+    findings = [
+        *found.findings,
+        *check_predictions(predictions, found.files, of_types, types, settings.min_score),
+    ]
+    return evaluate_tables(truth, predictions, settings, findings)
+
+
+def default_settings(gt: Path) -> Settings:
+    """`all` can only be told with objects."""
+    has_objects = (gt / "training/objects").is_dir()
+    return Settings() if has_objects else Settings(ground_truths=("captured",))
+
+
+def write(evaluation: Evaluation, out: Path, *, figures: bool = True) -> list[Path]:
+    """Writes the tables as CSV, and their figures as SVG and PNG; returns the files."""
+    out.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, table in evaluation.tables().items():
+        files.append(out / f"{name}.csv")
+        with replacing(files[-1]) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
+    if figures:
+        # Plotting takes a second to import.
+        from pyinfra.evaluation import figures as evaluation_figures
+
+        files += evaluation_figures.draw_all(evaluation, out)
+    return files

@@ -1,0 +1,1 @@
+"""The `infrasim` binary, and what comes with it."""

@@ -1,0 +1,20 @@
+"""Starts the `infrasim` binary of this package."""
+
+import os
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def binary() -> Path | None:
+    """The simulator: that of the wheel, else the one that `make build` leaves in a source tree."""
+    candidates = [PACKAGE / "bin/infrasim", PACKAGE.parent / "build/dev/cpp/infrasim"]
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def main() -> None:
+    path = binary()
+    if path is None:
+        sys.exit("infrasim: no binary beside the package; run `make build` or install the wheel")
+    os.execv(path, ["infrasim", *sys.argv[1:]])

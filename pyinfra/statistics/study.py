@@ -1,0 +1,185 @@
+"""Scanning statistics of data sets: `pyinfra statistics DATA... --out DIR`.
+
+What a LiDAR gets of a scene before any detector: hits, points per vehicle, quality, light. The
+functions are in tables.py (vehicles) and patterns.py (rays); here they are put
+together, written as CSV and drawn. Definitions: docs/conventions.md, "Scanning statistics".
+"""
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.atomic import replacing
+from pyinfra.data.data_set import DataSet, read_data_set
+from pyinfra.statistics import figures as statistics_figures
+from pyinfra.statistics import tables as statistics_tables
+from pyinfra.statistics.intervals import Blocks, time_blocks
+from pyinfra.statistics.vehicles import Vehicles, blocks_of, hit_counts, read_vehicles
+
+Tables = dict[str, pd.DataFrame]
+
+
+def sets_of(vehicles: Vehicles) -> dict[str, Vehicles]:
+    """The sets of vehicles that statistics compare, by name."""
+    return {
+        "common": vehicles.select(vehicles.common()),
+        "view": vehicles.select(vehicles.view()),
+    }
+
+
+def vehicle_tables(vehicles: Vehicles, blocks: Blocks) -> Tables:
+    """points_per_vehicle, quality, only_one, decay and box_points, with a column `set`."""
+    tables: dict[str, list[pd.DataFrame]] = {}
+    for name, chosen in sets_of(vehicles).items():
+        for table, function in (
+            ("points_per_vehicle", statistics_tables.points_per_vehicle),
+            ("quality", statistics_tables.quality),
+            ("only_one", statistics_tables.only_one),
+            ("decay", statistics_tables.decay),
+            ("box_points", statistics_tables.box_points),
+        ):
+            rows = function(chosen, blocks)
+            rows.insert(0, "set", name)
+            tables.setdefault(table, []).append(rows)
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+
+
+def speed_table(data: DataSet) -> pd.DataFrame:
+    """Speeds of all vehicles of the scene at the times of the frames, from trajectories.csv."""
+    rows = pd.read_csv(data.folder / "trajectories.csv", usecols=["t", "id", "speed"])
+    number = np.round(rows.t / data.period_s).astype(np.int64)
+    rows = rows[np.isin(number, data.frames)]
+    return statistics_tables.speed_distribution(rows.id.to_numpy(), rows.speed.to_numpy())
+
+
+def pattern_tables(data: DataSet) -> Tables:
+    """lit_share and angular_density of the LiDARs whose pattern is known; none without one.
+
+    Raises ImportError without the extension.
+    """
+    from pyinfra.statistics import patterns
+
+    tables: dict[str, list[pd.DataFrame]] = {"lit_share": [], "angular_density": []}
+    for lidar in data.lidars:
+        file = data.lidar_folder(lidar.name) / "lidar.yaml"
+        if not patterns.has_pattern(file):
+            continue
+        rays = patterns.read_rays(file, patterns.FIELD_S, data.period_s)
+        tables["lit_share"].append(patterns.lit_share(rays).assign(lidar=lidar.name))
+        tables["angular_density"].append(patterns.angular_density(rays).assign(lidar=lidar.name))
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items() if parts}
+
+
+def data_set_tables(data: DataSet, vehicles: Vehicles, *, above_road: bool) -> Tables:
+    """All tables of one data set but those of its patterns, with columns that name it.
+
+    A recording, which has no trajectories, has no table of speeds.
+    """
+    blocks = blocks_of(data)
+    counts = {x.name: hit_counts(data, x, above_road=above_road) for x in data.lidars}
+    tables = vehicle_tables(vehicles, blocks)
+    tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
+    if (data.folder / "trajectories.csv").is_file():
+        tables["speed"] = speed_table(data)
+    return {name: described(data, rows, above_road) for name, rows in tables.items()}
+
+
+def aggregation_table(
+    data_sets: Sequence[DataSet], vehicles: Sequence[Vehicles], *, above_road: bool = False
+) -> pd.DataFrame:
+    """What the aggregation mode changes, from each other mode to `exact`, on `common`.
+
+    Data sets of one scene, preset and seed are compared on the frames that both have; no rows
+    without such a pair.
+    """
+    rows = []
+    pairs = itertools.permutations(zip(data_sets, vehicles, strict=True), 2)
+    for (before, a), (after, b) in pairs:
+        same = all(getattr(before, k) == getattr(after, k) for k in ("scene", "preset", "seed"))
+        frames = np.intersect1d(before.frames, after.frames)
+        if not same or after.aggregation != "exact" or before.aggregation == "exact":
+            continue
+        if before.names != after.names or len(frames) == 0:
+            continue
+        blocks = time_blocks(frames.astype(np.int64), after.period_s)
+        change = statistics_tables.aggregation_change(
+            a.select(a.common()), b.select(b.common()), blocks
+        )
+        rows.append(described(before, change, above_road))
+    return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
+
+
+def described(data: DataSet, rows: pd.DataFrame, above_road: bool) -> pd.DataFrame:
+    """Rows with first the columns scene, preset, aggregation, seed, above_road."""
+    key = {
+        "scene": data.scene,
+        "preset": data.preset,
+        "aggregation": data.aggregation,
+        "seed": data.seed,
+        "above_road": "above road" if above_road else "all points",
+    }
+    return cast(
+        pd.DataFrame, pd.concat([pd.DataFrame([key] * len(rows), index=rows.index), rows], axis=1)
+    )
+
+
+def statistics(
+    folders: Sequence[Path], *, above_road: bool = False, patterns: bool = True
+) -> Tables:
+    """All tables of the data sets under one another, by name.
+
+    Raises what read_data_set and read_vehicles raise; ImportError for patterns without the
+    extension.
+    """
+    data_sets = [read_data_set(folder) for folder in folders]
+    vehicles = [read_vehicles(data, above_road=above_road) for data in data_sets]
+    parts = [
+        data_set_tables(data, v, above_road=above_road)
+        for data, v in zip(data_sets, vehicles, strict=True)
+    ]
+    tables = _joined(parts)
+    change = aggregation_table(data_sets, vehicles, above_road=above_road)
+    if len(change) > 0:
+        tables["aggregation"] = change
+    if patterns:
+        tables |= _patterns_once(data_sets, above_road)
+    return tables
+
+
+def write(tables: Tables, out: Path) -> list[Path]:
+    """Each table as NAME.csv, NAME.svg and NAME.png; returns the CSV files."""
+    out.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, table in tables.items():
+        file = out / f"{name}.csv"
+        with replacing(file) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
+        statistics_figures.save(statistics_figures.draw(name, table), out / name)
+        files.append(file)
+    return files
+
+
+def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:
+    """The patterns' tables, once for each scene and preset: the aggregation changes none."""
+    seen: dict[tuple[str, tuple[str, ...]], DataSet] = {}
+    for data in data_sets:
+        seen.setdefault((data.preset, data.names), data)
+    return _joined(
+        [
+            {name: described(data, rows, above_road) for name, rows in pattern_tables(data).items()}
+            for data in seen.values()
+        ]
+    )
+
+
+def _joined(parts: Sequence[Tables]) -> Tables:
+    """Tables of the same name under one another."""
+    names = list(dict.fromkeys(name for part in parts for name in part))
+    return {
+        name: pd.concat([part[name] for part in parts if name in part], ignore_index=True)
+        for name in names
+    }

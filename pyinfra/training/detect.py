@@ -1,0 +1,112 @@
+"""`pyinfra detect RUN --data DATA/LIDAR --out DIR`, or `pyinfra detect RUN cloud.bin`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pyinfra import kitti
+from pyinfra.detectors import Detections, Detector, Points
+from pyinfra.detectors.background import Background
+from pyinfra.kitti import FloatArray, Labels
+from pyinfra.training.sources import scene_of
+
+PERCENTILES = (50, 95)
+
+
+def load_detector(run: Path, *, device: str = "cpu") -> Detector:
+    """The detector of a run's folder, or of a file in it.
+
+    Raises FileNotFoundError, and ValueError for a file that is no model.
+    """
+    file = model_file(run)
+    if file.suffix == ".npz":
+        return Background.load(file)
+    from pyinfra.detectors.fused import fused
+    from pyinfra.detectors.network import device_of
+    from pyinfra.training import checkpoint
+
+    return fused(checkpoint.load(file).network()).to(device_of(device))
+
+
+def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
+    """The model in a run's folder, or the file itself. Raises FileNotFoundError."""
+    if run.is_file():
+        return run
+    names = (f"{which}.safetensors", "background.npz")
+    for name in names:
+        if (run / name).is_file():
+            return run / name
+    raise FileNotFoundError(2, f"No {' or '.join(names)} in it", str(run))
+
+
+def transfer(run: Path, lidar_folder: Path) -> str:
+    """How the folder differs from what the run learnt from; empty if it does not."""
+    file = model_file(run)
+    if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
+        return ""
+    from pyinfra.training import checkpoint
+
+    about, lidar = checkpoint.load(file).about, kitti.read_lidar(lidar_folder)
+    pairs = {
+        "LiDAR": (about.lidar, lidar.name),
+        "preset": (about.preset, lidar.preset),
+        "scene": (about.scene, scene_of(lidar_folder)),
+    }
+    return ", ".join(
+        f"{name} {theirs} (learnt on {ours})"
+        for name, (ours, theirs) in pairs.items()
+        if theirs not in ours.split()
+    )
+
+
+def detect(
+    detector: Detector, files: Sequence[Path], out: Path | None
+) -> tuple[list[Detections], FloatArray]:
+    """Detections and milliseconds, points to boxes, of each cloud; written as KITTI results.
+
+    The results are in the camera of the frame's calib file, if there is one where a data set has
+    it, else in that of a simulated LiDAR. Raises FormatError for a cloud that is none, and
+    ValueError for two clouds of one name.
+    """
+    found, times = [], []
+    if out is not None:
+        once(files)
+        out.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        points = kitti.read_points(file)
+        detections, seconds = timed(detector, points)
+        found.append(detections)
+        times.append(1000 * seconds)
+        if out is not None:
+            labels = Labels(detections.names, detections.boxes, detections.scores)
+            kitti.write_labels(out / f"{file.stem}.txt", labels, calibration_of(file))
+    return found, np.array(times)
+
+
+def once(files: Sequence[Path]) -> None:
+    """Raises ValueError if the results of two clouds would be one file."""
+    named: dict[str, Path] = {}
+    for file in files:
+        if file.stem in named:
+            raise ValueError(
+                f"{file}: found the name of {named[file.stem]}, allowed once with --out"
+            )
+        named[file.stem] = file
+
+
+def calibration_of(cloud: Path) -> kitti.Calibration | None:
+    """That of a cloud in `velodyne`, from `calib` beside it. Raises FormatError."""
+    file = cloud.parent.parent / "calib" / f"{cloud.stem}.txt"
+    beside = cloud.parent.name == "velodyne" and file.is_file()
+    return kitti.read_calibration(file) if beside else None
+
+
+def timed(detector: Detector, points: Points) -> tuple[Detections, float]:
+    start = time.perf_counter()
+    found = detector.predict(points)
+    return found, time.perf_counter() - start

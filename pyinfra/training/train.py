@@ -1,0 +1,164 @@
+"""`pyinfra train CONFIG --data DATA/LIDAR... --tier TIER --out RUN`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+from tqdm import tqdm
+
+from pyinfra.atomic import replacing
+from pyinfra.config import as_plain
+from pyinfra.detectors.background import Background
+from pyinfra.training.recipe import Precision, Recipe
+from pyinfra.training.samples import Frames
+from pyinfra.training.sources import Source, spread
+
+if TYPE_CHECKING:
+    from pyinfra.training.loop import Description, Progress
+
+
+BACKGROUND_FRAMES = 100
+
+
+# What a method that does not learn by steps has no use for, and its default.
+OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0}
+
+
+def train(
+    recipe: Recipe,
+    sources: Sequence[Source],
+    out: Path,
+    *,
+    seed: int = 1,
+    device: str = "cpu",
+    precision: Precision = "float32",
+    quiet: bool = False,
+) -> Path:
+    """Trains a detector into the folder `out`, or goes on there; returns the model's file.
+
+    Raises what reading frames and training raise.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    other = "last.safetensors" if recipe.detector == "background" else "background.npz"
+    if (out / other).exists():
+        raise FileExistsError(f"{out}: {other}: is there already, of another detector")
+    if recipe.detector == "background":
+        return _learn_background(recipe, sources, out)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet)
+
+
+def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> Path:
+    if len(sources) != 1:
+        raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
+    (source,) = sources
+    chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
+    file = out / "background.npz"
+    Background.learn([source.clouds[i]() for i in chosen], recipe.network).save(file)
+    return file
+
+
+def _train_network(
+    recipe: Recipe,
+    sources: Sequence[Source],
+    out: Path,
+    seed: int,
+    device: str,
+    precision: Precision,
+    quiet: bool,
+) -> Path:
+    import torch
+
+    from pyinfra.detectors import processes, windows
+    from pyinfra.detectors.network import device_of
+    from pyinfra.detectors.site import site_of
+    from pyinfra.training import checkpoint, loop
+
+    frames, held_out = _frames(sources, recipe.learning.validate_frames)
+    torch.manual_seed(seed)
+    site = site_of(frames.boxes)
+    network = checkpoint.build(recipe.detector, recipe.network, site)
+    windows.check(network, recipe.learning.window_m2)
+    about = checkpoint.About(
+        detector=recipe.detector,
+        network=as_plain(recipe.network),
+        site=site,
+        lidar=" ".join(sorted({s.lidar for s in sources})),
+        preset=" ".join(sorted({s.preset for s in sources})),
+        scene=" ".join(sorted({s.scene for s in sources})),
+        seed=seed,
+        step=0,
+        steps=recipe.learning.steps,
+    )
+    description = loop.describe(about, recipe, len(frames), precision)
+    with processes.joined(device_of(device)) as where:
+        processes.check_batch(recipe.learning.batch)
+        begun = loop.read_begun(out, description)  # once all are here, so all find the same
+        done = begun.about.step if begun is not None else 0
+        first = processes.rank() == 0
+        with _reporting(out, description, done, quiet) if first else nullcontext() as report:
+            loop.train(
+                network,
+                frames,
+                recipe,
+                about,
+                out,
+                begun=begun,
+                held_out=held_out,
+                device=where,
+                precision=precision,
+                report=report,
+            )
+    return out / "last.safetensors"
+
+
+@contextmanager
+def _reporting(
+    out: Path, description: Description, done: int, quiet: bool
+) -> Iterator[Callable[[Progress], None]]:
+    """Describes the run in `run.yaml`, and shows and logs each step that is given."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    from pyinfra.training.loop import Log
+
+    with replacing(out / "run.yaml") as beside:
+        beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
+    log, steps = Log(out / "log.csv", done), description.steps
+    board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
+    # Without `quiet`, None: on a terminal only.
+    bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
+
+    def report(progress: Progress) -> None:
+        log(progress)
+        values = {"loss": progress.loss, "rate": progress.rate, **progress.parts}
+        for name, value in values.items():
+            board.add_scalar(name, value, progress.step)
+        bar.set_postfix(loss=f"{progress.loss:.3f}", refresh=False)
+        bar.update()
+
+    with bar, board:
+        yield report
+
+
+def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
+    """The frames to learn from, and the last `kept` ones of each LiDAR; None for 0.
+
+    Raises ValueError if nothing is left to learn from, or no vehicle stands in what is kept.
+    """
+    learnt, held_out = Frames((), ()), Frames((), ())
+    for source in sources:
+        whole = Frames(source.clouds, source.read_boxes())
+        if 0 < len(whole) <= kept:
+            raise ValueError(
+                f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "
+                f"the frames of {source.lidar}"
+            )
+        learnt += whole.part(slice(0, len(whole) - kept))
+        held_out += whole.part(slice(len(whole) - kept, None))
+    if kept > 0 and not any(map(len, held_out.boxes)):
+        raise ValueError(f"found no vehicle in the last {kept} frames, allowed one or more")
+    return learnt, held_out if kept > 0 else None
