@@ -11,7 +11,7 @@ configure = cmake --preset $(1) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset debian13 test lint stubs reference viewer bench wheel sanitize fuzz clean
+.PHONY: setup build demo dataset debian13 test lint stubs reference docs viewer bench wheel sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -65,6 +65,11 @@ viewer:
 reference: build
 	@scripts/setup.sh detectors
 	$(PYTHON) scripts/reference.py
+
+# The tables of the pages that repeat a CSV of results/.
+docs:
+	@scripts/setup.sh build
+	$(PYTHON) scripts/tables.py
 
 bench: build
 	@scripts/setup.sh bench

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from pyinfra import cli
+from scripts import tables
 
 pytest.importorskip("torch", reason="the extra `detectors` is not installed")
 
@@ -95,6 +96,12 @@ def test_the_pages_name_each_other() -> None:
     for page in doc_pages.PAGES:
         for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_tables_of_the_pages_are_what_make_docs_writes() -> None:
+    blocks = [name for p in tables.PAGES for _, name, *_ in tables.BLOCK.findall(p.read_text())]
+    assert sorted(blocks) == sorted(tables.TABLES)
+    assert [p.name for p in tables.PAGES if tables.rewritten(p) != p.read_text()] == []
 
 
 def test_the_detector_of_the_page_is_short() -> None:

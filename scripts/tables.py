@@ -1,0 +1,281 @@
+"""Writes the tables of the documentation that repeat a CSV of results/: `make docs`.
+
+A table stands in a page between `<!-- table NAME -->` and `<!-- end -->`; NAME is a row of TABLES
+with what it is made of. `--check` writes nothing and fails if a page differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache, partial
+from pathlib import Path
+
+import pandas as pd
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+PRESETS = ("paper", "equal", "datasheet")
+DETECTORS = {
+    "background": "Background",
+    "pointpillars": "PointPillars",
+    "centerpoint-pillar": "CenterPoint-Pillar",
+    "pv-rcnn": "PV-RCNN",
+    "dsvt": "DSVT",
+    "pointrcnn-remedied": "PointRCNN, remedied",
+    "pointrcnn": "PointRCNN",
+}
+LIDARS = {
+    "ruby_plus": "128 lines",
+    "livox_avia": "Avia",
+    "pandar_64": "64 lines",
+    "helios_16": "16 lines",
+}
+
+# Claims about scanning: what the paper says, the claim, and words of its statement.
+SCANNING = (
+    ("the Avia has about twice the points far out", "far-range", "view,", "all vehicles"),
+    ("128 lines have more points close by", "near-range", "", ""),
+    ("twice the lines, twice the points", "ratio", "ruby_plus over pandar_64", "128 / 64"),
+    ("four times the lines, four times the points", "ratio", "pandar_64 over helios_16", "64 / 16"),
+    ("the Avia's points fall off more gently", "gentle", "", "points"),
+    ("motion takes points out of the box", "deskew", "", ""),
+    ("the Avia alone sees some far vehicles", "only-one", "view,", "all vehicles"),
+)
+# Claims about detection, likewise.
+DETECTION = (
+    ("the Avia's AP is that of 128 lines", "comparable", "", ""),
+    ("64 lines are below both", "64-below", "", ""),
+    ("the Avia's share of high-quality areas is that of 128 lines", "areas", "share of", "share"),
+    ("but their number is lower", "areas", "number of", "number"),
+    ("the Avia's AP falls off more gently", "gentle", "", "AP"),
+    ("the Avia is the best value, alone", "value", ": AP per dollar of the Avia", "AP per dollar"),
+    ("", "value", ": high-quality areas per dollar of the Avia", "areas per dollar"),
+    (
+        "(not said) five Avias for a whole junction",
+        *("value", ": AP per dollar of five Avias", "AP per dollar"),
+    ),
+    ("PointRCNN is far behind, the others near the best", "algorithms", "", ""),
+    ("pillars, voxels and transformer are alike", "similar", "", ""),
+    ("tilting the Avia does not help", "tilt", "", ""),
+)
+# A row of a table of one scene: claim, words of its statement, how it is said, digits.
+OF_A_SCENE = (
+    ("comparable", "", "`comparable`: Avia less 128 lines within 3", "{:+.1f}"),
+    ("64-below", "", "`64-below`: the smaller of both less 64 lines above 0", "{:+.1f}"),
+    ("areas", "share of", "`areas`: share, Avia less 128 lines within 10", "{:+.1f}"),
+    ("areas", "number of", "`areas`: number, 128 lines less Avia above 0", "{:.0f}"),
+    ("gentle", "", "`gentle`: AP per 10 m, Avia less the best other above 0", "{:+.1f}"),
+    (
+        *("value", ": AP per dollar of the Avia"),
+        *("`value`: AP per dollar, Avia over the best other above 1", "{:.2f}"),
+    ),
+    (
+        *("value", ": high-quality areas per dollar of the Avia"),
+        *("`value`: high-quality areas per dollar, likewise", "{:.1f}"),
+    ),
+    (
+        *("value", ": AP per dollar of five Avias"),
+        *("`value`: AP per dollar, five Avias over the best other above 1", "{:.2f}"),
+    ),
+)
+# A row of the table of scanning: claim, words of its statement, how it is said, set and distance.
+OF_SCANNING = (
+    (
+        *("far-range", " common,", "`far-range`: Avia / best other within 1.5 to 2.5"),
+        "common, 90 to 120 m (paper: to 100 m)",
+    ),
+    ("far-range", " view,", "", "view, 90 to 120 m"),
+    ("near-range", "", "`near-range`: 128 lines / Avia above 1", "common, 30 to 50 m"),
+    ("ratio", "ruby_plus over pandar_64", "`ratio`: 128 / 64 within 1.6 to 2.4", "common"),
+    ("ratio", "pandar_64 over helios_16", "`ratio`: 64 / 16 within 3.2 to 4.8", "common"),
+    ("gentle", "", "`gentle`: smallest other exponent less the Avia's above 0", "common"),
+    *(
+        ("deskew", f"box of {name} ", f"`deskew`: {words}, points in the box, %", "common")
+        for name, words in LIDARS.items()
+    ),
+    (
+        *("only-one", " common,", "`only-one`: Avia alone less another without it, per 100"),
+        "common, 90 to 120 m (paper: to 100 m)",
+    ),
+    ("only-one", " view,", "", "view, 90 to 120 m"),
+)
+
+
+@cache
+def results(name: str) -> pd.DataFrame:
+    return pd.read_csv(ROOT / "results" / f"{name}.csv")
+
+
+def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.DataFrame:
+    """Rows of a claim whose statement has the words and whose columns are as given."""
+    keep = (table.claim == claim) & table.statement.str.contains(words, regex=False)
+    for column, value in equal.items():
+        keep &= table[column] == value
+    return table[keep]
+
+
+def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(cells)} |\n" for cells in (heads, *rows)]
+    return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
+
+
+def in_short() -> str:
+    """Every claim under every preset: a verdict, or how many hold, fail and are undecided."""
+    rows = [
+        [said, named(claim, note), *(scanned(claim, words, preset) for preset in PRESETS)]
+        for said, claim, words, note in SCANNING
+    ]
+    rows += [
+        [said, named(claim, note), *(counted(claim, words, preset) for preset in PRESETS)]
+        for said, claim, words, note in DETECTION
+    ]
+    return markdown(["the paper says", "claim", *(f"`{p}`" for p in PRESETS)], rows)
+
+
+def named(claim: str, note: str) -> str:
+    """The claim with what it is about."""
+    if claim == "gentle":
+        return f"`{claim}` ({note})"
+    return f"`{claim}` {note}" if claim == "ratio" else f"`{claim}`" + (f", {note}" if note else "")
+
+
+def scanned(claim: str, words: str, preset: str) -> str:
+    found = rows_of(results("claims"), claim, words, preset=preset)
+    verdicts = sorted(set(found.verdict))
+    times = f" ({number(found.value.iloc[0])} times)" if claim == "far-range" else ""
+    return " / ".join(verdicts) + times
+
+
+def counted(claim: str, words: str, preset: str) -> str:
+    found = rows_of(results("quick_claims"), claim, words, preset=preset).verdict
+    if found.empty:
+        return ""
+    return " / ".join(str((found == verdict).sum()) for verdict in ("holds", "fails", "undecided"))
+
+
+def number(value: float) -> str:
+    """Three digits of what is below 1, else one or two behind the point."""
+    return f"{value:.2f}" if abs(value) < 1 else f"{value:.1f}"
+
+
+def scanning() -> str:
+    """Value, interval and verdict of each claim about scanning."""
+    rows = []
+    for claim, words, said, where in OF_SCANNING:
+        cells = []
+        for preset in PRESETS:
+            found = rows_of(results("claims"), claim, words, preset=preset)
+            ((value, low, high, verdict),) = found[["value", "low", "high", "verdict"]].itertuples(
+                index=False
+            )
+            cells.append(f"{with_interval(value, low, high)} {verdict}")
+        rows.append([said, where, *cells])
+    return markdown(["claim", "set, distance", *PRESETS], rows)
+
+
+def with_interval(value: float, low: float, high: float) -> str:
+    if value == low == high:
+        return f"{value:g}"
+    digits = 1 if abs(value) >= 10 else 2
+    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
+    """A column a detector; a row that none of them has is left out."""
+    rows = []
+    for claim, words, said, shape in OF_A_SCENE:
+        cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
+        if any(cells):
+            rows.append([said, *cells])
+    return markdown(["claim", *(DETECTORS[d] for d in names)], rows)
+
+
+def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
+    """A column a scene, the detectors beside each other in it."""
+    rows = []
+    for claim, words, said, shape in OF_A_SCENE:
+        cells = [
+            " / ".join(filter(None, (verdict(s, preset, claim, words, d, shape) for d in names)))
+            for s in scenes
+        ]
+        if any(cells):
+            rows.append([said, *cells])
+    return markdown(["claim", *scenes], rows)
+
+
+def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shape: str) -> str:
+    """Value and verdict of a claim about one detector; nothing if it was not tested."""
+    found = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
+    found = found[found.statement.str.startswith(f"{detector}:")]
+    if found.empty:
+        return ""
+    ((value, text),) = found[["value", "verdict"]].itertuples(index=False)
+    return f"{shape.format(value)} {text}"
+
+
+def detectors(scene: str, preset: str) -> str:
+    """AP of the smallest seed with its interval, and the time of training."""
+    table = results("quick")
+    table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
+    rows = []
+    for name, words in DETECTORS.items():
+        own = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
+        cells = [
+            with_interval_of_ap(*own.loc[x, ["ap", "ap_low", "ap_high"]]) if x in own.index else ""
+            for x in LIDARS
+        ]
+        seconds = own.train_seconds.dropna()
+        span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
+        rows.append([words, *cells, span])
+    return markdown(["detector", *LIDARS.values(), "train, CPU s"], rows)
+
+
+def with_interval_of_ap(value: float, low: float, high: float) -> str:
+    return f"{value:.1f}" if math.isnan(low) else f"{value:.1f} [{low:.1f}, {high:.1f}]"
+
+
+FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
+TWO = ("pointpillars", "centerpoint-pillar")
+TABLES: dict[str, Callable[[], str]] = {
+    "claims in short": in_short,
+    "claims about scanning": scanning,
+    "claims on the highway, paper": partial(of_a_scene, "highway", "paper", FOUR),
+    "claims on the crossroad, paper": partial(of_a_scene, "crossroad", "paper", FOUR),
+    "claims on the curve, paper": partial(of_a_scene, "curve", "paper", FOUR),
+    "claims on the highway, equal": partial(of_a_scene, "highway", "equal", TWO),
+    "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
+    "detectors on the highway, paper": partial(detectors, "highway", "paper"),
+}
+
+
+def rewritten(page: Path) -> str:
+    """The page with its tables made anew. Raises ValueError for a table of no name here."""
+
+    def table(match: re.Match[str]) -> str:
+        begin, name, _, end = match.groups()
+        if name not in TABLES:
+            raise ValueError(f"{page}: found table '{name}', allowed {', '.join(TABLES)}")
+        return begin + TABLES[name]() + end
+
+    return BLOCK.sub(table, page.read_text(encoding="utf-8"))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Tables of the documentation, from results/.")
+    parser.add_argument("--check", action="store_true", help="write nothing; fail if one differs")
+    check = parser.parse_args().check
+    stale = [page for page in PAGES if rewritten(page) != page.read_text(encoding="utf-8")]
+    for page in stale:
+        print(f"{page.relative_to(ROOT)}: {'differs from results/' if check else 'written'}")
+        if not check:
+            page.write_text(rewritten(page), encoding="utf-8")
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
