@@ -126,6 +126,17 @@ def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
     assert {room for name in imports(path) if (room := room_of(name))} <= below
 
 
+def rows_of_the_page(title: str) -> list[str]:
+    """First cells of the table below a heading of docs/rooms.md."""
+    below = (ROOT / "docs/rooms.md").read_text().split(f"## {title}")[1].split("\n## ")[0]
+    return re.findall(r"^\| (\w+) \|", below, re.MULTILINE)[1:]
+
+
+def test_the_page_of_rooms_names_each_in_its_order() -> None:
+    assert rows_of_the_page("The package") == list(ROOMS)
+    assert rows_of_the_page("The simulator") == list(MAY_INCLUDE)
+
+
 def test_no_circle_of_modules() -> None:
     files = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
