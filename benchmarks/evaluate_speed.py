@@ -19,16 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import process
 import shapely
 
 from pyinfra import __version__, boxes, kitti
+from pyinfra.arrays import FloatArray
 from pyinfra.evaluation import matching
 
 ROOT = Path(__file__).resolve().parent.parent
-FloatArray = npt.NDArray[np.float64]
 Row = tuple[str, float, str]
 OBJECTS, PREDICTIONS = 20, 30
 LIDAR = """name: "speed"

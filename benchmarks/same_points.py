@@ -12,10 +12,10 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from pyinfra import kitti
+from pyinfra.arrays import FloatArray
 from pyinfra.data.data_set import DataSet, read_data_set
 
 SAME_RAYS_PERCENT = 99.99
@@ -33,7 +33,7 @@ def points(folder: Path, frame: int) -> pd.DataFrame:
     return table
 
 
-def distances(both: pd.DataFrame) -> npt.NDArray[np.float64]:
+def distances(both: pd.DataFrame) -> FloatArray:
     """Between the two places of each ray, metres: (n,)."""
     here, there = (both[[f"{axis}_{i}" for axis in "xyz"]].to_numpy(float) for i in (0, 1))
     return np.asarray(np.linalg.norm(here - there, axis=1), np.float64)

@@ -9,11 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 
 # Of an overlap, relative to the size of the boxes: what is below it counts as nothing.
 _ROUNDING = 1e-14
@@ -47,9 +44,7 @@ def bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     return _all_pairs(a, b, pair_bev_overlap)
 
 
-def points_in_box(
-    points: npt.NDArray[np.floating], box: FloatArray, around_m: float = AROUND_M
-) -> BoolArray:
+def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -> BoolArray:
     """Which points (n, 3 or more) belong to the vehicle of a box (7,): (n,).
 
     They lie at most so far outside its sides and top, and at least so far above its bottom, because
@@ -63,7 +58,7 @@ def points_in_box(
     return np.asarray(inside)
 
 
-def points_in_boxes(points: npt.NDArray[np.floating], boxes: FloatArray) -> IntArray:
+def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
     """How many points (n, 3 or more) belong to the vehicle of each box (k, 7): (k,)."""
     x = np.ascontiguousarray(points[:, 0])
     counts = np.zeros(len(boxes), dtype=np.int64)

@@ -9,7 +9,6 @@ from typing import TypeAlias
 from warnings import warn
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra._core import (
     BackgroundModel,
@@ -30,6 +29,7 @@ from pyinfra._core import (
     learn_background,
     warnings,
 )
+from pyinfra.arrays import Float32Array, FloatArray, Points
 
 __all__ = [
     "BackgroundModel",
@@ -119,24 +119,24 @@ def simulate(
     return FrameStream(world, units, list(frames), count)
 
 
-def points(frame: Frame) -> npt.NDArray[np.float32]:
+def points(frame: Frame) -> Float32Array:
     """Copy of a frame's points as detectors take them: (n, 4) float32, x y z intensity."""
     return np.column_stack([frame.xyz, frame.intensity])
 
 
-def filtered(points: npt.NDArray[np.float32], *steps: Filter) -> npt.NDArray[np.float32]:
+def filtered(points: Points, *steps: Filter) -> Float32Array:
     """The rows of points (n, 3 or 4), levelled LiDAR frame, that every step keeps, in their order.
 
     Each step sees what those before it kept, as in `infrasim filter`. Raises ValueError for
     another shape or type of points and for a parameter out of its range.
     """
-    rows: npt.NDArray[np.float32] = points[kept_rows(points, list(steps))]
+    rows: Float32Array = points[kept_rows(points, list(steps))]
     return rows
 
 
 def scan_pattern(
     lidar: Lidar | str | Path, frames: range, *, preset: str = "datasheet", seed: int | None = None
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Azimuth, elevation (rad) and time (s) of every ray: (n, 3) float64, column by column.
 
     Sensor frame; time since the start of the run; phase 0 unless a seed is given.

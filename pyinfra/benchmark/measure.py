@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 
 from pyinfra import __version__, kitti, machine
+from pyinfra.arrays import FloatArray
 from pyinfra.benchmark.matrix import Cell
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.evaluate import evaluate
 from pyinfra.evaluation.ground_truth import SETS
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
-from pyinfra.kitti import FloatArray
 from pyinfra.training import detect
 from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source

@@ -14,15 +14,10 @@ from pathlib import Path
 from typing import NoReturn, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
+from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.kitti import FormatError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
-Names = npt.NDArray[np.str_]
 
 CSV_COLUMNS = ("class", "x", "y", "z", "dx", "dy", "dz", "heading", "score")
 _FILES = 256  # read at a time
@@ -34,7 +29,7 @@ class Vehicles:
 
     frame: IntArray  # (n,) index into the frames that were asked for, ascending
     ids: IntArray  # (n,) -1 if they come from labels
-    names: Names  # (n,) class
+    names: NameArray  # (n,) class
     boxes: FloatArray  # (n, 7)
     points: IntArray  # (n,) returns of this LiDAR; 1 if they come from labels
     visibility: FloatArray  # (n,) -1 outside the region; nan if they come from labels
@@ -52,7 +47,7 @@ class Predictions:
 
     frame: IntArray  # (n,) index into the frames that were asked for, ascending
     line: IntArray  # (n,) of its file
-    names: Names  # (n,) class
+    names: NameArray  # (n,) class
     boxes: FloatArray  # (n, 7)
     scores: FloatArray  # (n,)
     angle: FloatArray  # (n,) as the file has it: rotation_y or heading
@@ -183,7 +178,7 @@ def _predictions(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> P
 
 def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
-) -> tuple[IntArray, IntArray, Names, FloatArray]:
+) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
     """Frame, line, class and numbers from h on, of label or result files."""
     texts = _texts(files)
     rows = [line.split() for text in texts for line in text]

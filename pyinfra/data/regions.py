@@ -12,13 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.kitti import FormatError, WorldPose
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next

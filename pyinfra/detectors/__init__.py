@@ -7,13 +7,7 @@ top names the paper that it follows and every deviation from it.
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-from pyinfra.kitti import FloatArray
-
-Points = npt.NDArray[np.float32]
-Names = npt.NDArray[np.str_]
+from pyinfra.arrays import FloatArray, NameArray, Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +16,7 @@ class Detections:
 
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading, levelled LiDAR frame
     scores: FloatArray  # (k,) [0, 1], descending
-    names: Names  # (k,) class
+    names: NameArray  # (k,) class
 
     def __len__(self) -> int:
         return len(self.scores)

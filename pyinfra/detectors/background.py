@@ -24,20 +24,16 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pyinfra.arrays import BoolArray, FloatArray, Floats, Int32Array, IntArray, Points
 from pyinfra.atomic import replacing
-from pyinfra.boxes import IntArray, bev_overlap
+from pyinfra.boxes import bev_overlap
 from pyinfra.config import ruled
-from pyinfra.detectors import Detections, Points
-from pyinfra.kitti import FloatArray
-
-Floats = npt.NDArray[np.floating]  # float32 where there are many
-Bools = npt.NDArray[np.bool_]
+from pyinfra.detectors import Detections
 
 CLASSES = ("Car", "Motorcycle", "Truck", "Bus")
 SIZES = np.array([[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]])  # metres
@@ -86,7 +82,7 @@ class Background:
 
     settings: Config
     ground: Floats  # (n, n) z of the ground, metres
-    permanent: Bools  # (n, n, layers of 1 m above the ground) where something always stands
+    permanent: BoolArray  # (n, n, layers of 1 m above the ground) where something always stands
     road: Floats  # (m, m, 2) mean cos, sin of twice the heading of traffic; its length is certainty
     expected: Floats  # (2,): ln of the points on a vehicle is [0] + [1] ln distance
 
@@ -237,7 +233,7 @@ def _settings(values: FloatArray) -> Config:
     return Config(*map(float, values))
 
 
-def _cell(cloud: Floats, s: Config) -> npt.NDArray[np.int32]:
+def _cell(cloud: Floats, s: Config) -> Int32Array:
     """(k,) index into the grids of the ground, row by row."""
     index = ((cloud[:, :2] + np.float32(s.range_m)) * np.float32(1 / s.cell_m)).astype(np.int32)
     np.minimum(index, _cells(s) - 1, out=index)
@@ -295,7 +291,7 @@ def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
     return np.asarray(fit[0] * x + fit[1] * y + fit[2], dtype=np.float32)
 
 
-def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> Bools:
+def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray:
     """(n, n, layers) True where most frames have a return above the ground."""
     n, layers = _cells(s), _layers(s)
     seen = np.zeros(n * n * layers, np.int32)
@@ -379,7 +375,7 @@ def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
     return np.stack(mean, axis=1).astype(np.float32), owner
 
 
-def _clusters(xy: Floats, road: Floats, s: Config) -> npt.NDArray[np.int32]:
+def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
     """(t,) label of the cluster of each point, from 0: neighbours in an ellipse along the road.
 
     The ellipse grows with the distance, as the gaps between rays do. Without a known direction it
@@ -398,11 +394,11 @@ def _clusters(xy: Floats, road: Floats, s: Config) -> npt.NDArray[np.int32]:
     near = size < grow[i] ** 2
     shape = (len(xy), len(xy))
     graph = coo_array((np.ones(near.sum(), np.int8), (i[near], j[near])), shape)
-    labels: npt.NDArray[np.int32] = connected_components(graph, directed=False)[1]
+    labels: Int32Array = connected_components(graph, directed=False)[1]
     return labels
 
 
-def _headings(xy: Floats, label: npt.NDArray[np.int32], road: Floats) -> Floats:
+def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
     """(c,) best heading of each cluster; xy (t, 2) ordered by label (t,)."""
     start = np.flatnonzero(np.diff(label, prepend=-1))
     count = np.diff(start, append=len(xy))
@@ -423,7 +419,7 @@ def _headings(xy: Floats, label: npt.NDArray[np.int32], road: Floats) -> Floats:
     return best
 
 
-def _inside(at: Floats, start: IntArray, label: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
+def _inside(at: Floats, start: IntArray, label: Int32Array) -> tuple[Floats, Floats]:
     """How far points (t, h) are from the nearer end of their cluster, and the extents (c, h)."""
     low, high = np.minimum.reduceat(at, start), np.maximum.reduceat(at, start)
     return np.minimum(at - low[label], high[label] - at), high - low

@@ -6,14 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from pyinfra.detectors import Points
-from pyinfra.kitti import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
 
 
 @dataclass(frozen=True)
@@ -32,7 +28,7 @@ class Area:
         x, y, z = (b - a for a, b in zip(self.low, self.high, strict=True))
         return x, y, z
 
-    def holds(self, xyz: npt.NDArray[np.floating]) -> BoolArray:
+    def holds(self, xyz: Floats) -> BoolArray:
         """(n,) bool: which of xyz (n, 3) are finite and inside; the high side is outside."""
         low, high = np.array(self.low, xyz.dtype), np.array(self.high, xyz.dtype)
         inside = np.ones(len(xyz), dtype=np.bool_)

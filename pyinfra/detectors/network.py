@@ -12,7 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from pyinfra.detectors import Detections, Points
+from pyinfra.arrays import Points
+from pyinfra.detectors import Detections
 from pyinfra.detectors.batch import Batch, Sample, make_batch
 from pyinfra.detectors.ops.boxes import nms
 from pyinfra.detectors.site import Site

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pyinfra.arrays import FloatArray
 from pyinfra.detectors.batch import Area
-from pyinfra.kitti import FloatArray
 
 MARGIN_M = 1.0
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from pyinfra.arrays import FloatArray
 from pyinfra.detectors.batch import Area, Batch, Sample, View
-from pyinfra.kitti import FloatArray
 
 if TYPE_CHECKING:
     from pyinfra.detectors.network import Network

@@ -12,7 +12,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -24,8 +23,8 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from PIL import Image
 
 from pyinfra import kitti
+from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
 from pyinfra.data.data_set import FULL_CIRCLE_DEG
-from pyinfra.kitti import FloatArray
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
@@ -81,7 +80,7 @@ class View:
 
     scene: str  # name of the data set's folder
     lidar: kitti.Lidar
-    points: npt.NDArray[np.float32]  # (n, 4)
+    points: Points  # (n, 4)
     objects: kitti.Objects
     roads: pd.DataFrame  # the evaluation region: road, s, x, y, z, heading, half_width
 
@@ -323,7 +322,7 @@ def sector(unit: kitti.FieldOfView) -> FloatArray:
     return np.concatenate([np.zeros((1, 2)), arc, np.zeros((1, 2))])
 
 
-def _inside(xy: npt.NDArray[np.floating], window: Window) -> npt.NDArray[np.bool_]:
+def _inside(xy: Floats, window: Window) -> BoolArray:
     low = (window.x[0], window.y[0])
     high = (window.x[1], window.y[1])
     return np.asarray(((xy >= low) & (xy <= high)).all(axis=1))

@@ -7,16 +7,15 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyinfra import kitti
+from pyinfra.arrays import FloatArray, Floats
 from pyinfra.data import frame_tables
 from pyinfra.data.data_set import field_of_view_mask, read_owners
 from pyinfra.drawing import clouds
 from pyinfra.drawing.scene import Scene
-from pyinfra.kitti import FloatArray
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
 NEAR_M = 8.0  # a vehicle this far from a column's distance still stands for it
@@ -166,7 +165,7 @@ def _corners(box: FloatArray) -> FloatArray:
     return np.asarray((bits - 0.5) * box[3:6])
 
 
-def _flat(points: npt.NDArray[np.floating]) -> FloatArray:
+def _flat(points: Floats) -> FloatArray:
     """Points (n, 3) from a box's centre, x forward, in parallel projection: (n, 2)."""
     across = np.cos(AROUND) * points[:, 0] - np.sin(AROUND) * points[:, 1]
     away = np.sin(AROUND) * points[:, 0] + np.cos(AROUND) * points[:, 1]

@@ -17,11 +17,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from pyinfra.arrays import BoolArray, FloatArray, IntArray
+
 KITTI_SAMPLES = 41  # recalls the devkit aims at: 0, 1/40 .. 40/40
 MOST_POINTS = 2000  # of weighted AP
 _CHUNK = 4_000_000  # points times draws at a time

@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.data.frame_tables import Vehicles, read_cameras, read_predictions, read_vehicles
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.judge import Settings
@@ -21,7 +21,6 @@ from pyinfra.evaluation.prediction_checks import Finding, check_predictions, fin
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.table import lines_of
 
-FloatArray = npt.NDArray[np.float64]
 MOST_ERRORS = 20  # listed
 CLOUDS = 50  # looked into, spread over all
 USUAL_LOW_Z = -3.0  # where the point range of the usual car-mounted configurations ends
@@ -134,7 +133,7 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         yield Finding("warning", "labels-off-points", text)
 
 
-def _holds_points(box: FloatArray, points: npt.NDArray[np.float32]) -> bool:
+def _holds_points(box: FloatArray, points: Points) -> bool:
     offset = points[:, :3] - box[:3]
     cos, sin = np.cos(box[6]), np.sin(box[6])
     ahead = cos * offset[:, 0] + sin * offset[:, 1]

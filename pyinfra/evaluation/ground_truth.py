@@ -8,19 +8,14 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
+from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.data import regions
 from pyinfra.data.data_set import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
 from pyinfra.data.frame_tables import Vehicles, read_vehicles
 from pyinfra.data.frames import PERIOD_S, frame_numbers
 from pyinfra.data.regions import Places, Road, Window
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
-
 
 # captured: at least some points of this LiDAR (the paper). common: inside the field of view and
 # range of every LiDAR of the data set, and visible. all: visible. Each inside the region.

@@ -14,8 +14,8 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.data.frame_tables import Predictions, Vehicles
 from pyinfra.data.regions import Places, Window
 from pyinfra.evaluation import ap
@@ -33,10 +33,6 @@ from pyinfra.evaluation.matching import (
 )
 from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.statistics.intervals import Blocks, time_blocks
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 # definition: 40 recalls. r11: 11 recalls. kitti: the devkit's sampling and strict threshold.
 Protocol = Literal["definition", "r11", "kitti"]
@@ -220,7 +216,7 @@ def interval(draws: FloatArray, objects: IntArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def causes(verdict: Verdict, iou: float, *, strict: bool) -> npt.NDArray[np.str_]:
+def causes(verdict: Verdict, iou: float, *, strict: bool) -> NameArray:
     """Why each wrong prediction is wrong, (wrong ones,).
 
     duplicate: another took the vehicle that it overlaps enough; localisation: it overlaps one by

@@ -13,13 +13,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import boxes as overlap
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from pyinfra.arrays import BoolArray, FloatArray, IntArray
 
 Metric = Literal["bev", "3d"]
 

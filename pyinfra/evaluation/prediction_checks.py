@@ -12,14 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions, Vehicles
 from pyinfra.evaluation.matching import pairs_of_frames
 from pyinfra.kitti import FormatError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
 FAR_M = 20.0  # by how much all boxes may be displaced and still be recognised
@@ -278,9 +275,7 @@ def _share_near(boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray) 
     return float(near.mean())
 
 
-def _first(
-    predictions: Predictions, files: Sequence[Path | None], which: npt.NDArray[np.bool_]
-) -> str:
+def _first(predictions: Predictions, files: Sequence[Path | None], which: BoolArray) -> str:
     at = int(np.flatnonzero(which)[0])
     return f"{files[predictions.frame[at]]}:{predictions.line[at]}"
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyinfra.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.data.regions import Window
 from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import Set
@@ -24,8 +24,6 @@ from pyinfra.evaluation.judge import (
     precision,
 )
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 HIGH_QUALITY = 85.0  # an area above this AP is of high quality
 PR_RECALLS = 100
 AP_COLUMNS = "class ground_truth iou protocol ap ap_low ap_high objects predictions frames".split()
@@ -213,7 +211,7 @@ def false_positive_table(verdict: Verdict, iou: float, *, strict: bool) -> pd.Da
     return pd.DataFrame(rows)
 
 
-def _ratio(above: npt.NDArray[Any], below: npt.NDArray[Any]) -> FloatArray:
+def _ratio(above: AnyArray, below: AnyArray) -> FloatArray:
     out = np.full(above.shape, np.nan)
     return np.asarray(np.divide(above, below, out=out, where=below > 0))
 

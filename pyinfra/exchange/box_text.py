@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pyinfra.arrays import FloatArray, NameArray
 from pyinfra.exchange.recording import Boxes
-from pyinfra.kitti import FloatArray
-from pyinfra.kitti.layout import Names
 from pyinfra.kitti.table import MOST_RADIANS, RADIANS, Table, lines_of
 
 COLUMNS = "x y z dx dy dz heading category".split()
@@ -23,7 +22,7 @@ def read_boxes(file: Path) -> Boxes:
     return Boxes(table.names, table.values)
 
 
-def write_boxes(file: Path, names: Names, boxes: FloatArray) -> None:
+def write_boxes(file: Path, names: NameArray, boxes: FloatArray) -> None:
     """names: (k,), boxes: (k, 7); places to a micrometre."""
     lines = [
         " ".join([*(f"{value:.6f}" for value in box), str(name)]) + "\n"

@@ -13,17 +13,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 from scipy.spatial.transform import Rotation
 
 from pyinfra import __version__, kitti
+from pyinfra.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.atomic import replacing
 from pyinfra.boxes import points_in_boxes
 from pyinfra.exchange.object_types import types_of
-from pyinfra.exchange.recording import Boxes, Points, RecordedFrame, Recording
+from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.exchange.view import View
-from pyinfra.kitti import VEHICLE_TYPES, FloatArray, Labels, Objects, WorldPose
+from pyinfra.kitti import VEHICLE_TYPES, Labels, Objects, WorldPose
 
 RECORDED = "recorded"  # preset and aggregation of an imported data set
 PERIOD_S = 0.1
@@ -146,14 +146,14 @@ def _write_frame(
     found.view.add(_in_sensor_frame(points, T_levelled_sensor))
 
 
-def has_return(points: Points) -> npt.NDArray[np.bool_]:
+def has_return(points: Points) -> BoolArray:
     """Points (n, 4) that are finite and not 0 0 0, which stands for no return: (n,)."""
     finite = np.isfinite(points @ np.ones(4, dtype=np.float32))  # ten times as fast as all(axis=1)
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
 
 
-def objects_of(points: Points, boxes: Boxes, types: kitti.layout.Names) -> Objects:
+def objects_of(points: Points, boxes: Boxes, types: NameArray) -> Objects:
     """The labelled objects, with the points that lie in their boxes.
 
     Which point came from which object is not known, so both counts are that of the box. A speed is

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
+from pyinfra.arrays import FloatArray
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -20,7 +21,6 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.kitti import FloatArray
 
 # Middle of the share that KITTI's `occluded` 0, 1, 2 stands for here; 3 is unknown.
 VISIBILITY = (0.9, 0.6, 0.2, 1.0)

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from mcap.records import Schema
 from mcap_ros2.writer import Writer
 
+from pyinfra.arrays import Records
 from pyinfra.atomic import replacing
 from pyinfra.exchange.source import (
     Frame,
@@ -233,7 +233,7 @@ def transforms(source: Source, frame: Frame) -> Message:
     }
 
 
-def _records(frame: Frame) -> npt.NDArray[np.void]:
+def _records(frame: Frame) -> Records:
     """All that is known of each point, (n,) packed."""
     columns = {name: frame.points[:, i] for i, name in enumerate(("x", "y", "z", "intensity"))}
     if frame.fields is not None:

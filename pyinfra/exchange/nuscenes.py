@@ -32,10 +32,11 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
+from pyinfra.arrays import FloatArray
 from pyinfra.atomic import replacing
 from pyinfra.data.frames import frame_numbers
 from pyinfra.exchange.source import Frame, Source, quaternion, read_frames, read_source
-from pyinfra.kitti import FloatArray, FormatError
+from pyinfra.kitti import FormatError
 
 Row = dict[str, Any]
 Add = Callable[[Row], None]  # adds a row to a table

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pyinfra.arrays import FloatArray
 from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin, scaled
-from pyinfra.kitti import FloatArray, FormatError, WorldPose
+from pyinfra.kitti import FormatError, WorldPose
 
 COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pyinfra.kitti.layout import Names
+from pyinfra.arrays import NameArray
 
 # By any part of a name such as `vehicle.bus.rigid`, the last one first.
 TYPES = {
@@ -25,7 +25,7 @@ TYPES = {
 }
 
 
-def types_of(names: Names, own: Mapping[str, str]) -> Names:
+def types_of(names: NameArray, own: Mapping[str, str]) -> NameArray:
     """Types (k,) of the names (k,): what `own` says, else TYPES, else the name itself."""
     return np.array([_type(str(name), own) for name in names], dtype=np.str_)
 

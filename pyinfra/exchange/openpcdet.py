@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
+from pyinfra.arrays import Points
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
     Options,
-    Points,
     RecordedFrame,
     Recording,
     check_pairs,

@@ -14,7 +14,7 @@ from string import Template
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.kitti import FloatArray
+from pyinfra.arrays import FloatArray
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
 TEMPLATES = Path(__file__).parent / "openpcdet_models"

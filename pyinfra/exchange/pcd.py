@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
+from pyinfra.arrays import Points, Records
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
-from pyinfra.exchange.pcd_file import Records, read_pcd, write_pcd
+from pyinfra.exchange.pcd_file import read_pcd, write_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
-    Points,
     RecordedFrame,
     Recording,
     check_pairs,
@@ -74,7 +73,7 @@ def read(source: Path, options: Options) -> Recording:
     return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
 
 
-def _records(points: Points, fields: npt.NDArray[np.void] | None) -> Records:
+def _records(points: Points, fields: Records | None) -> Records:
     more = [(name, kitti.FIELDS[own]) for name, own in MORE.items()]
     out = np.empty(len(points), dtype=PLACE if fields is None else [*PLACE, *more])
     for i, (name, _) in enumerate(PLACE):
@@ -97,7 +96,7 @@ def _points(file: Path, records: Records) -> Points:
     return out
 
 
-def _fields(records: Records) -> npt.NDArray[np.void] | None:
+def _fields(records: Records) -> Records | None:
     """Time and ring if both are there; what is not known of a point is its background's."""
     names = records.dtype.names or ()
     if not {"time", "ring"} <= set(names):

@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import BinaryIO, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import Records
 from pyinfra.exchange.formats import missing
 from pyinfra.kitti import FormatError
-
-Records = npt.NDArray[np.void]
 
 TYPES = {"F4": "<f4", "F8": "<f8"} | {
     f"{t}{n}": f"<{t.lower()}{n}" for t in "IU" for n in (1, 2, 4, 8)

@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from pyinfra.kitti import FloatArray, FormatError, WorldPose
-from pyinfra.kitti.layout import IntArray, Names
+from pyinfra.arrays import FloatArray, IntArray, NameArray, Points, Records
+from pyinfra.kitti import FormatError, WorldPose
 from pyinfra.kitti.table import lines_of
-
-Points = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,7 @@ class Options:
 class Boxes:
     """The k labelled objects of a frame, in the frame of its points."""
 
-    names: Names  # (k,) as the source has them
+    names: NameArray  # (k,) as the source has them
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
     ids: IntArray | None = None  # (k,) the same for the same object in all frames; None: unknown
     visibility: FloatArray | None = None  # (k,) [0, 1]; None: unknown
@@ -48,7 +45,7 @@ class RecordedFrame:
 
     points: Points  # (n, 4) x y z intensity, intensity in [0, 1]
     boxes: Boxes
-    fields: npt.NDArray[np.void] | None = None  # (n,) kitti.FIELDS
+    fields: Records | None = None  # (n,) kitti.FIELDS
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
+from pyinfra.arrays import FloatArray, NameArray, Points
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.data.frames import frame_numbers
-from pyinfra.kitti import VEHICLE_TYPES, FloatArray, Labels
+from pyinfra.kitti import VEHICLE_TYPES, Labels
 
 # Both toolboxes' names; what is not among them has no class there and is left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
@@ -29,8 +29,8 @@ class RoadFrame:
     """A frame at road level."""
 
     number: int
-    points: npt.NDArray[np.float32]  # (n, 4)
-    names: npt.NDArray[np.str_]  # (k,) of CLASSES
+    points: Points  # (n, 4)
+    names: NameArray  # (k,) of CLASSES
     boxes: FloatArray  # (k, 7)
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 
 from pyinfra import kitti
+from pyinfra.arrays import Points, Records
 from pyinfra.boxes import points_in_boxes
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.data.frames import PERIOD_S
@@ -40,8 +40,8 @@ class Frame:
     number: int
     start_s: float  # since the start of the run
     middle_s: float  # when the boxes hold
-    points: npt.NDArray[np.float32]  # (n, 4) x y z intensity
-    fields: npt.NDArray[np.void] | None  # (n,) records of kitti.FIELDS; None without `fields`
+    points: Points  # (n, 4) x y z intensity
+    fields: Records | None  # (n,) records of kitti.FIELDS; None without `fields`
     objects: Objects
 
 
@@ -124,7 +124,7 @@ def _about(file: Path) -> dict[str, str]:
     return {k.value: v.value for k, v in top.value if isinstance(v, yaml.ScalarNode)}
 
 
-def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | None:
+def _fields(folder: Path, number: int, count: int) -> Records | None:
     if not (folder / "training/fields").is_dir():
         return None
     file = kitti.frame_file(folder, "fields", number)
@@ -136,7 +136,7 @@ def _fields(folder: Path, number: int, count: int) -> npt.NDArray[np.void] | Non
     return fields
 
 
-def _boxes(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
+def _boxes(folder: Path, number: int, points: Points) -> Objects:
     if not (folder / "training/objects").is_dir():
         return _labels(folder, number, points)
     file = kitti.frame_file(folder, "objects", number)
@@ -147,7 +147,7 @@ def _boxes(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Object
     return objects
 
 
-def _labels(folder: Path, number: int, points: npt.NDArray[np.float32]) -> Objects:
+def _labels(folder: Path, number: int, points: Points) -> Objects:
     camera = read_cameras(folder, [number]).different[0]
     labels = kitti.read_labels(kitti.frame_file(folder, "label_2", number), calibration=camera)
     k, boxes = len(labels), labels.boxes

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pyinfra.exchange.recording import Points
+from pyinfra.arrays import IntArray, Points
 from pyinfra.kitti import FieldOfView
-from pyinfra.kitti.layout import IntArray
 
 MOST_POINTS = 20_000  # looked at in a frame, evenly spread
 ROUNDING_DEG = 1e-4  # so that a direction of 0 is not in the cell below 0

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.kitti.layout import FloatArray, FormatError
+from pyinfra.arrays import FloatArray
+from pyinfra.kitti.layout import FormatError
 from pyinfra.kitti.table import lines_of
 
 SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {

@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-Names = npt.NDArray[np.str_]
+from pyinfra.arrays import FloatArray, IntArray, NameArray
 
 Part = Literal["velodyne", "fields", "objects", "label_2", "calib"]
 
@@ -42,7 +39,7 @@ class Objects:
     """The k vehicles in reach of a LiDAR in one frame, hit or not."""
 
     ids: IntArray  # (k,)
-    names: Names  # (k,) class
+    names: NameArray  # (k,) class
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
     speed: FloatArray  # (k,) m/s
     points: IntArray  # (k,) returns from the vehicle
@@ -58,7 +55,7 @@ class Objects:
 class Labels:
     """The k boxes of a label or prediction file."""
 
-    names: Names  # (k,) class
+    names: NameArray  # (k,) class
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
     scores: FloatArray | None  # (k,); None for labels
     image: FloatArray | None = None  # (k, 7) truncated occluded alpha x1 y1 x2 y2, as in the file

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import AnyArray, Float32Array, Records
 from pyinfra.kitti.camera import Calibration, boxes_from_camera, simulated
 from pyinfra.kitti.layout import (
     FIELDS,
@@ -18,7 +18,7 @@ from pyinfra.kitti.layout import (
 from pyinfra.kitti.table import MOST_RADIANS, RADIANS, Table, lines_of
 
 
-def read_points(file: Path) -> npt.NDArray[np.float32]:
+def read_points(file: Path) -> Float32Array:
     """Returns of one frame: (n, 4) float32, x y z intensity, intensity in [0, 1].
 
     Raises FormatError if the file is cut short or a value is not finite.
@@ -30,7 +30,7 @@ def read_points(file: Path) -> npt.NDArray[np.float32]:
     return points
 
 
-def read_fields(file: Path) -> npt.NDArray[np.void]:
+def read_fields(file: Path) -> Records:
     """What else is known of each return, in the order of velodyne: (n,) records of FIELDS.
 
     time_s: since the start of the frame; ring: 0 at the lowest elevation; class: of the object or
@@ -106,7 +106,7 @@ def read_labels(
     )
 
 
-def _records(file: Path, record: np.dtype[Any], what: str) -> npt.NDArray[Any]:
+def _records(file: Path, record: np.dtype[Any], what: str) -> AnyArray:
     size = file.stat().st_size
     if size % record.itemsize != 0:
         raise FormatError(

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
-from pyinfra.kitti.layout import FloatArray, FormatError, Names
+from pyinfra.arrays import BoolArray, FloatArray, NameArray
+from pyinfra.kitti.layout import FormatError
 
 MOST_RADIANS = 2 * math.pi + 0.01  # rounded; an angle beyond it is in degrees
 RADIANS = "-2 pi to 2 pi, in radians"
@@ -47,7 +47,7 @@ class Table:
                 self._fail(i, f"found {len(row)} columns", f"{len(columns)}: {' '.join(columns)}")
             if not row[at]:
                 self._fail(i, f"{name_column}: found nothing", "a name")
-        self.names: Names = np.array([row[at] for row in rows], dtype=np.str_)
+        self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
         cells = [[*row[:at], *row[at + 1 :]] for row in rows]
         try:
             values = np.array(cells, dtype=np.float64).reshape(len(rows), len(self.columns))
@@ -60,7 +60,7 @@ class Table:
         return self.values[:, self.columns.index(column)]
 
     def check(
-        self, columns: Sequence[str], ok: Callable[[FloatArray], npt.NDArray[np.bool_]], rule: str
+        self, columns: Sequence[str], ok: Callable[[FloatArray], BoolArray], rule: str
     ) -> None:
         for column in columns:
             bad = np.flatnonzero(~ok(self[column]))

@@ -8,24 +8,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import FloatArray, Points, Records
 from pyinfra.atomic import replacing
 from pyinfra.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
-from pyinfra.kitti.layout import (
-    FIELDS,
-    OBJECT_COLUMNS,
-    FloatArray,
-    Labels,
-    Objects,
-    Part,
-    frame_file,
-)
+from pyinfra.kitti.layout import FIELDS, OBJECT_COLUMNS, Labels, Objects, Part, frame_file
 
 _IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in height
 
 
-def write_points(file: Path, points: npt.NDArray[np.float32]) -> None:
+def write_points(file: Path, points: Points) -> None:
     """points: (n, 4) float32, x y z intensity, finite. Raises ValueError for anything else."""
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise ValueError(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
@@ -34,7 +26,7 @@ def write_points(file: Path, points: npt.NDArray[np.float32]) -> None:
     _replace(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
-def write_fields(file: Path, fields: npt.NDArray[np.void]) -> None:
+def write_fields(file: Path, fields: Records) -> None:
     """fields: (n,) records of FIELDS. Raises ValueError for another type."""
     if fields.dtype != FIELDS or fields.ndim != 1:
         raise ValueError(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
@@ -84,11 +76,11 @@ def write_calibration(file: Path, calibration: Calibration | None = None) -> Non
 def write_frame(
     lidar_folder: Path,
     frame: int,
-    points: npt.NDArray[np.float32],
+    points: Points,
     labels: Labels,
     *,
     objects: Objects | None = None,
-    fields: npt.NDArray[np.void] | None = None,
+    fields: Records | None = None,
     calibration: Calibration | None = None,
 ) -> None:
     """All parts of a frame, the cloud last: a frame exists if and only if its .bin does.

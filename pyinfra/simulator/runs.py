@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.kitti import FloatArray
+from pyinfra.arrays import FloatArray
 from pyinfra.simulator import launch
 
 PRESET = "paper"

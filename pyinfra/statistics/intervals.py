@@ -2,13 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from pyinfra.arrays import AnyArray, FloatArray, IntArray
 
 BLOCK_S = 5.0
 DRAWS = 1000
@@ -33,7 +30,7 @@ class Blocks:
     block: IntArray  # (f,) 0 to b - 1, the block of each frame
     draws: FloatArray  # (d, b) counts; (0, b) if there are too few blocks for an interval
 
-    def sums(self, frame: IntArray, values: npt.NDArray[Any]) -> FloatArray:
+    def sums(self, frame: IntArray, values: AnyArray) -> FloatArray:
         """Sums of values (n, ...) by the block of their frame (n,): (b, ...) float64."""
         out = np.zeros((self.draws.shape[1], *values.shape[1:]))
         np.add.at(out, self.block[np.searchsorted(self.frames, frame)], values)

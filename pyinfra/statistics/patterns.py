@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import yaml
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from pyinfra.arrays import FloatArray, IntArray
 
 CELL_DEG = 0.28
 FIELD_S = 4.0

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.data.data_set import DataSet, FloatArray, read_data_set
+from pyinfra.arrays import FloatArray
+from pyinfra.data.data_set import DataSet, read_data_set
 from pyinfra.statistics.intervals import Blocks, Estimate, ratio
 from pyinfra.statistics.tables import (
     EDGES_M,

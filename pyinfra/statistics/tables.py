@@ -7,10 +7,9 @@ In every table ci_low and ci_high are the ends of the interval, NaN where there 
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from pyinfra.data.data_set import FloatArray, IntArray
+from pyinfra.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from pyinfra.statistics.intervals import Blocks, Estimate, ratio
 from pyinfra.statistics.vehicles import Vehicles, moving, same_rows
 
@@ -265,14 +264,12 @@ def aggregation_change(before: Vehicles, after: Vehicles, blocks: Blocks) -> pd.
     return pd.DataFrame(rows)
 
 
-def _fit_bins(sums: FloatArray) -> npt.NDArray[np.bool_]:
+def _fit_bins(sums: FloatArray) -> BoolArray:
     """Bins that the fit of the decay uses: (..., bins, L) of sums (..., bins, L, 4)."""
     return np.asarray((sums[..., 1] >= MIN_VEHICLES_FOR_DECAY) & (sums[..., 0] > 0))
 
 
-def _binned(
-    vehicles: Vehicles, blocks: Blocks, edges: FloatArray, values: npt.NDArray[np.generic]
-) -> FloatArray:
+def _binned(vehicles: Vehicles, blocks: Blocks, edges: FloatArray, values: AnyArray) -> FloatArray:
     """Sums of values (n, ...) by block and bin of distance: (b, bins, ...)."""
     number = np.searchsorted(edges, vehicles.distance, side="right") - 1
     bins = []

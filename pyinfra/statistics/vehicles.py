@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
+from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.data.data_set import (
     MIN_VISIBILITY,
-    BoolArray,
     DataSet,
-    FloatArray,
-    IntArray,
     field_of_view_mask,
     read_owners,
     road_level,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pyinfra.detectors import Points
+from pyinfra.arrays import Points
 from pyinfra.simulator.catalogue import LIDARS, SCENES
 from pyinfra.statistics.selection import PRESETS
 from pyinfra.stress import clouds, limits, worlds

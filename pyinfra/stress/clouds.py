@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from pyinfra.detectors import Points
+from pyinfra.arrays import FloatArray, Points
 
 Draws = np.random.Generator
-FloatArray = npt.NDArray[np.float64]
 
 ROW_DEG = 40 / 127  # spacing of 128 even channels over 40 degrees
 ROWS = 1024  # more than there are of ROW_DEG from pole to pole

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from pyinfra.arrays import FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions
 from pyinfra.detectors import Detections
 from pyinfra.evaluation import ap
@@ -23,9 +23,6 @@ from pyinfra.evaluation.matching import pairs_of_frames
 from pyinfra.evaluation.tables import ap_row
 from pyinfra.kitti import VEHICLE_TYPES
 
-IntArray = npt.NDArray[np.int64]
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 IOU = 0.5
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
 ERRORS = ("ghosts", *(f"misses_{band}" for band in BANDS_M), "position", "heading")

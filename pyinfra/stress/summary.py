@@ -6,13 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from pyinfra.arrays import FloatArray
 from pyinfra.stress.catalogue import NONE, OWN, STRESSORS, Stressor
 from pyinfra.stress.score import ERRORS
-
-FloatArray = npt.NDArray[np.float64]
 
 CURVE = "detector run lidar preset scene seed frames".split()  # and the stressor
 FALL = 10.0  # AP

@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.detectors import Detections, Detector, Points
+from pyinfra.arrays import FloatArray, Points
+from pyinfra.detectors import Detections, Detector
 from pyinfra.detectors.background import Background
-from pyinfra.kitti import FloatArray, Labels
+from pyinfra.kitti import Labels
 from pyinfra.training.sources import scene_of
 
 PERCENTILES = (50, 95)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.boxes import bev_iou, points_in_box
 from pyinfra.config import ruled
-from pyinfra.detectors import Points
 from pyinfra.detectors.batch import Sample
-from pyinfra.kitti import FloatArray
 
 
 @dataclass(frozen=True)

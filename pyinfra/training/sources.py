@@ -12,11 +12,11 @@ import numpy as np
 import yaml
 
 from pyinfra import kitti
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.data import split
 from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.data.frames import frame_numbers
-from pyinfra.detectors import Points
-from pyinfra.kitti import VEHICLE_TYPES, FloatArray, read_yaml
+from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 
 if TYPE_CHECKING:
     from pyinfra import sim

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pyinfra.arrays import FloatArray, IntArray
 from pyinfra.atomic import replacing
 from pyinfra.detectors import Detections
 from pyinfra.detectors.network import Network
 from pyinfra.evaluation import ap, matching
-from pyinfra.evaluation.ap import FloatArray, IntArray
 from pyinfra.training.samples import Frames
 
 CHECKS = 5  # over a run; with 40 frames, 4 % of the time of a quick PointPillars

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pyinfra.arrays import Floats, IntArray
 from pyinfra.viewer.frames import ViewFrame
 
 STEP_M = 0.01  # of coordinates, unless a frame is wider than 65,535 of them
@@ -53,14 +54,14 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
     return packed
 
 
-def _kept(count: int, most: int | None) -> npt.NDArray[np.int64]:
+def _kept(count: int, most: int | None) -> IntArray:
     """Indices of the points that stay, ascending."""
     if most is None or count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
-def _byte(share: npt.NDArray[np.floating]) -> bytes:
+def _byte(share: Floats) -> bytes:
     """Values of [0, 1] in 255 steps."""
     steps = np.asarray(np.rint(255 * np.clip(share, 0, 1)), dtype=np.uint8)
     return steps.tobytes()

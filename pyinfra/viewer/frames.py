@@ -7,14 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
+from pyinfra.arrays import (
+    Float32Array,
+    FloatArray,
+    Floats,
+    Int32Array,
+    IntArray,
+    NameArray,
+    Points,
+    Records,
+)
 from pyinfra.data import frame_tables
 from pyinfra.data.frames import PERIOD_S
 from pyinfra.data.regions import to_world
 from pyinfra.evaluation.prediction_checks import find_files
-from pyinfra.kitti import FloatArray, Labels, WorldPose
+from pyinfra.kitti import Labels, WorldPose
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +33,13 @@ class ViewFrame:
     frame: int
     period_s: float  # the frame starts at frame * period_s
     sensor: WorldPose
-    points: npt.NDArray[np.float32]  # (n, 3)
-    intensity: npt.NDArray[np.float32]  # (n,) [0, 1]
+    points: Points  # (n, 3)
+    intensity: Float32Array  # (n,) [0, 1]
     boxes: FloatArray  # (k, 7) of the vehicles
-    names: npt.NDArray[np.str_]  # (k,) class
-    hits: npt.NDArray[np.int64] | None  # (k,) returns from each; None where only labels are known
-    time_s: npt.NDArray[np.float32] | None = None  # (n,) since the start of the frame
-    object_id: npt.NDArray[np.int32] | None = None  # (n,) -1 for background
+    names: NameArray  # (k,) class
+    hits: IntArray | None  # (k,) returns from each; None where only labels are known
+    time_s: Float32Array | None = None  # (n,) since the start of the frame
+    object_id: Int32Array | None = None  # (n,) -1 for background
     predictions: Labels | None = None  # of this frame, world frame; None where there is no file
 
 
@@ -76,12 +85,12 @@ def boxes_in_world(boxes: FloatArray, pose: WorldPose) -> FloatArray:
     return np.column_stack([_in_world(boxes[:, :3], pose), boxes[:, 3:6], boxes[:, 6] + pose.yaw])
 
 
-def _in_world(points: npt.NDArray[np.floating], pose: WorldPose) -> FloatArray:
+def _in_world(points: Floats, pose: WorldPose) -> FloatArray:
     exact = points.astype(np.float64)
     return np.column_stack([to_world(exact, pose), exact[:, 2] + pose.z])
 
 
-def _fields(lidar_folder: Path, frame: int, points: int) -> npt.NDArray[np.void] | None:
+def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
     file = kitti.frame_file(lidar_folder, "fields", frame)
     if not file.is_file():
         return None

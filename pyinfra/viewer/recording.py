@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from pyinfra.arrays import FloatArray
 from pyinfra.atomic import replacing
-from pyinfra.kitti import FloatArray
 from pyinfra.viewer.frames import ViewFrame
 
 try:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from browser import Browser, start_browser
+
+from pyinfra.arrays import FloatArray
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
@@ -75,10 +76,10 @@ def digests() -> Callable[[Path], dict[str, str]]:
 
 
 @pytest.fixture
-def pattern(infrasim: Infrasim, tmp_path: Path) -> Callable[..., npt.NDArray[np.float64]]:
+def pattern(infrasim: Infrasim, tmp_path: Path) -> Callable[..., FloatArray]:
     """Azimuth, elevation (rad) and time (s) of a LiDAR's rays, (n, 3)."""
 
-    def rays(lidar: Path | str, *options: object) -> npt.NDArray[np.float64]:
+    def rays(lidar: Path | str, *options: object) -> FloatArray:
         file = lidar if isinstance(lidar, Path) else ROOT / f"configs/lidars/{lidar}.yaml"
         out = tmp_path / "pattern.npy"
         result = infrasim("pattern", file, "--out", out, *options)

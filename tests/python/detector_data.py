@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from pyinfra.detectors import Points
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.detectors.batch import Area, Sample
 from pyinfra.detectors.site import Site
-from pyinfra.kitti import FloatArray
 
 FLOOR_Z = -6.0
 SITE = Site(Area((0.0, -12.8, -7.0), (38.4, 12.8, -1.0)), FLOOR_Z)

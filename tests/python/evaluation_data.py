@@ -5,11 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from pyinfra import kitti
 
-FloatArray = npt.NDArray[np.float64]
 Vehicle = Mapping[str, object]
 
 SENSOR_HEIGHT_M = 6.0

@@ -3,16 +3,13 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.boxes import bev_iou
 from pyinfra.evaluation import ap, matching
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 scored_hits = st.lists(st.tuples(st.integers(1, 12), st.booleans()), max_size=60)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.boxes import bev_iou, iou_3d
-from pyinfra.detectors import Detector, Points
+from pyinfra.detectors import Detector
 from pyinfra.detectors.background import DEFAULT, Background, _clusters, _road_cells
-from pyinfra.kitti import FloatArray
 
 SENSOR_HEIGHT_M = 6.0
 CAR = (4.5, 1.9, 1.6)

@@ -5,12 +5,12 @@ from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pyinfra.arrays import FloatArray
 from pyinfra.boxes import (
     bev_iou,
     bev_overlap,
@@ -21,7 +21,6 @@ from pyinfra.boxes import (
     points_in_boxes,
 )
 
-FloatArray = npt.NDArray[np.float64]
 CAR = [10.0, 2.0, -5.0, 4.0, 2.0, 1.5, 0.3]
 
 

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
 import yaml
+
+from pyinfra.arrays import AnyArray, Float32Array
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
@@ -53,11 +54,11 @@ def objects(training: Path, k: int) -> pd.DataFrame:
     return pd.read_csv(training / f"objects/{k:06}.csv")
 
 
-def velodyne(training: Path, k: int) -> npt.NDArray[np.float32]:
+def velodyne(training: Path, k: int) -> Float32Array:
     return np.fromfile(training / f"velodyne/{k:06}.bin", "<f4").reshape(-1, 4)
 
 
-def fields(training: Path, k: int) -> npt.NDArray[Any]:
+def fields(training: Path, k: int) -> AnyArray:
     return np.fromfile(training / f"fields/{k:06}.bin", FIELDS)
 
 

@@ -151,6 +151,11 @@ def test_few_modules_stand_at_the_top() -> None:
     assert len(list((ROOT / "pyinfra").glob("*.py"))) <= MODULES_AT_THE_TOP
 
 
+def test_types_of_arrays_have_one_place() -> None:
+    files = [path for path in (ROOT / "pyinfra").rglob("*.py") if path.stem != "arrays"]
+    assert [path for path in files if re.search(r"^\w+ = .*NDArray", path.read_text(), re.M)] == []
+
+
 def test_each_command_is_a_module_of_commands() -> None:
     files = {path.stem for path in (ROOT / "pyinfra/commands").glob("*.py")} - {"__init__"}
     assert {command.module for command in COMMANDS} == {f"pyinfra.commands.{f}" for f in files}

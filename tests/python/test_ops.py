@@ -3,20 +3,18 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import torch
 from torch import Tensor
 
 from pyinfra import boxes as exact
+from pyinfra.arrays import FloatArray
 from pyinfra.detectors.ops import boxes, points, sets, sparse
 from pyinfra.detectors.ops.sparse import (
     SparseConv3d,
     SparseTensor,
     SubmanifoldConv3d,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
 

@@ -6,14 +6,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pytest
+
+from pyinfra.arrays import FloatArray
 
 ROOT = Path(__file__).resolve().parents[2]
 LIDARS = ROOT / "configs/lidars"
 
-FloatArray = npt.NDArray[np.float64]
 Pattern = Callable[..., FloatArray]
 
 # Model, its table in mujoco-lidar, lasers fired at once. A table is 4 s long.

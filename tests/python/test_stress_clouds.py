@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pyinfra import kitti
-from pyinfra.detectors import Points
+from pyinfra.arrays import Points
 from pyinfra.stress import clouds
 from pyinfra.stress.catalogue import STRESSORS, Stressor
 

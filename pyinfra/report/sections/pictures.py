@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure as Drawing
 
-from pyinfra import kitti
+from pyinfra.arrays import FloatArray
 from pyinfra.benchmark.results import TableFile
 from pyinfra.data import frame_tables
 from pyinfra.data.data_set import DataSet
@@ -122,7 +122,7 @@ def _box_legend() -> list[LegendEntry]:
     ]
 
 
-def _above(view: clouds.View, boxes: kitti.FloatArray | None = None) -> Drawing:
+def _above(view: clouds.View, boxes: FloatArray | None = None) -> Drawing:
     """A frame from above, with boxes (k, 7) over it."""
     window = clouds.region_window(view)
     width, height = window.shape()
@@ -215,7 +215,7 @@ def _boxes_panel(data: DataSet, view: clouds.View, run: Run, frame: int) -> Pane
     return _drawn(_above(view, boxes), name, label, title)
 
 
-def _predicted(data: DataSet, run: Run, frame: int) -> kitti.FloatArray:
+def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
     """Predicted boxes (k, 7) of a frame with a score that is shown."""
     folder = data.lidar_folder(run.lidar)
     cameras = frame_tables.read_cameras(folder, [frame])
@@ -223,7 +223,7 @@ def _predicted(data: DataSet, run: Run, frame: int) -> kitti.FloatArray:
     return np.asarray(found.boxes[found.scores >= SHOWN_SCORE])
 
 
-def _outline(axes: Axes, boxes: kitti.FloatArray) -> None:
+def _outline(axes: Axes, boxes: FloatArray) -> None:
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     ahead = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
     left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2

@@ -1,0 +1,19 @@
+"""What the columns of numbers are called; shapes, units and frames stand where they are used."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+NameArray = npt.NDArray[np.str_]
+
+Points = npt.NDArray[np.float32]  # (n, 4) x y z intensity, or (n, 3) x y z
+Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
+Records = npt.NDArray[np.void]  # (n,) with named fields
+
+Floats = npt.NDArray[np.floating]  # float32 where there are many, float64 elsewhere
+AnyArray = npt.NDArray[Any]
