@@ -9,9 +9,9 @@
 #include <mutex>
 
 #include "infrasim/io/kitti.h"
+#include "infrasim/pipeline/simulate.h"
 #include "infrasim/raycast/embree.h"
 #include "infrasim/sensor/scan_pattern.h"
-#include "infrasim/simulate.h"
 
 namespace {
 

@@ -1,7 +1,7 @@
 #include "bindings.h"
 
 #include "infrasim/core/errors.h"
-#include "infrasim/version.h"
+#include "infrasim/core/version.h"
 
 PYBIND11_MODULE(_core, m) {
   m.doc() = "Compiled part of pyinfra; use pyinfra.sim.";

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "bindings.h"
-#include "infrasim/frame_stream.h"
+#include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/sensor/pattern_table.h"
 
 namespace infrasim {

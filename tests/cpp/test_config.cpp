@@ -14,7 +14,7 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/config/tree.h"
 #include "infrasim/io/npy.h"
-#include "infrasim/simulate.h"
+#include "infrasim/pipeline/simulate.h"
 #include "small_scenes.h"
 
 namespace infrasim {

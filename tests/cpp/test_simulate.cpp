@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "infrasim/run.h"
+#include "infrasim/pipeline/run.h"
+#include "infrasim/pipeline/simulate.h"
 #include "infrasim/sensor/beam.h"
-#include "infrasim/simulate.h"
 #include "small_scenes.h"
 
 namespace infrasim {

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/pipeline/simulate.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
-#include "infrasim/simulate.h"
 #include "small_scenes.h"
 
 namespace infrasim {

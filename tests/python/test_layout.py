@@ -14,20 +14,19 @@ ROOT = Path(__file__).resolve().parents[2]
 SIMULATOR = ROOT / "cpp/infrasim"
 SOURCES = ["*.h", "*.cpp"]
 
-# What a folder of the simulator may include besides itself; "." holds the pipeline.
+# What a folder of the simulator may include besides itself.
 BELOW_PIPELINE = {
     "core": set[str](),
     "config": {"core"},
     "scene": {"config", "core"},
     "sensor": {"scene", "config", "core"},
     "raycast": {"scene", "config", "core"},
-    "aggregate": {"core"},
     "filter": {"core"},
     "io": {"core"},
 }
 MAY_INCLUDE = BELOW_PIPELINE | {
-    ".": set(BELOW_PIPELINE),
-    "cli": {".", *BELOW_PIPELINE},
+    "pipeline": set(BELOW_PIPELINE),
+    "cli": {"pipeline", *BELOW_PIPELINE},
 }
 ONLY_PLACE = {
     "yaml-cpp": "config",
@@ -47,8 +46,7 @@ def includes(path: Path) -> list[str]:
 
 def folder_of(header: str) -> str:
     """The simulator's folder of `infrasim/config/scene_config.h`: `config`."""
-    parts = Path(header).parts
-    return parts[1] if len(parts) > 2 else "."
+    return Path(header).parts[1]
 
 
 @pytest.mark.parametrize("path", sources(SIMULATOR), ids=lambda p: str(p.relative_to(SIMULATOR)))

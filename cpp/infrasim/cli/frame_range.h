@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "infrasim/run.h"
+#include "infrasim/pipeline/run.h"
 
 namespace infrasim::cli {
 

@@ -11,8 +11,8 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/npy.h"
+#include "infrasim/pipeline/world.h"
 #include "infrasim/sensor/pattern_table.h"
-#include "infrasim/world.h"
 
 namespace infrasim::cli {
 

@@ -7,7 +7,7 @@
 
 #include "infrasim/cli/commands.h"
 #include "infrasim/core/errors.h"
-#include "infrasim/version.h"
+#include "infrasim/core/version.h"
 
 namespace {
 

@@ -11,10 +11,10 @@
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
 #include "infrasim/core/errors.h"
-#include "infrasim/frame_stream.h"
 #include "infrasim/io/atomic_file.h"
-#include "infrasim/run.h"
-#include "infrasim/simulate.h"
+#include "infrasim/pipeline/frame_stream.h"
+#include "infrasim/pipeline/run.h"
+#include "infrasim/pipeline/simulate.h"
 
 namespace infrasim::cli {
 

@@ -1,4 +1,4 @@
-#include "infrasim/world.h"
+#include "infrasim/pipeline/world.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,12 +1,12 @@
-#include "infrasim/simulate.h"
+#include "infrasim/pipeline/simulate.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <map>
 
-#include "infrasim/aggregate/frame_builder.h"
-#include "infrasim/scene_filters.h"
+#include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/scene_filters.h"
 #include "infrasim/sensor/beam.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/reflectance.h"

@@ -1,4 +1,4 @@
-#include "infrasim/aggregate/frame_builder.h"
+#include "infrasim/pipeline/frame_builder.h"
 
 #include <algorithm>
 #include <cmath>

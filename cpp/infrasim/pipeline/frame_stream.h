@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "infrasim/simulate.h"
+#include "infrasim/pipeline/simulate.h"
 
 namespace infrasim {
 

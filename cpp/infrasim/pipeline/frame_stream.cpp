@@ -1,4 +1,4 @@
-#include "infrasim/frame_stream.h"
+#include "infrasim/pipeline/frame_stream.h"
 
 #include <condition_variable>
 #include <exception>

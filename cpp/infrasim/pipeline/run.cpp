@@ -1,4 +1,4 @@
-#include "infrasim/run.h"
+#include "infrasim/pipeline/run.h"
 
 #include <algorithm>
 #include <exception>
@@ -10,11 +10,11 @@
 #include <thread>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
+#include "infrasim/pipeline/simulate.h"
 #include "infrasim/sensor/pattern_table.h"
-#include "infrasim/simulate.h"
-#include "infrasim/version.h"
 
 namespace infrasim {
 

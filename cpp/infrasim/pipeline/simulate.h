@@ -7,7 +7,7 @@
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/frame.h"
-#include "infrasim/world.h"
+#include "infrasim/pipeline/world.h"
 
 namespace infrasim {
 

@@ -1,4 +1,4 @@
-#include "infrasim/scene_filters.h"
+#include "infrasim/pipeline/scene_filters.h"
 
 namespace infrasim {
 

@@ -1,4 +1,4 @@
-#include "infrasim/version.h"
+#include "infrasim/core/version.h"
 
 namespace infrasim {
 
