@@ -325,15 +325,15 @@ def test_every_benchmark_of_the_package_has_its_files() -> None:
 
 
 @pytest.mark.parametrize(
-    ("frames", "parts", "expected"),
+    ("asked", "parts", "expected"),
     [
         ("0:10", 2, ["0:5:1", "5:10:1"]),
         ("0:10:5", 3, ["0:1:5", "5:6:5"]),
         ("3:20:5", 2, ["3:9:5", "13:19:5"]),
     ],
 )
-def test_shards_hold_each_frame_once(frames: str, parts: int, expected: list[str]) -> None:
-    assert frames.parts_of(frames, parts) == expected
+def test_shards_hold_each_frame_once(asked: str, parts: int, expected: list[str]) -> None:
+    assert frames.parts_of(asked, parts) == expected
 
 
 CELL = Cell("road", "lidar", "paper", "net", "quick", 1)
