@@ -84,24 +84,37 @@ class _Place:
         return _Place(self.file, node, f"{self.key}.{key}" if self.key else key)
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part of a file whose class is known once the rest is read."""
+
+    place: _Place | None = None  # None: it is left out
+
+    def read(self, kind: type[T]) -> T:
+        """Raises ConfigError with file, line and key."""
+        return kind() if self.place is None else _struct(self.place, kind)
+
+
 def _struct(place: _Place, kind: type[T]) -> T:
     if not isinstance(place.node, yaml.MappingNode):
         place.fail("found no mapping, allowed a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
-    values: dict[str, Any] = {}
+    places: dict[str, _Place] = {}
     for key_node, node in place.node.value:
         key = str(key_node.value)
         here = place.at(key, node)
         if key not in fields:
             here.fail(f"found an unknown key, allowed {', '.join(fields)}")
-        if key in values:
+        if key in places:
             here.fail("found twice, allowed once")
-        values[key] = _value(here, hints[key], fields[key].metadata.get("rule", Rule()))
+        places[key] = here
     for name, f in fields.items():
         required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-        if required and name not in values:
+        if required and name not in places:
             place.at(name, place.node).fail("found nothing, required")
+    rules = {name: f.metadata.get("rule", Rule()) for name, f in fields.items()}
+    values = {key: _value(here, hints[key], rules[key]) for key, here in places.items()}
     try:
         return kind(**values)
     except ValueError as error:  # a check between keys
@@ -111,6 +124,8 @@ def _struct(place: _Place, kind: type[T]) -> T:
 def _value(place: _Place, hint: Any, rule: Rule) -> Any:
     if hint is Any:
         return yaml.safe_load(yaml.serialize(place.node))
+    if hint is Part:
+        return Part(place)
     if dataclasses.is_dataclass(hint):
         return _struct(place, typing.cast(type[Any], hint))
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)

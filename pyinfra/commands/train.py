@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.recipe import Precision, read_recipe
 from pyinfra.training.sources import TIERS, Source, read_source, simulated_source
-
-if TYPE_CHECKING:
-    pass
 from pyinfra.training.train import OF_NETWORKS, train
 
 
@@ -54,9 +50,7 @@ def run(args: argparse.Namespace) -> int:
         raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
     recipe = read_recipe(args.config, args.tier)
     if DETECTORS[recipe.detector].learnt:
-        steps = max(1, round(args.budget * recipe.learning.steps))
-        learning = dataclasses.replace(recipe.learning, steps=steps)
-        recipe = dataclasses.replace(recipe, learning=learning)
+        recipe = recipe.for_budget(args.budget)
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"--{key}" for key in given)
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pyinfra.config import read_config, ruled
+from pyinfra.config import Part, checked, read_config, ruled
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import TIERS, Tier
@@ -41,25 +40,44 @@ class Recipe:
     learning: Learning
     augmentation: Augmentation
 
+    def for_budget(self, share: float) -> Recipe:
+        """With so much of the steps, the schedule with them."""
+        steps = max(1, round(share * self.learning.steps))
+        return replace(self, learning=replace(self.learning, steps=steps))
+
+
+@dataclass(frozen=True)
+class TierPart:
+    """A tier as it stands in a file; the keys of its network are the detector's."""
+
+    network: Part = field(default_factory=Part)
+    learning: Learning = field(default_factory=Learning)
+    augmentation: Augmentation = field(default_factory=Augmentation)
+
+
+@dataclass(frozen=True)
+class TierParts:
+    smoke: TierPart
+    quick: TierPart
+    full: TierPart
+
+
+def _known(_: Path, detector: str) -> None:
+    if detector not in DETECTORS:
+        raise ValueError(f"found '{detector}', allowed {', '.join(DETECTORS)}")
+
+
+@dataclass(frozen=True)
+class DetectorFile:
+    tiers: TierParts
+    detector: str = checked(_known)
+
 
 def read_recipe(file: Path, tier: Tier) -> Recipe:
     """Raises ConfigError with file, line and key, and FileNotFoundError."""
-    named: list[tuple[str, Any, Any]] = [
-        ("detector", Literal[*DETECTORS], field()),
-        ("tiers", Any, None),
-    ]
-    name: str = read_config(file, dataclasses.make_dataclass("Name", named)).detector
-    config = importlib.import_module(DETECTORS[name].module).Config
-    kind = dataclasses.make_dataclass(
-        "TierConfig",
-        [
-            ("network", config, field(default_factory=config)),
-            ("learning", Learning, field(default_factory=Learning)),
-            ("augmentation", Augmentation, field(default_factory=Augmentation)),
-        ],
-        frozen=True,
-    )
-    tiers = dataclasses.make_dataclass("Tiers", [(t, kind) for t in TIERS], frozen=True)
-    whole = dataclasses.make_dataclass("File", [("detector", str), ("tiers", tiers)], frozen=True)
-    chosen = getattr(read_config(file, whole).tiers, tier)
-    return Recipe(name, chosen.network, chosen.learning, chosen.augmentation)
+    whole = read_config(file, DetectorFile)
+    kind = importlib.import_module(DETECTORS[whole.detector].module).Config
+    parts = {name: getattr(whole.tiers, name) for name in TIERS}
+    networks = {name: part.network.read(kind) for name, part in parts.items()}
+    chosen = parts[tier]
+    return Recipe(whole.detector, networks[tier], chosen.learning, chosen.augmentation)
