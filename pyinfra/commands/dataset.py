@@ -1,6 +1,7 @@
 """`pyinfra dataset --out DIR`, which `make dataset` runs."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from pyinfra.data.release import CARD, FRAMES, SUMS, spread, write
@@ -18,6 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    write(args.out, spread(args.frames), args.preset)
+    write(args.out, spread(args.frames), args.preset, partial(print, flush=True))
     print(f"card {args.out / CARD}\nsums {args.out / SUMS}")
     return 0

@@ -9,13 +9,12 @@ import argparse
 import sys
 from pathlib import Path
 
-import pandas as pd
 from tqdm import tqdm
 
-from pyinfra.atomic import held, replacing
 from pyinfra.cli import message_of
-from pyinfra.stress import cells, figures, summary, worlds
-from pyinfra.stress.catalogue import NONE, STRESSORS, Dial, Stressor
+from pyinfra.stress import cells, worlds
+from pyinfra.stress.catalogue import STRESSORS, chosen
+from pyinfra.stress.results import write
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,98 +61,40 @@ def run(args: argparse.Namespace) -> int:
     stressors = chosen(args.stressors, args.dials)
     base = worlds.read_base(args.data, args.frames)
     runs = [cells.read_run(folder, base) for folder in args.runs]
-    every = cells.plan(runs, able(stressors, base), base)
+    every = cells.plan(runs, cells.able(stressors, base), base)
+    for why, names in cells.left_out(stressors, base).items():
+        print(f"pyinfra: note: left out {', '.join(names)}: {why}", file=sys.stderr)
     todo = list(cells.missing(every, base, args.out, args.seed))
-    todo, failed = sound(todo, base)
+    wrong = cells.wrong_worlds(todo, base)
+    for (name, dial), error in wrong.items():
+        print(f"pyinfra: {name} {dial} failed: {message_of(error)}", file=sys.stderr)
+    failed = [cell for cell in todo if cell.at in wrong]
+    todo = [cell for cell in todo if cell.at not in wrong]
     if args.dry_run:
         _list(todo, base, len(every))
     else:
-        failed += measure(todo, base, args.out, args.seed)
-        for file in write(args.out):
-            print(file)
+        failed += _fill(todo, base, args.out, args.seed)
+        print(*write(args.out), sep="\n")
     if failed:
         text = f"{len(failed)} of {len(every)} cells failed; the same command tries them again"
         print(f"pyinfra: {text}", file=sys.stderr)
     return 1 if failed else 0
 
 
-def sound(todo: list[cells.Cell], base: worlds.Base) -> tuple[list[cells.Cell], list[cells.Cell]]:
-    """The cells whose worlds can be simulated, and the others, with a line on stderr for each."""
-    wrong = cells.wrong_worlds(todo, base)
-    for (name, dial), error in wrong.items():
-        print(f"pyinfra: {name} {dial} failed: {message_of(error)}", file=sys.stderr)
-    return [c for c in todo if c.at not in wrong], [c for c in todo if c.at in wrong]
-
-
-def able(
-    stressors: dict[Stressor, tuple[Dial, ...]], base: worlds.Base
-) -> dict[Stressor, tuple[Dial, ...]]:
-    """Those that can act on a base, with a note on stderr of the others.
-
-    Raises ValueError if none can.
-    """
-    reasons = cells.left_out(stressors, base)
-    left_out = {name for names in reasons.values() for name in names}
-    if len(left_out) == len(stressors):
-        raise ValueError("; ".join(reasons))
-    for why, names in reasons.items():
-        print(f"pyinfra: note: left out {', '.join(names)}: {why}", file=sys.stderr)
-    return {s: dials for s, dials in stressors.items() if s.name not in left_out}
-
-
-def measure(todo: list[cells.Cell], base: worlds.Base, out: Path, seed: int) -> list[cells.Cell]:
-    """Fills cells; returns those that failed, each with a line on stderr.
-
-    Raises what a cell without stress raises: nothing compares without it.
-    """
-    out.mkdir(parents=True, exist_ok=True)
+def _fill(todo: list[cells.Cell], base: worlds.Base, out: Path, seed: int) -> list[cells.Cell]:
+    """Those that failed, each with a line on stderr. Without a terminal there is no bar."""
     failed = []
-    # Without a terminal there is no bar.
     bar = tqdm(todo, unit="cell", disable=None, file=sys.stderr)
     for cell in bar:
-        name = f"{cell.run.name} {cell.stressor.name} {cell.dial}"
-        bar.set_postfix_str(name)
-        try:
-            cells.fill(cell, base, out, seed)
-        except (OSError, ValueError, RuntimeError) as error:
-            if cell.stressor is NONE:
-                raise
-            tqdm.write(f"pyinfra: {name} failed: {message_of(error)}", file=sys.stderr)
+        bar.set_postfix_str(cell.title)
+        if error := cells.attempt(cell, base, out, seed):
+            tqdm.write(f"pyinfra: {cell.title} failed: {message_of(error)}", file=sys.stderr)
             failed.append(cell)
     return failed
 
 
-def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:
-    """The stressors by their names, with the dials that stress. Raises ValueError."""
-    unknown = [name for name in names if name not in STRESSORS]
-    if unknown:
-        raise ValueError(f"--stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
-    found = [STRESSORS[name] for name in dict.fromkeys(names)]
-    if words is None:
-        return {stressor: stressor.dials[1:] for stressor in found}
-    if len(found) != 1 or found[0].acts_on == "training":
-        raise ValueError("--dials: found it without one stressor of clouds or worlds, allowed one")
-    return {found[0]: found[0].parse(words)}
-
-
-def write(out: Path) -> list[Path]:
-    """Summary, ranking and figures of the rows that are there; returns the files."""
-    table = cells.read(out / "stress.csv")
-    tables: dict[str, pd.DataFrame] = {
-        "stress_summary": summary.summary(table),
-        "stress_ranking": summary.ranking(table),
-    }
-    files = [out / "stress.csv"]
-    with held(out / "locks" / "summary", wait=True):
-        for name, rows in tables.items():
-            files.append(out / f"{name}.csv")
-            with replacing(files[-1]) as beside:
-                rows.to_csv(beside, index=False, float_format="%.4g")
-        return files + figures.draw_all(table, out)
-
-
 def _list(todo: list[cells.Cell], base: worlds.Base, of: int) -> None:
     for cell in todo:
-        print(cell.run.name, cell.stressor.name, cell.dial)
+        print(cell.title)
     minutes = cells.seconds_of(todo, base) / 60
     print(f"{len(todo)} of {of} cells to do, {len(base.frames)} frames each, {minutes:.1f} min")

@@ -6,7 +6,7 @@ whole.
 """
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -67,10 +67,11 @@ def checksums(out: Path) -> Iterator[str]:
             yield f"{digest}  {file.relative_to(out).as_posix()}\n"
 
 
-def write(out: Path, frames: range, preset: str) -> None:
+def write(out: Path, frames: range, preset: str, say: Callable[[str], None] | None = None) -> None:
     """Scenes, card and list of sums in `out`, which is created.
 
-    Raises hits.SimulatorError, and ValueError if `out` has frames of another choice.
+    say: is told of each scene that is there. Raises SimulatorError, and ValueError if `out` has
+    frames of another choice.
     """
     for scene in catalogue.SCENES:
         check_folder(out / scene, frames)
@@ -78,7 +79,8 @@ def write(out: Path, frames: range, preset: str) -> None:
     sets = []
     for scene in catalogue.SCENES:
         sets.append(write_scene(scene, frames, preset, out / scene))
-        print(f"{out / scene}: {len(frames)} frames", flush=True)
+        if say:
+            say(f"{out / scene}: {len(frames)} frames")
     summaries = [pd.read_csv(data.folder / TIMES) for data in sets]
     with replacing(out / CARD) as beside:
         beside.write_text(data_card(sets, summaries), encoding="utf-8")

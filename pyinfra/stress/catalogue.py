@@ -129,3 +129,16 @@ STRESSORS = {
         Stressor("training_seed", "name", (OWN,)),
     )
 }
+
+
+def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:
+    """The stressors by their names, with the dials that stress. Raises ValueError."""
+    unknown = [name for name in names if name not in STRESSORS]
+    if unknown:
+        raise ValueError(f"--stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
+    found = [STRESSORS[name] for name in dict.fromkeys(names)]
+    if words is None:
+        return {stressor: stressor.dials[1:] for stressor in found}
+    if len(found) != 1 or found[0].acts_on == "training":
+        raise ValueError("--dials: found it without one stressor of clouds or worlds, allowed one")
+    return {found[0]: found[0].parse(words)}

@@ -74,6 +74,10 @@ class Cell:
     def at(self) -> tuple[str, Dial]:
         return self.stressor.name, self.dial
 
+    @property
+    def title(self) -> str:
+        return f"{self.run.name} {self.stressor.name} {self.dial}"
+
 
 def read_run(folder: Path, base: Base) -> Run:
     """Raises FileNotFoundError, and ValueError for a model of another LiDAR."""
@@ -195,6 +199,20 @@ def fill(cell: Cell, base: Base, out: Path, seed: int) -> bool:
     return True
 
 
+def attempt(cell: Cell, base: Base, out: Path, seed: int) -> Exception | None:
+    """Fills a cell; returns what went wrong.
+
+    Raises what a cell without stress raises: nothing compares without it.
+    """
+    try:
+        fill(cell, base, out, seed)
+    except (OSError, ValueError, RuntimeError) as error:
+        if cell.stressor is NONE:
+            raise
+        return error
+    return None
+
+
 def missing(cells: Sequence[Cell], base: Base, out: Path, seed: int) -> Iterator[Cell]:
     """The cells without a row. Raises ValueError for a row of the same names, and other inputs."""
     file = out / "stress.csv"
@@ -212,12 +230,23 @@ def missing(cells: Sequence[Cell], base: Base, out: Path, seed: int) -> Iterator
 
 
 def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
-    """The stressors that cannot act on a base, by the reason."""
+    """Names of the stressors that cannot act on a base, by the reason."""
     reasons: dict[str, list[str]] = {}
     for stressor in stressors:
         if why := stressor.lacks(base):
             reasons.setdefault(why, []).append(stressor.name)
     return reasons
+
+
+def able(
+    stressors: dict[Stressor, tuple[Dial, ...]], base: Base
+) -> dict[Stressor, tuple[Dial, ...]]:
+    """Those that can act on a base. Raises ValueError if none can."""
+    reasons = left_out(stressors, base)
+    names = {name for each in reasons.values() for name in each}
+    if len(names) == len(stressors):
+        raise ValueError("; ".join(reasons))
+    return {stressor: dials for stressor, dials in stressors.items() if stressor.name not in names}
 
 
 def wrong_worlds(cells: Iterable[Cell], base: Base) -> dict[tuple[str, Dial], Exception]:

@@ -11,16 +11,19 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pyinfra import __version__
+from pyinfra.atomic import replacing
 from pyinfra.viewer.encoding import STEP_M, pack_points
 from pyinfra.viewer.frames import ViewFrame
 
 Views = Mapping[str, Sequence[ViewFrame]]
 
+LARGEST_MB = 40.0  # of a page
 MIN_SCORE = 0.3  # of the predictions shown at first
 _GROUND_PERCENTILE = 20  # of the points' heights: a sensor at the roadside sees mostly ground
 # No request can leave the page, whatever a name in the data may hold.
@@ -95,6 +98,30 @@ def page(views: Views, *, title: str, most_points: int | None = None) -> str:
         fragment=fragment(views, element_id="view", most_points=most_points),
         library=library(),
     )
+
+
+def write_page(views: Views, title: str, out: Path, most_points: int | None = None) -> int:
+    """Writes the page and returns its size in bytes.
+
+    Raises ValueError, and writes nothing, above LARGEST_MB and if `out` is a folder.
+    """
+    check_file(out)
+    text = page(views, title=title, most_points=most_points).encode()
+    if len(text) > 1e6 * LARGEST_MB:
+        raise ValueError(
+            f"{out}: found {len(text) / 1e6:.1f} MB, allowed {LARGEST_MB:g} MB: "
+            "fewer --frames, one --lidar, or --most-points"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as beside:
+        beside.write_bytes(text)
+    return len(text)
+
+
+def check_file(out: Path) -> None:
+    """Raises ValueError if a file cannot be written there because a folder has its name."""
+    if out.is_dir():
+        raise ValueError(f"--out: found the folder {out}, allowed the name of a file")
 
 
 def _view(views: Views, most_points: int | None) -> dict[str, Any]:

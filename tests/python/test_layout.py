@@ -159,6 +159,11 @@ def test_each_command_is_a_module_of_commands() -> None:
     assert {command.module for command in COMMANDS} == {f"pyinfra.commands.{f}" for f in files}
 
 
+def test_commands_import_no_other_command() -> None:
+    for path in (ROOT / "pyinfra/commands").glob("*.py"):
+        assert not [name for name in imports(path) if name.startswith("pyinfra.commands")], path
+
+
 def test_only_the_simulator_and_the_kernels_import_the_extension() -> None:
     users = {
         path.relative_to(ROOT / "pyinfra")

@@ -17,11 +17,10 @@ import yaml
 from detector_data import SITE
 
 from pyinfra import cli, kitti
-from pyinfra.commands.stress import chosen
 from pyinfra.detectors.background import Background
 from pyinfra.simulator.runs import SimulatorError
 from pyinfra.stress import cells, lidar, worlds
-from pyinfra.stress.catalogue import STRESSORS
+from pyinfra.stress.catalogue import STRESSORS, chosen
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES = (0, 20, 40)

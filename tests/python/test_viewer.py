@@ -16,10 +16,9 @@ from evaluation_data import car, perfect, write_lidar, write_predictions
 from view_data import blob, view_frame
 
 from pyinfra import cli, kitti
-from pyinfra.commands import view
 from pyinfra.viewer.encoding import pack_points
 from pyinfra.viewer.frames import read_view_frames
-from pyinfra.viewer.page import fragment, library, page
+from pyinfra.viewer.page import fragment, library, page, write_page
 
 ROOT = Path(__file__).resolve().parents[2]
 BUNDLE = ROOT / "pyinfra/viewer/viewer.min.js"
@@ -291,7 +290,7 @@ def test_a_folder_in_place_of_the_page_is_named(
     assert cli.main(["view", str(folder), *more, "--out", str(out)]) == 2
     assert capsys.readouterr().err == f"pyinfra: {allowed}\n"
     with pytest.raises(ValueError, match="found the folder"):
-        view.write_page({}, "title", out)
+        write_page({}, "title", out)
     assert list(out.iterdir()) == []
 
 
@@ -301,7 +300,7 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     folder = lidar_folder(tmp_path / "data/one")
     out = tmp_path / "view.html"
     out.write_text("old")
-    monkeypatch.setattr(view, "LARGEST_MB", 0.5)
+    monkeypatch.setattr("pyinfra.viewer.page.LARGEST_MB", 0.5)
     assert cli.main(["view", str(folder), "--out", str(out)]) == 2
     assert "MB, allowed 0.5 MB: fewer --frames, one --lidar, or --most" in capsys.readouterr().err
     assert out.read_text() == "old"

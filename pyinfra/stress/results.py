@@ -1,0 +1,26 @@
+"""The tables and figures of a stress test, from the rows that are there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.atomic import held, replacing
+from pyinfra.stress import cells, figures, summary
+
+
+def write(out: Path) -> list[Path]:
+    """Summary, ranking and figures of the rows that are there; returns the files."""
+    table = cells.read(out / "stress.csv")
+    tables: dict[str, pd.DataFrame] = {
+        "stress_summary": summary.summary(table),
+        "stress_ranking": summary.ranking(table),
+    }
+    files = [out / "stress.csv"]
+    with held(out / "locks" / "summary", wait=True):
+        for name, rows in tables.items():
+            files.append(out / f"{name}.csv")
+            with replacing(files[-1]) as beside:
+                rows.to_csv(beside, index=False, float_format="%.4g")
+        return files + figures.draw_all(table, out)
