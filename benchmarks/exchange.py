@@ -24,7 +24,7 @@ import pandas as pd
 
 from pyinfra import __version__
 from pyinfra.data.frames import frame_numbers
-from pyinfra.exchange.data_set import About
+from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.exports import export
 from pyinfra.exchange.formats import EXPORTS, IMPORTS
 from pyinfra.exchange.imports import import_recording
@@ -57,7 +57,7 @@ def rows(data: Path, folder: Path) -> Iterator[Row]:
         for name in IMPORTS:
             recording = source if name == "kitti" else folder / f"{lidar}-{name}"
             out = folder / f"{lidar}-from-{name}" / lidar
-            about = About(lidar, "highway")
+            about = LidarFacts(lidar, "highway")
             seconds = timed(partial(import_recording, recording, name, out, about, Options()))
             yield row("import", name, lidar, len(frames), out, seconds)
 

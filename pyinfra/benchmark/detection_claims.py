@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.benchmark.value import HQ_AP
-from pyinfra.statistics.compare import Figure
+from pyinfra.statistics.compare import Measured
 from pyinfra.statistics.scanning_claims import (
     ABOVE_0,
     ABOVE_1,
@@ -35,7 +35,7 @@ AHEAD_M = 100.0
 LEAST_WINDOWS = 5
 STEEPEST_DEG = 20.0
 COLUMNS = "scene preset claim statement value low high verdict version".split(" ")
-Cells = dict[tuple[str, str], Figure]  # AP by LiDAR and detector
+Cells = dict[tuple[str, str], Measured]  # AP by LiDAR and detector
 
 
 def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -65,7 +65,7 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 def claims(cells: pd.DataFrame, tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
     """The claims of one scene under one preset."""
-    ap = {(c.lidar, c.detector): Figure(c.ap, c.ap_low, c.ap_high) for c in cells.itertuples()}
+    ap = {(c.lidar, c.detector): Measured(c.ap, c.ap_low, c.ap_high) for c in cells.itertuples()}
     for detector in DETECTORS:
         yield from across_lidars(ap, detector)
         yield from areas(tables.get("distance", pd.DataFrame()), detector)
@@ -75,7 +75,7 @@ def claims(cells: pd.DataFrame, tables: dict[str, pd.DataFrame]) -> Iterator[Row
         yield from across_detectors(ap, lidar)
 
 
-def tested(claim: str, text: str, found: Figure, inside: tuple[float, float]) -> Row:
+def tested(claim: str, text: str, found: Measured, inside: tuple[float, float]) -> Row:
     verdict_ = verdict(found.low, found.high, inside)
     return Row(claim, text, found.value, found.low, found.high, verdict_)
 
@@ -125,7 +125,7 @@ def areas(table: pd.DataFrame, detector: str) -> Iterator[Row]:
 
 def high_quality(
     table: pd.DataFrame, detector: str, ground_truth: str
-) -> dict[str, tuple[Figure, float]]:
+) -> dict[str, tuple[Measured, float]]:
     """Areas with an AP above 85, by LiDAR, and all areas; table: a row a window of the road.
 
     From those that are decided to be high to those and the undecided ones. A LiDAR without areas,
@@ -139,7 +139,7 @@ def high_quality(
         sure = float((windows.quality == "high").sum())
         most = sure + float((windows.quality == "undecided").sum())
         number = float((windows.ap > HQ_AP).sum())
-        found[str(lidar)] = (Figure(number, sure, most), float(len(windows)))
+        found[str(lidar)] = (Measured(number, sure, most), float(len(windows)))
     return found
 
 
@@ -163,7 +163,7 @@ def gentle(table: pd.DataFrame, detector: str) -> Iterator[Row]:
     yield tested("gentle", text, slopes[AVIA].less(best), ABOVE_0)
 
 
-def slope(windows: pd.DataFrame) -> Figure:
+def slope(windows: pd.DataFrame) -> Measured:
     """AP per 10 m, weighted least squares, with its 95 % interval."""
     sigma = (windows.ap_high - windows.ap_low).to_numpy() / (2 * 1.96)
     weight = 1 / (WINDOWS_OVERLAP * sigma**2)
@@ -171,7 +171,7 @@ def slope(windows: pd.DataFrame) -> Figure:
     centred = x - np.average(x, weights=weight)
     spread = float((weight * centred**2).sum())
     value, half = float((weight * centred * y).sum() / spread), 1.96 / math.sqrt(spread)
-    return Figure(value, value - half, value + half)
+    return Measured(value, value - half, value + half)
 
 
 def value(ap: Cells, tables: dict[str, pd.DataFrame], detector: str) -> Iterator[Row]:
@@ -195,7 +195,7 @@ def value(ap: Cells, tables: dict[str, pd.DataFrame], detector: str) -> Iterator
             yield from per_dollar(text, counts, own.price_usd)
 
 
-def per_dollar(text: str, bought: dict[str, Figure], usd: pd.Series) -> Iterator[Row]:
+def per_dollar(text: str, bought: dict[str, Measured], usd: pd.Series) -> Iterator[Row]:
     """The first per dollar over the best of the others; nothing if these have nothing."""
     first, *others = ((name, figure.times(1000 / usd[name])) for name, figure in bought.items())
     best, most = max(others, key=lambda pair: pair[1].value)
@@ -218,7 +218,7 @@ def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
         if level.empty or tilted.empty:
             continue
         both = (tilted.loc[tilted.ap.idxmax()], level.iloc[0])
-        best, without = (Figure(r.ap, r.ap_low, r.ap_high) for r in both)
+        best, without = (Measured(r.ap, r.ap_low, r.ap_high) for r in both)
         text = f"{key[2]}: highest AP with a tilt of up to 20 deg less AP with none 2 or less"
         row = tested("tilt", text, best.less(without), (-math.inf, 2.0))
         case = {"scene": key[0], "preset": key[1], "version": curve.version.iloc[-1]}

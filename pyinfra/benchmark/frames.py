@@ -15,8 +15,8 @@ from pyinfra.benchmark.matrix import Cell, Parts, Plan, range_of
 from pyinfra.data import split
 from pyinfra.data.data_set import read_data_set
 from pyinfra.simulator.runs import infrasim
+from pyinfra.statistics.sightings import blocks_of, read_sightings
 from pyinfra.statistics.study import vehicle_tables
-from pyinfra.statistics.vehicles import blocks_of, read_vehicles
 
 POINT_BYTES = 16
 STATISTICS = ("points_per_vehicle", "quality")
@@ -81,7 +81,7 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
     """
     key = {"scene": cells[0].scene, "preset": cells[0].preset}
     data = read_data_set(folder)
-    vehicles = read_vehicles(data)
+    vehicles = read_sightings(data)
     tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in vehicles.lidars])}
     found = vehicle_tables(vehicles, blocks_of(data))
     for name in STATISTICS:

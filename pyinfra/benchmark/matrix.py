@@ -34,7 +34,7 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
 
 
 @dataclass(frozen=True)
-class Block:
+class Combinations:
     """All combinations of what it lists; names of configs/, or files beside the benchmark's."""
 
     scenes: tuple[str, ...] = checked(partial(config_file, "scenes"))  # of configs/scenes
@@ -56,7 +56,7 @@ class Parts:
 class Benchmark:
     """A union of blocks, in their order."""
 
-    matrix: tuple[Block, ...]  # combinations to measure
+    matrix: tuple[Combinations, ...]  # combinations to measure
     frames: str = ""  # A:B[:STEP] in place of the tier's
     split: Parts = field(default_factory=Parts)
     costs: Costs = field(default_factory=Costs)

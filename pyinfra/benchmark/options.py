@@ -10,7 +10,7 @@ import pandas as pd
 
 from pyinfra.benchmark.results import Results, read_results
 from pyinfra.benchmark.value import KEY, covered
-from pyinfra.statistics.compare import Figure
+from pyinfra.statistics.compare import Measured
 from pyinfra.statistics.selection import preset_of_answers
 
 
@@ -37,12 +37,12 @@ class Option:
     preset: str
     lidar: str
     detector: str
-    ap: Figure  # 0 to 100, of the vehicles that the LiDAR captured
+    ap: Measured  # 0 to 100, of the vehicles that the LiDAR captured
     ap_all: float  # of all vehicles
     price_usd: float  # middle of low and high
     price_low_usd: float
     price_high_usd: float
-    covered_m: Figure
+    covered_m: Measured
     road_m: float  # that was evaluated, within the range that is asked
     latency_ms: float  # of a frame on one core, median
 
@@ -157,12 +157,12 @@ def option(row: pd.Series) -> Option:
         preset=row.preset,
         lidar=row.lidar,
         detector=row.detector,
-        ap=Figure(row.ap, row.ap_low, row.ap_high),
+        ap=Measured(row.ap, row.ap_low, row.ap_high),
         ap_all=row.ap_all,
         price_usd=row.price_usd,
         price_low_usd=row.price_low_usd,
         price_high_usd=row.price_high_usd,
-        covered_m=Figure(row.covered_m, row.low_m, row.high_m),
+        covered_m=Measured(row.covered_m, row.low_m, row.high_m),
         road_m=row.road_m,
         latency_ms=row.latency_p50_ms,
     )

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from pyinfra.benchmark.options import Option, Wish
-from pyinfra.statistics.compare import Figure
+from pyinfra.statistics.compare import Measured
 
 MOST = 5
 
@@ -63,7 +63,7 @@ def price_range(option: Option) -> str:
     return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
 
 
-def with_interval(ap: Figure) -> str:
+def with_interval(ap: Measured) -> str:
     if not is_known(ap):
         return f"{ap.value:.1f} (no interval)"
     return f"{ap.value:.1f} [{ap.low:.1f}, {ap.high:.1f}]"
@@ -73,12 +73,12 @@ def names(options: Iterable[Option]) -> str:
     return ", ".join(option.name for option in options)
 
 
-def is_known(figure: Figure) -> bool:
+def is_known(figure: Measured) -> bool:
     """Whether it has an interval."""
     return math.isfinite(figure.low) and math.isfinite(figure.high)
 
 
-def overlap(a: Figure, b: Figure) -> bool:
+def overlap(a: Measured, b: Measured) -> bool:
     """Whether the intervals do; not if one is not known."""
     return a.low <= b.high and b.low <= a.high
 

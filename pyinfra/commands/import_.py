@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from pyinfra.exchange.data_set import About
+from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.imports import checked, import_recording, warnings
 from pyinfra.exchange.object_types import own_types
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     since = time.perf_counter()
     options = Options(args.intensity_max, args.columns, args.labels, args.channel)
     found, labelled = import_recording(
-        args.source, args.format, args.out, about_of(args), checked(options)
+        args.source, args.format, args.out, facts_of(args), checked(options)
     )
     for line in warnings(found, labelled):
         print(f"pyinfra: warning: {args.source}: {line}", file=sys.stderr)
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def about_of(args: argparse.Namespace) -> About:
+def facts_of(args: argparse.Namespace) -> LidarFacts:
     """Raises ValueError for a number that is none."""
     out = args.out.resolve()
     price, tilt = args.price_usd, args.tilt_deg
@@ -76,7 +76,7 @@ def about_of(args: argparse.Namespace) -> About:
         raise ValueError(f"--period-s: found {args.period_s:g}, allowed above 0 to 60")
     if tilt and not all(abs(angle) <= 90 for angle in tilt):
         raise ValueError(f"--tilt-deg: found {tilt}, allowed -90 to 90")
-    return About(
+    return LidarFacts(
         name=out.name,
         scene=args.scene or out.parent.name,
         model=args.model,

@@ -68,7 +68,7 @@ class Windows:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CanvasPart:
     """The part of the canvas that is filled."""
 
     sides: tuple[int, int]  # rows, columns

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pyinfra.config import ruled
-from pyinfra.detectors.batch import Batch, View
+from pyinfra.detectors.batch import Batch, CanvasPart
 from pyinfra.detectors.bev import BevConfig, BevNetwork, conv, multiple
 from pyinfra.detectors.centre_head import BOX, CentreHead
 from pyinfra.detectors.losses import start_rare
@@ -121,7 +121,7 @@ class Layer(nn.Module):
         return around
 
 
-class Block(nn.Module):
+class DsvtBlock(nn.Module):
     """Two layers in the same windows: sets along x first, then along y."""
 
     def __init__(self, config: Config, side: int) -> None:
@@ -146,7 +146,7 @@ class Transformer(nn.Module):
         super().__init__()
         self.config = config
         sides = [config.windows[i % len(config.windows)] for i in range(config.blocks)]
-        self.blocks = nn.ModuleList(Block(config, side) for side in sides)
+        self.blocks = nn.ModuleList(DsvtBlock(config, side) for side in sides)
         for parameter in self.parameters():
             if parameter.dim() > 1:
                 nn.init.xavier_uniform_(parameter)
@@ -218,7 +218,7 @@ class Dsvt(Network):
         channels, share = self.bev.channels, config.iou_share
         self.head = IouHead(channels, config.head_width, self.site, cell_m, share)
 
-    def canvas(self, batch: Batch, view: View | None = None) -> Tensor:
+    def canvas(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
         """(B, width, H, W)."""
         found, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
         if view is not None:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.detectors import processes
-from pyinfra.detectors.batch import Area, Batch, View
+from pyinfra.detectors.batch import Area, Batch, CanvasPart
 
 
 class PillarEncoder(nn.Module):
@@ -31,7 +31,7 @@ class PillarEncoder(nn.Module):
         self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
         self.linear, self.norm = _layer(inputs[-1], width)
 
-    def forward(self, batch: Batch, view: View | None = None) -> Tensor:
+    def forward(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
         return self.canvas(*self.occupied(batch), batch.size, view)
 
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
@@ -48,7 +48,7 @@ class PillarEncoder(nn.Module):
         return self.pooled(features, member, len(pillar)), pillar
 
     def canvas(
-        self, features: Tensor, pillar: Tensor, frames: int, view: View | None = None
+        self, features: Tensor, pillar: Tensor, frames: int, view: CanvasPart | None = None
     ) -> Tensor:
         """(B, width, H, W): the features (p, width) in their places, 0 elsewhere.
 
@@ -65,7 +65,7 @@ class PillarEncoder(nn.Module):
         # Channels last in memory.
         return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
 
-    def seen(self, pillar: Tensor, view: View) -> Tensor:
+    def seen(self, pillar: Tensor, view: CanvasPart) -> Tensor:
         """(p,) bool: which pillars by number are in the part of the canvas that is filled."""
         if view.first is None:
             return torch.ones_like(pillar, dtype=torch.bool)

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pyinfra.detectors.batch import Area, Batch, View
+from pyinfra.detectors.batch import Area, Batch, CanvasPart
 from pyinfra.detectors.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 from pyinfra.detectors.pointnet import Clouds, Norm
 
@@ -73,7 +73,7 @@ class VoxelBackbone(nn.Module):
         self.channels = canvas_width * depth
         self.grid = rows // along[-1], columns // along[-1]  # of the canvas
 
-    def forward(self, batch: Batch, view: View | None = None) -> tuple[list[Clouds], Tensor]:
+    def forward(self, batch: Batch, view: CanvasPart | None = None) -> tuple[list[Clouds], Tensor]:
         """view: the part of the area that the batch was cut to (windows.py), if not all of it."""
         x, levels = self.voxels(batch, view), []
         for level, stride in zip(self.levels, self.strides, strict=True):
@@ -81,7 +81,7 @@ class VoxelBackbone(nn.Module):
             levels.append(self.middles(x, stride))
         return levels, self.flat(x).to_dense()
 
-    def voxels(self, batch: Batch, view: View | None = None) -> SparseTensor:
+    def voxels(self, batch: Batch, view: CanvasPart | None = None) -> SparseTensor:
         """The mean x y z intensity of the points in each voxel, x y z as -1 to 1 over the area."""
         depth, rows, columns = self.shape
         if view is not None:

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from pyinfra.arrays import FloatArray
-from pyinfra.detectors.batch import Area, Batch, Sample, View
+from pyinfra.detectors.batch import Area, Batch, CanvasPart, Sample
 
 if TYPE_CHECKING:
     from pyinfra.detectors.network import Network
@@ -32,15 +32,15 @@ def centre_of(sample: Sample, area: Area, draw: np.random.Generator) -> FloatArr
     return draw.uniform(area.low[:2], area.high[:2])
 
 
-def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> View:
+def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
     """What the batch's windows show of an area; they begin at multiples of `step` cells."""
     columns, rows = (round(area.size[axis] / cell_m) for axis in (0, 1))
     whole = (rows, columns)
     if batch.windows is None:
-        return View(whole, None, batch.boxes)
+        return CanvasPart(whole, None, batch.boxes)
     sides = sides_of(whole, batch.windows.most_m2 / cell_m**2, step)
     if sides == whole:
-        return View(whole, None, batch.boxes)
+        return CanvasPart(whole, None, batch.boxes)
     low = torch.tensor(area.low[:2])
     middles = ((batch.windows.centres - low) / cell_m).flip(1).tolist()  # row, column
     first = torch.tensor(
@@ -56,10 +56,10 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> View:
         cell = (moved[:, :2] - low.to(moved)) / cell_m
         inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)
         boxes.append(moved[inside])
-    return View(sides, first, tuple(boxes))
+    return CanvasPart(sides, first, tuple(boxes))
 
 
-def cut(batch: Batch, view: View, area: Area, cell_m: float) -> Batch:
+def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
     """The points and boxes of the view, moved as it is to the area's low corner."""
     if view.first is None:
         return batch

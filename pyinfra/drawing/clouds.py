@@ -60,7 +60,7 @@ QUALITIES = (
 
 
 @dataclass(frozen=True)
-class Window:
+class DrawnArea:
     """The part of a plane that is drawn."""
 
     x: tuple[float, float]
@@ -70,12 +70,12 @@ class Window:
         return self.x[1] - self.x[0], self.y[1] - self.y[0]
 
 
-FIELD = Window((-40, 40), (-40, 40))  # degrees
-CLOSE_UP = Window((-3, 3), (-8, -2))
+FIELD = DrawnArea((-40, 40), (-40, 40))  # degrees
+CLOSE_UP = DrawnArea((-3, 3), (-8, -2))
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Snapshot:
     """What is drawn of one frame of one LiDAR, in its levelled frame."""
 
     scene: str  # name of the data set's folder
@@ -88,10 +88,10 @@ class View:
         return f"{len(self.points):,} points, {self.objects.points.sum():,} on vehicles"
 
 
-def read_view(lidar_folder: Path, frame: int) -> View:
+def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
     """Reads a frame. Raises OSError and what the readers of pyinfra.kitti raise."""
     lidar = kitti.read_lidar(lidar_folder)
-    return View(
+    return Snapshot(
         scene=lidar_folder.parent.name,
         lidar=lidar,
         points=kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame)),
@@ -103,10 +103,10 @@ def read_view(lidar_folder: Path, frame: int) -> View:
 def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
     """Writes a sheet of data sets x LiDARs, and a picture of each; returns the files.
 
-    data_sets: the LiDAR folders of each data set. Raises what read_view() raises.
+    data_sets: the LiDAR folders of each data set. Raises what read_snapshot() raises.
     """
     out.mkdir(parents=True, exist_ok=True)
-    views = [[read_view(folder, frame) for folder in folders] for folders in data_sets]
+    views = [[read_snapshot(folder, frame) for folder in folders] for folders in data_sets]
     files = [out / "sheet.png"]
     save(sheet(views), files[0])
     for view in (view for row in views for view in row):
@@ -131,7 +131,7 @@ def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
     few.save(file, optimize=True)
 
 
-def picture(view: View) -> Figure:
+def picture(view: Snapshot) -> Figure:
     """Bird's-eye view of one frame of one LiDAR."""
     window = region_window(view)
     width, height = window.shape()
@@ -149,7 +149,7 @@ def picture(view: View) -> Figure:
     return figure
 
 
-def sheet(views: Sequence[Sequence[View]]) -> Figure:
+def sheet(views: Sequence[Sequence[Snapshot]]) -> Figure:
     """One row for each data set, one column for each LiDAR; a row has one window."""
     windows = [region_window(row[0]) for row in views]
     columns = max(len(row) for row in views)
@@ -176,7 +176,9 @@ def sheet(views: Sequence[Sequence[View]]) -> Figure:
     return figure
 
 
-def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, headings: bool) -> None:
+def bird_view(
+    axes: Axes, view: Snapshot, window: DrawnArea, *, point_size: float, headings: bool
+) -> None:
     """Points, boxes, evaluation region and field of view of a frame, in the levelled LiDAR frame.
 
     Points are light grey on the road and darker with height above it, black from DARKEST_M on.
@@ -203,17 +205,17 @@ def bird_view(axes: Axes, view: View, window: Window, *, point_size: float, head
     axes.set_ylim(*window.y)
 
 
-def region_window(view: View) -> Window:
+def region_window(view: Snapshot) -> DrawnArea:
     """What shows the whole evaluation region in the levelled LiDAR frame."""
     return window_around([_outline(road) for _, road in view.roads.groupby("road", sort=False)])
 
 
-def window_around(outlines: Sequence[FloatArray]) -> Window:
+def window_around(outlines: Sequence[FloatArray]) -> DrawnArea:
     """What shows outlines (n, 2) of roads, and as much to their sides as is needed to see them."""
     x, y = np.concatenate(outlines).T
     middle = (y.min() + y.max()) / 2
     half = max((y.max() - y.min()) / 2 + MARGIN_M, HALF_HEIGHT_M)
-    return Window(
+    return DrawnArea(
         (float(x.min() - MARGIN_M), float(x.max() + MARGIN_M)),
         (float(middle - half), float(middle + half)),
     )
@@ -322,7 +324,7 @@ def sector(unit: kitti.FieldOfView) -> FloatArray:
     return np.concatenate([np.zeros((1, 2)), arc, np.zeros((1, 2))])
 
 
-def _inside(xy: Floats, window: Window) -> BoolArray:
+def _inside(xy: Floats, window: DrawnArea) -> BoolArray:
     low = (window.x[0], window.y[0])
     high = (window.x[1], window.y[1])
     return np.asarray(((xy >= low) & (xy <= high)).all(axis=1))
@@ -345,7 +347,7 @@ def _draw_boxes(axes: Axes, boxes: FloatArray, look: Quality, *, headings: bool)
     axes.add_collection(LineCollection(lines, colors=look.colour, linewidths=0.7, zorder=3))
 
 
-def _draw_rays(axes: Axes, degrees: FloatArray, window: Window, size: float) -> None:
+def _draw_rays(axes: Axes, degrees: FloatArray, window: DrawnArea, size: float) -> None:
     seen = degrees[_inside(degrees, window)]
     axes.plot(
         seen[:, 0],

@@ -169,7 +169,7 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
         axes.plot(pose.x, pose.y, marker="^", color="black", markersize=5, zorder=5)
 
 
-def _draw_scale(axes: Axes, window: clouds.Window) -> None:
+def _draw_scale(axes: Axes, window: clouds.DrawnArea) -> None:
     """A bar at the lower edge, off the stations and the circles around the sensor."""
     x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
     axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")

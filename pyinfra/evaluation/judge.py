@@ -119,7 +119,7 @@ class Contest:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Judgement:
     """What became of every prediction and vehicle under one ground truth and threshold."""
 
     contest: Contest
@@ -185,7 +185,7 @@ def blocks_of(truth: GroundTruth, settings: Settings) -> Blocks:
     return time_blocks(frames, truth.period_s, draws=settings.draws, seed=settings.seed)
 
 
-def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Verdict:
+def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Judgement:
     """Counts under a ground truth what Contest.match() found."""
     counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
     matched = took >= 0
@@ -194,7 +194,7 @@ def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Verd
         wrong &= contest.truth.in_common_view(contest.predictions.boxes)
     hit = matched.copy()
     hit[matched] = counted[took[matched]]
-    return Verdict(contest, took, counted, hit, wrong)
+    return Judgement(contest, took, counted, hit, wrong)
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:
@@ -216,13 +216,13 @@ def interval(draws: FloatArray, objects: IntArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def causes(verdict: Verdict, iou: float, *, strict: bool) -> NameArray:
+def causes(judgement: Judgement, iou: float, *, strict: bool) -> NameArray:
     """Why each wrong prediction is wrong, (wrong ones,).
 
     duplicate: another took the vehicle that it overlaps enough; localisation: it overlaps one by
     0.1 or more, but not enough; ghost: no vehicle is there.
     """
-    best = verdict.contest.best_overlap[verdict.wrong]
+    best = judgement.contest.best_overlap[judgement.wrong]
     names = np.full(len(best), "ghost", dtype="<U12")
     names[best >= LEAST_OVERLAP - TIE] = "localisation"
     names[reaches(best, iou, strict=strict)] = "duplicate"

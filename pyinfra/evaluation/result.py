@@ -81,8 +81,8 @@ def _ap_rows(
             for iou in settings.ious:
                 for protocol in settings.protocols:
                     matched = took[iou, protocol == "kitti"]
-                    verdict = judge(one, which, matched, settings.min_points)
-                    row = ap_row(verdict, iou, protocol)
+                    judgement = judge(one, which, matched, settings.min_points)
+                    row = ap_row(judgement, iou, protocol)
                     rows.append({"class": name, "ground_truth": which, **row})
     return rows
 
@@ -93,19 +93,19 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
     took = one.match(iou, strict=False)
     tables: dict[str, list[pd.DataFrame]] = {}
     for which in settings.ground_truths:
-        verdict = judge(one, which, took, settings.min_points)
-        distance, draws = distance_table(verdict, settings.min_objects)
+        judgement = judge(one, which, took, settings.min_points)
+        distance, draws = distance_table(judgement, settings.min_objects)
         if settings.cut_first:
             windows = one.truth.windows()
             cut = cut_first_ap(one, which, iou, settings.min_points, windows)
             distance["ap_cut_first"] = cut
             distance["difference"] = distance.ap_cut_first - distance.ap
         for name, rows in {
-            "pr_curve": pr_table(verdict),
+            "pr_curve": pr_table(judgement),
             "distance_ap": distance,
             "areas": area_table(distance, draws),
-            "errors": error_table(verdict),
-            "false_positives": false_positive_table(verdict, iou, strict=False),
+            "errors": error_table(judgement),
+            "false_positives": false_positive_table(judgement, iou, strict=False),
         }.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)

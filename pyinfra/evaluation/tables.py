@@ -16,8 +16,8 @@ from pyinfra.evaluation.ground_truth import Set
 from pyinfra.evaluation.judge import (
     CAUSES,
     Contest,
+    Judgement,
     Protocol,
-    Verdict,
     causes,
     interval,
     judge,
@@ -31,34 +31,34 @@ AP_COLUMNS = "class ground_truth iou protocol ap ap_low ap_high objects predicti
 QUALITIES = ("high", "undecided", "low", "few")
 
 
-def ap_row(verdict: Verdict, iou: float, protocol: Protocol) -> dict[str, Any]:
+def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, Any]:
     """AP over all frames, without the columns that name the class and the ground truth."""
-    ranking = verdict.ranking()
-    value, low, high = _ap_with_interval(verdict, ranking, protocol)[:3]
-    metric = verdict.contest.metric
+    ranking = judgement.ranking()
+    value, low, high = _ap_with_interval(judgement, ranking, protocol)[:3]
+    metric = judgement.contest.metric
     return {
         "iou": iou,
         "protocol": protocol if metric == "bev" else f"{protocol}-{metric}",
         "ap": value,
         "ap_low": low,
         "ap_high": high,
-        "objects": verdict.objects,
+        "objects": judgement.objects,
         "predictions": len(ranking.block),
-        "frames": len(verdict.contest.truth.frames),
+        "frames": len(judgement.contest.truth.frames),
     }
 
 
-def pr_table(verdict: Verdict) -> pd.DataFrame:
+def pr_table(judgement: Judgement) -> pd.DataFrame:
     """Highest precision at or beyond the recalls 0.01 .. 1, 0 where they are not reached.
 
     score: of the operating point at which the recall is reached.
     """
-    ranking = verdict.ranking()
+    ranking = judgement.ranking()
     recalls = np.arange(1, PR_RECALLS + 1)
     value = ap.precision_at_recalls(ranking, PR_RECALLS)[0]
-    draws = ap.precision_at_recalls(ranking, PR_RECALLS, weights=verdict.weights)
+    draws = ap.precision_at_recalls(ranking, PR_RECALLS, weights=judgement.weights)
     ends = [interval(column, ranking.objects) for column in draws.T]
-    needed = -(-recalls * verdict.objects // PR_RECALLS)
+    needed = -(-recalls * judgement.objects // PR_RECALLS)
     at = np.searchsorted(ranking.hits_upto, needed)
     score = np.append(ranking.scores, np.nan)[at]
     low, high = np.array(ends).T
@@ -66,14 +66,14 @@ def pr_table(verdict: Verdict) -> pd.DataFrame:
     return pd.DataFrame({"recall": recalls / PR_RECALLS, **columns})
 
 
-def distance_table(verdict: Verdict, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
+def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
     """AP of each window by the definition, and its draws (windows, draws)."""
-    contest = verdict.contest
+    contest = judgement.contest
     roads = [road.name for road in contest.truth.roads] or ["distance"]
     rows, draws = [], []
     for window in contest.truth.windows():
-        ranking = verdict.ranking(window)
-        value, low, high, drawn = _ap_with_interval(verdict, ranking, "definition")
+        ranking = judgement.ranking(window)
+        value, low, high, drawn = _ap_with_interval(judgement, ranking, "definition")
         row = {
             "road": roads[window.road],
             "s": window.middle,
@@ -145,15 +145,15 @@ def _areas(distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
     }
 
 
-def error_table(verdict: Verdict) -> pd.DataFrame:
+def error_table(judgement: Judgement) -> pd.DataFrame:
     """Errors of the boxes that hit, prediction less vehicle, in the vehicle's own directions.
 
     ahead, left, up: of the centre; heading: to the nearer of the two ways along the vehicle;
     reversed: share of boxes that point the other way. The interval is that of mean_absolute.
     """
-    contest = verdict.contest
-    p = contest.predictions.boxes[verdict.hit]
-    v = contest.vehicles.boxes[verdict.took[verdict.hit]]
+    contest = judgement.contest
+    p = contest.predictions.boxes[judgement.hit]
+    v = contest.vehicles.boxes[judgement.took[judgement.hit]]
     dx, dy = p[:, 0] - v[:, 0], p[:, 1] - v[:, 1]
     cos, sin = np.cos(v[:, 6]), np.sin(v[:, 6])
     turn = np.degrees(p[:, 6] - v[:, 6])
@@ -169,17 +169,17 @@ def error_table(verdict: Verdict) -> pd.DataFrame:
         "heading": ("deg", (turn + 90) % 180 - 90),
         "reversed": ("percent", 100.0 * (np.abs(away) > 90)),
     }
-    block = contest.blocks.block[contest.predictions.frame[verdict.hit]]
+    block = contest.blocks.block[contest.predictions.frame[judgement.hit]]
     return pd.DataFrame(
         [
-            {"error": name, "unit": unit, **_error(verdict, values, block)}
+            {"error": name, "unit": unit, **_error(judgement, values, block)}
             for name, (unit, values) in errors.items()
         ]
     )
 
 
-def _error(verdict: Verdict, values: FloatArray, block: IntArray) -> dict[str, Any]:
-    weights = verdict.weights
+def _error(judgement: Judgement, values: FloatArray, block: IntArray) -> dict[str, Any]:
+    weights = judgement.weights
     sums = np.bincount(block, np.abs(values), minlength=weights.shape[1])
     counts = np.bincount(block, minlength=weights.shape[1])
     low, high = interval(_ratio(weights @ sums, weights @ counts), counts)
@@ -195,11 +195,11 @@ def _error(verdict: Verdict, values: FloatArray, block: IntArray) -> dict[str, A
     }
 
 
-def false_positive_table(verdict: Verdict, iou: float, *, strict: bool) -> pd.DataFrame:
+def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> pd.DataFrame:
     """Wrong predictions by cause; share: of the wrong ones, in percent."""
-    names = causes(verdict, iou, strict=strict)
-    contest, weights = verdict.contest, verdict.weights
-    block = contest.blocks.block[contest.predictions.frame[verdict.wrong]]
+    names = causes(judgement, iou, strict=strict)
+    contest, weights = judgement.contest, judgement.weights
+    block = contest.blocks.block[contest.predictions.frame[judgement.wrong]]
     total = np.bincount(block, minlength=weights.shape[1])
     rows = []
     for cause in CAUSES:
@@ -217,8 +217,8 @@ def _ratio(above: AnyArray, below: AnyArray) -> FloatArray:
 
 
 def _ap_with_interval(
-    verdict: Verdict, ranking: ap.Ranking, protocol: Protocol
+    judgement: Judgement, ranking: ap.Ranking, protocol: Protocol
 ) -> tuple[float, float, float, FloatArray]:
     value = float(precision(ranking, protocol, None)[0])
-    draws = precision(ranking, protocol, verdict.weights)
+    draws = precision(ranking, protocol, judgement.weights)
     return value, *interval(draws, ranking.objects), draws

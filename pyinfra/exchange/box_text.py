@@ -8,7 +8,7 @@ import numpy as np
 
 from pyinfra.arrays import FloatArray, NameArray
 from pyinfra.exchange.recording import Boxes
-from pyinfra.kitti.table import MOST_RADIANS, RADIANS, Table, lines_of
+from pyinfra.kitti.table import MOST_RADIANS, RADIANS, NamedRows, lines_of
 
 COLUMNS = "x y z dx dy dz heading category".split()
 
@@ -16,7 +16,7 @@ COLUMNS = "x y z dx dy dz heading category".split()
 def read_boxes(file: Path) -> Boxes:
     """Raises FormatError with file and line."""
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
-    table = Table(file, list(rows), list(rows.values()), COLUMNS, "category")
+    table = NamedRows(file, list(rows), list(rows.values()), COLUMNS, "category")
     table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
     table.check(["heading"], lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
     return Boxes(table.names, table.values)

@@ -20,9 +20,9 @@ from pyinfra import __version__, kitti
 from pyinfra.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.atomic import replacing
 from pyinfra.boxes import points_in_boxes
+from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
-from pyinfra.exchange.view import View
 from pyinfra.kitti import VEHICLE_TYPES, Labels, Objects, WorldPose
 
 RECORDED = "recorded"  # preset and aggregation of an imported data set
@@ -31,7 +31,7 @@ SEEN = 1.0  # visibility of an object that somebody labelled
 
 
 @dataclass(frozen=True)
-class About:
+class LidarFacts:
     """What the user knows of the LiDAR; None is not known."""
 
     name: str
@@ -53,11 +53,11 @@ class Found:
     without_return: int = 0  # points left out
     types: Counter[str] = field(default_factory=Counter)
     bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles'
-    view: View = field(default_factory=View)
+    coverage: Coverage = field(default_factory=Coverage)
 
 
 def write_lidar(
-    recording: Recording, out: Path, about: About, places: Iterable[int] | None = None
+    recording: Recording, out: Path, about: LidarFacts, places: Iterable[int] | None = None
 ) -> Found:
     """Frames, lists and lidar.yaml into the folder `out`; returns what was there.
 
@@ -126,7 +126,7 @@ def _write_frame(
     out: Path,
     number: int,
     frame: RecordedFrame,
-    about: About,
+    about: LidarFacts,
     found: Found,
     T_levelled_sensor: FloatArray,
 ) -> None:
@@ -143,7 +143,7 @@ def _write_frame(
     found.types.update(types.tolist())
     vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
     found.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
-    found.view.add(_in_sensor_frame(points, T_levelled_sensor))
+    found.coverage.add(_in_sensor_frame(points, T_levelled_sensor))
 
 
 def has_return(points: Points) -> BoolArray:
@@ -192,8 +192,10 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
     (out / "sources.csv").write_text("".join(["frame,source\n", *rows]), encoding="utf-8")
 
 
-def _lidar_yaml(recording: Recording, about: About, found: Found, tilt: tuple[float, float]) -> str:
-    view = found.view.measured()
+def _lidar_yaml(
+    recording: Recording, about: LidarFacts, found: Found, tilt: tuple[float, float]
+) -> str:
+    view = found.coverage.measured()
     pose = recording.pose or WorldPose(0.0, 0.0, _height(about, found), 0.0)
     low, high = about.price_usd or (math.nan, math.nan)
     degrees = [[round(math.degrees(v), 6) for v in pair] for pair in (view.azimuth, view.elevation)]
@@ -226,7 +228,7 @@ def _lidar_yaml(recording: Recording, about: About, found: Found, tilt: tuple[fl
     return str(yaml.safe_dump(content, sort_keys=False))
 
 
-def _height(about: About, found: Found) -> float:
+def _height(about: LidarFacts, found: Found) -> float:
     """Of the sensor above the road, where the vehicles stand; 0 if neither is known."""
     if about.height_m is not None:
         return about.height_m

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from pyinfra.atomic import new_folder
-from pyinfra.exchange.data_set import About, Found, write_description, write_lidar
+from pyinfra.exchange.data_set import Found, LidarFacts, write_description, write_lidar
 from pyinfra.exchange.formats import reader
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
@@ -14,7 +14,7 @@ from pyinfra.kitti import VEHICLE_TYPES
 
 
 def import_recording(
-    source: Path, name: str, out: Path, about: About, options: Options
+    source: Path, name: str, out: Path, about: LidarFacts, options: Options
 ) -> tuple[Found, bool]:
     """Writes a recording in a format of IMPORTS as the new folder DATA/LIDAR, whole or not at all.
 

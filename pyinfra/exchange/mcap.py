@@ -21,13 +21,13 @@ from mcap_ros2.writer import Writer
 
 from pyinfra.arrays import Records
 from pyinfra.atomic import replacing
-from pyinfra.exchange.source import (
-    Frame,
-    Source,
+from pyinfra.exchange.series import (
+    FrameSeries,
+    StoredFrame,
     nanoseconds,
     quaternion,
     read_frames,
-    read_source,
+    read_series,
 )
 
 Message = dict[str, Any]
@@ -153,28 +153,30 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
     Raises FileNotFoundError for a frame that is not whole, and FormatError; then there is no file.
     """
-    source = read_source(lidar_folder)
-    file = out / f"{source.lidar}.mcap"
+    series = read_series(lidar_folder)
+    file = out / f"{series.lidar}.mcap"
     with replacing(file) as beside, beside.open("wb") as stream, Writer(stream) as writer:
-        writer.add_metadata("infrasim", source.about)
+        writer.add_metadata("infrasim", series.about)
         schemas = {name: writer.register_msgdef(name, text) for name, text in _DEFINITIONS.items()}
-        for frame in read_frames(source, frames):
-            _write_frame(writer, schemas, source, frame)
+        for frame in read_frames(series, frames):
+            _write_frame(writer, schemas, series, frame)
 
 
-def _write_frame(writer: Writer, schemas: dict[str, Schema], source: Source, frame: Frame) -> None:
-    name = source.lidar
+def _write_frame(
+    writer: Writer, schemas: dict[str, Schema], series: FrameSeries, frame: StoredFrame
+) -> None:
+    name = series.lidar
     messages = (
-        ("/tf", "tf2_msgs/msg/TFMessage", transforms(source, frame)),
+        ("/tf", "tf2_msgs/msg/TFMessage", transforms(series, frame)),
         (f"/{name}/points", "sensor_msgs/msg/PointCloud2", cloud(name, frame)),
         (f"/{name}/boxes", "visualization_msgs/msg/MarkerArray", markers(name, frame)),
     )
-    logged = nanoseconds(frame.start_s + source.period_s)
+    logged = nanoseconds(frame.start_s + series.period_s)
     for topic, schema, message in messages:
         writer.write_message(topic, schemas[schema], message, logged, sequence=frame.number)
 
 
-def cloud(frame_id: str, frame: Frame) -> Message:
+def cloud(frame_id: str, frame: StoredFrame) -> Message:
     """sensor_msgs/PointCloud2: x y z intensity, and time ring class_id object_id if known."""
     records = _records(frame)
     step = records.dtype.itemsize
@@ -191,7 +193,7 @@ def cloud(frame_id: str, frame: Frame) -> Message:
     }
 
 
-def markers(frame_id: str, frame: Frame) -> Message:
+def markers(frame_id: str, frame: StoredFrame) -> Message:
     """visualization_msgs/MarkerArray: class as namespace, the object's id as number."""
     objects, header = frame.objects, _header(frame.middle_s, frame_id)
     clear = {"header": header, "action": _DELETE_ALL}
@@ -214,9 +216,9 @@ def markers(frame_id: str, frame: Frame) -> Message:
     return {"markers": [clear, *cubes]}
 
 
-def transforms(source: Source, frame: Frame) -> Message:
+def transforms(series: FrameSeries, frame: StoredFrame) -> Message:
     """tf2_msgs/TFMessage: the sensor's pose at the time of the cloud and at that of the boxes."""
-    pose = source.T_world_lidar
+    pose = series.T_world_lidar
     transform = {
         "translation": _xyz((pose.x, pose.y, pose.z)),
         "rotation": _xyzw(quaternion(pose.yaw)),
@@ -225,7 +227,7 @@ def transforms(source: Source, frame: Frame) -> Message:
         "transforms": [
             {
                 "header": _header(time_s, WORLD),
-                "child_frame_id": source.lidar,
+                "child_frame_id": series.lidar,
                 "transform": transform,
             }
             for time_s in (frame.start_s, frame.middle_s)
@@ -233,7 +235,7 @@ def transforms(source: Source, frame: Frame) -> Message:
     }
 
 
-def _records(frame: Frame) -> Records:
+def _records(frame: StoredFrame) -> Records:
     """All that is known of each point, (n,) packed."""
     columns = {name: frame.points[:, i] for i, name in enumerate(("x", "y", "z", "intensity"))}
     if frame.fields is not None:

@@ -35,7 +35,7 @@ import numpy as np
 from pyinfra.arrays import FloatArray
 from pyinfra.atomic import replacing
 from pyinfra.data.frames import frame_numbers
-from pyinfra.exchange.source import Frame, Source, quaternion, read_frames, read_source
+from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_frames, read_series
 from pyinfra.kitti import FormatError
 
 Row = dict[str, Any]
@@ -82,7 +82,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """
     if not frames:
         raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
-    source = read_source(lidar_folder)
+    series = read_series(lidar_folder)
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
     matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
@@ -91,12 +91,12 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     with ExitStack() as stack:
         files = {name: out / VERSION / f"{name}.json" for name in TABLES}
         add = {name: stack.enter_context(_table(file)) for name, file in files.items()}
-        common = _Common(source, add)
+        common = _Common(series, add)
         common.add_sensor()
         common.add_levels()
         scenes = [_Scene(common, part, numbers) for part, numbers in parts.items()]
         scene_of = {number: scene for scene in scenes for number in scene.frames}
-        for frame in read_frames(source, frames):
+        for frame in read_frames(series, frames):
             scene_of[frame.number].add_sample(frame)
             scene_of[frame.number].add_annotations(frame)
             _write_cloud(out / common.cloud_name(frame.number), frame)
@@ -145,38 +145,38 @@ def _table(file: Path) -> Iterator[Add]:
 class _Common:
     """What all scenes refer to."""
 
-    def __init__(self, source: Source, add: dict[str, Add]) -> None:
-        self.source, self.add = source, add
-        self.name = f"{source.scene}-{source.lidar}"
+    def __init__(self, series: FrameSeries, add: dict[str, Add]) -> None:
+        self.series, self.add = series, add
+        self.name = f"{series.scene}-{series.lidar}"
         self.categories: set[str] = set()
 
     def token(self, kind: str, key: object) -> str:
-        """The same for the same source, and no other has it: 32 hexadecimal digits."""
-        name = [self.name, *self.source.about.values(), kind, str(key)]
+        """The same for the same series, and no other has it: 32 hexadecimal digits."""
+        name = [self.name, *self.series.about.values(), kind, str(key)]
         return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
 
     def cloud_name(self, frame: int) -> str:
         return f"samples/{CHANNEL}/{self.name}__{CHANNEL}__{frame:06d}.pcd.bin"
 
     def add_sensor(self) -> None:
-        source, token = self.source, self.token
+        series, token = self.series, self.token
         sensor = {"token": token("sensor", CHANNEL), "channel": CHANNEL, "modality": "lidar"}
         self.add["sensor"](sensor)
         self.add["calibrated_sensor"](
             {
                 "token": token("calibrated_sensor", CHANNEL),
                 "sensor_token": sensor["token"],
-                "translation": [0.0, 0.0, source.T_world_lidar.z],
+                "translation": [0.0, 0.0, series.T_world_lidar.z],
                 "rotation": [1.0, 0.0, 0.0, 0.0],
                 "camera_intrinsic": [],
             }
         )
         log = {
             "token": token("log", ""),
-            "logfile": source.lidar_folder.name,
-            "vehicle": source.lidar,
+            "logfile": series.lidar_folder.name,
+            "vehicle": series.lidar,
             "date_captured": "1970-01-01",  # simulated time has no date
-            "location": source.scene,
+            "location": series.scene,
         }
         self.add["log"](log)
         self.add["map"](
@@ -223,9 +223,9 @@ class _Scene:
         """Nothing for no key."""
         return "" if key is None else self.common.token(kind, f"{self.part}/{key}")
 
-    def add_sample(self, frame: Frame) -> None:
+    def add_sample(self, frame: StoredFrame) -> None:
         time_us = round(frame.middle_s * 1e6)
-        pose = self.common.source.T_world_lidar
+        pose = self.common.series.T_world_lidar
         sample = self.neighbours("sample", frame.number)
         sample |= {"timestamp": time_us, "scene_token": self.token("scene", "")}
         self.add["sample"](sample)
@@ -258,8 +258,8 @@ class _Scene:
             "prev": self.token(kind, self.preceding.get(frame)),
         }
 
-    def add_annotations(self, frame: Frame) -> None:
-        o, places = frame.objects, _to_world(self.common.source, frame.objects.boxes)
+    def add_annotations(self, frame: StoredFrame) -> None:
+        o, places = frame.objects, _to_world(self.common.series, frame.objects.boxes)
         for i, number in enumerate(o.ids.tolist()):
             category = CATEGORIES.get(o.names[i], Category(str(o.names[i])))
             row = {
@@ -305,7 +305,7 @@ class _Scene:
             self.add["sample_annotation"](row)
         for row in self.instances.values():
             self.add["instance"](row)
-        about = self.common.source.about
+        about = self.common.series.about
         self.add["scene"](
             {
                 "token": self.token("scene", ""),
@@ -325,9 +325,9 @@ def visibility_token(visibility: float) -> str:
     return str(levels) if levels else ""
 
 
-def _to_world(source: Source, boxes: FloatArray) -> FloatArray:
+def _to_world(series: FrameSeries, boxes: FloatArray) -> FloatArray:
     """x y z heading (k, 4) of boxes (k, 7)."""
-    pose = source.T_world_lidar
+    pose = series.T_world_lidar
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     x, y, z = boxes[:, :3].T
     return np.column_stack(
@@ -345,7 +345,7 @@ def _wxyz(yaw: float) -> list[float]:
     return [w, x, y, z]
 
 
-def _write_cloud(file: Path, frame: Frame) -> None:
+def _write_cloud(file: Path, frame: StoredFrame) -> None:
     cloud = np.full((len(frame.points), 5), -1, dtype="<f4")
     cloud[:, :4] = frame.points * np.array([1, 1, 1, MAX_INTENSITY], dtype=np.float32)
     if frame.fields is not None:

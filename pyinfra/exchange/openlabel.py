@@ -20,13 +20,13 @@ from typing import Any, TextIO
 import numpy as np
 
 from pyinfra.atomic import replacing
-from pyinfra.exchange.source import (
-    Frame,
-    Source,
+from pyinfra.exchange.series import (
+    FrameSeries,
+    StoredFrame,
     copy_cloud,
     quaternion,
     read_frames,
-    read_source,
+    read_series,
 )
 from pyinfra.kitti import Objects
 
@@ -46,18 +46,18 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """
     if not frames:
         raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
-    source, presence = read_source(lidar_folder), Presence()
+    series, presence = read_series(lidar_folder), Presence()
     (out / "points").mkdir()
     parts: dict[str, Json | Iterable[Item]] = {
-        "metadata": _metadata(source),
-        "coordinate_systems": _coordinate_systems(source),
-        "streams": {source.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
-        "frames": _frames(source, frames, presence, out),
+        "metadata": _metadata(series),
+        "coordinate_systems": _coordinate_systems(series),
+        "streams": {series.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
+        "frames": _frames(series, frames, presence, out),
         # After the frames, which say when the objects are there.
-        "objects": presence.objects(source.lidar),
+        "objects": presence.objects(series.lidar),
     }
     with (
-        replacing(out / f"{source.lidar}.json") as beside,
+        replacing(out / f"{series.lidar}.json") as beside,
         beside.open("w", encoding="utf-8") as stream,
     ):
         stream.write('{"openlabel": {\n')
@@ -101,25 +101,25 @@ class Presence:
 
 
 def _frames(
-    source: Source, numbers: Sequence[int], presence: Presence, out: Path
+    series: FrameSeries, numbers: Sequence[int], presence: Presence, out: Path
 ) -> Iterator[Item]:
-    for index, frame in enumerate(read_frames(source, numbers)):
+    for index, frame in enumerate(read_frames(series, numbers)):
         cloud = f"points/{frame.number:06d}.bin"
-        copy_cloud(source, frame.number, out / cloud)
+        copy_cloud(series, frame.number, out / cloud)
         presence.add(index, frame.objects)
         yield (
             str(index),
             {
-                "frame_properties": _frame_properties(source, frame, cloud),
-                "objects": dict(_cuboids(source.lidar, frame.objects)),
+                "frame_properties": _frame_properties(series, frame, cloud),
+                "objects": dict(_cuboids(series.lidar, frame.objects)),
             },
         )
 
 
-def _frame_properties(source: Source, frame: Frame, cloud: str) -> Json:
+def _frame_properties(series: FrameSeries, frame: StoredFrame, cloud: str) -> Json:
     sync = {"frame_stream": frame.number, "timestamp": f"{frame.start_s:.9f}"}
     stream = {"uri": cloud, "stream_properties": {"sync": sync}}
-    return {"timestamp": f"{frame.middle_s:.9f}", "streams": {source.lidar: stream}}
+    return {"timestamp": f"{frame.middle_s:.9f}", "streams": {series.lidar: stream}}
 
 
 def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
@@ -140,21 +140,21 @@ def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
         yield str(number), {"object_data": {"cuboid": [cuboid]}}
 
 
-def _metadata(source: Source) -> Json:
+def _metadata(series: FrameSeries) -> Json:
     return {
         "schema_version": "1.0.0",
-        "name": f"{source.scene}, {source.lidar}",
-        "annotator": f"infrasim {source.about.get('version', '')}".strip(),
-        "comment": ", ".join(f"{key} {value}" for key, value in source.about.items()),
+        "name": f"{series.scene}, {series.lidar}",
+        "annotator": f"infrasim {series.about.get('version', '')}".strip(),
+        "comment": ", ".join(f"{key} {value}" for key, value in series.about.items()),
     }
 
 
-def _coordinate_systems(source: Source) -> Json:
+def _coordinate_systems(series: FrameSeries) -> Json:
     """The pose of a system takes its points to the parent's."""
-    pose = source.T_world_lidar
+    pose = series.T_world_lidar
     return {
-        WORLD: {"type": "scene_cs", "parent": "", "children": [source.lidar]},
-        source.lidar: {
+        WORLD: {"type": "scene_cs", "parent": "", "children": [series.lidar]},
+        series.lidar: {
             "type": "sensor_cs",
             "parent": WORLD,
             "children": [],

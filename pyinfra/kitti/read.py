@@ -15,7 +15,7 @@ from pyinfra.kitti.layout import (
     Labels,
     Objects,
 )
-from pyinfra.kitti.table import MOST_RADIANS, RADIANS, Table, lines_of
+from pyinfra.kitti.table import MOST_RADIANS, RADIANS, NamedRows, lines_of
 
 
 def read_points(file: Path) -> Float32Array:
@@ -51,7 +51,7 @@ def read_objects(file: Path, *, in_radians: bool = False) -> Objects:
     if header != ",".join(OBJECT_COLUMNS):
         raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(OBJECT_COLUMNS)}'")
     rows = [line.split(",") for line in lines[1:]]
-    table = Table(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
+    table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
     table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
     if in_radians:
         table.check(["heading"], lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
@@ -91,7 +91,7 @@ def read_labels(
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
     rows = [line.split() for line in lines_of(file)]
-    table = Table(file, range(1, 1 + len(rows)), rows, columns, "type")
+    table = NamedRows(file, range(1, 1 + len(rows)), rows, columns, "type")
     known = table.names != "DontCare"
     table.check(["h", "w", "l"], lambda v: (v > 0) | ~known, "more than 0")
     if in_radians:

@@ -25,7 +25,7 @@ def lines_of(file: Path) -> list[str]:
         raise FormatError(f"{file}: found byte {error.start} that is not UTF-8") from None
 
 
-class Table:
+class NamedRows:
     """Rows of numbers with one column of names; errors name file, line and column.
 
     lines: where the rows stand in the file.

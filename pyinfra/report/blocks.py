@@ -16,7 +16,7 @@ NOTHING = "\N{EN DASH}"
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """A cell of a table.
 
     sort: what it is sorted by, the text itself if None; origin: the row it comes from;
@@ -59,7 +59,7 @@ class Table:
 
     caption: str
     columns: Sequence[Column]
-    rows: Sequence[Sequence[Cell]]
+    rows: Sequence[Sequence[TableCell]]
     source: TableFile
     closed: bool = False
     kind = "table"
@@ -176,9 +176,9 @@ class Section:
     blocks: Sequence[Block]
 
 
-def number(value: float, form: str = ".1f", origin: str = "") -> Cell:
+def number(value: float, form: str = ".1f", origin: str = "") -> TableCell:
     """A number as a cell; nothing if there is none."""
-    return Cell(shown(value, form), value, origin)
+    return TableCell(shown(value, form), value, origin)
 
 
 def shown(value: float, form: str = ".1f") -> str:

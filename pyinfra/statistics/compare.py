@@ -7,29 +7,29 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Figure:
+class Measured:
     """A figure with the ends of its 95 % interval; NaN without one."""
 
     value: float
     low: float
     high: float
 
-    def less(self, other: Figure) -> Figure:
+    def less(self, other: Measured) -> Measured:
         """The difference, as if the two were independent."""
         value = self.value - other.value
         down = math.hypot(self.value - self.low, other.high - other.value)
         up = math.hypot(self.high - self.value, other.value - other.low)
-        return Figure(value, value - down, value + up)
+        return Measured(value, value - down, value + up)
 
-    def times(self, factor: float) -> Figure:
-        return Figure(self.value * factor, self.low * factor, self.high * factor)
+    def times(self, factor: float) -> Measured:
+        return Measured(self.value * factor, self.low * factor, self.high * factor)
 
-    def over(self, other: Figure) -> Figure:
+    def over(self, other: Measured) -> Measured:
         """The ratio of two positive figures, as if the two were independent."""
         logs = [
-            Figure(*(math.log(max(v, 1e-9)) for v in (f.value, f.low, f.high)))
+            Measured(*(math.log(max(v, 1e-9)) for v in (f.value, f.low, f.high)))
             for f in (self, other)
         ]
         found = logs[0].less(logs[1])
         high = math.exp(found.high) if other.low > 0 else math.inf
-        return Figure(math.exp(found.value), math.exp(found.low), high)
+        return Measured(math.exp(found.value), math.exp(found.low), high)

@@ -13,6 +13,7 @@ import pandas as pd
 from pyinfra.arrays import FloatArray
 from pyinfra.data.data_set import DataSet, read_data_set
 from pyinfra.statistics.intervals import Blocks, Estimate, ratio
+from pyinfra.statistics.sightings import Sightings, blocks_of, read_sightings
 from pyinfra.statistics.tables import (
     EDGES_M,
     FAR_M,
@@ -22,7 +23,6 @@ from pyinfra.statistics.tables import (
     decay_exponent,
     vehicle_sums,
 )
-from pyinfra.statistics.vehicles import Vehicles, blocks_of, read_vehicles
 
 AVIA, LINES_16, LINES_64, LINES_128 = "livox_avia", "helios_16", "pandar_64", "ruby_plus"
 SPINNING = (LINES_16, LINES_64, LINES_128)
@@ -64,7 +64,7 @@ def verdict_of_change(low: float, high: float, least: float) -> str:
     return "undecided"
 
 
-def claims(exact: Vehicles, blocks: Blocks, instant: Vehicles | None = None) -> list[Row]:
+def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -> list[Row]:
     """All claims on the vehicles of one data set; `deskew` needs its instant twin.
 
     Raises ValueError if the LiDARs are not the four of the paper.
@@ -87,7 +87,7 @@ def claims(exact: Vehicles, blocks: Blocks, instant: Vehicles | None = None) -> 
     return rows
 
 
-def far_range(vehicles: Vehicles, blocks: Blocks, name: str) -> Row:
+def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
     """The Avia against the best of the others far out."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
@@ -103,21 +103,21 @@ def far_range(vehicles: Vehicles, blocks: Blocks, name: str) -> Row:
     return _row("far-range", text, found, (1.5, 2.5))
 
 
-def near_range(vehicles: Vehicles, blocks: Blocks) -> Row:
+def near_range(vehicles: Sightings, blocks: Blocks) -> Row:
     """128 lines against the Avia close by."""
     text = f"APV of {LINES_128} over {AVIA} is above 1"
     return _apv_ratio("near-range", text, vehicles, blocks, (LINES_128, AVIA), NEAR_M, ABOVE_1)
 
 
 def lines_ratio(
-    vehicles: Vehicles, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
+    vehicles: Sightings, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
 ) -> Row:
     """More lines against fewer, over all distances."""
     text = f"APV of {more} over {less} is {inside[0]:g} to {inside[1]:g}"
     return _apv_ratio("ratio", text, vehicles, blocks, (more, less), WHOLE_M, inside)
 
 
-def gentle(vehicles: Vehicles, blocks: Blocks) -> Row:
+def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
     """How much faster the points of the slowest decaying spinning LiDAR fall off."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
@@ -133,7 +133,7 @@ def gentle(vehicles: Vehicles, blocks: Blocks) -> Row:
     return _row("gentle", f"{text}; {where}", found, ABOVE_0)
 
 
-def deskew(instant: Vehicles, exact: Vehicles, blocks: Blocks) -> list[Row]:
+def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
     """Points inside the boxes of moving vehicles, from instant to exact, for each LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
         raise ValueError("instant and exact: found other frames, allowed the same")
@@ -150,7 +150,7 @@ def deskew(instant: Vehicles, exact: Vehicles, blocks: Blocks) -> list[Row]:
     return rows
 
 
-def only_one(vehicles: Vehicles, blocks: Blocks, name: str) -> Row:
+def only_one(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
     """Far vehicles of the Avia alone less those of the others alone, per 100."""
     far = _within(vehicles, FAR_SPAN_M)
     avia = far.column(AVIA)
@@ -192,8 +192,8 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
 
 
 def _claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
-    twin = read_vehicles(instant) if instant is not None else None
-    return claims(read_vehicles(data), blocks_of(data), twin)
+    twin = read_sightings(instant) if instant is not None else None
+    return claims(read_sightings(data), blocks_of(data), twin)
 
 
 def _key(data: DataSet) -> tuple[str, str, int]:
@@ -203,7 +203,7 @@ def _key(data: DataSet) -> tuple[str, str, int]:
 def _apv_ratio(
     claim: str,
     text: str,
-    vehicles: Vehicles,
+    vehicles: Sightings,
     blocks: Blocks,
     pair: tuple[str, str],
     span: tuple[float, float],
@@ -218,21 +218,21 @@ def _apv_ratio(
 
 
 def _span(
-    vehicles: Vehicles,
+    vehicles: Sightings,
     blocks: Blocks,
     span: tuple[float, float],
     statistic: Callable[[FloatArray], FloatArray],
-) -> tuple[Vehicles, Estimate]:
+) -> tuple[Sightings, Estimate]:
     """The vehicles of a span of distance, and a statistic of their sums (..., 1, L, 4)."""
     rows = _within(vehicles, span)
     return rows, blocks.estimate(vehicle_sums(rows, blocks, np.array(span)), statistic)
 
 
-def _within(vehicles: Vehicles, span: tuple[float, float]) -> Vehicles:
+def _within(vehicles: Sightings, span: tuple[float, float]) -> Sightings:
     return vehicles.select((vehicles.distance >= span[0]) & (vehicles.distance < span[1]))
 
 
-def _where(rows: Vehicles, span: tuple[float, float], name: str) -> str:
+def _where(rows: Sightings, span: tuple[float, float], name: str) -> str:
     """The set, the span and the vehicles that are really there."""
     if len(rows) == 0:
         return f"{name}, {span[0]:g} to {span[1]:g} m, no vehicles"

@@ -18,12 +18,12 @@ from pyinfra.data.data_set import DataSet, read_data_set
 from pyinfra.statistics import figures as statistics_figures
 from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.intervals import Blocks, time_blocks
-from pyinfra.statistics.vehicles import Vehicles, blocks_of, hit_counts, read_vehicles
+from pyinfra.statistics.sightings import Sightings, blocks_of, hit_counts, read_sightings
 
 Tables = dict[str, pd.DataFrame]
 
 
-def sets_of(vehicles: Vehicles) -> dict[str, Vehicles]:
+def sets_of(vehicles: Sightings) -> dict[str, Sightings]:
     """The sets of vehicles that statistics compare, by name."""
     return {
         "common": vehicles.select(vehicles.common()),
@@ -31,7 +31,7 @@ def sets_of(vehicles: Vehicles) -> dict[str, Vehicles]:
     }
 
 
-def vehicle_tables(vehicles: Vehicles, blocks: Blocks) -> Tables:
+def vehicle_tables(vehicles: Sightings, blocks: Blocks) -> Tables:
     """points_per_vehicle, quality, only_one, decay and box_points, with a column `set`."""
     tables: dict[str, list[pd.DataFrame]] = {}
     for name, chosen in sets_of(vehicles).items():
@@ -74,7 +74,7 @@ def pattern_tables(data: DataSet) -> Tables:
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items() if parts}
 
 
-def data_set_tables(data: DataSet, vehicles: Vehicles, *, above_road: bool) -> Tables:
+def data_set_tables(data: DataSet, vehicles: Sightings, *, above_road: bool) -> Tables:
     """All tables of one data set but those of its patterns, with columns that name it.
 
     A recording, which has no trajectories, has no table of speeds.
@@ -89,7 +89,7 @@ def data_set_tables(data: DataSet, vehicles: Vehicles, *, above_road: bool) -> T
 
 
 def aggregation_table(
-    data_sets: Sequence[DataSet], vehicles: Sequence[Vehicles], *, above_road: bool = False
+    data_sets: Sequence[DataSet], vehicles: Sequence[Sightings], *, above_road: bool = False
 ) -> pd.DataFrame:
     """What the aggregation mode changes, from each other mode to `exact`, on `common`.
 
@@ -132,11 +132,11 @@ def statistics(
 ) -> Tables:
     """All tables of the data sets under one another, by name.
 
-    Raises what read_data_set and read_vehicles raise; ImportError for patterns without the
+    Raises what read_data_set and read_sightings raise; ImportError for patterns without the
     extension.
     """
     data_sets = [read_data_set(folder) for folder in folders]
-    vehicles = [read_vehicles(data, above_road=above_road) for data in data_sets]
+    vehicles = [read_sightings(data, above_road=above_road) for data in data_sets]
     parts = [
         data_set_tables(data, v, above_road=above_road)
         for data, v in zip(data_sets, vehicles, strict=True)

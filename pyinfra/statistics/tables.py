@@ -11,7 +11,7 @@ import pandas as pd
 
 from pyinfra.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from pyinfra.statistics.intervals import Blocks, Estimate, ratio
-from pyinfra.statistics.vehicles import Vehicles, moving, same_rows
+from pyinfra.statistics.sightings import Sightings, moving, same_rows
 
 EDGES_M = np.arange(30.0, 121.0, 5.0)
 FAR_M = 90.0
@@ -34,7 +34,7 @@ def hit_points(counts: dict[str, IntArray], blocks: Blocks) -> pd.DataFrame:
 
 
 def points_per_vehicle(
-    vehicles: Vehicles, blocks: Blocks, edges: FloatArray = EDGES_M
+    vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M
 ) -> pd.DataFrame:
     """Average Points per Vehicle in bins of distance, over all of the vehicles and the hit ones.
 
@@ -62,7 +62,7 @@ def points_per_vehicle(
     return pd.DataFrame(rows)
 
 
-def quality(vehicles: Vehicles, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
+def quality(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
     """Shares of vehicles that are missed, low, medium and high, and hit at all, by distance.
 
     Columns: lidar, from_m, to_m, quality, vehicles (of the bin), share_percent, ci_low, ci_high;
@@ -99,7 +99,7 @@ def quality(vehicles: Vehicles, blocks: Blocks, edges: FloatArray = EDGES_M) -> 
     )
 
 
-def only_one(vehicles: Vehicles, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
+def only_one(vehicles: Sightings, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
     """Vehicles from a distance on that one LiDAR alone hit, and those that all others alone hit.
 
     Columns: lidar, from_m, vehicles, hit_alone, share_percent (of the vehicles), ci_low, ci_high,
@@ -126,14 +126,14 @@ def only_one(vehicles: Vehicles, blocks: Blocks, from_m: float = FAR_M) -> pd.Da
     )
 
 
-def alone_and_another(vehicles: Vehicles) -> tuple[IntArray, IntArray]:
+def alone_and_another(vehicles: Sightings) -> tuple[IntArray, IntArray]:
     """1 where a LiDAR alone hit a vehicle, and where some other did and it did not: (n, L)."""
     hit = vehicles.points > 0
     hits = hit.sum(axis=1, keepdims=True)
     return (hit & (hits == 1)).astype(np.int64), (~hit & (hits > 0)).astype(np.int64)
 
 
-def decay(vehicles: Vehicles, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
+def decay(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
     """Exponent k of APV = c d^-k for each LiDAR.
 
     Columns: lidar, from_m, to_m, bins, vehicles (in the bins of the fit), exponent, ci_low,
@@ -176,7 +176,7 @@ def decay_exponent(sums: FloatArray) -> FloatArray:
     return np.where(used.sum(axis=-2) >= MIN_BINS_FOR_DECAY, -slope, np.nan)
 
 
-def vehicle_sums(vehicles: Vehicles, blocks: Blocks, edges: FloatArray = EDGES_M) -> FloatArray:
+def vehicle_sums(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> FloatArray:
     """(b, bins, L, 4) points, vehicles, hit vehicles, sum of distances, by block and distance."""
     points = vehicles.points
     distance = np.broadcast_to(vehicles.distance[:, None], points.shape)
@@ -209,7 +209,7 @@ def speed_distribution(
     return pd.DataFrame(rows)
 
 
-def box_points(vehicles: Vehicles, blocks: Blocks) -> pd.DataFrame:
+def box_points(vehicles: Sightings, blocks: Blocks) -> pd.DataFrame:
     """Points on moving vehicles and those of them outside the box at the middle of the frame.
 
     Columns: lidar, vehicles, apv, apv_in_box, outside_box_percent, ci_low, ci_high.
@@ -233,7 +233,7 @@ def box_points(vehicles: Vehicles, blocks: Blocks) -> pd.DataFrame:
     )
 
 
-def aggregation_change(before: Vehicles, after: Vehicles, blocks: Blocks) -> pd.DataFrame:
+def aggregation_change(before: Sightings, after: Sightings, blocks: Blocks) -> pd.DataFrame:
     """Change of the points on, and inside the boxes of, the moving vehicles in both tables.
 
     Draws are paired: both tables hold the same frames. Columns: lidar, counted (points or
@@ -269,7 +269,7 @@ def _fit_bins(sums: FloatArray) -> BoolArray:
     return np.asarray((sums[..., 1] >= MIN_VEHICLES_FOR_DECAY) & (sums[..., 0] > 0))
 
 
-def _binned(vehicles: Vehicles, blocks: Blocks, edges: FloatArray, values: AnyArray) -> FloatArray:
+def _binned(vehicles: Sightings, blocks: Blocks, edges: FloatArray, values: AnyArray) -> FloatArray:
     """Sums of values (n, ...) by block and bin of distance: (b, bins, ...)."""
     number = np.searchsorted(edges, vehicles.distance, side="right") - 1
     bins = []

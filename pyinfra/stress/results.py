@@ -7,12 +7,12 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.atomic import held, replacing
-from pyinfra.stress import cells, figures, summary
+from pyinfra.stress import figures, summary, trials
 
 
 def write(out: Path) -> list[Path]:
     """Summary, ranking and figures of the rows that are there; returns the files."""
-    table = cells.read(out / "stress.csv")
+    table = trials.read(out / "stress.csv")
     tables: dict[str, pd.DataFrame] = {
         "stress_summary": summary.summary(table),
         "stress_ranking": summary.ranking(table),

@@ -17,7 +17,7 @@ from pyinfra.data.frame_tables import Predictions
 from pyinfra.detectors import Detections
 from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth
-from pyinfra.evaluation.judge import Contest, Settings, Verdict, causes, contest
+from pyinfra.evaluation.judge import Contest, Judgement, Settings, causes, contest
 from pyinfra.evaluation.judge import judge as judged
 from pyinfra.evaluation.matching import pairs_of_frames
 from pyinfra.evaluation.tables import ap_row
@@ -49,15 +49,15 @@ def scored(
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
     one = contest(truth, as_predictions(found), "vehicle", settings, "bev")
-    verdict = _verdict(one)
-    row = ap_row(verdict, IOU, "definition")
-    wrong = causes(verdict, IOU, strict=False)
-    gains = forgiven(verdict)
+    judgement = _judgement(one)
+    row = ap_row(judgement, IOU, "definition")
+    wrong = causes(judgement, IOU, strict=False)
+    gains = forgiven(judgement)
     return {
         **{name: row[name] for name in ("ap", "ap_low", "ap_high", "objects")},
         "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / len(truth.frames),
-        **{f"recall_{band}": _recall(verdict, ends) for band, ends in BANDS_M.items()},
-        **_box_errors(verdict),
+        **{f"recall_{band}": _recall(judgement, ends) for band, ends in BANDS_M.items()},
+        **_box_errors(judgement),
         **{f"forgiven_{error}": gains[error] for error in ERRORS},
     }
 
@@ -76,48 +76,48 @@ def as_predictions(found: Sequence[Detections]) -> Predictions:
     )
 
 
-def forgiven(verdict: Verdict) -> dict[str, float]:
+def forgiven(judgement: Judgement) -> dict[str, float]:
     """AP gained for each of ERRORS when it alone is forgiven."""
-    one, partner = verdict.contest, partners(verdict)
+    one, partner = judgement.contest, partners(judgement)
     has = partner >= 0
     reached = np.zeros(len(one.vehicles), dtype=np.bool_)
-    reached[verdict.took[verdict.took >= 0]] = True
+    reached[judgement.took[judgement.took >= 0]] = True
     reached[partner[has]] = True
     distance = _distance(one)
-    better = {"ghosts": replace(verdict, wrong=verdict.wrong & has)}
+    better = {"ghosts": replace(judgement, wrong=judgement.wrong & has)}
     for band, (low, high) in BANDS_M.items():
         out = ~reached & (distance >= low) & (distance < high)
-        better[f"misses_{band}"] = replace(verdict, counted=verdict.counted & ~out)
+        better[f"misses_{band}"] = replace(judgement, counted=judgement.counted & ~out)
     for error, columns in (("position", slice(0, 2)), ("heading", slice(6, 7))):
         boxes = one.predictions.boxes.copy()
         boxes[has, columns] = one.vehicles.boxes[partner[has], columns]
-        better[error] = _verdict(replace(one, predictions=replace(one.predictions, boxes=boxes)))
-    now = _ap(verdict)
+        better[error] = _judgement(replace(one, predictions=replace(one.predictions, boxes=boxes)))
+    now = _ap(judgement)
     return {error: _ap(better[error]) - now for error in ERRORS}
 
 
-def partners(verdict: Verdict) -> IntArray:
+def partners(judgement: Judgement) -> IntArray:
     """The vehicle that each wrong prediction may have meant: (p,), -1 for none."""
-    one = verdict.contest
+    one = judgement.contest
     v, p = one.vehicles, one.predictions
     free = np.ones(len(v), dtype=np.bool_)
-    free[verdict.took[verdict.took >= 0]] = False
+    free[judgement.took[judgement.took >= 0]] = False
     partner = np.full(len(p), -1, dtype=np.int64)
     for i, j in pairs_of_frames(p.frame, v.frame):
         apart = np.hypot(*(p.boxes[i, :2] - v.boxes[j, :2]).T)
-        near = verdict.wrong[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
+        near = judgement.wrong[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
         # The nearest is written last.
         order = np.flatnonzero(near)[np.argsort(-apart[near], kind="stable")]
         partner[i[order]] = j[order]
     return np.where(np.append(free, False)[partner], partner, -1)
 
 
-def _verdict(one: Contest) -> Verdict:
+def _judgement(one: Contest) -> Judgement:
     return judged(one, "captured", one.match(IOU, strict=False), 1)
 
 
-def _ap(verdict: Verdict) -> float:
-    return float(ap.average_precision(verdict.ranking())[0])
+def _ap(judgement: Judgement) -> float:
+    return float(ap.average_precision(judgement.ranking())[0])
 
 
 def _distance(one: Contest) -> FloatArray:
@@ -125,18 +125,18 @@ def _distance(one: Contest) -> FloatArray:
     return np.asarray(np.hypot(one.vehicles.boxes[:, 0], one.vehicles.boxes[:, 1]))
 
 
-def _recall(verdict: Verdict, ends: tuple[float, float]) -> float:
-    distance = _distance(verdict.contest)
-    counted = verdict.counted & (distance >= ends[0]) & (distance < ends[1])
+def _recall(judgement: Judgement, ends: tuple[float, float]) -> float:
+    distance = _distance(judgement.contest)
+    counted = judgement.counted & (distance >= ends[0]) & (distance < ends[1])
     hit = np.zeros(len(counted), dtype=np.bool_)
-    hit[verdict.took[verdict.hit]] = True
+    hit[judgement.took[judgement.hit]] = True
     return float(hit[counted].mean()) if counted.any() else math.nan
 
 
-def _box_errors(verdict: Verdict) -> dict[str, float]:
+def _box_errors(judgement: Judgement) -> dict[str, float]:
     """Medians over the hits; heading to the nearer of the two ways along the vehicle."""
-    p = verdict.contest.predictions.boxes[verdict.hit]
-    v = verdict.contest.vehicles.boxes[verdict.took[verdict.hit]]
+    p = judgement.contest.predictions.boxes[judgement.hit]
+    v = judgement.contest.vehicles.boxes[judgement.took[judgement.hit]]
     apart = np.hypot(p[:, 0] - v[:, 0], p[:, 1] - v[:, 1])
     turn = np.abs((np.degrees(p[:, 6] - v[:, 6]) + 90) % 180 - 90)
     some = len(p) > 0

@@ -13,7 +13,7 @@ import pytest
 from pyinfra.commands import claims
 from pyinfra.statistics import scanning_claims
 from pyinfra.statistics.intervals import Blocks, time_blocks
-from pyinfra.statistics.vehicles import Vehicles
+from pyinfra.statistics.sightings import Sightings
 
 LIDARS = (
     scanning_claims.LINES_16,
@@ -29,7 +29,7 @@ def blocks() -> Blocks:
     return time_blocks(np.arange(FRAMES), 0.1, block_s=0.5)
 
 
-def scene(points: Callable[[float], list[int]], reach_m: float = 200, **columns: Any) -> Vehicles:
+def scene(points: Callable[[float], list[int]], reach_m: float = 200, **columns: Any) -> Sightings:
     """A vehicle in the middle of each bin in each frame; points: of LIDARS at a distance."""
     n = FRAMES * len(DISTANCES)
     distance = np.tile(DISTANCES, FRAMES)
@@ -48,7 +48,7 @@ def scene(points: Callable[[float], list[int]], reach_m: float = 200, **columns:
         "in_angles": ones,
         "in_range": ones & (distance < reach_m)[:, None],
     }
-    return Vehicles(**{**known, **columns})
+    return Sightings(**{**known, **columns})
 
 
 def as_in_the_paper(distance: float) -> list[int]:

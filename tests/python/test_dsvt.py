@@ -14,7 +14,7 @@ from torch import Tensor  # noqa: E402
 from pyinfra.config import ConfigError, from_plain  # noqa: E402
 from pyinfra.detectors.batch import Sample, make_batch  # noqa: E402
 from pyinfra.detectors.dsvt import Config, Dsvt, IouHead, SetAttention, Transformer  # noqa: E402
-from pyinfra.detectors.ops.sets import Sets, Windows, partition, windows_of  # noqa: E402
+from pyinfra.detectors.ops.sets import Sets, VoxelWindows, partition, windows_of  # noqa: E402
 from pyinfra.training.recipe import read_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +29,7 @@ def voxels(seed: int, count: int = 3000, frames: int = 2) -> tuple[Tensor, Tenso
     return cell // 5400, cell % 5400 // 90, cell % 90
 
 
-def both(windows: Windows, size: int = SIZE) -> tuple[Sets, Sets]:
+def both(windows: VoxelWindows, size: int = SIZE) -> tuple[Sets, Sets]:
     return partition(windows, windows.by_row, size), partition(windows, windows.by_column, size)
 
 

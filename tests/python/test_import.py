@@ -14,13 +14,13 @@ from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
 
 from pyinfra import cli, kitti
 from pyinfra.data.data_set import read_data_set, sensor_tilt
-from pyinfra.exchange.data_set import About
+from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.exports import export
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
 
 LAYOUTS = ("kitti", "openpcdet", "pcd", "nuscenes")
-ABOUT = About("pole", "junction")
+ABOUT = LidarFacts("pole", "junction")
 
 
 def source_of(layout: str, folder: Path, frames: list[int], to: Path) -> Path:
@@ -85,7 +85,7 @@ def test_fields_of_a_pcd_come_along(tmp_path: Path) -> None:
 
 def test_what_is_known_stands_in_the_data_set(tmp_path: Path) -> None:
     source = source_of("kitti", write_recording(tmp_path / "made_up"), [], tmp_path / "source")
-    about = About("pole", "junction", model="Some 32", price_usd=(900, 1200), period_s=0.05)
+    about = LidarFacts("pole", "junction", model="Some 32", price_usd=(900, 1200), period_s=0.05)
     import_recording(source, "kitti", tmp_path / "in/pole", about, Options())
     data = read_data_set(tmp_path / "in")
     assert (data.scene, data.preset, data.names) == ("junction", "recorded", ("pole",))
@@ -94,7 +94,7 @@ def test_what_is_known_stands_in_the_data_set(tmp_path: Path) -> None:
     # The vehicles' bottoms are at -6, -5.5, -6.
     assert lidar.T_world_levelled == kitti.WorldPose(0, 0, 6, 0)
     assert (tmp_path / "in/pole/sources.csv").read_text().splitlines()[1] == "5,000005"
-    unknown = About("pole", "junction", height_m=4.5)
+    unknown = LidarFacts("pole", "junction", height_m=4.5)
     import_recording(source, "kitti", tmp_path / "two/pole", unknown, Options())
     (lidar,) = read_data_set(tmp_path / "two").lidars
     assert lidar.T_world_levelled.z == 4.5
@@ -124,7 +124,7 @@ def test_a_leaning_sensor_is_turned_upright(tmp_path: Path) -> None:
     cloud = np.array([[10, 0, 0, 0.5], [0, 0, 10, 0.5], [0, 10, 0, 0.5]], dtype=np.float32)
     np.save(tmp_path / "source/points/a.npy", cloud)
     (tmp_path / "source/labels/a.txt").write_text("10 0 0 4 2 1.5 0 car\n")
-    about = About("pole", "junction", tilt=(math.radians(30), 0))
+    about = LidarFacts("pole", "junction", tilt=(math.radians(30), 0))
     import_recording(tmp_path / "source", "openpcdet", tmp_path / "in/pole", about, Options())
     found = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
     side, down = 10 * math.cos(math.pi / 6), 10 * math.sin(math.pi / 6)
@@ -147,7 +147,7 @@ def test_types_intensities_columns_and_points_without_a_return(tmp_path: Path) -
     (folder / "boxes/frame_10.txt").write_text("9 1 2 4 2 2 0 Lkw\n5 0 0 1 1 1 0 Hund\n")
     (folder / "boxes/frame_9.txt").write_text("")
     options = Options(intensity_max=255, columns=5, labels=folder / "boxes")
-    about = About("pole", "junction", types={"Lkw": "Truck"})
+    about = LidarFacts("pole", "junction", types={"Lkw": "Truck"})
     found, _ = import_recording(folder, "openpcdet", tmp_path / "in/pole", about, options)
     assert found.without_return == 2
     last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 1))
@@ -393,7 +393,7 @@ def test_a_folder_that_is_there_stays(
 def test_lidars_of_the_same_tables_stand_in_one_data_set(tmp_path: Path) -> None:
     recording = tables(tmp_path / "a")
     for name in ("one", "two"):
-        about = About(name, "junction")
+        about = LidarFacts(name, "junction")
         import_recording(recording, "nuscenes", tmp_path / "in" / name, about, Options())
     assert read_data_set(tmp_path / "in").names == ("one", "two")
 

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -157,6 +158,13 @@ def test_types_of_arrays_have_one_place() -> None:
 def test_each_command_is_a_module_of_commands() -> None:
     files = {path.stem for path in (ROOT / "pyinfra/commands").glob("*.py")} - {"__init__"}
     assert {command.module for command in COMMANDS} == {f"pyinfra.commands.{f}" for f in files}
+
+
+def test_a_class_has_a_name_of_its_own() -> None:
+    """But for `Config`, by which each detector's file is asked for its own."""
+    trees = [ast.parse(path.read_text()) for path in (ROOT / "pyinfra").rglob("*.py")]
+    names = [node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)]
+    assert {name for name, count in Counter(names).items() if count > 1} == {"Config"}
 
 
 def test_commands_import_no_other_command() -> None:

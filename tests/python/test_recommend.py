@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from pyinfra import cli
-from pyinfra.benchmark.detection_claims import Figure, claims_table, slope
+from pyinfra.benchmark.detection_claims import Measured, claims_table, slope
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.value import KEY
 from pyinfra.data.paper_tables import paper_ap
@@ -83,12 +83,12 @@ def test_areas_count_from_the_decided_to_the_undecided_ones() -> None:
 
 
 def test_a_difference_has_the_rooted_squares_of_both_ends() -> None:
-    found = Figure(10, 7, 11).less(Figure(2, 1, 6))
+    found = Measured(10, 7, 11).less(Measured(2, 1, 6))
     assert (found.value, found.low, found.high) == (8, 8 - 5, pytest.approx(8 + 2**0.5))
 
 
 def test_a_ratio_of_equal_figures_is_one_and_holds_its_value() -> None:
-    found = Figure(4, 2, 8).over(Figure(4, 4, 4))
+    found = Measured(4, 2, 8).over(Measured(4, 4, 4))
     assert (found.value, found.low, found.high) == pytest.approx((1, 0.5, 2))
 
 

@@ -16,14 +16,14 @@ from pyinfra.data.data_set import Tilt, field_of_view_mask, read_data_set
 from pyinfra.statistics import patterns, study
 from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.intervals import Blocks, ratio, time_blocks
-from pyinfra.statistics.vehicles import Vehicles, read_vehicles
+from pyinfra.statistics.sightings import Sightings, read_sightings
 
 Infrasim = Callable[..., Any]
 
 
 def table_of(
     distance: list[float], points: list[list[int]], frame: list[int] | None = None, **columns: Any
-) -> Vehicles:
+) -> Sightings:
     """Vehicles straight ahead, seen by all LiDARs `a`, `b`, ... unless columns say otherwise."""
     n = len(distance)
     on_vehicle = np.array(points, dtype=np.int64).reshape(n, -1)
@@ -40,7 +40,7 @@ def table_of(
         "in_angles": np.ones(on_vehicle.shape, dtype=np.bool_),
         "in_range": np.ones(on_vehicle.shape, dtype=np.bool_),
     }
-    return Vehicles(**{**known, **columns})
+    return Sightings(**{**known, **columns})
 
 
 def blocks(count: int = 20, block_s: float = 0.1) -> Blocks:
@@ -286,7 +286,7 @@ def test_a_vehicle_beyond_one_lidars_reach_is_missed_by_it(tmp_path: Path) -> No
             "b": {0: [row(1, 40, 5)], 3: [row(1, 45, 1, -1), row(3, -40, 8)]},
         },
     )
-    vehicles = read_vehicles(read_data_set(folder))
+    vehicles = read_sightings(read_data_set(folder))
     assert list(zip(vehicles.frame, vehicles.ids, strict=True)) == [(0, 1), (0, 2), (3, 1), (3, 3)]
     assert vehicles.points.tolist() == [[9, 5], [4, 0], [2, 1], [0, 8]]
     assert vehicles.common().tolist() == [True, False, False, False]
@@ -296,14 +296,14 @@ def test_a_vehicle_beyond_one_lidars_reach_is_missed_by_it(tmp_path: Path) -> No
 def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1), row(2, 60, 0)]}})
     data = read_data_set(folder)
-    assert read_vehicles(data, above_road=True).points.tolist() == [[1], [0]]
+    assert read_sightings(data, above_road=True).points.tolist() == [[1], [0]]
     for above_road, count in ((False, 2), (True, 1)):
         tables = study.statistics([folder], above_road=above_road, patterns=False)
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
     roads.write_text(roads.read_text() + "m,1,1,0,0.5,0,21\n")
     with pytest.raises(ValueError, match=r"roads\.csv: found roads from z = 0 to 0\.5"):
-        read_vehicles(data, above_road=True)
+        read_sightings(data, above_road=True)
 
 
 def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
@@ -341,7 +341,7 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
     rows = [row(1, 40, 9), row(2, 45, 4).replace("Car", "Pedestrian")]
     recording = write_folder(tmp_path / "recording", {"a": {0: rows}})
     (recording / "trajectories.csv").unlink()
-    assert read_vehicles(read_data_set(recording)).ids.tolist() == [1]
+    assert read_sightings(read_data_set(recording)).ids.tolist() == [1]
     tables = study.statistics([recording])
     assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
     assert not {"speed", "lit_share", "angular_density"} & set(tables)

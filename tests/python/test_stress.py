@@ -19,7 +19,7 @@ from detector_data import SITE
 from pyinfra import cli, kitti
 from pyinfra.detectors.background import Background
 from pyinfra.simulator.runs import SimulatorError
-from pyinfra.stress import cells, lidar, worlds
+from pyinfra.stress import lidar, trials, worlds
 from pyinfra.stress.catalogue import STRESSORS, chosen
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -245,7 +245,7 @@ def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
 
 
 def reasons(names: list[str], base: worlds.Base) -> dict[str, list[str]]:
-    return cells.left_out([STRESSORS[name] for name in names], base)
+    return trials.left_out([STRESSORS[name] for name in names], base)
 
 
 def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) -> None:
@@ -256,7 +256,7 @@ def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) 
 
 
 def test_a_shipped_lidar_can_take_every_stressor(base: worlds.Base) -> None:
-    assert cells.left_out(STRESSORS.values(), base) == {}
+    assert trials.left_out(STRESSORS.values(), base) == {}
 
 
 def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path) -> None:
@@ -351,7 +351,7 @@ def test_a_wrong_world_is_named_before_the_first_cell_and_the_rest_is_measured(
     first, last = capsys.readouterr().err.splitlines()
     assert first.startswith("pyinfra: speed 100.0 failed: infrasim check: --set traffic.speed")
     assert "mean_km_h: found '6200', allowed above 0 to 200" in first
-    assert last == "pyinfra: 1 of 3 cells failed; the same command tries them again"
+    assert last == "pyinfra: 1 of 3 trials failed; the same command tries them again"
     assert rows(tmp_path).dial.tolist() == [0, 1.5]
     assert pd.read_csv(tmp_path / "stress_summary.csv").dials.tolist() == [2]
 
@@ -389,7 +389,7 @@ def test_a_detector_that_fails_without_stress_ends_the_test(
     def failing(*_: object) -> None:
         raise RuntimeError("no memory")
 
-    monkeypatch.setattr(cells, "row_of", failing)
+    monkeypatch.setattr(trials, "row_of", failing)
     assert cli.main(command(background, data, tmp_path, "--stressors", "fog")) == 1
     assert not (tmp_path / "stress_summary.csv").exists()
 
@@ -462,7 +462,7 @@ def test_a_finished_cell_is_not_computed_again(
     whole: Path, background: Path, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = (whole / "stress.csv").read_bytes()
-    monkeypatch.setattr(cells, "row_of", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr(trials, "row_of", lambda *_: pytest.fail("computed again"))
     assert cli.main(command(background, data, whole, "--stressors", *QUICK)) == 0
     assert (whole / "stress.csv").read_bytes() == before
 
@@ -490,21 +490,21 @@ def test_a_run_is_named_as_its_folder(
     background: Path, base: worlds.Base, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(background)
-    (cell,) = cells.plan([cells.read_run(Path(), base)], {}, base)
-    assert cells.key_of(cell, base, 1)["run"] == "run"
+    (trial,) = trials.plan([trials.read_run(Path(), base)], {}, base)
+    assert trials.key_of(trial, base, 1)["run"] == "run"
 
 
 def test_a_cell_that_another_process_holds_is_left_to_it(
     background: Path, base: worlds.Base, tmp_path: Path
 ) -> None:
-    run = cells.read_run(background, base)
-    (cell,) = cells.plan([run], {}, base)
-    name = "_".join(cells.key_of(cell, base, 1).values())
-    with cells.held(tmp_path / "locks" / name, wait=False) as ours:
+    run = trials.read_run(background, base)
+    (trial,) = trials.plan([run], {}, base)
+    name = "_".join(trials.key_of(trial, base, 1).values())
+    with trials.held(tmp_path / "locks" / name, wait=False) as ours:
         assert ours
-        assert not cells.fill(cell, base, tmp_path, 1)
-    assert cells.fill(cell, base, tmp_path, 1)
-    assert not cells.fill(cell, base, tmp_path, 1)
+        assert not trials.fill(trial, base, tmp_path, 1)
+    assert trials.fill(trial, base, tmp_path, 1)
+    assert not trials.fill(trial, base, tmp_path, 1)
 
 
 def test_chosen_dials_and_a_dry_run(
@@ -515,23 +515,23 @@ def test_chosen_dials_and_a_dry_run(
     assert cli.main(command(background, data, out, *words)) == 0
     *listed, last = capsys.readouterr().out.splitlines()
     assert listed == ["run none 0.0", "run fog 3.0", "run fog 7.0"]
-    assert last.startswith("3 of 3 cells to do, 3 frames each, ")
+    assert last.startswith("3 of 3 trials to do, 3 frames each, ")
     assert not out.exists()
 
 
 def test_runs_of_one_detector_are_dials_of_the_training(base: worlds.Base) -> None:
-    first = cells.Run(Path("a"), "pointpillars", 800, 1)
-    fewer = cells.Run(Path("b"), "pointpillars", 200, 1)
-    seed = cells.Run(Path("c"), "pointpillars", 800, 2)
+    first = trials.TrainedRun(Path("a"), "pointpillars", 800, 1)
+    fewer = trials.TrainedRun(Path("b"), "pointpillars", 200, 1)
+    seed = trials.TrainedRun(Path("c"), "pointpillars", 800, 2)
     stressors = chosen(["fog", "training_frames", "training_seed"], None)
-    found = cells.plan([first, fewer, seed], stressors, base)
+    found = trials.plan([first, fewer, seed], stressors, base)
     trained = [(c.run, c.stressor.name, c.dial) for c in found if c.stressor.acts_on == "training"]
     named = [row for row in trained if row[1] != "none"]
     assert named == [(fewer, "training_frames", 200.0), (seed, "training_seed", "2")]
     assert all(c.reference is first for c in found)
     assert sum(c.stressor.name == "fog" for c in found) == 4
     with pytest.raises(ValueError, match="found 200 frames and seed 2, allowed another number"):
-        cells.plan([first, cells.Run(Path("d"), "pointpillars", 200, 2)], stressors, base)
+        trials.plan([first, trials.TrainedRun(Path("d"), "pointpillars", 200, 2)], stressors, base)
 
 
 def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
@@ -576,9 +576,9 @@ def test_a_run_of_another_lidar_is_one_line(
 
 
 def test_the_own_lidar_scene_and_preset_are_no_stress(base: worlds.Base) -> None:
-    run = cells.Run(Path("a"), "background", -1, -1)
+    run = trials.TrainedRun(Path("a"), "background", -1, -1)
     stressors = chosen(["unseen_lidar", "unseen_scene", "unseen_preset"], None)
-    dials = {cell.dial for cell in cells.plan([run], stressors, base)}
+    dials = {trial.dial for trial in trials.plan([run], stressors, base)}
     assert dials.isdisjoint({"own", "helios_16", "highway", "paper"})
     assert {"ruby_plus", "curve", "datasheet"} <= dials
 

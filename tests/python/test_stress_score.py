@@ -122,7 +122,7 @@ def test_a_partner_is_near_free_and_the_nearest(tmp_path: Path) -> None:
         read_ground_truth(folder), score.as_predictions([detections(boxes)]), "vehicle",
         score.Settings(ground_truths=("captured",)), "bev",
     )  # fmt: skip
-    np.testing.assert_array_equal(score.partners(score._verdict(one)), [-1, -1, -1, 2])
+    np.testing.assert_array_equal(score.partners(score._judgement(one)), [-1, -1, -1, 2])
 
 
 @pytest.mark.parametrize("vehicles", [[NEAR], []])

@@ -13,7 +13,7 @@ from torch import Tensor
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
+class VoxelWindows:
     """Where n voxels lie in square windows of `side` cells."""
 
     window: Tensor  # (n,) int64, the same number for the voxels of one window of one frame
@@ -40,16 +40,16 @@ class Sets:
     slot: Tensor  # (n,) int64: the one of the s * size slots that holds the voxel first
 
 
-def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int) -> Windows:
+def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int) -> VoxelWindows:
     """The windows of voxels (n,) at cells of a grid that starts `shift` cells inside a window."""
     row, column = row + shift, column + shift
     down, across = row // side, column // side
     rows, columns = (int(v.max()) + 1 if len(v) else 1 for v in (down, across))
     window = (frame * rows + down) * columns + across
-    return Windows(window, row % side, column % side, side)
+    return VoxelWindows(window, row % side, column % side, side)
 
 
-def partition(windows: Windows, place: Tensor, size: int) -> Sets:
+def partition(windows: VoxelWindows, place: Tensor, size: int) -> Sets:
     """Sets of the voxels of each window in ascending order of their place (n,) in it.
 
     The paper's equation 3: of n voxels in s = ceil(n / size) sets, slot i holds the voxel

@@ -13,13 +13,13 @@ from pyinfra.report import svg
 from pyinfra.report.blocks import (
     NOTHING,
     Block,
-    Cell,
     Column,
     Figure,
     LegendEntry,
     Panel,
     Section,
     Table,
+    TableCell,
     Text,
     number,
     shown,
@@ -57,9 +57,9 @@ def _agreement(material: Material) -> list[Block]:
     if rows.empty:
         return []
     heads = ("Scene", "Cells", "Rank correlation", "Mean difference")
-    found: list[list[Cell]] = [
+    found: list[list[TableCell]] = [
         [
-            Cell(str(row.scene)),
+            TableCell(str(row.scene)),
             number(float(row.cells), "g"),
             number(float(row.rank_correlation), ".2f"),
             number(float(row.mean_difference), "+.1f"),
@@ -94,7 +94,7 @@ def _grid(material: Material, rows: pd.DataFrame, paper: pd.Series) -> Table:
         own = rows[rows.lidar == lidar].set_index("detector")
         printed = {d: float(paper.get((scene, lidar, d), np.nan)) for d in detectors}
         cells = [_ap(own, d, printed[d] if preset == "paper" else np.nan) for d in detectors]
-        found.append([Cell(material.names.label(lidar)), *cells])
+        found.append([TableCell(material.names.label(lidar)), *cells])
     versus = " Below: the interval, and the paper's AP." if preset == "paper" else ""
     return Table(
         f"{scene.capitalize()}, preset {preset}.{versus}",
@@ -104,14 +104,14 @@ def _grid(material: Material, rows: pd.DataFrame, paper: pd.Series) -> Table:
     )
 
 
-def _ap(own: pd.DataFrame, name: str, printed: float) -> Cell:
+def _ap(own: pd.DataFrame, name: str, printed: float) -> TableCell:
     if name not in own.index:
-        return Cell(NOTHING, np.nan)
+        return TableCell(NOTHING, np.nan)
     row = own.loc[name]
     below = span(row.ap_low, row.ap_high)
     if np.isfinite(printed):
         below = f"{below}\npaper {printed:.1f}"
-    return Cell(shown(row.ap), float(row.ap), str(row.origin), below=below)
+    return TableCell(shown(row.ap), float(row.ap), str(row.origin), below=below)
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:
@@ -188,16 +188,16 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
     rows = []
     for row in cells.itertuples():
         origin = str(row.origin)
-        first = Cell(str(row.scene), origin=origin, below=str(row.reason))
+        first = TableCell(str(row.scene), origin=origin, below=str(row.reason))
         texts = [material.names.model(str(row.lidar)), str(row.preset), detector(str(row.detector))]
-        ap = Cell(shown(row.ap), row.ap, origin, below=span(row.ap_low, row.ap_high))
+        ap = TableCell(shown(row.ap), row.ap, origin, below=span(row.ap_low, row.ap_high))
         values = [number(row.ap_common), number(row.ap_all), number(row.objects, ".0f")]
         times = [row.train_seconds, row.latency_p50_ms, row.latency_p95_ms]
-        seed = Cell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
+        seed = TableCell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
         rows.append(
             [
                 first,
-                *(Cell(t) for t in texts),
+                *(TableCell(t) for t in texts),
                 seed,
                 ap,
                 *values,

@@ -14,13 +14,13 @@ from pyinfra.evaluation.figures import LABELS, LOOKS, areas_plan
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
-    Cell,
     Column,
     Figure,
     LegendEntry,
     Panel,
     Section,
     Table,
+    TableCell,
     number,
     shown,
     span,
@@ -171,11 +171,11 @@ def _table(material: Material, areas: pd.DataFrame) -> Table:
     return Table(caption, heads, rows, material.results.source("areas"), closed=len(rows) > 24)
 
 
-def _row(material: Material, row: Any) -> list[Cell]:
-    share = Cell(
+def _row(material: Material, row: Any) -> list[TableCell]:
+    share = TableCell(
         shown(row.p_hqda), row.p_hqda, str(row.origin), below=span(row.p_low, row.p_high, ".0f")
     )
     texts = [f"{row.scene}, {row.road}", material.names.model(row.lidar), row.preset]
     texts += [detector(row.detector), row.ground_truth]
     counts = [number(n, ".0f", str(row.origin)) for n in (row.n_tda, row.n_hqda, row.undecided)]
-    return [*(Cell(text) for text in texts), *counts, share]
+    return [*(TableCell(text) for text in texts), *counts, share]

@@ -7,7 +7,7 @@ import re
 import pandas as pd
 
 from pyinfra.benchmark.results import TableFile
-from pyinfra.report.blocks import NOTHING, Cell, Column, Section, Table, Text, shown, span
+from pyinfra.report.blocks import NOTHING, Column, Section, Table, TableCell, Text, shown, span
 from pyinfra.report.material import Material
 from pyinfra.report.names import PRESETS, Names, in_order
 
@@ -78,24 +78,24 @@ def _plural(verdict: str, count: int) -> str:
     return verdict.removesuffix("s") if count > 1 else verdict
 
 
-def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[list[Cell]]:
+def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[list[TableCell]]:
     order = in_order(rows.claim, CLAIMS)
     rows = rows.assign(rank=rows.claim.map(order.index)).sort_values("rank", kind="stable")
     found = []
     for (claim, key), group in rows.groupby(["claim", "key"], sort=False):
         by_preset = {row.preset: row for row in group.itertuples()}
         cells = [_verdict(by_preset.get(preset)) for preset in presets]
-        head = Cell(str(claim), below=CLAIMS.get(str(claim), ""))
-        found.append([head, Cell(names.spelled(str(key))), *cells])
+        head = TableCell(str(claim), below=CLAIMS.get(str(claim), ""))
+        found.append([head, TableCell(names.spelled(str(key))), *cells])
     return found
 
 
-def _verdict(row: object) -> Cell:
+def _verdict(row: object) -> TableCell:
     if row is None:
-        return Cell(NOTHING)
+        return TableCell(NOTHING)
     value, low, high = (float(getattr(row, name)) for name in ("value", "low", "high"))
     verdict = str(getattr(row, "verdict", ""))
     known = verdict if verdict in VERDICTS else "undecided"
     text = f"{shown(value, '.3g')} {span(low, high, '.3g')}".strip()
     origin = f"{getattr(row, 'origin', '')}: {getattr(row, 'statement', '')}"
-    return Cell("", verdict=known, below=text, origin=origin)
+    return TableCell("", verdict=known, below=text, origin=origin)

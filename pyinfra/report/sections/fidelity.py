@@ -8,12 +8,12 @@ from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
-    Cell,
     Column,
     Figure,
     Panel,
     Section,
     Table,
+    TableCell,
     number,
 )
 from pyinfra.report.looks import FAINT, drawing, log_ticks, panel
@@ -132,8 +132,8 @@ def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -
     heads += [Column(c, number=True) for c in titles]
     rows = [
         [
-            Cell(str(row.detail)),
-            Cell(material.names.label(str(row.lidar))),
+            TableCell(str(row.detail)),
+            TableCell(material.names.label(str(row.lidar))),
             number(float(row.mean_change_percent), ".2f"),
             number(float(row.largest_change_percent), ".2f"),
             number(float(row.relative_time), ".3f"),
@@ -150,8 +150,8 @@ def _aggregation(material: Material, table: pd.DataFrame) -> Table:
     heads += [Column(c, number=True) for c in titles]
     rows = [
         [
-            Cell(str(row.aggregation)),
-            Cell(material.names.label(str(row.lidar))),
+            TableCell(str(row.aggregation)),
+            TableCell(material.names.label(str(row.lidar))),
             number(float(row.points_per_vehicle), ".1f", str(row.origin)),
             number(float(row.outside_box_percent), ".1f", str(row.origin)),
             number(float(row.ms_per_frame_set), ".1f", str(row.origin)),
@@ -170,8 +170,8 @@ def _beam(material: Material, table: pd.DataFrame) -> Table:
     heads += [Column(c, number=True) for c in ("Vehicles", "Points per vehicle", "In its box")]
     rows = [
         [
-            Cell(str(row.lidar).replace("_", " ")),
-            Cell(str(row.distance)),
+            TableCell(str(row.lidar).replace("_", " ")),
+            TableCell(str(row.distance)),
             number(float(row.vehicles), ".0f", str(row.origin)),
             number(float(row.points_per_vehicle), ".1f", str(row.origin)),
             number(float(row.in_box), ".1f", str(row.origin)),

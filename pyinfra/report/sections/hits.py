@@ -12,13 +12,13 @@ from pyinfra.data.paper_tables import paper_hits
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
-    Cell,
     Column,
     Figure,
     LegendEntry,
     Panel,
     Section,
     Table,
+    TableCell,
     number,
 )
 from pyinfra.report.looks import FAINT, drawing, log_ticks, panel
@@ -69,7 +69,7 @@ def _heads(rows: pd.DataFrame) -> list[str]:
     return ["The paper", *(f"Preset {p}" for p in presets), "Difference, %"]
 
 
-def _table_rows(material: Material, rows: pd.DataFrame) -> list[list[Cell]]:
+def _table_rows(material: Material, rows: pd.DataFrame) -> list[list[TableCell]]:
     presets = in_order(rows.preset, PRESETS)
     found = []
     for scene in in_order(rows.scene, SCENES):
@@ -79,12 +79,12 @@ def _table_rows(material: Material, rows: pd.DataFrame) -> list[list[Cell]]:
             cells = [_hits(by_preset, preset) for preset in presets]
             change = by_preset.difference_percent.get("paper", np.nan)
             paper = number(float(own.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
-            label = Cell(material.names.label(lidar))
-            found.append([Cell(scene), label, paper, *cells, number(float(change), "+.1f")])
+            label = TableCell(material.names.label(lidar))
+            found.append([TableCell(scene), label, paper, *cells, number(float(change), "+.1f")])
     return found
 
 
-def _hits(by_preset: pd.DataFrame, preset: str) -> Cell:
+def _hits(by_preset: pd.DataFrame, preset: str) -> TableCell:
     if preset not in by_preset.index:
         return number(np.nan)
     row = by_preset.loc[preset]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
-from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Table, number
+from pyinfra.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
 from pyinfra.report.looks import drawing, panel
 from pyinfra.report.material import Material
 from pyinfra.report.sections.distance import legend
@@ -99,14 +99,14 @@ def agrees(rows: pd.DataFrame, dearest: pd.DataFrame) -> bool:
     )
 
 
-def figures(rows: pd.DataFrame) -> dict[str, compare.Figure]:
+def figures(rows: pd.DataFrame) -> dict[str, compare.Measured]:
     return {
-        str(row.Index): compare.Figure(float(row.ap), float(row.ap_low), float(row.ap_high))
+        str(row.Index): compare.Measured(float(row.ap), float(row.ap_low), float(row.ap_high))
         for row in rows.itertuples()
     }
 
 
-def holds_zero(difference: compare.Figure) -> bool:
+def holds_zero(difference: compare.Measured) -> bool:
     """Also without an interval: false, as nothing is known."""
     return difference.low <= 0 <= difference.high
 
@@ -164,11 +164,11 @@ def _table(material: Material, found: list[Rung]) -> Table:
     heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
     rows = [
         [
-            Cell(rung.dial),
-            Cell(rung.value),
+            TableCell(rung.dial),
+            TableCell(rung.value),
             number(rung.seconds, ".1f"),
             number(rung.change, ".2f"),
-            Cell(("same" if rung.same else "change") if rung.known else "no interval"),
+            TableCell(("same" if rung.same else "change") if rung.known else "no interval"),
         ]
         for rung in found
     ]

@@ -9,13 +9,13 @@ import pandas as pd
 from pyinfra.benchmark.results import TableFile
 from pyinfra.report.blocks import (
     Block,
-    Cell,
     Column,
     Index,
     Link,
     Section,
     Steps,
     Table,
+    TableCell,
     number,
 )
 from pyinfra.report.material import Material
@@ -80,7 +80,9 @@ def section(material: Material, sections: Sequence[Section]) -> Section:
 
 
 def _detectors(names: list[str]) -> Table:
-    rows = [[Cell(detector(n)), *(Cell(t) for t in KINDS.get(n, ("own", "")))] for n in names]
+    rows = [
+        [TableCell(detector(n)), *(TableCell(t) for t in KINDS.get(n, ("own", "")))] for n in names
+    ]
     heads = [Column("Detector"), Column("Kind"), Column("How it works")]
     table = pd.DataFrame([[c.text for c in row] for row in rows], columns=["name", "kind", "how"])
     return Table("The detectors.", heads, rows, TableFile("report_detectors.csv", table))
@@ -116,7 +118,11 @@ def _provenance(material: Material) -> Table:
     columns = ["file", "rows", "versions", "seeds", "machines", "commands"]
     listed = pd.DataFrame(rows, columns=columns)
     cells = [
-        [Cell(str(row.file)), number(float(str(row.rows)), ".0f"), *(Cell(str(t)) for t in row[3:])]
+        [
+            TableCell(str(row.file)),
+            number(float(str(row.rows)), ".0f"),
+            *(TableCell(str(t)) for t in row[3:]),
+        ]
         for row in listed.itertuples()
     ]
     heads = [Column(c.capitalize(), number=c == "rows") for c in columns]

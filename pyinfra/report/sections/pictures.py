@@ -103,7 +103,7 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
     for data in data_sets:
         frame = frame_of(material, data)
         for folder in folders(material, data):
-            view = clouds.read_view(folder, frame)
+            view = clouds.read_snapshot(folder, frame)
             title = f"{view.lidar.model}: {view.counts()}"
             title = f"{data.scene}, {data.preset}: {title}" if len(data_sets) > 1 else title
             name = f"above {data.scene} {data.preset} {folder.name}"
@@ -122,7 +122,7 @@ def _box_legend() -> list[LegendEntry]:
     ]
 
 
-def _above(view: clouds.View, boxes: FloatArray | None = None) -> Drawing:
+def _above(view: clouds.Snapshot, boxes: FloatArray | None = None) -> Drawing:
     """A frame from above, with boxes (k, 7) over it."""
     window = clouds.region_window(view)
     width, height = window.shape()
@@ -195,7 +195,7 @@ def _of_the_paper(runs: list[Run]) -> int:
 
 def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int) -> Block:
     lidar = runs[0].lidar
-    view = clouds.read_view(data.lidar_folder(lidar), frame)
+    view = clouds.read_snapshot(data.lidar_folder(lidar), frame)
     panels = [_boxes_panel(data, view, run, frame) for run in runs]
     caption = (
         f"Predicted boxes (thick, score {SHOWN_SCORE:g} or more) on frame {frame} of "
@@ -207,7 +207,7 @@ def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int
     return Figure(name, caption, panels, None, entries, layout="half", plate=True)
 
 
-def _boxes_panel(data: DataSet, view: clouds.View, run: Run, frame: int) -> Panel:
+def _boxes_panel(data: DataSet, view: clouds.Snapshot, run: Run, frame: int) -> Panel:
     boxes = _predicted(data, run, frame)
     title = f"{detector(run.detector)}: {len(boxes)} boxes"
     label = f"Boxes of {title} on {view.lidar.model}, {data.scene}, frame {frame}"

@@ -15,8 +15,8 @@ from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import PRESETS, in_order
 from pyinfra.report.sections.distance import legend
 from pyinfra.statistics import tables
+from pyinfra.statistics.sightings import blocks_of, read_sightings
 from pyinfra.statistics.study import sets_of
-from pyinfra.statistics.vehicles import blocks_of, read_vehicles
 
 SETS = ("common", "view")
 
@@ -49,7 +49,7 @@ def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
 
 def _counted(data: DataSet) -> pd.DataFrame:
     """Points per vehicle over all frames of a data set."""
-    chosen = sets_of(read_vehicles(data))
+    chosen = sets_of(read_sightings(data))
     parts = [
         tables.points_per_vehicle(chosen[name], blocks_of(data)).assign(set=name) for name in SETS
     ]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
-from pyinfra.report.blocks import Cell, Column, Figure, LegendEntry, Panel, Section, Table
+from pyinfra.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
 from pyinfra.report.blocks import number as number_cell
 from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.report.material import SCENES, Material
@@ -138,7 +138,7 @@ def _table(material: Material, rows: pd.DataFrame) -> Table:
         times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
         numbers = [number_cell(float(row.ap), origin=origin)]
         numbers += [number_cell(float(t), ".0f", origin) for t in times]
-        found.append([*(Cell(t) for t in texts), *numbers])
+        found.append([*(TableCell(t) for t in texts), *numbers])
     source = TableFile("report_pareto_latency.csv", rows)
     caption = "The Pareto front of AP and latency."
     return Table(caption, heads, found, source, closed=len(found) > 12)

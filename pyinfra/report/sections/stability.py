@@ -12,13 +12,13 @@ from pyinfra.benchmark.results import TableFile
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
-    Cell,
     Column,
     Figure,
     LegendEntry,
     Panel,
     Section,
     Table,
+    TableCell,
 )
 from pyinfra.report.looks import FAINT, drawing, panel
 from pyinfra.report.material import SCENES, Material
@@ -169,7 +169,7 @@ def _plain(material: Material, rows: pd.DataFrame, source: TableFile, caption: s
     return Table(caption, heads, found, source, closed=len(rows) > 12)
 
 
-def _cell(names: Names, text: str, value: float, origin: str, is_number: bool) -> Cell:
+def _cell(names: Names, text: str, value: float, origin: str, is_number: bool) -> TableCell:
     if not is_number:
-        return Cell(DETECTORS.get(text, names.spelled(text)))
-    return Cell(f"{value:.4g}" if math.isfinite(value) else text, value, origin)
+        return TableCell(DETECTORS.get(text, names.spelled(text)))
+    return TableCell(f"{value:.4g}" if math.isfinite(value) else text, value, origin)

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from pyinfra.report import svg
-from pyinfra.report.blocks import Block, Cell, Column, Figure, Panel, Section, Table, number
+from pyinfra.report.blocks import Block, Column, Figure, Panel, Section, Table, TableCell, number
 from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.report.material import SCENES, Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
@@ -112,11 +112,17 @@ def _table(material: Material, value: pd.DataFrame) -> Table:
     )
 
 
-def _row(material: Material, row: pd.Series) -> list[Cell]:
+def _row(material: Material, row: pd.Series) -> list[TableCell]:
     texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
     values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
-    beaten = Cell(_spelled(material, str(row.dominated_by)))
-    return [*(Cell(str(t)) for t in texts), number(row.ap), number(row.ap_all), *values, beaten]
+    beaten = TableCell(_spelled(material, str(row.dominated_by)))
+    return [
+        *(TableCell(str(t)) for t in texts),
+        number(row.ap),
+        number(row.ap_all),
+        *values,
+        beaten,
+    ]
 
 
 def _spelled(material: Material, text: str) -> str:
@@ -136,10 +142,10 @@ def _prices(material: Material, prices: pd.DataFrame) -> Table:
     for at, row in prices.iterrows():
         low, high = float(row.price_low_usd), float(row.price_high_usd)
         price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
-        first = [Cell(material.names.label(row.lidar)), number(row.units, ".0f")]
+        first = [TableCell(material.names.label(row.lidar)), number(row.units, ".0f")]
         others = [_value_cell(str(row[c]), float(numbers[c][at]), row.origin) for c in more]
-        source = Cell(f"{row.price_source}, {row.price_date}".strip(", "))
-        rows.append([*first, Cell(price, low, row.origin), *others, source])
+        source = TableCell(f"{row.price_source}, {row.price_date}".strip(", "))
+        rows.append([*first, TableCell(price, low, row.origin), *others, source])
     heads.append(Column("Source of the price"))
     return Table("The LiDARs.", heads, rows, material.results.source("lidars"))
 
@@ -152,5 +158,5 @@ def _title(column: str) -> str:
     return column.replace("_", " ").replace("fov", "field of view").capitalize()
 
 
-def _value_cell(text: str, value: float, origin: str) -> Cell:
-    return Cell(text) if math.isnan(value) else Cell(f"{value:.4g}", value, origin)
+def _value_cell(text: str, value: float, origin: str) -> TableCell:
+    return TableCell(text) if math.isnan(value) else TableCell(f"{value:.4g}", value, origin)

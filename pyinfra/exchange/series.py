@@ -21,7 +21,7 @@ _KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
 
 
 @dataclass(frozen=True)
-class Source:
+class FrameSeries:
     """What holds for every frame of a LiDAR's folder."""
 
     lidar_folder: Path
@@ -34,7 +34,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class StoredFrame:
     """One frame, in the levelled LiDAR frame."""
 
     number: int
@@ -45,7 +45,7 @@ class Frame:
     objects: Objects
 
 
-def read_source(lidar_folder: Path) -> Source:
+def read_series(lidar_folder: Path) -> FrameSeries:
     """What is known of a folder; of any in the KITTI layout, with or without lidar.yaml.
 
     Raises FormatError with file and line.
@@ -60,7 +60,7 @@ def read_source(lidar_folder: Path) -> Source:
         if "/" in part:  # files are named by it
             raise FormatError(f"{file}: name: found '{part}', allowed a name without '/'")
     has_objects = (folder / "training/objects").is_dir()
-    return Source(
+    return FrameSeries(
         lidar_folder=lidar_folder,
         lidar=name,
         scene=scene,
@@ -72,7 +72,7 @@ def read_source(lidar_folder: Path) -> Source:
     )
 
 
-def read_frames(source: Source, numbers: Sequence[int]) -> Iterator[Frame]:
+def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredFrame]:
     """The frames of ascending numbers, one in memory at a time.
 
     Without `objects` the boxes are the labels: speed is nan, visibility -1. Where ids are no tracks
@@ -80,19 +80,19 @@ def read_frames(source: Source, numbers: Sequence[int]) -> Iterator[Frame]:
     Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError for numbers
     that do not ascend.
     """
-    folder, before, named = source.lidar_folder, -1, 0
+    folder, before, named = series.lidar_folder, -1, 0
     for number in numbers:
         if number <= before:
             raise ValueError(f"found frame {number} after {before}, allowed ascending ones")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
         objects = _boxes(folder, number, points)
-        if not source.ids_are_tracks:
+        if not series.ids_are_tracks:
             objects = replace(objects, ids=np.arange(named, named + len(objects)))
             named += len(objects)
-        yield Frame(
+        yield StoredFrame(
             number=number,
-            start_s=number * source.period_s,
-            middle_s=(number + 0.5) * source.period_s,
+            start_s=number * series.period_s,
+            middle_s=(number + 0.5) * series.period_s,
             points=points,
             fields=_fields(folder, number, len(points)),
             objects=objects,
@@ -110,9 +110,9 @@ def nanoseconds(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
-def copy_cloud(source: Source, number: int, to: Path) -> None:
+def copy_cloud(series: FrameSeries, number: int, to: Path) -> None:
     """The .bin of a frame, byte for byte."""
-    shutil.copyfile(kitti.frame_file(source.lidar_folder, "velodyne", number), to)
+    shutil.copyfile(kitti.frame_file(series.lidar_folder, "velodyne", number), to)
 
 
 def _about(file: Path) -> dict[str, str]:

@@ -10,33 +10,33 @@ from exchange_data import BOXES, boxes_of, names_of, objects_of, without, write_
 
 from pyinfra import kitti
 from pyinfra.exchange import mcap, nuscenes, openlabel
-from pyinfra.exchange.source import read_frames, read_source
+from pyinfra.exchange.series import read_frames, read_series
 
 
 def test_boxes_hold_in_the_middle_of_their_frame(tmp_path: Path) -> None:
-    source = read_source(write_recording(tmp_path))
-    times = [(frame.start_s, frame.middle_s) for frame in read_frames(source, [5, 7])]
+    series = read_series(write_recording(tmp_path))
+    times = [(frame.start_s, frame.middle_s) for frame in read_frames(series, [5, 7])]
     np.testing.assert_allclose(times, [(0.5, 0.55), (0.7, 0.75)], atol=1e-12)
 
 
 def test_frames_that_do_not_ascend_are_an_error(tmp_path: Path) -> None:
-    source = read_source(write_recording(tmp_path))
+    series = read_series(write_recording(tmp_path))
     with pytest.raises(ValueError, match="found frame 5 after 7, allowed ascending ones"):
-        list(read_frames(source, [7, 5]))
+        list(read_frames(series, [7, 5]))
 
 
 def test_a_recording_says_where_it_comes_from(tmp_path: Path) -> None:
-    source = read_source(write_recording(tmp_path))
-    assert (source.scene, source.lidar) == ("made_up", "pole")
-    assert source.about["seed"] == "7"
+    series = read_series(write_recording(tmp_path))
+    assert (series.scene, series.lidar) == ("made_up", "pole")
+    assert series.about["seed"] == "7"
 
 
 def test_a_folder_without_a_data_set_is_named_by_its_path(tmp_path: Path) -> None:
     folder = without(write_recording(tmp_path / "data"), tmp_path / "site")
     (folder / "lidar.yaml").unlink()
-    source = read_source(folder)
-    assert (source.scene, source.lidar, source.about) == ("site", "pole", {})
-    assert source.period_s == 0.1
+    series = read_series(folder)
+    assert (series.scene, series.lidar, series.about) == ("site", "pole", {})
+    assert series.period_s == 0.1
 
 
 def test_points_of_a_label_are_those_in_its_box_or_five_centimetres_outside(tmp_path: Path) -> None:
@@ -47,7 +47,7 @@ def test_points_of_a_label_are_those_in_its_box_or_five_centimetres_outside(tmp_
     cloud = np.column_stack([places, np.ones(3)]).astype(np.float32)
     kitti.write_points(kitti.frame_file(folder, "velodyne", 5), cloud)
     (folder / "training/fields/000005.bin").write_bytes(bytes(36))
-    (frame,) = read_frames(read_source(folder), [5])
+    (frame,) = read_frames(read_series(folder), [5])
     assert frame.objects.points_in_box.tolist() == [2, 0]
 
 
@@ -56,14 +56,14 @@ def test_an_id_twice_in_a_frame_is_named(tmp_path: Path) -> None:
     file = kitti.frame_file(folder, "objects", 5)
     file.write_text(file.read_text().replace("\n8,", "\n3,"))
     with pytest.raises(kitti.FormatError, match=r"000005\.csv: id: found 3 twice, allowed once"):
-        list(read_frames(read_source(folder), [5]))
+        list(read_frames(read_series(folder), [5]))
 
 
 def test_objects_that_nobody_tracked_are_new_ones_in_every_frame(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     with (tmp_path / "dataset.yaml").open("a") as stream:
         stream.write("ids: rows\n")
-    frames = read_frames(read_source(folder), [5, 6, 7])
+    frames = read_frames(read_series(folder), [5, 6, 7])
     assert [frame.objects.ids.tolist() for frame in frames] == [[0, 1], [], [2]]
 
 
@@ -71,7 +71,7 @@ def test_a_description_that_is_no_mapping_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     (tmp_path / "dataset.yaml").write_text("highway\n")
     with pytest.raises(kitti.FormatError, match=r"dataset\.yaml:1: found no mapping"):
-        read_source(folder)
+        read_series(folder)
 
 
 @pytest.mark.parametrize("module", [mcap, nuscenes, openlabel])
@@ -103,4 +103,4 @@ def test_a_name_that_leads_out_of_the_folder_is_an_error(
     text = (tmp_path / file).read_text()
     (tmp_path / file).write_text(text.replace(f'"{name}"', '"../x"'))
     with pytest.raises(kitti.FormatError, match=rf"{file}: name: found '\.\./x', allowed a name"):
-        read_source(folder)
+        read_series(folder)

@@ -1,4 +1,4 @@
-"""The cells of a stress test, run by dial, and the table of those that are done."""
+"""The trials of a stress test, run by dial, and the table of those that are done."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
 from pyinfra.training.detect import detect, load_detector, model_file
 
-# What a row is of; a cell with such a row is not computed again.
+# What a row is of; a trial with such a row is not computed again.
 KEY = "detector run lidar preset scene stressor dial seed frames".split()
 COLUMNS = (
     *KEY,
@@ -40,7 +40,7 @@ WORLD_S = 4.0  # to simulate one; for the estimate alone
 
 
 @dataclass(frozen=True)
-class Run:
+class TrainedRun:
     """A trained detector and what its folder says of it; frames and seed are -1 if unknown."""
 
     folder: Path
@@ -62,11 +62,11 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Trial:
     """A run under one dial; of a stressor of training, `run` is the one to compare."""
 
-    reference: Run
-    run: Run
+    reference: TrainedRun
+    run: TrainedRun
     stressor: Stressor
     dial: Dial
 
@@ -79,10 +79,10 @@ class Cell:
         return f"{self.run.name} {self.stressor.name} {self.dial}"
 
 
-def read_run(folder: Path, base: Base) -> Run:
+def read_run(folder: Path, base: Base) -> TrainedRun:
     """Raises FileNotFoundError, and ValueError for a model of another LiDAR."""
     if model_file(folder).suffix == ".npz":
-        return Run(folder, "background", -1, -1)
+        return TrainedRun(folder, "background", -1, -1)
     from pyinfra.training import checkpoint
 
     about = checkpoint.load(model_file(folder)).about
@@ -90,36 +90,36 @@ def read_run(folder: Path, base: Base) -> Run:
         raise ValueError(f"{folder}: lidar: found {about.lidar}, allowed {base.lidar.name}")
     description = folder / "run.yaml"
     said = yaml.safe_load(description.read_text("utf-8")) if description.is_file() else {}
-    return Run(folder, about.detector, int(said.get("frames", -1)), about.seed)
+    return TrainedRun(folder, about.detector, int(said.get("frames", -1)), about.seed)
 
 
 def plan(
-    runs: Sequence[Run], stressors: dict[Stressor, tuple[Dial, ...]], base: Base
-) -> list[Cell]:
-    """Every cell: first without stress, then stressor by stressor, so that early rows compare.
+    runs: Sequence[TrainedRun], stressors: dict[Stressor, tuple[Dial, ...]], base: Base
+) -> list[Trial]:
+    """Every trial: first without stress, then stressor by stressor, so that early rows compare.
 
     The first run of a detector is stressed; its others are dials of the training's stressors.
     Raises ValueError for runs that differ from the first in more than one of them, or in none.
     """
-    first: dict[str, Run] = {}
+    first: dict[str, TrainedRun] = {}
     for run in runs:
         first.setdefault(run.detector, run)
-    cells = [Cell(run, run, NONE, NONE.dials[0]) for run in first.values()]
+    trials = [Trial(run, run, NONE, NONE.dials[0]) for run in first.values()]
     others = [(first[run.detector], run) for run in runs if first[run.detector] is not run]
     trained = [(a, b, *_difference(a, b)) for a, b in others]
     for stressor, dials in stressors.items():
         own = {OWN, base.lidar.name, base.lidar.preset, base.scene_name}
         if stressor.acts_on == "training":
-            cells += [
-                Cell(a, b, stressor, dial) for a, b, name, dial in trained if name == stressor.name
+            trials += [
+                Trial(a, b, stressor, dial) for a, b, name, dial in trained if name == stressor.name
             ]
         for dial in dials:
             if not (stressor.named and dial in own):
-                cells += [Cell(run, run, stressor, dial) for run in first.values()]
-    return cells
+                trials += [Trial(run, run, stressor, dial) for run in first.values()]
+    return trials
 
 
-def _difference(a: Run, b: Run) -> tuple[str, Dial]:
+def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
     """The stressor of training, and its dial, that leads from run a to run b."""
     if (a.frames == b.frames) == (a.seed == b.seed):
         raise ValueError(
@@ -131,25 +131,25 @@ def _difference(a: Run, b: Run) -> tuple[str, Dial]:
     )
 
 
-def key_of(cell: Cell, base: Base, seed: int) -> dict[str, str]:
-    run = cell.reference
+def key_of(trial: Trial, base: Base, seed: int) -> dict[str, str]:
+    run = trial.reference
     names = (run.detector, run.name, base.lidar.name, base.lidar.preset, base.scene_name)
-    dial = cell.dial if isinstance(cell.dial, str) else f"{cell.dial:g}"
-    values = (*names, cell.stressor.name, dial, str(seed), str(len(base.frames)))
+    dial = trial.dial if isinstance(trial.dial, str) else f"{trial.dial:g}"
+    values = (*names, trial.stressor.name, dial, str(seed), str(len(base.frames)))
     return dict(zip(KEY, values, strict=True))
 
 
-def inputs_of(cell: Cell, base: Base) -> str:
+def inputs_of(trial: Trial, base: Base) -> str:
     """A digest of what a row depends on beside its key: models, frames, scene and LiDAR."""
-    parts = [cell.reference.digest, cell.run.digest, str(base.frames), str(base.scene)]
+    parts = [trial.reference.digest, trial.run.digest, str(base.frames), str(base.scene)]
     text = (base.folder / lidar.FILE).read_text("utf-8")
     return hashlib.sha256("\n".join([*parts, text]).encode()).hexdigest()[:16]
 
 
-def row_of(cell: Cell, base: Base, cache: Path, seed: int) -> dict[str, object]:
+def row_of(trial: Trial, base: Base, cache: Path, seed: int) -> dict[str, object]:
     """Detects and scores. Raises what simulating, reading and detecting raise."""
-    stressor, dial, folder = cell.stressor, cell.dial, base.folder
-    key = key_of(cell, base, seed)
+    stressor, dial, folder = trial.stressor, trial.dial, base.folder
+    key = key_of(trial, base, seed)
     if stressor.world:
         name = f"{base.scene_name}_{stressor.name}_{key['dial']}"
         folder = worlds.simulated(base, stressor.world(base, dial), cache, name)
@@ -158,17 +158,17 @@ def row_of(cell: Cell, base: Base, cache: Path, seed: int) -> dict[str, object]:
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", k))
         if stressor.cloud:
             points = stressor.apply(points, float(dial), seed, k)
-        found.append(cell.run.model.predict(points))
+        found.append(trial.run.model.predict(points))
     extra = [dial] if stressor.name == "vehicle_class" and dial not in VEHICLE_TYPES else []
     types = (*VEHICLE_TYPES, *map(str, extra))
     chosen = "" if stressor is NONE else f" --stressors {stressor.name} --dials {key['dial']}"
     return {
         **key,
         "unit": stressor.unit,
-        "trained_frames": cell.run.frames,
-        "trained_seed": cell.run.seed,
+        "trained_frames": trial.run.frames,
+        "trained_seed": trial.run.seed,
         **score.scored(read_ground_truth(folder, base.frames), found, types),
-        "inputs": inputs_of(cell, base),
+        "inputs": inputs_of(trial, base),
         "command": f"pyinfra stress{chosen} --seed {seed} --frames {len(base.frames)}",
         "version": __version__,
         "machine": machine(),
@@ -188,41 +188,41 @@ def read(file: Path) -> pd.DataFrame:
     return table.fillna({"unit": ""})
 
 
-def fill(cell: Cell, base: Base, out: Path, seed: int) -> bool:
-    """The row of a cell that has none, unless another process is at it; whether one was added."""
-    file, key = out / "stress.csv", key_of(cell, base, seed)
+def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
+    """The row of a trial that has none, unless another process is at it; whether one was added."""
+    file, key = out / "stress.csv", key_of(trial, base, seed)
     with held(out / "locks" / "_".join(key.values()), wait=False) as ours:
         if not ours or store.has(read(file), key):
             return False
-        row = pd.DataFrame([row_of(cell, base, out / "worlds", seed)], columns=list(COLUMNS))
+        row = pd.DataFrame([row_of(trial, base, out / "worlds", seed)], columns=list(COLUMNS))
         store.put(file, row, KEY)
     return True
 
 
-def attempt(cell: Cell, base: Base, out: Path, seed: int) -> Exception | None:
-    """Fills a cell; returns what went wrong.
+def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
+    """Fills a trial; returns what went wrong.
 
-    Raises what a cell without stress raises: nothing compares without it.
+    Raises what a trial without stress raises: nothing compares without it.
     """
     try:
-        fill(cell, base, out, seed)
+        fill(trial, base, out, seed)
     except (OSError, ValueError, RuntimeError) as error:
-        if cell.stressor is NONE:
+        if trial.stressor is NONE:
             raise
         return error
     return None
 
 
-def missing(cells: Sequence[Cell], base: Base, out: Path, seed: int) -> Iterator[Cell]:
-    """The cells without a row. Raises ValueError for a row of the same names, and other inputs."""
+def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterator[Trial]:
+    """The trials without a row. Raises ValueError for a row of the same names, and other inputs."""
     file = out / "stress.csv"
     table = read(file)
-    for cell in cells:
-        key = key_of(cell, base, seed)
+    for trial in trials:
+        key = key_of(trial, base, seed)
         rows = table[store.among(table, pd.DataFrame([key]), KEY)]
         if len(rows) == 0:
-            yield cell
-        elif not rows.inputs.isin([inputs_of(cell, base)]).all() and rows.inputs.notna().all():
+            yield trial
+        elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise ValueError(
                 f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
                 "another data set of these names, allowed the same, or another --out"
@@ -249,25 +249,25 @@ def able(
     return {stressor: dials for stressor, dials in stressors.items() if stressor.name not in names}
 
 
-def wrong_worlds(cells: Iterable[Cell], base: Base) -> dict[tuple[str, Dial], Exception]:
-    """What is wrong with the worlds of cells, by Cell.at; nothing is simulated."""
+def wrong_worlds(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Dial], Exception]:
+    """What is wrong with the worlds of trials, by Trial.at; nothing is simulated."""
     wrong: dict[tuple[str, Dial], Exception] = {}
-    for cell in {cell.at: cell for cell in cells if cell.stressor.world}.values():
-        assert cell.stressor.world is not None
+    for trial in {trial.at: trial for trial in trials if trial.stressor.world}.values():
+        assert trial.stressor.world is not None
         try:
-            worlds.check(base, cell.stressor.world(base, cell.dial))
+            worlds.check(base, trial.stressor.world(base, trial.dial))
         except (OSError, ValueError, RuntimeError) as error:
-            wrong[cell.at] = error
+            wrong[trial.at] = error
     return wrong
 
 
-def seconds_of(cells: Sequence[Cell], base: Base) -> float:
-    """How long cells may take: detection as on two frames now, and a simulation for each world."""
+def seconds_of(trials: Sequence[Trial], base: Base) -> float:
+    """How long trials may take: detection as on two frames now, and a simulation for each world."""
     files = [kitti.frame_file(base.folder, "velodyne", k) for k in base.frames[:2]]
     per_run = {}
-    for run in {cell.run.folder: cell.run for cell in cells}.values():
+    for run in {trial.run.folder: trial.run for trial in trials}.values():
         start = time.perf_counter()
         detect(run.model, files, None)
         per_run[run.folder] = (time.perf_counter() - start) / len(files)
-    new = {(c.stressor.name, c.dial) for c in cells if c.stressor.world}
-    return len(new) * WORLD_S + len(base.frames) * sum(per_run[c.run.folder] for c in cells)
+    new = {(c.stressor.name, c.dial) for c in trials if c.stressor.world}
+    return len(new) * WORLD_S + len(base.frames) * sum(per_run[c.run.folder] for c in trials)

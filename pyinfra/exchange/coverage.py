@@ -16,7 +16,7 @@ FULL_GAP_DEG = 30  # a wider part without returns is outside the field of view
 
 
 @dataclass
-class View:
+class Coverage:
     """Directions and ranges seen so far; sensor frame, cells of one degree."""
 
     azimuth: IntArray = field(default_factory=lambda: np.zeros(360, dtype=np.int64))

@@ -18,7 +18,7 @@ from pyinfra.statistics.intervals import Blocks, time_blocks
 
 
 @dataclass(frozen=True, eq=False)
-class Vehicles:
+class Sightings:
     """Every vehicle of every frame that is in reach of a LiDAR or more: n rows, L LiDARs."""
 
     lidars: tuple[str, ...]  # L names, the order of the columns below
@@ -36,7 +36,7 @@ class Vehicles:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def select(self, keep: BoolArray) -> "Vehicles":
+    def select(self, keep: BoolArray) -> "Sightings":
         """The rows of a mask (n,)."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
 
@@ -68,7 +68,7 @@ def blocks_of(data: DataSet) -> Blocks:
     return time_blocks(np.array(data.frames, dtype=np.int64), data.period_s)
 
 
-def read_vehicles(data: DataSet, *, above_road: bool = False) -> Vehicles:
+def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
     """All vehicles of all frames, joined by frame and id.
 
     above_road: count only points above the road's level; raises ValueError if the roads are not
@@ -91,7 +91,7 @@ def read_vehicles(data: DataSet, *, above_road: bool = False) -> Vehicles:
         field_of_view_mask(lidar, tilt, centre)
         for lidar, tilt in zip(data.lidars, data.tilts, strict=True)
     ]
-    return Vehicles(
+    return Sightings(
         lidars=data.names,
         frame=unique[:, 0],
         ids=unique[:, 1],
@@ -160,18 +160,18 @@ def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
     ).astype(np.int64)
 
 
-def moving(vehicles: Vehicles, min_speed: float = 1.0) -> BoolArray:
+def moving(vehicles: Sightings, min_speed: float = 1.0) -> BoolArray:
     """Faster than a speed in m/s: (n,)."""
     return vehicles.speed > min_speed
 
 
-def same_rows(a: Vehicles, b: Vehicles) -> tuple[BoolArray, BoolArray]:
+def same_rows(a: Sightings, b: Sightings) -> tuple[BoolArray, BoolArray]:
     """Masks of the vehicles of the same frame and id in two tables, in the same order."""
     keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
     both = keys[0] & keys[1]
     return _member(a, both), _member(b, both)
 
 
-def _member(table: Vehicles, keys: set[tuple[int, int]]) -> BoolArray:
+def _member(table: Sightings, keys: set[tuple[int, int]]) -> BoolArray:
     rows = zip(table.frame.tolist(), table.ids.tolist(), strict=True)
     return np.array([row in keys for row in rows], dtype=np.bool_)
