@@ -14,6 +14,7 @@ from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 
 # Of an overlap, relative to the size of the boxes: what is below it counts as nothing.
 _ROUNDING = 1e-14
+CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # of a usual car; of a truck or bus
 AROUND_M = 0.05  # points this far outside a box belong to its vehicle
 _CHUNK = 8192  # pairs at a time: the temporaries stay in the cache
 

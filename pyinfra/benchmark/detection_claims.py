@@ -12,12 +12,13 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
-from pyinfra.benchmark.value import HQ_AP
+from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.statistics.compare import Measured
 from pyinfra.statistics.scanning_claims import (
     ABOVE_0,
     ABOVE_1,
     AVIA,
+    LINES_16,
     LINES_64,
     LINES_128,
     SPINNING,
@@ -71,7 +72,7 @@ def claims(cells: pd.DataFrame, tables: dict[str, pd.DataFrame]) -> Iterator[Row
         yield from areas(tables.get("distance", pd.DataFrame()), detector)
         yield from gentle(tables.get("distance", pd.DataFrame()), detector)
         yield from value(ap, tables, detector)
-    for lidar in (LINES_128, AVIA, LINES_64, "helios_16"):
+    for lidar in (LINES_128, AVIA, LINES_64, LINES_16):
         yield from across_detectors(ap, lidar)
 
 
@@ -138,7 +139,7 @@ def high_quality(
     for lidar, windows in own[own.quality != "few"].groupby("lidar"):
         sure = float((windows.quality == "high").sum())
         most = sure + float((windows.quality == "undecided").sum())
-        number = float((windows.ap > HQ_AP).sum())
+        number = float((windows.ap > HIGH_QUALITY).sum())
         found[str(lidar)] = (Measured(number, sure, most), float(len(windows)))
     return found
 

@@ -12,8 +12,9 @@ from typing import Literal
 from pyinfra.benchmark.value import Costs
 from pyinfra.config import ConfigError, checked, read_config, ruled
 from pyinfra.data import split
+from pyinfra.data.frames import PERIOD_S
 from pyinfra.simulator.catalogue import configs
-from pyinfra.training.sources import PERIOD_S, Tier
+from pyinfra.training.sources import Tier
 
 Preset = Literal["paper", "equal", "datasheet"]
 # Of the 5,000 frames of 500 s.

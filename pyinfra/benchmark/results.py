@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.statistics.selection import CELL, first_seed
-
-TIERS = ("full", "quick", "smoke")
+from pyinfra.training.sources import TIERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +152,7 @@ def _richest(folder: Path) -> str:
     counts = {
         tier: int(_read(folder / f"{tier}.csv", KINDS["cells"]).ap.notna().sum()) for tier in TIERS
     }
-    best = max(TIERS, key=lambda tier: counts[tier])
+    best = max(reversed(TIERS), key=lambda tier: counts[tier])
     return best if counts[best] > 0 else "quick"
 
 

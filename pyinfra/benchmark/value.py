@@ -9,11 +9,11 @@ import pandas as pd
 
 from pyinfra.config import ruled
 from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
+from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.statistics.selection import CELL, each_road_once
 
 KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
-HQ_AP = 85.0
 REGION_M = 100.0
 
 
@@ -72,7 +72,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
 
 
 def covered(
-    distance: pd.DataFrame, above: float = HQ_AP, within_m: float = REGION_M
+    distance: pd.DataFrame, above: float = HIGH_QUALITY, within_m: float = REGION_M
 ) -> pd.DataFrame:
     """Metres of road inside windows whose AP of `all` is above 85, by cell: column covered_m.
 

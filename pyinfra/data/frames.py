@@ -8,6 +8,8 @@ from pathlib import Path
 from pyinfra import kitti
 from pyinfra.kitti import FormatError
 
+PERIOD_S = 0.1  # of the simulator's frames, and of a folder without lidar.yaml
+
 
 def frame_range(word: str, gt: Path) -> list[int]:
     """The frames of a folder in A:B[:STEP]. Raises ValueError if there is none."""
@@ -19,9 +21,6 @@ def frame_range(word: str, gt: Path) -> list[int]:
     if not frames:
         raise ValueError(f"--frames: found '{word}', allowed a range with frames of {gt}")
     return frames
-
-
-PERIOD_S = 0.1  # of a folder without lidar.yaml
 
 
 def frame_numbers(folder: Path, split: str | None = None) -> list[int]:

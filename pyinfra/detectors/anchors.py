@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from pyinfra.boxes import CAR_M, LONG_M
 from pyinfra.config import ruled
 from pyinfra.detectors.site import Site
 
@@ -24,8 +25,8 @@ HEADINGS = (0.0, math.pi / 2)
 class AnchorConfig:
     """Sizes are dx dy dz in metres."""
 
-    car_m: tuple[float, float, float] = ruled((4.3, 1.85, 1.6), 0.1, 30)  # length, width, height
-    long_m: tuple[float, float, float] = ruled((9.0, 2.5, 3.2), 0.1, 30)  # the second size
+    car_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # length, width, height
+    long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # the second size
     matched: float = ruled(0.6, 0, 1)  # an anchor stands for a box from this overlap on
     unmatched: float = ruled(0.45, 0, 1)  # and for none below this one
     candidates: int = ruled(4096, 1, 4096)  # best anchors that become boxes, before suppression

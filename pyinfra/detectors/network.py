@@ -17,8 +17,8 @@ from pyinfra.detectors import Detections
 from pyinfra.detectors.batch import Batch, Sample, make_batch
 from pyinfra.detectors.ops.boxes import nms
 from pyinfra.detectors.site import Site
+from pyinfra.evaluation.matching import MIN_SCORE
 
-MIN_SCORE = 0.1  # AP counts from here on
 NMS_IOU = 0.1  # of footprints: vehicles never overlap
 CANDIDATES = 4096  # best ones at most that enter the suppression
 MOST_BOXES = 200  # of a frame

@@ -33,6 +33,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from pyinfra.boxes import AROUND_M, CAR_M
 from pyinfra.config import ruled
 from pyinfra.detectors.batch import Batch
 from pyinfra.detectors.losses import focal, smooth_l1
@@ -70,7 +71,6 @@ ROI_LEVELS = ((128, Ball(0.2, 16, (128, 128, 128))), (32, Ball(0.4, 16, (128, 12
 ROI_WHOLE = (256, 256, 512)
 
 BEFORE_NMS = 9000  # points whose boxes are compared
-AROUND_M = 0.05  # a point as far outside a box is its vehicle's
 DOUBT_M = 0.2  # and one as far outside is of nothing certain
 CONTEXT_M = 1.0  # a proposal is longer, wider and higher by this when points are looked for
 DEPTH_M = 100.0
@@ -91,7 +91,7 @@ class Config:
     cell_m: float = ruled(1.0, 0.1, 20)  # remedied: side of a square
     levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points each
     width: float = ruled(1.0, 0.05, 4)  # share of the published layers' widths
-    size_m: tuple[float, float, float] = ruled((4.3, 1.85, 1.6), 0.1, 30)  # boxes start as this
+    size_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # boxes start as this
     proposal_iou: float = ruled(0.85, 0.05, 1)  # that overlap more (footprints) are one
     proposals: int = ruled(512, 1, 4096)  # of a frame, to draw from in training
     rois: int = ruled(128, 2, 1024)  # of a frame, drawn in training

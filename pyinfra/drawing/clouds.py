@@ -25,6 +25,7 @@ from PIL import Image
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
 from pyinfra.data.data_set import FULL_CIRCLE_DEG
+from pyinfra.data.frames import PERIOD_S
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
@@ -34,7 +35,6 @@ VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0
 MARGIN_M = 12.0
 DARKEST_M = 3.0
 HALF_HEIGHT_M = 32.0  # the least that is drawn above and below the middle of a picture
-FRAME_S = 0.1
 CAR_AT_M = 60.0
 # Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high, seen from 6 m up.
 CAR = np.arctan(np.array([[-0.9, -6.0], [0.9, -4.5]]) / CAR_AT_M)
@@ -251,7 +251,7 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
         grid = figure.subplots(2, len(patterns), squeeze=False, sharey="row")
         for column, (name, rays) in enumerate(patterns.items()):
             field, close = grid[:, column]
-            frame = np.degrees(rays[rays[:, 2] < FRAME_S, :2])
+            frame = np.degrees(rays[rays[:, 2] < PERIOD_S, :2])
             _draw_rays(field, frame, FIELD, 0.35)
             _draw_rays(close, frame, CLOSE_UP, 2.3)
             low, high = np.degrees(CAR)
@@ -259,8 +259,8 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
             car = Rectangle(low, *size, fill=False, edgecolor="#D55E00", linewidth=1.6)
             close.add_patch(car)
             on_car = ((rays[:, :2] > CAR[0]) & (rays[:, :2] < CAR[1])).all(axis=1)
-            frames = max(1, round(float(rays[:, 2].max()) / FRAME_S))
-            field.set_title(f"{name}\n{len(frame):,} rays in {FRAME_S:g} s")
+            frames = max(1, round(float(rays[:, 2].max()) / PERIOD_S))
+            field.set_title(f"{name}\n{len(frame):,} rays in {PERIOD_S:g} s")
             close.set_title(
                 f"on a car's rear at {CAR_AT_M:g} m:\n{on_car.sum() / frames:.0f} rays on average"
             )

@@ -21,7 +21,9 @@ from pyinfra.data.regions import Places, Window
 from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth, Set
 from pyinfra.evaluation.matching import (
+    IOU,
     LEAST_OVERLAP,
+    MIN_SCORE,
     TIE,
     Metric,
     Pairs,
@@ -49,10 +51,10 @@ class Settings:
         default_factory=lambda: {"vehicle": VEHICLE_TYPES}
     )  # by name: the KITTI types that count
     ground_truths: tuple[Set, ...] = ("captured", "all")
-    ious: tuple[float, ...] = (0.5,)
+    ious: tuple[float, ...] = (IOU,)
     protocols: tuple[Protocol, ...] = ("definition",)
     metrics: tuple[Metric, ...] = ("bev",)
-    min_score: float = 0.1
+    min_score: float = MIN_SCORE
     min_points: int = 1  # of a vehicle that is captured
     min_objects: int = 20  # of an area that counts
     cut_first: bool = False  # also match within each window alone

@@ -21,6 +21,8 @@ Metric = Literal["bev", "3d"]
 
 # An IoU this close to the threshold equals it: more than its error, less than a label's digits.
 TIE = 1e-9
+IOU = 0.5  # of footprints: from here on a vehicle is found
+MIN_SCORE = 0.1  # from here on a prediction counts
 LEAST_OVERLAP = 0.1  # with less, a false positive has nothing to do with a vehicle
 _PAIRS = 500_000  # looked at together
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions, Vehicles
-from pyinfra.evaluation.matching import pairs_of_frames
+from pyinfra.evaluation.matching import MIN_SCORE, pairs_of_frames
 from pyinfra.kitti import FormatError
 
 NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
@@ -104,7 +104,7 @@ def check_predictions(
     files: Sequence[Path | None],
     vehicles: Vehicles,
     types: Sequence[str],
-    min_score: float = 0.1,
+    min_score: float = MIN_SCORE,
 ) -> list[Finding]:
     """Warnings about the numbers and the places of the predictions.
 

@@ -20,13 +20,13 @@ from pyinfra import __version__, kitti
 from pyinfra.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.atomic import replacing
 from pyinfra.boxes import points_in_boxes
+from pyinfra.data.frames import PERIOD_S
 from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.kitti import VEHICLE_TYPES, Labels, Objects, WorldPose
 
 RECORDED = "recorded"  # preset and aggregation of an imported data set
-PERIOD_S = 0.1
 SEEN = 1.0  # visibility of an object that somebody labelled
 
 

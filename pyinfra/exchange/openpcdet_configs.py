@@ -15,6 +15,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray
+from pyinfra.boxes import CAR_M, LONG_M
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
 TEMPLATES = Path(__file__).parent / "openpcdet_models"
@@ -29,7 +30,6 @@ AROUND_M = 2.0  # of the area around the vehicles
 BEYOND_M = 12.0  # the LiDAR's range: a vehicle whose rear it reaches
 
 LONG_FROM_M = 6.0  # two sizes of anchors: a bus never reaches the overlap with one of a car
-USUAL_CAR_M, USUAL_LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # where the frames have none
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def sizes_of(vehicles: FloatArray) -> list[list[float]]:
     long = vehicles[:, 3] > LONG_FROM_M
     return [
         [round(float(v), 2) for v in vehicles[own, 3:6].mean(axis=0)] if own.any() else usual
-        for own, usual in ((~long, list(USUAL_CAR_M)), (long, list(USUAL_LONG_M)))
+        for own, usual in ((~long, list(CAR_M)), (long, list(LONG_M)))
     ]
 
 

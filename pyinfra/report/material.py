@@ -13,9 +13,8 @@ from pyinfra import kitti
 from pyinfra.benchmark.results import Results, read_results
 from pyinfra.data.data_set import DataSet, read_data_set
 from pyinfra.report.names import PRESETS, Names, in_order, read_names
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.selection import preset_of_answers
-
-SCENES = ("highway", "crossroad", "curve")
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,10 @@ from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Contest, Judgement, Settings, causes, contest
 from pyinfra.evaluation.judge import judge as judged
-from pyinfra.evaluation.matching import pairs_of_frames
+from pyinfra.evaluation.matching import IOU, pairs_of_frames
 from pyinfra.evaluation.tables import ap_row
 from pyinfra.kitti import VEHICLE_TYPES
 
-IOU = 0.5
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
 ERRORS = ("ghosts", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
 PARTNER_M = 2.0  # between centres, or half the vehicle's length

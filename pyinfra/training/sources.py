@@ -15,7 +15,7 @@ from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
 from pyinfra.data import split
 from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import frame_numbers
+from pyinfra.data.frames import PERIOD_S, frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
 VEHICLE_CLASSES = range(10, 15)  # of the simulator: Car to Motorcycle
-PERIOD_S = 0.1  # of the simulator's frames
 
 
 @dataclass(frozen=True, eq=False)

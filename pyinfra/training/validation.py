@@ -19,7 +19,6 @@ from pyinfra.evaluation import ap, matching
 from pyinfra.training.samples import Frames
 
 CHECKS = 5  # over a run; with 40 frames, 4 % of the time of a quick PointPillars
-LEAST_IOU = 0.5  # of footprints, as in `pyinfra evaluate`
 
 
 def is_due(done: int, steps: int) -> bool:
@@ -38,7 +37,7 @@ def average_precision(network: Network, frames: Frames) -> float:
     vehicles = np.concatenate(frames.boxes)
     pairs = matching.overlapping_pairs(_frame_of(found), boxes, _frame_of(frames.boxes), vehicles)
     pairs = matching.in_order(pairs, scores, boxes, vehicles)
-    hit = matching.match(pairs, len(boxes), len(vehicles), LEAST_IOU) >= 0
+    hit = matching.match(pairs, len(boxes), len(vehicles), matching.IOU) >= 0
     return float(ap.average_precision(ap.rank(scores, hit, len(vehicles)))[0])
 
 

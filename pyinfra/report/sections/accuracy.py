@@ -26,8 +26,9 @@ from pyinfra.report.blocks import (
     span,
 )
 from pyinfra.report.looks import FAINT, drawing, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.simulator.catalogue import SCENES
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
 KEY = ["scene", "lidar", "detector"]

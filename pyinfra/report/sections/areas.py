@@ -26,9 +26,10 @@ from pyinfra.report.blocks import (
     span,
 )
 from pyinfra.report.looks import INK, drawing, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.report.sections.distance import MEANING
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.selection import first_seed
 
 TRUTHS = ("captured", "all")

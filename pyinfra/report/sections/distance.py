@@ -9,8 +9,9 @@ from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.report import svg
 from pyinfra.report.blocks import Figure, LegendEntry, Panel, Section
 from pyinfra.report.looks import FAINT, drawing, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.selection import first_seed
 
 MEANING = {

@@ -22,8 +22,9 @@ from pyinfra.report.blocks import (
     number,
 )
 from pyinfra.report.looks import FAINT, drawing, log_ticks, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import PRESETS, in_order
+from pyinfra.simulator.catalogue import SCENES
 
 KEY = ["scene", "lidar"]
 

@@ -11,9 +11,10 @@ from pyinfra.data.data_set import DataSet
 from pyinfra.report import svg
 from pyinfra.report.blocks import Figure, Panel, Section
 from pyinfra.report.looks import drawing, log_ticks, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import PRESETS, in_order
 from pyinfra.report.sections.distance import legend
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics import tables
 from pyinfra.statistics.sightings import blocks_of, read_sightings
 from pyinfra.statistics.study import sets_of

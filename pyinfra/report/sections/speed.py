@@ -8,15 +8,17 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.benchmark.results import TableFile
+from pyinfra.data.frames import PERIOD_S
 from pyinfra.report import svg
 from pyinfra.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
 from pyinfra.report.blocks import number as number_cell
 from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.figures import MARKERS
 
-FRAME_MS = 100.0  # a LiDAR's period: what is slower cannot keep up on one core
+FRAME_MS = 1e3 * PERIOD_S  # a LiDAR's period: what is slower cannot keep up on one core
 COSTS = {
     "latency_p50_ms": ("latency", "median latency (ms)", "AP against median latency of a frame"),
     "train_seconds": ("training", "training (s of one core)", "AP against training time"),

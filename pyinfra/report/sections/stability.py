@@ -21,13 +21,14 @@ from pyinfra.report.blocks import (
     TableCell,
 )
 from pyinfra.report.looks import FAINT, drawing, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.figures import LINES, MARKERS
 from pyinfra.statistics.selection import first_stress
+from pyinfra.stress.catalogue import NONE
+from pyinfra.stress.figures import UNITS
 
-NONE = "none"  # the stressor of the row without stress, where every curve starts
-UNITS = {"times": "times the scene's own", "name": "", "1/km": "extinction (1/km)"}
 CURVE = ["detector", "lidar", "preset", "scene"]
 
 
@@ -62,7 +63,7 @@ TITLES = {
 
 
 def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) -> list[Block]:
-    stressors = [name for name in table.stressor.unique() if name != NONE]
+    stressors = [name for name in table.stressor.unique() if name != NONE.name]
     drawn = [_panel(material.names, table, name) for name in stressors]
     panels = [p for p in drawn if p is not None]
     if not panels:
@@ -97,7 +98,7 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
 
     Places are dials, or 0, 1, .. for dials that are names.
     """
-    own, base = table[table.stressor == stressor], table[table.stressor == NONE]
+    own, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
     base = base[base[CURVE].apply(tuple, axis=1).isin(own[CURVE].apply(tuple, axis=1))]
     at = pd.to_numeric(own.dial, errors="coerce")
     if at.isna().any():

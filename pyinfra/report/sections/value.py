@@ -10,9 +10,10 @@ import pandas as pd
 from pyinfra.report import svg
 from pyinfra.report.blocks import Block, Column, Figure, Panel, Section, Table, TableCell, number
 from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
-from pyinfra.report.material import SCENES, Material
+from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.report.sections.distance import legend
+from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.selection import first_seed
 
 HEADS = {
