@@ -107,6 +107,7 @@ ROOMS = (
 )
 EVERYWHERE = {"_core"}
 MODULES_AT_THE_TOP = 8
+LINES_OF_A_FUNCTION = 60
 
 
 def room_of(module: str) -> str | None:
@@ -165,6 +166,18 @@ def test_a_class_has_a_name_of_its_own() -> None:
     trees = [ast.parse(path.read_text()) for path in (ROOT / "pyinfra").rglob("*.py")]
     names = [node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)]
     assert {name for name, count in Counter(names).items() if count > 1} == {"Config"}
+
+
+@pytest.mark.parametrize("folder", ["pyinfra", "scripts", "benchmarks"])
+def test_no_function_is_longer_than_60_lines(folder: str) -> None:
+    long = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}"
+        for path in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef)
+        and (node.end_lineno or 0) - node.lineno >= LINES_OF_A_FUNCTION
+    ]
+    assert long == []
 
 
 def test_commands_import_no_other_command() -> None:

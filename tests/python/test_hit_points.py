@@ -1,0 +1,106 @@
+"""The table of hit points beside the paper's."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pyinfra.data import paper_tables
+from pyinfra.simulator import catalogue, runs
+from pyinfra.statistics import hit_points
+
+PAPER = pd.DataFrame(
+    {
+        "lidar": ["livox_avia", "helios_16", "livox_avia"],
+        "scene": ["highway", "highway", "curve"],
+        "hits": [1000, 200, 500],
+    }
+)
+FLAT = pd.Series({"livox_avia": 2000.0, "helios_16": 100.0})
+
+
+def simulated(*rows: tuple[str, str, float]) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=["lidar", "scene", "hits"])
+
+
+def test_errors_are_relative_to_the_paper() -> None:
+    table = hit_points.compare(
+        simulated(("livox_avia", "highway", 900), ("helios_16", "highway", 220)), FLAT, PAPER
+    )
+    assert table["lidar"].tolist() == ["livox_avia", "helios_16"]
+    assert table["paper"].tolist() == [1000, 200]
+    np.testing.assert_allclose(table["error"], [-0.1, 0.1])
+    np.testing.assert_allclose(table["flat_error"], [1.0, -0.5])
+
+
+def test_scene_that_the_paper_does_not_have_has_no_error() -> None:
+    table = hit_points.compare(simulated(("livox_avia", "tunnel", 900)), FLAT, PAPER)
+    assert table[["paper", "error", "flat_error"]].isna().all(axis=None)
+    assert table["simulated"].tolist() == [900]
+    text = hit_points.table_text(table)
+    assert "mean error" not in text
+    assert "nan" not in text
+
+
+def test_printed_table_has_the_mean_and_the_largest_error() -> None:
+    table = hit_points.compare(
+        simulated(
+            ("livox_avia", "highway", 900),
+            ("helios_16", "highway", 204),
+            ("livox_avia", "curve", 500),
+        ),
+        FLAT,
+        PAPER,
+    )
+    text = hit_points.table_text(table)
+    assert "simulated: mean error 4.0%, largest 10.0% (highway, livox_avia)" in text
+    assert "flat ground: mean error 150.0%, largest 300.0% (curve, livox_avia)" in text
+    assert "+2.0%" in text
+
+
+def test_written_table_reads_back(tmp_path: Path) -> None:
+    table = hit_points.compare(simulated(("livox_avia", "highway", 912.34)), FLAT, PAPER)
+    file = tmp_path / "deep/hit_points.csv"
+    hit_points.write_table(table, file)
+    (row,) = pd.read_csv(file).to_dict("records")
+    assert row["simulated"] == 912.3
+    assert row["error"] == -0.0877
+    assert [path.name for path in file.parent.iterdir()] == ["hit_points.csv"]
+
+
+def test_paper_has_a_figure_for_every_scene_and_lidar() -> None:
+    paper = paper_tables.paper_hits()
+    pairs = set(zip(paper["scene"], paper["lidar"], strict=True))
+    assert pairs == {(scene, lidar) for scene in catalogue.SCENES for lidar in catalogue.LIDARS}
+
+
+def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
+    scenes = [catalogue.scene_file("crossroad")]
+    lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "pandar_64")]
+    steps: list[str] = []
+    table = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path, say=steps.append)
+    assert len(steps) == 2
+    assert table["lidar"].tolist() == ["livox_avia", "pandar_64"]
+    assert (table["error"].abs() < 0.05).all()
+    assert (table["flat_error"].abs() < 0.05).all()
+
+    summaries = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert len(summaries) == 2
+    again = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path)
+    pd.testing.assert_frame_equal(again, table)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == summaries
+
+
+def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
+    """A channel at elevation e from 6 m hits flat ground at 6 / sin(-e); the range is 100 m."""
+    found = runs.hits_per_frame(
+        catalogue.scene_file("flat"), [catalogue.lidar_file("pandar_64")], "0:20"
+    )
+    elevations = np.radians(np.linspace(-25, 15, 64))
+    ranges = 6 / np.sin(-elevations[elevations < 0])
+    ranges = ranges[ranges < 100]
+    # CARLA: 45 % dropped; of the rest, below intensity 0.8, a share of 0.4 - 0.5 I is dropped too.
+    intensity = np.exp(-0.004 * ranges)
+    kept = 0.55 * np.where(intensity > 0.8, 1, 1 - (0.4 - 0.5 * intensity))
+    assert found["pandar_64"] == pytest.approx(1800 * kept.sum(), rel=0.01)
