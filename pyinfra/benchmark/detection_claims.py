@@ -168,10 +168,10 @@ def slope(windows: pd.DataFrame) -> Measured:
     """AP per 10 m, weighted least squares, with its 95 % interval."""
     sigma = (windows.ap_high - windows.ap_low).to_numpy() / (2 * 1.96)
     weight = 1 / (WINDOWS_OVERLAP * sigma**2)
-    x, y = windows.s.to_numpy() / 10, windows.ap.to_numpy()
-    centred = x - np.average(x, weights=weight)
-    spread = float((weight * centred**2).sum())
-    value, half = float((weight * centred * y).sum() / spread), 1.96 / math.sqrt(spread)
+    line, variance = np.polyfit(
+        windows.s / 10, windows.ap, deg=1, w=np.sqrt(weight), cov="unscaled"
+    )
+    value, half = float(line[0]), 1.96 * math.sqrt(variance[0, 0])
     return Measured(value, value - half, value + half)
 
 

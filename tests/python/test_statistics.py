@@ -94,6 +94,23 @@ def test_decay_of_an_inverse_square_is_2() -> None:
     assert (row.bins, row.vehicles, row.from_m, row.to_m) == (18, 540, 30, 120)
 
 
+def test_a_decay_is_numpys_weighted_line_with_its_misfit() -> None:
+    draw = np.random.default_rng(1)
+    middle = np.arange(32.5, 120, 5)
+    vehicles = draw.integers(20, 200, (18, 1)).astype(float)
+    points = np.round(vehicles * 1e6 / middle[:, None] ** 1.7 * draw.uniform(0.5, 2, (18, 1)))
+    sums = np.stack([points, vehicles, vehicles, vehicles * middle[:, None]], axis=-1)
+    exponent, r_squared = statistics_tables.decay_lines(sums)
+    x, y = np.log(middle), np.log(points / vehicles)[:, 0]
+    weight = vehicles[:, 0]
+    line = np.polyfit(x, y, 1, w=np.sqrt(weight))
+    around = np.average((y - np.average(y, weights=weight)) ** 2, weights=weight)
+    left = np.average((y - np.polyval(line, x)) ** 2, weights=weight)
+    assert exponent[0] == pytest.approx(-line[0], rel=1e-9)
+    assert r_squared[0] == pytest.approx(1 - left / around, rel=1e-9)
+    assert 0.2 < r_squared[0] < 0.99
+
+
 def test_decay_needs_three_bins_of_twenty_vehicles() -> None:
     distance = [32.0] * 20 + [37.0] * 20 + [42.0] * 19
     row = statistics_tables.decay(table_of(distance, [[5]] * 59), blocks()).iloc[0]
