@@ -70,12 +70,6 @@ inline Mat3 rotation(double yaw, double pitch, double roll) {
          Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
 }
 
-/// A level pose: position and yaw. T_a_b takes points in frame b to frame a.
-struct Pose2p5 {
-  Vec3 position;
-  double yaw = 0;
-};
-
 /// Box of a vehicle: geometric centre, length width height, yaw about +z.
 struct Box3d {
   double x = 0, y = 0, z = 0;

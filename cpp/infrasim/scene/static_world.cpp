@@ -205,11 +205,4 @@ TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame
   return mesh.take();
 }
 
-std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
-  std::vector<std::array<Vec2, 4>> out;
-  for (const Upright& upright : uprights(scene))
-    if (!upright.hangs) out.push_back(footprint(upright.box));
-  return out;
-}
-
 }  // namespace infrasim

@@ -20,7 +20,4 @@ LevelFrame level_frame(const MountConfig& mount);
 /// @throws ConfigError if something stands on a lane or names an unknown road
 TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame);
 
-/// Footprints of what stands, world frame, for checks against vehicles.
-std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene);
-
 }  // namespace infrasim
