@@ -88,7 +88,7 @@ std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
     const CurvePoint p = centreline(road).at(g.s_m);
     for (const double side : {1.0, -1.0}) {
       const double left = side * (carriageway_half_width(road.lanes) + 0.5);
-      const Vec2 leg = p.position + left * unit(p.heading + kPi / 2);
+      const Vec2 leg = p.position + left * heading_vector(p.heading + kPi / 2);
       out.push_back(footprint({leg.x, leg.y, 0, 0.4, 0.4, g.clearance_m, p.heading}));
     }
   }

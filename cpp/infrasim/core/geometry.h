@@ -29,7 +29,8 @@ inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
 inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double norm(Vec2 a) { return std::hypot(a.x, a.y); }
-inline Vec2 unit(double heading) { return {std::cos(heading), std::sin(heading)}; }
+/// Unit vector.
+inline Vec2 heading_vector(double heading) { return {std::cos(heading), std::sin(heading)}; }
 
 struct Vec3 {
   double x = 0;

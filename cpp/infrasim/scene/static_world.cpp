@@ -124,7 +124,7 @@ std::vector<Upright> uprights(const SceneConfig& scene) {
     const double leg = carriageway_half_width(road.lanes) + kLegGap;
     const double z = road.elevation_m;
     for (const double side : {leg, -leg}) {
-      const Vec2 p = foot.position + side * unit(foot.heading + kPi / 2);
+      const Vec2 p = foot.position + side * heading_vector(foot.heading + kPi / 2);
       out.push_back(
           {{p.x, p.y, z + g.clearance_m / 2, kLegWidth, kLegWidth, g.clearance_m, foot.heading},
            g.place});
@@ -162,7 +162,7 @@ void check_barrier(const SceneConfig& scene, const LaneNetwork& network,
     config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end");
   for (double s = barrier.from_m; s < to; s += kStep) {
     const CurvePoint p = line.at(std::min(s + kStep / 2, to));
-    const Vec2 centre = p.position + barrier.offset_m * unit(p.heading + kPi / 2);
+    const Vec2 centre = p.position + barrier.offset_m * heading_vector(p.heading + kPi / 2);
     const double length = std::min(kStep, to - s);
     if (stands_on_lane({centre.x, centre.y, 0, length, barrier.width_m, 0, p.heading}, network))
       config::fail(barrier.place, "offset_m",

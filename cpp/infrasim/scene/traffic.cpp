@@ -334,7 +334,7 @@ class Traffic {
   ObjectState state(const Vehicle& v) const {
     const Lane& lane = lane_of(v);
     const CurvePoint p = lane.curve.at(v.s);
-    const Vec2 xy = p.position + v.lateral * unit(p.heading + kPi / 2);
+    const Vec2 xy = p.position + v.lateral * heading_vector(p.heading + kPi / 2);
     return rounded({v.id,
                     v.object_class->id,
                     {xy.x, xy.y, lane.elevation_m + v.dz / 2, v.dx, v.dy, v.dz, p.heading},
