@@ -283,7 +283,7 @@ void visit(Fields& f, SceneConfig& c) {
           "found '" + c.aggregation + "', allowed " + kAggregationWords);
   f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
   f.field("labels", c.labels, "which objects get a label: hit or all");
-  f.field("fields", c.fields, "write time, ring, class and object of every point");
+  f.field("fields", c.point_fields, "write time, ring, class and object of every point");
   f.field("region_half_length_m", c.region_half_length_m,
           "half length of the evaluation region along each road", between(1, 1e4));
   f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());

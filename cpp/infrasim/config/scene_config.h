@@ -164,7 +164,7 @@ struct SceneConfig {
   std::string aggregation = "exact";
   Detail detail = Detail::kLow;
   LabelRule labels = LabelRule::kHit;
-  bool fields = false;
+  bool point_fields = false;  ///< key `fields`
   double region_half_length_m = 100;
   std::map<std::string, MountConfig> mounts;
   WeatherConfig weather;

@@ -76,7 +76,7 @@ void open_folder(const RunRequest& request, const World& world) {
   claim_file(request.out / "roads.csv", world.region.roads_csv());
   for (std::size_t i = 0; i < texts.size(); ++i) {
     const auto folder = request.out / request.lidars[i].name;
-    create_frame_folders(folder, request.scene.fields);
+    create_frame_folders(folder, request.scene.point_fields);
     claim_file(folder / "lidar.yaml", texts[i]);
   }
 }
@@ -137,7 +137,7 @@ class Session {
       const auto folder = request_.out / request_.lidars[i].name;
       if (wanted[i] && !request_.out.empty())
         write_frame(folder, k, frames[i], request_.scene.labels == LabelRule::kAll,
-                    request_.scene.fields);
+                    request_.scene.point_fields);
       counts.push_back(wanted[i] ? count(frames[i]) : read_counts(folder, k));
     }
     record(frames, counts);

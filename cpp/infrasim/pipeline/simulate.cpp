@@ -67,7 +67,7 @@ Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
 /// The vehicles of one frame, levelled frame, with what does not depend on the LiDAR.
 struct Objects {
   std::vector<MovingObject> moving;
-  std::vector<PlacedBody> placed;
+  std::vector<MovingBody> placed;
   std::vector<Box3d> boxes;  ///< at mid-frame
   std::vector<float> reflectance;
   std::vector<double> visibility;
@@ -113,7 +113,7 @@ struct FrameSimulator::Impl {
   /// Points of one frame without any vehicle.
   std::vector<float> empty_frame(Lidar& lidar, int k) {
     objects = {};
-    raycaster.place({}, kFramePeriod);
+    raycaster.set_bodies({}, kFramePeriod);
     lidar.builder.start();
     cast_slice(k, WorldSlice{}, lidar);
     return {lidar.builder.xyz().begin(), lidar.builder.xyz().end()};
@@ -122,16 +122,16 @@ struct FrameSimulator::Impl {
   void place_objects(int k) {
     objects = {};
     for (const MovingObject& o : world.trajectories.in_frame(k)) {
-      const Box3d box = world.frame.to_level(o.at(0.5));
+      const Box3d box = world.level.to_level(o.at(0.5));
       if (!reachable(o, box, reach)) continue;
       objects.moving.push_back(o);
       objects.placed.push_back({static_cast<int>(body_index(o.object_class)),
-                                world.frame.to_level(o.from), world.frame.to_level(o.to)});
+                                world.level.to_level(o.from), world.level.to_level(o.to)});
       objects.boxes.push_back(box);
       objects.reflectance.push_back(paint_reflectance(
           Rng::of(world.scene.seed, "paint").at(static_cast<std::uint64_t>(o.id) + 1)));
     }
-    raycaster.place(objects.placed, kFramePeriod);
+    raycaster.set_bodies(objects.placed, kFramePeriod);
     for (std::size_t i = 0; i < objects.moving.size(); ++i) {
       const Box3d middle = objects.moving[i].at(0.5);
       const bool seen = world.region.contains({middle.x, middle.y});
@@ -140,10 +140,10 @@ struct FrameSimulator::Impl {
   }
 
   void freeze_objects(double u) {
-    std::vector<PlacedBody> frozen = objects.placed;
+    std::vector<MovingBody> frozen = objects.placed;
     for (std::size_t i = 0; i < frozen.size(); ++i)
-      frozen[i].from = frozen[i].to = world.frame.to_level(objects.moving[i].at(u));
-    raycaster.place(frozen, kFramePeriod);
+      frozen[i].from = frozen[i].to = world.level.to_level(objects.moving[i].at(u));
+    raycaster.set_bodies(frozen, kFramePeriod);
   }
 
   void cast_slice(int k, const WorldSlice& slice, Lidar& lidar) {
