@@ -149,7 +149,7 @@ TEST(exact_aggregation, points_lie_on_the_vehicle_where_it_is_when_they_are_meas
 
 World sliced(const char* aggregation) {
   SceneConfig scene = empty_road();
-  scene.aggregation = aggregation;
+  scene.aggregation = parse_aggregation(aggregation).value();
   return world_with(scene, vehicles_around());
 }
 
@@ -213,7 +213,7 @@ TEST(aggregation, of_a_world_that_stands_still_makes_no_difference) {
   for (ObjectState& s : standing) s.speed_m_s = 0;
   SceneConfig scene = empty_road();
   const Frame exact = frame(world_with(scene, standing), fine_lidar(), 2);
-  scene.aggregation = "slices:10";
+  scene.aggregation = parse_aggregation("slices:10").value();
   expect_equal(frame(world_with(scene, standing), fine_lidar(), 2).cloud, exact.cloud);
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "infrasim/config/tree.h"
+#include "infrasim/core/aggregation.h"
 #include "infrasim/core/filter_steps.h"
 #include "infrasim/core/geometry.h"
 
@@ -161,7 +162,7 @@ struct SceneConfig {
   std::string name;
   std::uint64_t seed = 1;
   double duration_s = 500;
-  std::string aggregation = "exact";
+  Aggregation aggregation;
   Detail detail = Detail::kLow;
   LabelRule labels = LabelRule::kHit;
   bool point_fields = false;  ///< key `fields`

@@ -84,7 +84,7 @@ bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
 
 struct FrameSimulator::Impl {
   const World& world;
-  Aggregation aggregation;
+  std::vector<WorldSlice> slices;
   std::vector<Lidar> lidars;
   double reach = 0;
   Raycaster raycaster;
@@ -100,7 +100,7 @@ struct FrameSimulator::Impl {
   std::vector<float> sub_reflectance;
 
   Impl(const World& w, std::span<const LidarConfig> configs)
-      : world(w), aggregation(*parse_aggregation(w.scene.aggregation)), raycaster(*w.meshes) {
+      : world(w), slices(world_slices(w.scene.aggregation)), raycaster(*w.meshes) {
     for (const LidarConfig& config : configs) {
       lidars.push_back(make_lidar(world.scene, config));
       reach = std::max(reach, lidars.back().reach);
@@ -260,7 +260,7 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
   };
   if (std::ranges::find(wanted, true) != wanted.end()) m.place_objects(k);
   for (Lidar& lidar : m.lidars) lidar.builder.start();
-  for (const WorldSlice& slice : world_slices(m.aggregation)) {
+  for (const WorldSlice& slice : m.slices) {
     if (slice.frozen) m.freeze_objects(slice.middle());
     for (std::size_t i = 0; i < m.lidars.size(); ++i)
       if (wanted[i]) timed(i, [&] { m.cast_slice(k, slice, m.lidars[i]); });
