@@ -484,41 +484,6 @@ TEST(beam, straight_down_is_at_the_sensors_height) {
   }
 }
 
-// --- warnings of a run ------------------------------------------------------------------------
-
-/// What a run in this weather warns of, with units that detect by power or do not.
-std::vector<std::string> warnings_of(const WeatherConfig& weather,
-                                     const std::vector<bool>& detecting) {
-  LidarConfig lidar = fine_lidar();
-  lidar.preset = "paper";
-  lidar.units.resize(detecting.size(), lidar.units.front());
-  for (std::size_t i = 0; i < detecting.size(); ++i)
-    if (detecting[i]) lidar.units[i].returns.detection.emplace();
-  SceneConfig scene;
-  scene.weather = weather;
-  return warnings(scene, {{lidar}});
-}
-
-TEST(warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {
-  for (const WeatherConfig& weather :
-       {WeatherConfig{.rain_mm_per_h = 5}, WeatherConfig{.visibility_m = 100}}) {
-    const std::vector<std::string> lines = warnings_of(weather, {false});
-    ASSERT_EQ(lines.size(), 1U);
-    EXPECT_EQ(lines.front(),
-              "lidar, preset paper: weather: no effect, found no returns.detection, allowed a "
-              "preset that has it");
-    EXPECT_TRUE(warnings_of(weather, {true, true}).empty());
-  }
-}
-
-TEST(warnings, count_the_units_of_a_bundle_once) {
-  const auto lines = warnings_of({.rain_mm_per_h = 5}, {true, false, false});
-  ASSERT_EQ(lines.size(), 1U);
-  EXPECT_NE(lines.front().find("no effect on 2 of its 3 units"), std::string::npos);
-}
-
-TEST(warnings, are_none_in_clear_air) { EXPECT_TRUE(warnings_of({}, {false}).empty()); }
-
 // --- meshes -----------------------------------------------------------------------------------
 
 TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
