@@ -64,8 +64,8 @@ class BareScene {
       RTCGeometry instance = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE);
       rtcSetGeometryInstancedScene(instance, bodies_[body]);
       rtcSetGeometryTimeStepCount(instance, 2);
-      set_pose(instance, 0, w.frame.to_level(o.from));
-      set_pose(instance, 1, w.frame.to_level(o.to));
+      set_pose(instance, 0, w.level.to_level(o.from));
+      set_pose(instance, 1, w.level.to_level(o.to));
       attach(instance);
     }
     RTCGeometry background = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE);

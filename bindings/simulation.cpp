@@ -6,6 +6,7 @@
 #include "bindings.h"
 #include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/sensor/pattern_table.h"
+#include "infrasim/sensor/return_model.h"
 
 namespace infrasim {
 
@@ -72,13 +73,13 @@ void bind_simulation(py::module_& m) {
   m.def(
       "warnings",
       [](const World& w, const std::vector<LidarConfig>& lidars) {
-        return warnings(w.scene, lidars);
+        return weather_warnings(w.scene.weather, lidars);
       },
       py::arg("world"), py::arg("lidars"), "What a user should know before the frames, as lines.");
 
   py::class_<FrameStream>(m, "FrameStream",
                           "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")
-      .def(py::init<const World&, std::vector<LidarConfig>, std::vector<int>, int>(),
+      .def(py::init<const World&, const std::vector<LidarConfig>&, std::vector<int>, int>(),
            py::arg("world"), py::arg("lidars"), py::arg("frames"), py::arg("threads"),
            py::keep_alive<1, 2>(), py::call_guard<py::gil_scoped_release>())
       .def("__iter__", [](py::object self) { return self; })

@@ -44,7 +44,7 @@ inline double range_to_profile(const Scene& scene, Vec3 u) {
 }
 
 inline double range_to_box(const Box3d& box, Vec3 u) {
-  const Vec2 axis = unit(box.heading);
+  const Vec2 axis = heading_vector(box.heading);
   const Vec2 centre{box.x, box.y};
   const double origin[] = {-dot(axis, centre), -cross(axis, centre), -box.z};
   const double step[] = {dot(axis, Vec2{u.x, u.y}), cross(axis, Vec2{u.x, u.y}), u.z};

@@ -149,7 +149,7 @@ inline Vec3 point(const PointCloud& cloud, std::size_t i) {
 
 /// Distance of a point to the surface of a box.
 inline double distance_to_surface(const Box3d& box, Vec3 p) {
-  const Vec2 d{p.x - box.x, p.y - box.y}, axis = unit(box.heading);
+  const Vec2 d{p.x - box.x, p.y - box.y}, axis = heading_vector(box.heading);
   const Vec3 outside{std::abs(dot(axis, d)) - box.dx / 2, std::abs(cross(axis, d)) - box.dy / 2,
                      std::abs(p.z - box.z) - box.dz / 2};
   const double depth = std::max({outside.x, outside.y, outside.z});

@@ -88,7 +88,8 @@ TEST(footprints, overlap_does_not_depend_on_where_one_stands_or_looks) {
     const double yaw = turn(random);
     const Vec2 shift{offset(random), offset(random)};
     for (Box3d* box : {&a, &b}) {
-      const Vec2 moved = shift + box->x * unit(yaw) + box->y * unit(yaw + kPi / 2);
+      const Vec2 moved =
+          shift + box->x * heading_vector(yaw) + box->y * heading_vector(yaw + kPi / 2);
       box->x = moved.x;
       box->y = moved.y;
       box->heading += yaw;

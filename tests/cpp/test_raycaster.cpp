@@ -43,7 +43,7 @@ TriangleMesh wall(double x, double y0, double y1) {
   return triangles({{a, b, c}, {a, c, d}});
 }
 
-PlacedBody still(const Box3d& box, int body = 0) { return {body, box, box}; }
+MovingBody still(const Box3d& box, int body = 0) { return {body, box, box}; }
 
 Vec3 direction(double azimuth, double elevation) {
   return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
@@ -81,11 +81,11 @@ struct Shot {
   float range, cos_incidence;
   int object, class_id;
 };
-Shot shoot(const TriangleMesh& background, const std::vector<PlacedBody>& placed, Vec3 towards,
+Shot shoot(const TriangleMesh& background, const std::vector<MovingBody>& moving, Vec3 towards,
            double time = 0) {
   const MeshLibrary library(background, bodies(Detail::kBox));
   Raycaster raycaster(library);
-  raycaster.place(placed, kPeriod);
+  raycaster.set_bodies(moving, kPeriod);
   const HitBatch h = cast(raycaster, ray_batch({towards}, {time}));
   return {h.range[0], h.cos_incidence[0], h.object[0], h.class_id[0]};
 }
@@ -95,7 +95,7 @@ Shot shoot(const TriangleMesh& background, const std::vector<PlacedBody>& placed
 struct World {
   TriangleMesh background;
   std::vector<TriangleMesh> meshes;
-  std::vector<PlacedBody> placed;
+  std::vector<MovingBody> moving;
 };
 
 struct OracleHit {
@@ -128,8 +128,8 @@ OracleHit oracle(const World& world, Vec3 d, double u) {
     }
   };
   meet(world.background, -1, [](Vec3 p) { return p; });
-  for (std::size_t i = 0; i < world.placed.size(); ++i) {
-    const auto& [body, from, to] = world.placed[i];
+  for (std::size_t i = 0; i < world.moving.size(); ++i) {
+    const auto& [body, from, to] = world.moving[i];
     const double heading = from.heading + u * wrap_angle(to.heading - from.heading);
     const Vec3 centre =
         Vec3{from.x, from.y, from.z} + u * (Vec3{to.x, to.y, to.z} - Vec3{from.x, from.y, from.z});
@@ -184,7 +184,7 @@ World random_world(std::mt19937& random) {
     to.y += uniform(-4, 4);
     to.z += uniform(-0.3, 0.3);
     to.heading = wrap_angle(to.heading + uniform(-1, 1));
-    world.placed.push_back({i % 7, from, to});
+    world.moving.push_back({i % 7, from, to});
   }
   return world;
 }
@@ -199,7 +199,7 @@ TEST(raycaster, agrees_with_a_loop_over_all_triangles) {
     const World world = random_world(random);
     const MeshLibrary library(world.background, world.meshes);
     Raycaster raycaster(library);
-    raycaster.place(world.placed, kPeriod);
+    raycaster.set_bodies(world.moving, kPeriod);
     std::vector<Vec3> directions;
     std::vector<double> times;
     for (int i = 0; i < 1500; ++i) {
@@ -232,7 +232,7 @@ TEST(raycaster, hits_do_not_depend_on_the_order_of_the_rays) {
   const World world = random_world(random);
   const MeshLibrary library(world.background, world.meshes);
   Raycaster raycaster(library);
-  raycaster.place(world.placed, kPeriod);
+  raycaster.set_bodies(world.moving, kPeriod);
   std::uniform_real_distribution<double> uniform(0, 1);
   std::vector<Vec3> directions;
   std::vector<double> times;
@@ -260,7 +260,7 @@ TEST(raycaster, hits_do_not_depend_on_the_order_of_the_rays) {
 TEST(raycaster, rays_that_are_not_named_are_misses) {
   const MeshLibrary library(wall(10, -5, 5), bodies(Detail::kBox));
   Raycaster raycaster(library);
-  raycaster.place({}, kPeriod);
+  raycaster.set_bodies({}, kPeriod);
   const RayBatch rays = ray_batch({{1, 0, 0}, {1, 0, 0}, {1, 0, 0}}, {0, 0, 0});
   HitBatch hits;
   raycaster.cast(rays, std::array{1U}, hits);
@@ -293,14 +293,14 @@ TEST(raycaster, a_hit_beyond_the_longest_range_is_a_miss) {
 }
 
 TEST(raycaster, the_nearest_of_several_bodies_is_hit) {
-  const std::vector placed{still({30, 0, 0, 4, 2, 2, 0}), still({20, 0, 0, 4, 2, 2, 0}, 1)};
-  const Shot shot = shoot(wall(50, -9, 9), placed, {1, 0, 0});
+  const std::vector moving{still({30, 0, 0, 4, 2, 2, 0}), still({20, 0, 0, 4, 2, 2, 0}, 1)};
+  const Shot shot = shoot(wall(50, -9, 9), moving, {1, 0, 0});
   EXPECT_EQ(shot.object, 1);
   EXPECT_NEAR(shot.range, 18, 1e-4);
 }
 
 TEST(raycaster, a_body_that_moves_out_of_the_way_is_hit_only_before) {
-  const PlacedBody leaving{0, {20, 0, 0, 4, 2, 2, 0}, {20, 5, 0, 4, 2, 2, 0}};
+  const MovingBody leaving{0, {20, 0, 0, 4, 2, 2, 0}, {20, 5, 0, 4, 2, 2, 0}};
   EXPECT_NEAR(shoot({}, {leaving}, {1, 0, 0}, 0).range, 18, 1e-4);
   EXPECT_NEAR(shoot({}, {leaving}, {1, 0, 0}, 0.19 * kPeriod).range, 18, 1e-4);
   EXPECT_TRUE(std::isinf(shoot({}, {leaving}, {1, 0, 0}, 0.21 * kPeriod).range));
@@ -308,14 +308,14 @@ TEST(raycaster, a_body_that_moves_out_of_the_way_is_hit_only_before) {
 }
 
 TEST(raycaster, a_body_that_comes_nearer_is_met_where_it_is_at_the_rays_time) {
-  const PlacedBody coming{0, {22, 0, 0, 4, 2, 2, 0}, {20, 0, 0, 4, 2, 2, 0}};
+  const MovingBody coming{0, {22, 0, 0, 4, 2, 2, 0}, {20, 0, 0, 4, 2, 2, 0}};
   for (const double u : {0.0, 0.3, 0.5, 1.0})
     EXPECT_NEAR(shoot({}, {coming}, {1, 0, 0}, u * kPeriod).range, 20 - 2 * u, 1e-4) << u;
 }
 
 TEST(raycaster, a_body_turns_the_short_way) {
   // From 170 to -170 degrees it is along the ray at half time; the long way it would be across.
-  const PlacedBody turning{0, {20, 0, 0, 6, 2, 2, rad(170)}, {20, 0, 0, 6, 2, 2, rad(-170)}};
+  const MovingBody turning{0, {20, 0, 0, 6, 2, 2, rad(170)}, {20, 0, 0, 6, 2, 2, rad(-170)}};
   EXPECT_NEAR(shoot({}, {turning}, {1, 0, 0}, kPeriod / 2).range, 17, 1e-4);
 }
 
@@ -335,7 +335,7 @@ TEST(raycaster, incidence_is_the_cosine_to_the_surface) {
 
 TEST(raycaster, incidence_follows_a_body_that_turns) {
   // 5 degrees a frame is faster than vehicles turn; the raycaster takes the heading at mid-frame.
-  const PlacedBody turning{0, {20, 0, 0, 8, 6, 2, rad(30)}, {20, 0, 0, 8, 6, 2, rad(35)}};
+  const MovingBody turning{0, {20, 0, 0, 8, 6, 2, rad(30)}, {20, 0, 0, 8, 6, 2, rad(35)}};
   for (const double u : {0.0, 0.5, 1.0})
     EXPECT_NEAR(shoot({}, {turning}, {1, 0, 0}, u * kPeriod).cos_incidence,
                 std::cos(rad(30 + 5 * u)), std::abs(u - 0.5) * rad(5) + 1e-4);
@@ -344,13 +344,13 @@ TEST(raycaster, incidence_follows_a_body_that_turns) {
 TEST(raycaster, top_is_that_of_the_highest_thing) {
   const MeshLibrary library(wall(10, -5, 5), bodies(Detail::kBox));
   Raycaster raycaster(library);
-  raycaster.place({}, kPeriod);
+  raycaster.set_bodies({}, kPeriod);
   EXPECT_FLOAT_EQ(raycaster.top(), 50);
-  raycaster.place(std::vector{still({20, 0, 60, 4, 2, 2, 0})}, kPeriod);
+  raycaster.set_bodies(std::vector{still({20, 0, 60, 4, 2, 2, 0})}, kPeriod);
   EXPECT_FLOAT_EQ(raycaster.top(), 61);
   const MeshLibrary nothing({}, bodies(Detail::kBox));
   Raycaster empty(nothing);
-  empty.place({}, kPeriod);
+  empty.set_bodies({}, kPeriod);
   EXPECT_TRUE(std::isinf(empty.top()) && empty.top() < 0);
 }
 
@@ -369,7 +369,7 @@ TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {
   const auto ranges = [&](const World& w, const std::vector<Vec3>& rays) {
     const MeshLibrary library(w.background, w.meshes);
     Raycaster raycaster(library);
-    raycaster.place(w.placed, kPeriod);
+    raycaster.set_bodies(w.moving, kPeriod);
     return cast(raycaster, ray_batch(rays, times)).range;
   };
   World turned = world;
@@ -377,7 +377,7 @@ TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {
     const Vec3 p = turn * Vec3{v[0], v[1], v[2]};
     v = {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
   }
-  for (PlacedBody& body : turned.placed)
+  for (MovingBody& body : turned.moving)
     for (Box3d* box : {&body.from, &body.to}) {
       const Vec3 p = turn * Vec3{box->x, box->y, box->z};
       box->x = p.x;
@@ -395,10 +395,10 @@ TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {
 
 // --- visibility -------------------------------------------------------------------------------
 
-double visibility(const TriangleMesh& background, const std::vector<PlacedBody>& placed) {
+double visibility(const TriangleMesh& background, const std::vector<MovingBody>& moving) {
   const MeshLibrary library(background, bodies(Detail::kLow));
   Raycaster raycaster(library);
-  raycaster.place(placed, kPeriod);
+  raycaster.set_bodies(moving, kPeriod);
   return raycaster.visibility(0);
 }
 
@@ -417,7 +417,7 @@ TEST(visibility, of_a_body_under_the_sensor_is_1) {
 }
 
 TEST(visibility, of_a_body_behind_a_wall_is_0_and_before_it_1) {
-  const PlacedBody body = still({30, 0, 0, 4.5, 2, 1.5, 0.3});
+  const MovingBody body = still({30, 0, 0, 4.5, 2, 1.5, 0.3});
   EXPECT_EQ(visibility(wall(20, -20, 20), {body}), 0);
   EXPECT_EQ(visibility(wall(40, -20, 20), {body}), 1);
 }
@@ -427,14 +427,14 @@ TEST(visibility, of_a_body_half_behind_a_wall_is_about_a_half) {
 }
 
 TEST(visibility, is_lowered_by_other_bodies) {
-  const PlacedBody body = still({30, 0, 0, 4.5, 2, 1.5, 0});
+  const MovingBody body = still({30, 0, 0, 4.5, 2, 1.5, 0});
   EXPECT_EQ(visibility({}, {body, still({20, 0, 0, 4.5, 3, 3, 0}, 3)}), 0);
   EXPECT_EQ(visibility({}, {body, still({40, 0, 0, 4.5, 3, 3, 0}, 3)}), 1);
 }
 
 TEST(visibility, is_that_at_the_middle_of_the_frame) {
   // Behind the wall's edge at the start, before it at the end.
-  const PlacedBody passing{0, {30, 2, 0, 4.5, 2, 1.5, 0}, {30, -2, 0, 4.5, 2, 1.5, 0}};
+  const MovingBody passing{0, {30, 2, 0, 4.5, 2, 1.5, 0}, {30, -2, 0, 4.5, 2, 1.5, 0}};
   EXPECT_NEAR(visibility(wall(20, 0, 20), {passing}), 0.5, 0.1);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "infrasim/core/geometry.h"
@@ -247,6 +248,40 @@ TEST(draws, depend_on_seed_lidar_and_frame) {
   EXPECT_NE(rays(1, "radil", 3), rays(1, "lidar", 3));
   EXPECT_NE(rays(1, "lidar", 4), rays(1, "lidar", 3));
 }
+
+// --- warnings of weather ------------------------------------------------------------------------
+
+/// What a run in this weather warns of, with units that detect by power or do not.
+std::vector<std::string> warnings_of(const WeatherConfig& weather,
+                                     const std::vector<bool>& detecting) {
+  LidarConfig lidar;
+  lidar.name = "lidar";
+  lidar.preset = "paper";
+  lidar.units.resize(detecting.size());
+  for (std::size_t i = 0; i < detecting.size(); ++i)
+    if (detecting[i]) lidar.units[i].returns.detection.emplace();
+  return weather_warnings(weather, {{lidar}});
+}
+
+TEST(weather_warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {
+  for (const WeatherConfig& weather :
+       {WeatherConfig{.rain_mm_per_h = 5}, WeatherConfig{.visibility_m = 100}}) {
+    const std::vector<std::string> lines = warnings_of(weather, {false});
+    ASSERT_EQ(lines.size(), 1U);
+    EXPECT_EQ(lines.front(),
+              "lidar, preset paper: weather: no effect, found no returns.detection, allowed a "
+              "preset that has it");
+    EXPECT_TRUE(warnings_of(weather, {true, true}).empty());
+  }
+}
+
+TEST(weather_warnings, count_the_units_of_a_bundle_once) {
+  const auto lines = warnings_of({.rain_mm_per_h = 5}, {true, false, false});
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_NE(lines.front().find("no effect on 2 of its 3 units"), std::string::npos);
+}
+
+TEST(weather_warnings, are_none_in_clear_air) { EXPECT_TRUE(warnings_of({}, {false}).empty()); }
 
 }  // namespace
 }  // namespace infrasim

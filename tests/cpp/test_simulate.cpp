@@ -130,7 +130,7 @@ TEST(frame, that_the_scene_does_not_have_is_an_error) {
 /// The box of a vehicle at a point's own firing time.
 Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
   for (const MovingObject& o : world.trajectories.in_frame(k))
-    if (o.id == cloud.object_id[i]) return world.frame.to_level(o.at(cloud.time[i] / kFramePeriod));
+    if (o.id == cloud.object_id[i]) return world.level.to_level(o.at(cloud.time[i] / kFramePeriod));
   ADD_FAILURE() << "no vehicle " << cloud.object_id[i];
   return {};
 }
@@ -149,7 +149,7 @@ TEST(exact_aggregation, points_lie_on_the_vehicle_where_it_is_when_they_are_meas
 
 World sliced(const char* aggregation) {
   SceneConfig scene = empty_road();
-  scene.aggregation = aggregation;
+  scene.aggregation = parse_aggregation(aggregation).value();
   return world_with(scene, vehicles_around());
 }
 
@@ -213,7 +213,7 @@ TEST(aggregation, of_a_world_that_stands_still_makes_no_difference) {
   for (ObjectState& s : standing) s.speed_m_s = 0;
   SceneConfig scene = empty_road();
   const Frame exact = frame(world_with(scene, standing), fine_lidar(), 2);
-  scene.aggregation = "slices:10";
+  scene.aggregation = parse_aggregation("slices:10").value();
   expect_equal(frame(world_with(scene, standing), fine_lidar(), 2).cloud, exact.cloud);
 }
 
@@ -484,41 +484,6 @@ TEST(beam, straight_down_is_at_the_sensors_height) {
   }
 }
 
-// --- warnings of a run ------------------------------------------------------------------------
-
-/// What a run in this weather warns of, with units that detect by power or do not.
-std::vector<std::string> warnings_of(const WeatherConfig& weather,
-                                     const std::vector<bool>& detecting) {
-  LidarConfig lidar = fine_lidar();
-  lidar.preset = "paper";
-  lidar.units.resize(detecting.size(), lidar.units.front());
-  for (std::size_t i = 0; i < detecting.size(); ++i)
-    if (detecting[i]) lidar.units[i].returns.detection.emplace();
-  SceneConfig scene;
-  scene.weather = weather;
-  return warnings(scene, {{lidar}});
-}
-
-TEST(warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {
-  for (const WeatherConfig& weather :
-       {WeatherConfig{.rain_mm_per_h = 5}, WeatherConfig{.visibility_m = 100}}) {
-    const std::vector<std::string> lines = warnings_of(weather, {false});
-    ASSERT_EQ(lines.size(), 1U);
-    EXPECT_EQ(lines.front(),
-              "lidar, preset paper: weather: no effect, found no returns.detection, allowed a "
-              "preset that has it");
-    EXPECT_TRUE(warnings_of(weather, {true, true}).empty());
-  }
-}
-
-TEST(warnings, count_the_units_of_a_bundle_once) {
-  const auto lines = warnings_of({.rain_mm_per_h = 5}, {true, false, false});
-  ASSERT_EQ(lines.size(), 1U);
-  EXPECT_NE(lines.front().find("no effect on 2 of its 3 units"), std::string::npos);
-}
-
-TEST(warnings, are_none_in_clear_air) { EXPECT_TRUE(warnings_of({}, {false}).empty()); }
-
 // --- meshes -----------------------------------------------------------------------------------
 
 TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
@@ -529,7 +494,7 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   const std::size_t background = world.background.vertices.size();
   ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
-  const Box3d box = world.frame.to_level(world.trajectories.in_frame(2).front().at(0.25));
+  const Box3d box = world.level.to_level(world.trajectories.in_frame(2).front().at(0.25));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)
     EXPECT_LT(
         distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1], mesh.vertices[i][2]}),

@@ -77,12 +77,30 @@ void expect_no_overlaps(const Trajectories& t) {
 
 TEST_P(committed_traffic, no_two_vehicles_are_in_one_place) { expect_no_overlaps(trajectories); }
 
+/// Footprints of the buildings and of the gantries' legs, which stand 0.5 m off the carriageway.
+std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
+  std::vector<std::array<Vec2, 4>> out;
+  for (const BuildingConfig& b : scene.buildings)
+    out.push_back(
+        footprint({b.x_m, b.y_m, 0, b.length_m, b.width_m, b.height_m, rad(b.heading_deg)}));
+  for (const GantryConfig& g : scene.gantries) {
+    const RoadConfig& road = *std::ranges::find(scene.roads, g.road, &RoadConfig::name);
+    const CurvePoint p = centreline(road).at(g.s_m);
+    for (const double side : {1.0, -1.0}) {
+      const double left = side * (carriageway_half_width(road.lanes) + 0.5);
+      const Vec2 leg = p.position + left * heading_vector(p.heading + kPi / 2);
+      out.push_back(footprint({leg.x, leg.y, 0, 0.4, 0.4, g.clearance_m, p.heading}));
+    }
+  }
+  return out;
+}
+
 TEST_P(committed_traffic, no_vehicle_drives_through_what_stands) {
   const auto standing = standing_footprints(scene);
   for (std::size_t k = 0; k < trajectories.rows.size(); k += 5)
     for (const ObjectState& s : trajectories.rows[k])
-      for (const auto& place : standing)
-        ASSERT_FALSE(footprints_overlap(footprint(s.box), place)) << s.id << " at row " << k;
+      for (const auto& obstacle : standing)
+        ASSERT_FALSE(footprints_overlap(footprint(s.box), obstacle)) << s.id << " at row " << k;
 }
 
 TEST_P(committed_traffic, is_made_of_many_vehicles) {
@@ -214,8 +232,8 @@ TEST(traffic, passes_between_the_legs_of_a_gantry_and_beside_a_house) {
   ASSERT_EQ(standing.size(), 3U);
   for (const auto& row : simulate_traffic(scene).rows)
     for (const ObjectState& s : row)
-      for (const auto& place : standing)
-        EXPECT_FALSE(footprints_overlap(footprint(s.box), place)) << s.id;
+      for (const auto& obstacle : standing)
+        EXPECT_FALSE(footprints_overlap(footprint(s.box), obstacle)) << s.id;
 }
 
 TEST(crossroad, has_queues_before_its_signals) {

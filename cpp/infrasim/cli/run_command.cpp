@@ -12,9 +12,9 @@
 #include "infrasim/cli/frame_range.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/io/atomic_file.h"
-#include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/pipeline/run.h"
-#include "infrasim/pipeline/simulate.h"
+#include "infrasim/pipeline/scheduler.h"
+#include "infrasim/sensor/return_model.h"
 
 namespace infrasim::cli {
 
@@ -97,7 +97,7 @@ void print_table(const std::vector<SummaryRow>& rows) {
 int run_command(const RunOptions& o) {
   const RunRequest request = request_of(o);
   const std::string summary = path_of("--summary", o.summary);
-  for (const std::string& line : warnings(request.scene, request.lidars))
+  for (const std::string& line : weather_warnings(request.scene.weather, request.lidars))
     std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);

@@ -2,7 +2,6 @@
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
-#include "infrasim/core/aggregation.h"
 #include "infrasim/core/classes.h"
 
 namespace infrasim {
@@ -278,12 +277,14 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s", between(0.1, 36000));
   f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",
           "found " + config::number_text(c.duration_s) + ", allowed whole tenths of a second");
-  f.field("aggregation", c.aggregation, "exact, instant or slices:N");
-  f.check(parse_aggregation(c.aggregation).has_value(), "aggregation",
-          "found '" + c.aggregation + "', allowed " + kAggregationWords);
+  f.field("aggregation", c.aggregation.word, "exact, instant or slices:N");
+  const auto aggregation = parse_aggregation(c.aggregation.word);
+  f.check(aggregation.has_value(), "aggregation",
+          "found '" + c.aggregation.word + "', allowed " + kAggregationWords);
+  c.aggregation = aggregation.value_or(Aggregation{});
   f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
   f.field("labels", c.labels, "which objects get a label: hit or all");
-  f.field("fields", c.fields, "write time, ring, class and object of every point");
+  f.field("fields", c.point_fields, "write time, ring, class and object of every point");
   f.field("region_half_length_m", c.region_half_length_m,
           "half length of the evaluation region along each road", between(1, 1e4));
   f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "infrasim/config/tree.h"
+#include "infrasim/core/aggregation.h"
 #include "infrasim/core/filter_steps.h"
 #include "infrasim/core/geometry.h"
 
@@ -161,10 +162,10 @@ struct SceneConfig {
   std::string name;
   std::uint64_t seed = 1;
   double duration_s = 500;
-  std::string aggregation = "exact";
+  Aggregation aggregation;
   Detail detail = Detail::kLow;
   LabelRule labels = LabelRule::kHit;
-  bool fields = false;
+  bool point_fields = false;  ///< key `fields`
   double region_half_length_m = 100;
   std::map<std::string, MountConfig> mounts;
   WeatherConfig weather;

@@ -4,17 +4,24 @@
 
 namespace infrasim {
 
-std::optional<Aggregation> parse_aggregation(std::string_view text) {
-  if (text == "exact") return Aggregation{0};
-  if (text == "instant") return Aggregation{1};
+std::optional<Aggregation> parse_aggregation(const std::string& word) {
+  if (word == "exact") return Aggregation{word, 0};
+  if (word == "instant") return Aggregation{word, 1};
   constexpr std::string_view kPrefix = "slices:";
-  if (!text.starts_with(kPrefix)) return std::nullopt;
-  text.remove_prefix(kPrefix.size());
+  if (!word.starts_with(kPrefix)) return std::nullopt;
+  const char* end = word.data() + word.size();
   int slices = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), slices);
-  if (error != std::errc{} || end != text.data() + text.size() || slices < 1 || slices > 1000)
-    return std::nullopt;
-  return Aggregation{slices};
+  const auto [stop, error] = std::from_chars(word.data() + kPrefix.size(), end, slices);
+  if (error != std::errc{} || stop != end || slices < 1 || slices > 1000) return std::nullopt;
+  return Aggregation{word, slices};
+}
+
+std::vector<WorldSlice> world_slices(const Aggregation& aggregation) {
+  if (aggregation.slices == 0) return {WorldSlice{}};
+  std::vector<WorldSlice> slices;
+  const double n = aggregation.slices;
+  for (int i = 0; i < aggregation.slices; ++i) slices.push_back({i / n, (i + 1) / n, true});
+  return slices;
 }
 
 }  // namespace infrasim

@@ -6,8 +6,8 @@ namespace infrasim {
 
 std::array<Vec2, 4> footprint(const Box3d& box) {
   const Vec2 centre{box.x, box.y};
-  const Vec2 along = box.dx / 2 * unit(box.heading);
-  const Vec2 left = box.dy / 2 * unit(box.heading + kPi / 2);
+  const Vec2 along = box.dx / 2 * heading_vector(box.heading);
+  const Vec2 left = box.dy / 2 * heading_vector(box.heading + kPi / 2);
   return {centre + along - left, centre + along + left, centre - along + left,
           centre - along - left};
 }

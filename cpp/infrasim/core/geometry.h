@@ -29,7 +29,8 @@ inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
 inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double norm(Vec2 a) { return std::hypot(a.x, a.y); }
-inline Vec2 unit(double heading) { return {std::cos(heading), std::sin(heading)}; }
+/// Unit vector.
+inline Vec2 heading_vector(double heading) { return {std::cos(heading), std::sin(heading)}; }
 
 struct Vec3 {
   double x = 0;
@@ -69,12 +70,6 @@ inline Mat3 rotation(double yaw, double pitch, double roll) {
   return Mat3{cy, -sy, 0, sy, cy, 0, 0, 0, 1} * Mat3{cp, 0, sp, 0, 1, 0, -sp, 0, cp} *
          Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
 }
-
-/// A level pose: position and yaw. T_a_b takes points in frame b to frame a.
-struct Pose2p5 {
-  Vec3 position;
-  double yaw = 0;
-};
 
 /// Box of a vehicle: geometric centre, length width height, yaw about +z.
 struct Box3d {

@@ -127,7 +127,7 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
 }
 
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
-                 bool all_labels, bool fields) {
+                 bool all_labels, bool point_fields) {
   const auto training = lidar_folder / "training";
   const std::string name = frame_name(frame);
   write_file_atomically(training / "objects" / (name + ".csv"), objects_csv(data.objects));
@@ -135,14 +135,14 @@ void write_frame(const std::filesystem::path& lidar_folder, int frame, const Fra
                         label_text(data.objects, all_labels));
   static const std::string kCalib = calib_text();
   write_file_atomically(training / "calib" / (name + ".txt"), kCalib);
-  if (fields)
+  if (point_fields)
     write_file_atomically(training / "fields" / (name + ".bin"), fields_bytes(data.cloud));
   write_file_atomically(velodyne_file(lidar_folder, frame), velodyne_bytes(data.cloud));
 }
 
-void create_frame_folders(const std::filesystem::path& lidar_folder, bool fields) {
+void create_frame_folders(const std::filesystem::path& lidar_folder, bool point_fields) {
   for (const char* name : {"objects", "label_2", "calib", "velodyne", "fields"}) {
-    if (std::string(name) == "fields" && !fields) continue;
+    if (std::string(name) == "fields" && !point_fields) continue;
     create_folder(lidar_folder / "training" / name);
   }
 }

@@ -51,10 +51,10 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame);
 /// frame exists if and only if its .bin does.
 /// @throws IoError
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
-                 bool all_labels, bool fields);
+                 bool all_labels, bool point_fields);
 
 /// Creates the folders of a LiDAR.
 /// @throws IoError
-void create_frame_folders(const std::filesystem::path& lidar_folder, bool fields);
+void create_frame_folders(const std::filesystem::path& lidar_folder, bool point_fields);
 
 }  // namespace infrasim

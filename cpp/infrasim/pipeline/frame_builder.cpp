@@ -23,14 +23,6 @@ void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
 
 }  // namespace
 
-std::vector<WorldSlice> world_slices(Aggregation aggregation) {
-  if (aggregation.exact()) return {WorldSlice{}};
-  std::vector<WorldSlice> slices;
-  const double n = aggregation.slices;
-  for (int i = 0; i < aggregation.slices; ++i) slices.push_back({i / n, (i + 1) / n, true});
-  return slices;
-}
-
 void FrameBuilder::reserve(std::size_t more) {
   if (size_ + more <= object_.size()) return;
   const std::size_t grown = std::max<std::size_t>(4096, 2 * (size_ + more));

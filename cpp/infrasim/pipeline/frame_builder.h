@@ -4,22 +4,10 @@
 #include <span>
 #include <vector>
 
-#include "infrasim/core/aggregation.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/point_cloud.h"
 
 namespace infrasim {
-
-/// A stretch of a frame, as shares of it, whose rays see one state of the world.
-struct WorldSlice {
-  double from = 0;
-  double to = 1;
-  bool frozen = false;  ///< objects stand still at the middle of the slice
-  double middle() const { return (from + to) / 2; }
-};
-
-/// One moving slice for `exact`, n frozen ones else.
-std::vector<WorldSlice> world_slices(Aggregation aggregation);
 
 /// One return before it becomes a point.
 struct Return {

@@ -8,6 +8,7 @@
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
+#include "infrasim/pipeline/summary.h"
 
 namespace infrasim {
 
@@ -28,20 +29,7 @@ struct RunRequest {
   int threads = 1;
 };
 
-/// One row of summary.csv.
-struct SummaryRow {
-  std::string lidar;
-  std::string preset;
-  int frames = 0;
-  double rays_per_frame = 0;
-  double hits_per_frame = 0;
-  double vehicles_per_frame = 0;
-  double vehicle_points_per_frame = 0;
-  double seconds = 0;      ///< from rays to columns, summed over threads and divided by them
-  double mrays_per_s = 0;  ///< millions of rays cast per such second
-};
-
-/// Called after each frame with the number done and the number in all.
+/// Called after each frame, in their order, with the number done and the number in all.
 using Progress = std::function<void(int, int)>;
 
 /// Simulates the frames that are not on disk yet, several at a time. Stops after the current
@@ -51,7 +39,5 @@ using Progress = std::function<void(int, int)>;
 /// @throws IoError if a file can't be written, or the folder holds another configuration
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,
                             const Progress& progress);
-
-std::string summary_csv(const std::vector<SummaryRow>& rows);
 
 }  // namespace infrasim

@@ -11,10 +11,6 @@
 
 namespace infrasim {
 
-/// What a user should know before the run, one line for each LiDAR concerned: that its points
-/// are the same in any weather.
-std::vector<std::string> warnings(const SceneConfig& scene, std::span<const LidarConfig> lidars);
-
 /// Computes frames of several LiDARs at one mount. For one thread at a time.
 class FrameSimulator {
  public:

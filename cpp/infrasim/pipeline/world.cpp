@@ -31,14 +31,14 @@ std::size_t body_index(Class object_class) {
 }
 
 World build_world(const SceneConfig& scene) {
-  const LevelFrame frame = level_frame(scene.mounts.begin()->second);
-  TriangleMesh background = build_static_mesh(scene, frame);
+  const LevelPose level = level_pose(scene.mounts.begin()->second);
+  TriangleMesh background = build_static_mesh(scene, level);
   std::vector<TriangleMesh> bodies;
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
   return {scene,
-          frame,
+          level,
           EvaluationRegion(scene),
           load_trajectories(scene),
           std::move(background),
@@ -56,7 +56,7 @@ TriangleMesh frozen_mesh(const World& world, int k, double share) {
   check_frame(world, k);
   TriangleMesh mesh = world.background;
   for (const MovingObject& o : world.trajectories.in_frame(k)) {
-    const Box3d box = world.frame.to_level(o.at(share));
+    const Box3d box = world.level.to_level(o.at(share));
     const TriangleMesh& body = world.bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
     const double c = std::cos(box.heading), s = std::sin(box.heading);

@@ -15,7 +15,7 @@ namespace infrasim {
 /// A scene made ready: its trajectories and its meshes. Built once, shared by all threads.
 struct World {
   SceneConfig scene;
-  LevelFrame frame;
+  LevelPose level;
   EvaluationRegion region;
   Trajectories trajectories;
   TriangleMesh background;           ///< levelled frame
@@ -26,7 +26,7 @@ struct World {
 /// @throws ConfigError, IoError
 World build_world(const SceneConfig& scene);
 
-/// Place of a class in World::bodies.
+/// Index of a class in World::bodies.
 std::size_t body_index(Class object_class);
 
 /// @throws ConfigError if the scene has no frame k

@@ -136,16 +136,16 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
 
 MeshLibrary::~MeshLibrary() = default;
 
-/// What the unpacking of a hit needs to know of a placed body.
-struct BodyFrame {
+/// What takes a direction to the unit box of a body, at mid-frame.
+struct BodyTransform {
   float cos_heading, sin_heading, inv_dx, inv_dy, inv_dz;
 };
 
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;
   SceneHandle scene;
-  std::vector<PlacedBody> placed;
-  std::vector<BodyFrame> frames;
+  std::vector<MovingBody> moving;
+  std::vector<BodyTransform> transforms;
   float time_scale = 1;
   float top = 0;
   Packet packet;
@@ -154,7 +154,7 @@ struct Raycaster::Impl {
 
   explicit Impl(const MeshLibrary::Impl& l) : library(l), scene(new_scene(l.device)) {}
 
-  void attach(RTCScene instanced, unsigned id, const PlacedBody* motion) {
+  void attach(RTCScene instanced, unsigned id, const MovingBody* motion) {
     RTCGeometry instance = rtcNewGeometry(library.device, RTC_GEOMETRY_TYPE_INSTANCE);
     rtcSetGeometryInstancedScene(instance, instanced);
     if (motion != nullptr) {
@@ -178,25 +178,26 @@ struct Raycaster::Impl {
       if (hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
       hits.range[k] = packet.rh.ray.tfar[i];
       const std::size_t instance = hit.instID[0][i];
-      const bool background = instance == placed.size();
+      const bool background = instance == moving.size();
       hits.object[k] = background ? -1 : static_cast<std::int32_t>(instance);
       hits.class_id[k] = background ? library.background_class[hit.primID[i]] : 0;
       if (!incidence) continue;
-      hits.cos_incidence[k] = cos_incidence(i, background ? nullptr : &frames[instance], rays.dx[k],
-                                            rays.dy[k], rays.dz[k]);
+      hits.cos_incidence[k] = cos_incidence(i, background ? nullptr : &transforms[instance],
+                                            rays.dx[k], rays.dy[k], rays.dz[k]);
     }
   }
 
   /// Embree's normal stands in the body's unit box and is not of unit length.
-  float cos_incidence(std::size_t i, const BodyFrame* frame, float dx, float dy, float dz) const {
+  float cos_incidence(std::size_t i, const BodyTransform* body, float dx, float dy,
+                      float dz) const {
     const RTCHit16& hit = packet.rh.hit;
     float nx = hit.Ng_x[i], ny = hit.Ng_y[i], nz = hit.Ng_z[i];
-    if (frame != nullptr) {
-      nx *= frame->inv_dx;
-      ny *= frame->inv_dy;
-      nz *= frame->inv_dz;
-      const float x = frame->cos_heading * dx + frame->sin_heading * dy;
-      dy = -frame->sin_heading * dx + frame->cos_heading * dy;
+    if (body != nullptr) {
+      nx *= body->inv_dx;
+      ny *= body->inv_dy;
+      nz *= body->inv_dz;
+      const float x = body->cos_heading * dx + body->sin_heading * dy;
+      dy = -body->sin_heading * dx + body->cos_heading * dy;
       dx = x;
     }
     const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
@@ -204,7 +205,7 @@ struct Raycaster::Impl {
   }
 
   /// Which of the probe's rays hit the body with nothing else around, at mid-frame.
-  std::vector<bool> hits_alone(const PlacedBody& body, const Box3d& box) {
+  std::vector<bool> hits_alone(const MovingBody& body, const Box3d& box) {
     const RTCScene alone = library.bodies[body.body].get();
     const double c = std::cos(box.heading), s = std::sin(box.heading);
     const auto to_unit = [&](double x, double y, double z) {
@@ -262,21 +263,22 @@ Raycaster::Raycaster(const MeshLibrary& library) : impl_(std::make_unique<Impl>(
 
 Raycaster::~Raycaster() = default;
 
-void Raycaster::place(std::span<const PlacedBody> bodies, double period_s) {
+void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) {
   Impl& m = *impl_;
-  m.placed.assign(bodies.begin(), bodies.end());
+  m.moving.assign(bodies.begin(), bodies.end());
   m.time_scale = static_cast<float>(1 / period_s);
-  m.frames.clear();
+  m.transforms.clear();
   m.top = m.library.top;
   m.scene = new_scene(m.library.device);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const PlacedBody& b = bodies[i];
+    const MovingBody& b = bodies[i];
     m.attach(m.library.bodies[b.body].get(), static_cast<unsigned>(i), &b);
     m.top = std::max(m.top, static_cast<float>(std::max(b.from.z, b.to.z) + b.from.dz / 2));
     const double heading = b.from.heading + wrap_angle(b.to.heading - b.from.heading) / 2;
-    m.frames.push_back({static_cast<float>(std::cos(heading)),
-                        static_cast<float>(std::sin(heading)), static_cast<float>(1 / b.from.dx),
-                        static_cast<float>(1 / b.from.dy), static_cast<float>(1 / b.from.dz)});
+    m.transforms.push_back({static_cast<float>(std::cos(heading)),
+                            static_cast<float>(std::sin(heading)),
+                            static_cast<float>(1 / b.from.dx), static_cast<float>(1 / b.from.dy),
+                            static_cast<float>(1 / b.from.dz)});
   }
   m.attach(m.library.bodies.back().get(), static_cast<unsigned>(bodies.size()), nullptr);
   rtcCommitScene(m.scene.get());
@@ -301,14 +303,14 @@ void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order,
   }
 }
 
-double Raycaster::visibility(std::size_t placed) {
+double Raycaster::visibility(std::size_t index) {
   static constexpr auto kOrder = [] {
     std::array<std::uint32_t, static_cast<std::size_t>(kGrid * kGrid)> order{};
     std::iota(order.begin(), order.end(), 0U);
     return order;
   }();
   Impl& m = *impl_;
-  const PlacedBody& body = m.placed[placed];
+  const MovingBody& body = m.moving[index];
   Box3d box = body.from;
   box.x = (body.from.x + body.to.x) / 2;
   box.y = (body.from.y + body.to.y) / 2;
@@ -321,7 +323,7 @@ double Raycaster::visibility(std::size_t placed) {
   for (std::size_t i = 0; i < alone.size(); ++i) {
     if (!alone[i]) continue;
     ++could;
-    reached += m.probe_hits.object[i] == static_cast<std::int32_t>(placed);
+    reached += m.probe_hits.object[i] == static_cast<std::int32_t>(index);
   }
   return could == 0 ? 0 : static_cast<double>(reached) / could;
 }

@@ -10,7 +10,7 @@
 namespace infrasim {
 
 /// A body of the library, scaled to its box and moving over one frame; levelled frame.
-struct PlacedBody {
+struct MovingBody {
   int body = 0;
   Box3d from;
   Box3d to;
@@ -43,7 +43,7 @@ class Raycaster {
 
   /// Sets the moving bodies: position linear in time, heading the short way, over `period_s`.
   /// @throws std::runtime_error if Embree fails to build the scene
-  void place(std::span<const PlacedBody> bodies, double period_s);
+  void set_bodies(std::span<const MovingBody> bodies, double period_s);
 
   /// Highest z of everything in the scene, levelled frame; -inf for an empty one.
   float top() const;
@@ -56,7 +56,7 @@ class Raycaster {
 
   /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the
   /// share that reach it first; 0 if none hits it alone.
-  double visibility(std::size_t placed);
+  double visibility(std::size_t index);
 
  private:
   struct Impl;

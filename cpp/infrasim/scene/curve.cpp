@@ -50,7 +50,8 @@ Curve Curve::part(double s0, double s1) const {
 
 Curve Curve::offset(double left_m) const {
   std::vector<CurvePoint> samples = samples_;
-  for (CurvePoint& p : samples) p.position = p.position + left_m * unit(p.heading + kPi / 2);
+  for (CurvePoint& p : samples)
+    p.position = p.position + left_m * heading_vector(p.heading + kPi / 2);
   return Curve(std::move(samples));
 }
 
@@ -66,17 +67,17 @@ constexpr double kArcStep = 0.5;
 
 void append_line(std::vector<CurvePoint>& samples, double length) {
   const CurvePoint from = samples.back();
-  samples.push_back({from.position + length * unit(from.heading), from.heading});
+  samples.push_back({from.position + length * heading_vector(from.heading), from.heading});
 }
 
 void append_arc(std::vector<CurvePoint>& samples, double radius, double angle) {
   const CurvePoint from = samples.back();
   const double side = angle > 0 ? 1 : -1;
-  const Vec2 centre = from.position + side * radius * unit(from.heading + kPi / 2);
+  const Vec2 centre = from.position + side * radius * heading_vector(from.heading + kPi / 2);
   const int steps = std::max(1, static_cast<int>(std::ceil(std::abs(angle) * radius / kArcStep)));
   for (int i = 1; i <= steps; ++i) {
     const double heading = from.heading + angle * i / steps;
-    samples.push_back({centre - side * radius * unit(heading + kPi / 2), heading});
+    samples.push_back({centre - side * radius * heading_vector(heading + kPi / 2), heading});
   }
 }
 
@@ -97,8 +98,8 @@ Curve turn(const CurvePoint& from, const CurvePoint& to) {
   // Handles of 0.39 chords make a quarter turn a circle within 0.03 % of its radius.
   constexpr int kSteps = 40;
   const double handle = 0.39 * norm(to.position - from.position);
-  const Vec2 p1 = from.position + handle * unit(from.heading);
-  const Vec2 p2 = to.position - handle * unit(to.heading);
+  const Vec2 p1 = from.position + handle * heading_vector(from.heading);
+  const Vec2 p2 = to.position - handle * heading_vector(to.heading);
   std::vector<CurvePoint> samples;
   for (int i = 0; i <= kSteps; ++i) {
     const double u = static_cast<double>(i) / kSteps, v = 1 - u;

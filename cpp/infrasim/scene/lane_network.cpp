@@ -97,11 +97,11 @@ void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& alon
     }
     arm.in.push_back(add_lane(network, *road.config, lane_curve(0, stop)));
     network.lanes[arm.in.back()].entry = true;
-    network.lanes[arm.in.back()].approach = static_cast<int>(network.approaches.size());
+    network.lanes[arm.in.back()].approach = static_cast<int>(network.approach_junctions.size());
     arm.out.push_back(add_lane(network, *road.config, lane_curve(resume, along.length())));
   }
   if (!road.cut) return;
-  network.approaches.push_back({road.cut->junction});
+  network.approach_junctions.push_back(road.cut->junction);
   arms[road.cut->junction].push_back(arm);
 }
 

@@ -22,14 +22,9 @@ struct Lane {
   std::vector<int> next;  ///< lanes that follow
 };
 
-/// One signal: an arm of a junction.
-struct Approach {
-  int junction = 0;
-};
-
 struct LaneNetwork {
   std::vector<Lane> lanes;
-  std::vector<Approach> approaches;
+  std::vector<int> approach_junctions;  ///< of each signal, one per arm of a junction
   std::vector<JunctionConfig> junctions;
 };
 

@@ -23,7 +23,7 @@ struct Upright {
 
 class MeshBuilder {
  public:
-  explicit MeshBuilder(const LevelFrame& frame) : frame_(frame) {}
+  explicit MeshBuilder(const LevelPose& level) : level_(level) {}
 
   void quad(Vec3 a, Vec3 b, Vec3 c, Vec3 d, Class material) {
     const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
@@ -64,7 +64,7 @@ class MeshBuilder {
 
  private:
   void vertex(Vec3 world) {
-    const Vec3 p = frame_.to_level(world);
+    const Vec3 p = level_.to_level(world);
     mesh_.vertices.push_back(
         {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
   }
@@ -73,7 +73,7 @@ class MeshBuilder {
     mesh_.class_id.push_back(static_cast<std::uint16_t>(material));
   }
 
-  LevelFrame frame_;
+  LevelPose level_;
   TriangleMesh mesh_;
 };
 
@@ -124,7 +124,7 @@ std::vector<Upright> uprights(const SceneConfig& scene) {
     const double leg = carriageway_half_width(road.lanes) + kLegGap;
     const double z = road.elevation_m;
     for (const double side : {leg, -leg}) {
-      const Vec2 p = foot.position + side * unit(foot.heading + kPi / 2);
+      const Vec2 p = foot.position + side * heading_vector(foot.heading + kPi / 2);
       out.push_back(
           {{p.x, p.y, z + g.clearance_m / 2, kLegWidth, kLegWidth, g.clearance_m, foot.heading},
            g.place});
@@ -162,7 +162,7 @@ void check_barrier(const SceneConfig& scene, const LaneNetwork& network,
     config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end");
   for (double s = barrier.from_m; s < to; s += kStep) {
     const CurvePoint p = line.at(std::min(s + kStep / 2, to));
-    const Vec2 centre = p.position + barrier.offset_m * unit(p.heading + kPi / 2);
+    const Vec2 centre = p.position + barrier.offset_m * heading_vector(p.heading + kPi / 2);
     const double length = std::min(kStep, to - s);
     if (stands_on_lane({centre.x, centre.y, 0, length, barrier.width_m, 0, p.heading}, network))
       config::fail(barrier.place, "offset_m",
@@ -172,24 +172,24 @@ void check_barrier(const SceneConfig& scene, const LaneNetwork& network,
 
 }  // namespace
 
-Vec3 LevelFrame::to_level(Vec3 world) const {
+Vec3 LevelPose::to_level(Vec3 world) const {
   const Vec3 d = world - origin;
   const double c = std::cos(yaw), s = std::sin(yaw);
   return {c * d.x + s * d.y, -s * d.x + c * d.y, d.z};
 }
 
-Box3d LevelFrame::to_level(const Box3d& world) const {
+Box3d LevelPose::to_level(const Box3d& world) const {
   const Vec3 p = to_level(Vec3{world.x, world.y, world.z});
   return {p.x, p.y, p.z, world.dx, world.dy, world.dz, wrap_angle(world.heading - yaw)};
 }
 
-LevelFrame level_frame(const MountConfig& mount) {
+LevelPose level_pose(const MountConfig& mount) {
   return {{mount.x_m, mount.y_m, mount.z_m}, rad(mount.yaw_deg)};
 }
 
-TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame) {
+TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level) {
   const LaneNetwork network = build_lane_network(scene);
-  MeshBuilder mesh(frame);
+  MeshBuilder mesh(level);
   for (const RoadConfig& road : scene.roads) add_road(mesh, road);
   for (const GroundConfig& ground : scene.ground)
     mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
@@ -203,13 +203,6 @@ TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame
     mesh.box(upright.box, Class::kStructure);
   }
   return mesh.take();
-}
-
-std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
-  std::vector<std::array<Vec2, 4>> out;
-  for (const Upright& upright : uprights(scene))
-    if (!upright.hangs) out.push_back(footprint(upright.box));
-  return out;
 }
 
 }  // namespace infrasim

@@ -5,8 +5,8 @@
 
 namespace infrasim {
 
-/// The levelled frame of a mount: its position and yaw in the world.
-struct LevelFrame {
+/// Where the levelled frame of a mount stands: its position and yaw in the world.
+struct LevelPose {
   Vec3 origin;
   double yaw = 0;
 
@@ -14,13 +14,10 @@ struct LevelFrame {
   Box3d to_level(const Box3d& world) const;
 };
 
-LevelFrame level_frame(const MountConfig& mount);
+LevelPose level_pose(const MountConfig& mount);
 
 /// Everything that stands still, as triangles in the levelled frame.
 /// @throws ConfigError if something stands on a lane or names an unknown road
-TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelFrame& frame);
-
-/// Footprints of what stands, world frame, for checks against vehicles.
-std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene);
+TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level);
 
 }  // namespace infrasim

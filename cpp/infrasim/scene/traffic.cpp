@@ -71,8 +71,8 @@ class Traffic {
         rng_(Rng::of(scene.seed, "traffic")),
         lanes_(network_.lanes.size()),
         signals_(network_.junctions.size()) {
-    for (std::size_t a = 0; a < network_.approaches.size(); ++a)
-      signals_[network_.approaches[a].junction].approaches.push_back(static_cast<int>(a));
+    for (std::size_t a = 0; a < network_.approach_junctions.size(); ++a)
+      signals_[network_.approach_junctions[a]].approaches.push_back(static_cast<int>(a));
     for (std::size_t i = 0; i < network_.lanes.size(); ++i)
       if (network_.lanes[i].entry) entries_.push_back(static_cast<int>(i));
     fill();
@@ -81,6 +81,7 @@ class Traffic {
   void step() {
     update_signals();
     choose_next_lanes();
+    commit_at_green();
     std::vector<std::vector<double>> acceleration(lanes_.size());
     for (std::size_t lane = 0; lane < lanes_.size(); ++lane)
       for (std::size_t i = 0; i < lanes_[lane].size(); ++i)
@@ -190,8 +191,7 @@ class Traffic {
   int next_lane(const Vehicle& v) const {
     const Lane& lane = lane_of(v);
     if (lane.next.size() == 1) return lane.next.front();
-    const JunctionConfig& junction =
-        network_.junctions[network_.approaches[lane.approach].junction];
+    const JunctionConfig& junction = network_.junctions[network_.approach_junctions[lane.approach]];
     for (const int next : lane.next) {
       const Turn turn = network_.lanes[next].turn;
       // A turn leaves from one of the lanes only, so its share of that lane is larger.
@@ -209,8 +209,8 @@ class Traffic {
     return std::ranges::count(network_.lanes, approach, &Lane::approach);
   }
 
-  double accelerate(int lane, std::size_t i) {
-    Vehicle& v = lanes_[lane][i];
+  double accelerate(int lane, std::size_t i) const {
+    const Vehicle& v = lanes_[lane][i];
     Leader leader = vehicle_ahead(lane, i);
     const Leader signal = red_signal(v);
     if (signal.gap < leader.gap) leader = signal;
@@ -250,16 +250,23 @@ class Traffic {
     return best;
   }
 
-  Leader red_signal(Vehicle& v) const {
-    const Lane& lane = lane_of(v);
-    if (lane.approach < 0 || v.committed) return {};
-    const double gap = lane.curve.length() - v.s - v.dx / 2;
-    const bool can_stop = gap > 0 && v.speed * v.speed / (2 * gap) < kCommitBraking;
-    if (is_green(lane.approach)) {
-      v.committed = !can_stop;
-      return {};
-    }
-    return {gap + kStandstillGap - 0.5, 0};
+  double to_stop_line(const Vehicle& v) const { return lane_of(v).curve.length() - v.s - v.dx / 2; }
+
+  /// Who could no longer stop if a green signal turned red will drive on.
+  void commit_at_green() {
+    for (auto& lane : lanes_)
+      for (Vehicle& v : lane) {
+        if (v.committed || lane_of(v).approach < 0 || !is_green(lane_of(v).approach)) continue;
+        const double gap = to_stop_line(v);
+        v.committed = !(gap > 0 && v.speed * v.speed / (2 * gap) < kCommitBraking);
+      }
+  }
+
+  /// The stop line of a red signal, as a vehicle that stands a little behind it.
+  Leader red_signal(const Vehicle& v) const {
+    const int approach = lane_of(v).approach;
+    if (approach < 0 || v.committed || is_green(approach)) return {};
+    return {to_stop_line(v) + kStandstillGap - 0.5, 0};
   }
 
   void advance(Vehicle& v, double acceleration) {
@@ -291,7 +298,7 @@ class Traffic {
   // --- signals ----------------------------------------------------------------------------
 
   bool is_green(int approach) const {
-    const Signal& signal = signals_[network_.approaches[approach].junction];
+    const Signal& signal = signals_[network_.approach_junctions[approach]];
     return signal.green && signal.approaches[signal.current] == approach;
   }
 
@@ -327,7 +334,7 @@ class Traffic {
   ObjectState state(const Vehicle& v) const {
     const Lane& lane = lane_of(v);
     const CurvePoint p = lane.curve.at(v.s);
-    const Vec2 xy = p.position + v.lateral * unit(p.heading + kPi / 2);
+    const Vec2 xy = p.position + v.lateral * heading_vector(p.heading + kPi / 2);
     return rounded({v.id,
                     v.object_class->id,
                     {xy.x, xy.y, lane.elevation_m + v.dz / 2, v.dx, v.dy, v.dz, p.heading},

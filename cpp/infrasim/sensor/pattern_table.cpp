@@ -44,13 +44,13 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
 }
 
 std::vector<FieldOfView> fields_of_view(const LidarConfig& lidar) {
-  std::vector<FieldOfView> fields;
+  std::vector<FieldOfView> views;
   for (const LidarUnit& unit : lidar.units) try {
-      fields.push_back(field_of_view(ScanPattern(unit.pattern, 0, rotation(0, 0, 0), 0)));
+      views.push_back(field_of_view(ScanPattern(unit.pattern, 0, rotation(0, 0, 0), 0)));
     } catch (const ConfigError& error) {
       throw ConfigError(lidar.name + ": " + error.what());
     }
-  return fields;
+  return views;
 }
 
 }  // namespace infrasim

@@ -69,4 +69,22 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
   out.resize(n);
 }
 
+std::vector<std::string> weather_warnings(const WeatherConfig& weather,
+                                          std::span<const LidarConfig> lidars) {
+  std::vector<std::string> lines;
+  if (weather.rain_mm_per_h == 0 && std::isinf(weather.visibility_m)) return lines;
+  for (const LidarConfig& lidar : lidars) {
+    const auto blind = std::ranges::count_if(
+        lidar.units, [](const LidarUnit& unit) { return !unit.returns.detection; });
+    if (blind == 0) continue;
+    const auto units = std::ssize(lidar.units);
+    const std::string where = blind == units ? ""
+                                             : " on " + std::to_string(blind) + " of its " +
+                                                   std::to_string(units) + " units";
+    lines.push_back(lidar.name + ", preset " + lidar.preset + ": weather: no effect" + where +
+                    ", found no returns.detection, allowed a preset that has it");
+  }
+  return lines;
+}
+
 }  // namespace infrasim

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+#include <string>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
@@ -52,5 +54,10 @@ class ReturnModel {
   ReturnsConfig config_;
   double extinction_per_m_ = 0;
 };
+
+/// One line for each LiDAR that the weather does not touch, wholly or on some of its units: what a
+/// user should know before the run.
+std::vector<std::string> weather_warnings(const WeatherConfig& weather,
+                                          std::span<const LidarConfig> lidars);
 
 }  // namespace infrasim

@@ -1,0 +1,113 @@
+#include "infrasim/pipeline/caster.h"
+
+#include <algorithm>
+
+#include "infrasim/sensor/pattern_table.h"
+#include "infrasim/sensor/reflectance.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
+
+/// Reflectance of what each ray hit; vehicles have that of their paint.
+void look_up_reflectance(const HitBatch& hits, std::span<const float> paint,
+                         std::vector<float>& out) {
+  out.resize(hits.size());
+  for (std::size_t i = 0; i < hits.size(); ++i)
+    out[i] = hits.object[i] >= 0 ? paint[static_cast<std::size_t>(hits.object[i])]
+                                 : background_reflectance(static_cast<Class>(hits.class_id[i]));
+}
+
+std::span<const std::uint32_t> tile_order(Emitter& emitter, std::int64_t groups) {
+  auto& order = emitter.tile_orders[groups];
+  if (order.empty()) order = emitter.pattern.tile_order(static_cast<int>(groups));
+  return order;
+}
+
+}  // namespace
+
+RayRange Emitter::rays(int k, double from, double to) const {
+  return pattern.fired_between((k + from) * kFramePeriod, (k + to) * kFramePeriod);
+}
+
+Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
+                     int first_ring) {
+  const MountConfig& mount = scene.mounts.begin()->second;
+  const LidarUnit& config = lidar.units[unit];
+  const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
+                    rotation(rad(config.yaw_deg), rad(config.pitch_deg), 0);
+  const auto& beam = config.returns.beam;
+  return {ScanPattern(config.pattern, start_phase_s(scene.seed, lidar, unit), pose, first_ring),
+          ReturnModel(config.returns, scene.weather),
+          beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
+          static_cast<float>(config.returns.max_range_m),
+          Rng::of(scene.seed, stream_name(lidar, unit)),
+          {}};
+}
+
+void Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles, Emitter& emitter,
+                  FrameBuilder& out) {
+  const RayRange frame = emitter.rays(k), range = emitter.rays(k, slice.from, slice.to);
+  const Rng rng = emitter.stream.at(static_cast<std::uint64_t>(k) + 1);
+  const int group = emitter.pattern.group_size();
+  const std::int64_t chunk = group * std::max(4, kChunkRays / group / 4 * 4);
+  for (std::int64_t first = range.first; first < range.last; first += chunk) {
+    const RayRange part{first, std::min(first + chunk, range.last)};
+    const auto first_in_frame = static_cast<std::uint64_t>(part.first - frame.first);
+    emitter.pattern.generate(part, k * kFramePeriod, rays_);
+    rays_.max_range = emitter.max_range;
+    select(emitter, rng, first_in_frame, part.size() / group);
+    cast_rays(emitter, vehicles.reflectance);
+    emitter.returns.apply(rng, first_in_frame, hits_, reflectance_, returns_);
+    collect(vehicles.moving, out);
+  }
+}
+
+/// Names the rays worth casting, near ones together: not those that look over everything there
+/// is, nor those whose return is lost whatever they hit.
+void Caster::select(Emitter& emitter, const Rng& rng, std::uint64_t first, std::int64_t groups) {
+  const float highest_dz = raycaster_.top() < 0 && !emitter.beam ? 0 : 1;
+  const ReturnModel& returns = emitter.returns;
+  selected_.clear();
+  for (const std::uint32_t i : tile_order(emitter, groups)) {
+    if (rays_.dz[i] > highest_dz) continue;
+    if (returns.loses_at_random() && returns.lost_at_random(rng, first + i)) continue;
+    selected_.push_back(i);
+  }
+}
+
+void Caster::cast_rays(const Emitter& emitter, std::span<const float> paint) {
+  if (emitter.beam) return cast_beams(*emitter.beam, paint);
+  const bool reflectance = emitter.returns.needs_reflectance();
+  raycaster_.cast(rays_, selected_, hits_, reflectance);
+  if (reflectance) look_up_reflectance(hits_, paint, reflectance_);
+}
+
+void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {
+  beam.expand(rays_, sub_rays_);
+  const auto n = static_cast<std::uint32_t>(beam.sub_rays());
+  sub_selected_.clear();
+  for (const std::uint32_t i : selected_)
+    for (std::uint32_t j = 0; j < n; ++j) sub_selected_.push_back(n * i + j);
+  raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
+  look_up_reflectance(sub_hits_, paint, sub_reflectance_);
+  beam.combine(sub_hits_, sub_reflectance_, hits_, reflectance_);
+}
+
+void Caster::collect(std::span<const MovingObject> objects, FrameBuilder& out) const {
+  out.reserve(returns_.size());
+  for (std::size_t n = 0; n < returns_.size(); ++n) {
+    const std::uint32_t i = returns_.ray[n];
+    const std::int32_t object = hits_.object[i];
+    const MovingObject* hit = object < 0 ? nullptr : &objects[static_cast<std::size_t>(object)];
+    out.add({rays_.dx[i], rays_.dy[i], rays_.dz[i], returns_.range[n], returns_.intensity[n],
+             rays_.time[i], rays_.ring[i],
+             hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : hits_.class_id[i],
+             object},
+            hit != nullptr ? hit->id : -1);
+  }
+}
+
+}  // namespace infrasim

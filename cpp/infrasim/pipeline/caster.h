@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/core/aggregation.h"
+#include "infrasim/core/rng.h"
+#include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/vehicles.h"
+#include "infrasim/raycast/raycaster.h"
+#include "infrasim/sensor/beam.h"
+#include "infrasim/sensor/return_model.h"
+#include "infrasim/sensor/scan_pattern.h"
+
+namespace infrasim {
+
+/// One optical unit of a LiDAR, ready to fire.
+struct Emitter {
+  ScanPattern pattern;
+  ReturnModel returns;
+  std::optional<Beam> beam;
+  float max_range;
+  Rng stream;                                                      ///< of its random numbers
+  std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
+
+  /// Rays that are fired within a share of frame k.
+  RayRange rays(int k, double from = 0, double to = 1) const;
+};
+
+/// @param unit       index in the LiDAR's units
+/// @param first_ring ring number of the unit's lowest laser
+Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
+                     int first_ring);
+
+/// Casts the rays of LiDARs and makes returns of their hits. Keeps its buffers from frame to frame.
+/// For one thread at a time.
+class Caster {
+ public:
+  explicit Caster(Raycaster& raycaster) : raycaster_(raycaster) {}
+
+  /// Adds the returns of the rays that the unit fires in one slice of frame k.
+  /// @param vehicles those that the raycaster has
+  void cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles, Emitter& emitter,
+            FrameBuilder& out);
+
+ private:
+  void select(Emitter& emitter, const Rng& rng, std::uint64_t first, std::int64_t groups);
+  void cast_rays(const Emitter& emitter, std::span<const float> paint);
+  void cast_beams(const Beam& beam, std::span<const float> paint);
+  void collect(std::span<const MovingObject> objects, FrameBuilder& out) const;
+
+  Raycaster& raycaster_;
+  RayBatch rays_;
+  std::vector<std::uint32_t> selected_;  ///< rays worth casting
+  HitBatch hits_;
+  std::vector<float> reflectance_;  ///< of the hits
+  ReturnBatch returns_;
+  RayBatch sub_rays_;  ///< of beams wider than a ray
+  std::vector<std::uint32_t> sub_selected_;
+  HitBatch sub_hits_;
+  std::vector<float> sub_reflectance_;
+};
+
+}  // namespace infrasim

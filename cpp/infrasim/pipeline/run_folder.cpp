@@ -1,0 +1,65 @@
+#include "infrasim/pipeline/run_folder.h"
+
+#include <cmath>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/core/version.h"
+#include "infrasim/io/data_set.h"
+#include "infrasim/io/kitti.h"
+#include "infrasim/sensor/pattern_table.h"
+
+namespace infrasim {
+
+namespace {
+
+std::string run_text(const RunRequest& request) {
+  return dump_scene(request.scene) + "preset: \"" + request.preset + "\"\nversion: \"" +
+         std::string(version()) + "\"\n";
+}
+
+/// Directions and ranges that a unit covers, as one entry of a YAML list.
+std::string view_text(const LidarUnit& unit, const FieldOfView& view) {
+  const auto n = [](double v) { return config::number_text(v); };
+  const auto two = [&](double v) { return n(std::round(v * 100) / 100); };
+  return "  - {yaw_deg: " + n(unit.yaw_deg) + ", pitch_deg: " + n(unit.pitch_deg) +
+         ", azimuth_deg: [" + two(view.azimuth_min_deg) + ", " + two(view.azimuth_max_deg) +
+         "], elevation_deg: [" + two(view.elevation_min_deg) + ", " + two(view.elevation_max_deg) +
+         "], range_m: [" + n(unit.returns.min_range_m) + ", " + n(unit.returns.max_range_m) +
+         "]}\n";
+}
+
+/// The LiDAR's configuration and what follows from it, for readers that know no scene.
+std::string lidar_text(const MountConfig& mount, const LidarConfig& lidar) {
+  const auto n = [](double v) { return config::number_text(v); };
+  std::string text = dump_lidar(lidar) + "preset: \"" + lidar.preset + "\"\n";
+  text += "price_total_usd: {low: " + n(lidar.price_usd.low) +
+          ", high: " + n(lidar.price_usd.high) + "}\n";
+  text += "period_s: " + n(kFramePeriod) + "\n";
+  text += "T_world_levelled: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) +
+          ", z_m: " + n(mount.z_m) + ", yaw_deg: " + n(mount.yaw_deg) + "}\n";
+  text += "T_levelled_sensor: {pitch_deg: " + n(mount.pitch_deg) +
+          ", roll_deg: " + n(mount.roll_deg) + "}\n";
+  text += "field_of_view:\n";
+  const std::vector<FieldOfView> views = fields_of_view(lidar);
+  for (std::size_t i = 0; i < views.size(); ++i) text += view_text(lidar.units[i], views[i]);
+  return text;
+}
+
+}  // namespace
+
+void open_run_folder(const RunRequest& request, const World& world) {
+  const MountConfig& mount = request.scene.mounts.begin()->second;
+  std::vector<std::string> texts;  // first, as they may be refused
+  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(mount, lidar));
+  create_folder(request.out);
+  claim_file(request.out / "dataset.yaml", run_text(request));
+  claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));
+  claim_file(request.out / "roads.csv", world.region.roads_csv());
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    const auto folder = request.out / request.lidars[i].name;
+    create_frame_folders(folder, request.scene.point_fields);
+    claim_file(folder / "lidar.yaml", texts[i]);
+  }
+}
+
+}  // namespace infrasim

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "infrasim/pipeline/run.h"
+#include "infrasim/pipeline/world.h"
+
+namespace infrasim {
+
+/// Creates the folder of a run with the texts that say what is in it (dataset.yaml,
+/// trajectories.csv, roads.csv and a lidar.yaml each), or checks that it holds the same run.
+/// @throws ConfigError for a LiDAR with rays that can't be traced
+/// @throws IoError if a file can't be written, or is there with another text
+void open_run_folder(const RunRequest& request, const World& world);
+
+}  // namespace infrasim

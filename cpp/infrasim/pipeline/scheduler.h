@@ -1,0 +1,156 @@
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <exception>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/pipeline/simulate.h"
+
+namespace infrasim {
+
+inline constexpr int kMostThreads = 1024;
+
+/// Which frames to compute, and how far ahead of whoever takes them.
+struct Schedule {
+  std::vector<int> frames;
+  int threads = 1;
+  std::size_t ahead = 1;                   ///< most frames under way or waiting to be taken
+  const std::atomic<int>* stop = nullptr;  ///< no frame is started any more once it is not 0
+};
+
+/// Computes frames on threads of its own, each frame whole on one of them with its own simulator,
+/// and hands the results over in the order of the frames. A thread that can't be started leaves
+/// its work to the others; without any, `next` computes.
+template <class Result>
+class Scheduler {
+ public:
+  /// What is wanted of one frame.
+  using Work = std::function<Result(FrameSimulator&, int)>;
+
+  /// The world must outlive the scheduler.
+  /// @throws ConfigError unless threads are 1 to kMostThreads
+  Scheduler(const World& world, std::vector<LidarConfig> lidars, Schedule schedule, Work work)
+      : world_(world),
+        lidars_(std::move(lidars)),
+        schedule_(std::move(schedule)),
+        work_(std::move(work)) {
+    const int threads = schedule_.threads;
+    if (threads < 1 || threads > kMostThreads)
+      throw ConfigError("threads: found " + std::to_string(threads) + ", allowed 1 to " +
+                        std::to_string(kMostThreads));
+    start(std::min(static_cast<std::size_t>(threads), schedule_.frames.size()));
+  }
+  /// Waits for the frames under way; results not taken are dropped.
+  ~Scheduler() {
+    const std::lock_guard lock(mutex_);
+    closed_ = true;
+    changed_.notify_all();
+  }
+  Scheduler(const Scheduler&) = delete;
+  Scheduler& operator=(const Scheduler&) = delete;
+
+  /// The next frame's number and result; nothing after the last, or the last before a stop. Blocks.
+  /// @throws what the first frame that failed threw, in its turn; none is started after an error
+  std::optional<std::pair<int, Result>> next() {
+    if (threads_.empty()) compute_here();
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return ready_.contains(taken_) || working_ == 0; });
+    auto result = ready_.extract(taken_);
+    if (result.empty() && error_) std::rethrow_exception(error_);
+    if (result.empty()) return std::nullopt;
+    changed_.notify_all();
+    return std::pair{schedule_.frames[taken_++], std::move(result.mapped())};
+  }
+
+  /// How many compute.
+  int threads() const { return std::max(1, static_cast<int>(threads_.size())); }
+
+ private:
+  void start(std::size_t threads) {
+    const std::lock_guard lock(mutex_);  // none ends before all are counted
+    threads_.reserve(threads);
+    try {
+      while (threads_.size() < threads) threads_.emplace_back([this] { compute_all(); });
+    } catch (const std::system_error&) {  // those that run do the work
+    }
+    working_ = threads_.size();
+  }
+
+  void compute_all() {
+    try {
+      FrameSimulator simulator(world_, lidars_);
+      while (const auto index = claim()) compute(simulator, *index);
+    } catch (...) {
+      fail(0);
+    }
+    const std::lock_guard lock(mutex_);
+    --working_;
+    changed_.notify_all();
+  }
+
+  void compute_here() {
+    if (!own_simulator_) own_simulator_.emplace(world_, lidars_);
+    if (const auto index = claim()) compute(*own_simulator_, *index);
+  }
+
+  void compute(FrameSimulator& simulator, std::size_t index) {
+    try {
+      Result result = work_(simulator, schedule_.frames[index]);
+      const std::lock_guard lock(mutex_);
+      ready_.emplace(index, std::move(result));
+      changed_.notify_all();
+    } catch (...) {
+      fail(index);
+    }
+  }
+
+  /// Index of the next frame to compute; waits while enough of them are ahead.
+  std::optional<std::size_t> claim() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return closed_ || started_ < taken_ + schedule_.ahead; });
+    const bool stopped = schedule_.stop != nullptr && *schedule_.stop != 0;
+    if (closed_ || stopped || started_ == schedule_.frames.size()) return std::nullopt;
+    return started_++;
+  }
+
+  /// Keeps the error of the earliest frame, whichever came first.
+  void fail(std::size_t index) {
+    const std::lock_guard lock(mutex_);
+    if (!error_ || index < failed_) {
+      error_ = std::current_exception();
+      failed_ = index;
+    }
+    closed_ = true;
+    changed_.notify_all();
+  }
+
+  const World& world_;
+  const std::vector<LidarConfig> lidars_;
+  const Schedule schedule_;
+  const Work work_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::size_t started_ = 0;  ///< of the schedule's frames; an index each, as the next two
+  std::size_t taken_ = 0;
+  std::size_t failed_ = 0;
+  std::size_t working_ = 0;  ///< threads that have not ended
+  bool closed_ = false;
+  std::exception_ptr error_;
+  std::map<std::size_t, Result> ready_;
+  std::optional<FrameSimulator> own_simulator_;  ///< of the caller, where no thread could start
+  std::vector<std::jthread> threads_;            // last: joined before the rest goes
+};
+
+}  // namespace infrasim

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/io/kitti.h"
+
+namespace infrasim {
+
+/// One row of summary.csv.
+struct SummaryRow {
+  std::string lidar;
+  std::string preset;
+  int frames = 0;
+  double rays_per_frame = 0;
+  double hits_per_frame = 0;
+  double vehicles_per_frame = 0;
+  double vehicle_points_per_frame = 0;
+  double seconds = 0;      ///< from rays to columns, summed over threads and divided by them
+  double mrays_per_s = 0;  ///< millions of rays cast per such second
+};
+
+/// What one frame of one LiDAR adds to its row.
+struct FrameTally {
+  FrameCounts counts;
+  std::size_t rays = 0;
+  double seconds = 0;  ///< 0 if the frame was on disk already
+};
+
+/// Sums up a run, one row per LiDAR.
+class Summary {
+ public:
+  explicit Summary(const std::vector<LidarConfig>& lidars);
+  /// @param tallies one per LiDAR
+  void add(const std::vector<FrameTally>& tallies);
+  /// Means over the frames so far.
+  /// @param threads that cast at the same time
+  std::vector<SummaryRow> rows(int threads) const;
+
+ private:
+  std::vector<SummaryRow> sums_;  ///< mrays_per_s: millions of rays cast
+};
+
+std::string summary_csv(const std::vector<SummaryRow>& rows);
+
+}  // namespace infrasim

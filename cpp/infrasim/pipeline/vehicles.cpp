@@ -1,0 +1,50 @@
+#include "infrasim/pipeline/vehicles.h"
+
+#include <cmath>
+
+#include "infrasim/core/rng.h"
+#include "infrasim/sensor/reflectance.h"
+
+namespace infrasim {
+
+namespace {
+
+/// True if some part of the object can be within reach at some time of the frame.
+bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
+  const double travel = std::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
+  const double half_diagonal = std::hypot(middle.dx, middle.dy) / 2;
+  return std::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
+}
+
+}  // namespace
+
+FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster) {
+  const Rng paint = Rng::of(world.scene.seed, "paint");
+  FrameVehicles out;
+  for (const MovingObject& o : world.trajectories.in_frame(k)) {
+    const Box3d box = world.level.to_level(o.at(0.5));
+    if (!reachable(o, box, reach)) continue;
+    out.moving.push_back(o);
+    out.bodies.push_back({static_cast<int>(body_index(o.object_class)),
+                          world.level.to_level(o.from), world.level.to_level(o.to)});
+    out.boxes.push_back(box);
+    out.reflectance.push_back(paint_reflectance(paint.at(static_cast<std::uint64_t>(o.id) + 1)));
+  }
+  raycaster.set_bodies(out.bodies, kFramePeriod);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Box3d middle = out.moving[i].at(0.5);
+    const bool inside = world.region.contains({middle.x, middle.y});
+    out.visibility.push_back(inside ? raycaster.visibility(i) : -1);
+  }
+  return out;
+}
+
+void freeze_vehicles(const World& world, const FrameVehicles& vehicles, double share,
+                     Raycaster& raycaster) {
+  std::vector<MovingBody> bodies = vehicles.bodies;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    bodies[i].from = bodies[i].to = world.level.to_level(vehicles.moving[i].at(share));
+  raycaster.set_bodies(bodies, kFramePeriod);
+}
+
+}  // namespace infrasim
