@@ -82,7 +82,7 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
     forget_failed(place, plan)
     left = place.without_row(plan.cells)
     if left:
-        simulate_worlds(plan, place, where, digests)
+        simulate_worlds(plan, place, where)
         pool.run(
             partial(fill, plan=plan, place=place, digests=digests, device=device),
             left,
@@ -116,12 +116,13 @@ def forget_failed(place: Place, plan: Plan) -> None:
         store.drop(file, rows, KEY)
 
 
-def simulate_worlds(plan: Plan, place: Place, where: pool.Pool, digests: pd.DataFrame) -> None:
+def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
     """All data sets of the plan, split, and their tables."""
     for world, cells in plan.worlds().items():
         for name in frames.lidars_of(cells):
             file = place.data(world) / name / "lidar.yaml"
             inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
+    digests = inputs.digests(plan)
     shards = frames.shards(plan, place.work, where.jobs)
     print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
     pool.call_all(frames.simulate, shards, replace(where, gpu=False))

@@ -64,4 +64,5 @@ def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[
     if table.empty or not keys:
         return [False] * len(keys)
     wanted = pd.DataFrame(keys)
-    return among(wanted, table, list(wanted)).to_list()
+    found: list[bool] = among(wanted, table, list(wanted)).to_list()
+    return found
