@@ -62,7 +62,7 @@ def link(at: Path, to: Path) -> None:
 def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folder: Path) -> None:
     """The row of a cell with a change, unless it is there."""
     key = dataclasses.asdict(cell) | change
-    if store.has(store.read(file), key):
+    if store.has(store.read(file, list(change)), key):
         return
     words = "_".join(str(value) for value in change.values())
     run = folder.parents[2] / "runs" / f"{cell.name}_{words}"

@@ -14,8 +14,14 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import yaml
+from yaml.constructor import SafeConstructor
 
 T = TypeVar("T")
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times faster where it is
+_MOST_LEVELS = 100  # of a file's nesting; libyaml's own recursion ends in a crash
+_NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # that PyYAML lets through
+_MOST_LETTERS = 60  # of a value in a message
 
 
 class ConfigError(ValueError):
@@ -29,30 +35,49 @@ class Rule:
     low: float = -math.inf
     high: float = math.inf
     check: Callable[[Path, str], object] | None = None  # of the file and a text; raises ValueError
+    once: bool = False  # no value of a list may come again
 
 
 def ruled(
-    default: Any = dataclasses.MISSING, low: float = -math.inf, high: float = math.inf
+    default: Any = dataclasses.MISSING,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    once: bool = False,
 ) -> Any:
     """A field with a range; required if it has no default."""
-    return field(default=default, metadata={"rule": Rule(low, high)})
+    return field(default=default, metadata={"rule": Rule(low, high, once=once)})
 
 
-def checked(check: Callable[[Path, str], object]) -> Any:
+def checked(check: Callable[[Path, str], object], *, once: bool = False) -> Any:
     """A required field whose texts must pass a check; see Rule."""
-    return field(metadata={"rule": Rule(check=check)})
+    return field(metadata={"rule": Rule(check=check, once=once)})
 
 
 def read_config(file: Path, kind: type[T]) -> T:
     """The file as a `kind`. Raises ConfigError, and FileNotFoundError."""
     try:
-        node = yaml.compose(file.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+        node = compose(file.read_text(encoding="utf-8"))
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise ConfigError(f"{file}:{line}: is not YAML: {error.problem}") from None
+    except yaml.YAMLError as error:  # a character that YAML has not
+        raise ConfigError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: found byte {error.start} that is not UTF-8") from None
     return _struct(_Place(str(file), node, ""), kind)
+
+
+def compose(text: str) -> Any:
+    """The root node of a YAML text, None of an empty one. Raises yaml.YAMLError."""
+    level = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        level += isinstance(event, yaml.CollectionStartEvent)
+        level -= isinstance(event, yaml.CollectionEndEvent)
+        if level > _MOST_LEVELS:
+            what = f"found more than {_MOST_LEVELS} levels"
+            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)
+    return yaml.compose(text, Loader=_LOADER)
 
 
 def as_plain(value: Any) -> Any:
@@ -66,7 +91,7 @@ def as_plain(value: Any) -> Any:
 
 def from_plain(plain: object, kind: type[T], name: str) -> T:
     """The inverse of as_plain, checked as a file is; `name` stands for the file in messages."""
-    node = yaml.compose(yaml.safe_dump(plain), Loader=yaml.SafeLoader)
+    node = compose(yaml.safe_dump(plain))
     return _struct(_Place(name, node, ""), kind)
 
 
@@ -102,7 +127,7 @@ def _struct(place: _Place, kind: type[T]) -> T:
     hints = typing.get_type_hints(kind)
     places: dict[str, _Place] = {}
     for key_node, node in place.node.value:
-        key = str(key_node.value)
+        key = _shown(key_node).strip("'")
         here = place.at(key, node)
         if key not in fields:
             here.fail(f"found an unknown key, allowed {', '.join(fields)}")
@@ -123,7 +148,7 @@ def _struct(place: _Place, kind: type[T]) -> T:
 
 def _value(place: _Place, hint: Any, rule: Rule) -> Any:
     if hint is Any:
-        return yaml.safe_load(yaml.serialize(place.node))
+        return _loaded(place, "a value")
     if hint is Part:
         return Part(place)
     if dataclasses.is_dataclass(hint):
@@ -146,7 +171,14 @@ def _items(place: _Place, arguments: tuple[Any, ...], rule: Rule) -> tuple[Any, 
     nodes = place.node.value
     if arguments[-1] is not Ellipsis and len(nodes) != len(arguments):
         place.fail(f"found {len(nodes)} values, allowed {len(arguments)}")
-    return tuple(_value(place.at(str(i), n), arguments[0], rule) for i, n in enumerate(nodes))
+    places = [place.at(str(i), node) for i, node in enumerate(nodes)]
+    values = [_value(here, arguments[0], rule) for here in places]
+    if rule.once:
+        first: dict[Any, int] = {}
+        for i, value in enumerate(values):
+            if first.setdefault(value, i) != i:
+                places[i].fail(f"found {_shown(nodes[i])} twice, allowed once")
+    return tuple(values)
 
 
 def _word(place: _Place, allowed: tuple[Any, ...]) -> Any:
@@ -157,20 +189,34 @@ def _word(place: _Place, allowed: tuple[Any, ...]) -> Any:
 
 def _scalar(place: _Place, kind: type[Any], rule: Rule) -> Any:
     names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
-    value: Any = yaml.safe_load(yaml.serialize(place.node))
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not kind:
+    value: Any = _loaded(place, names[kind])
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if type(value) is not kind and not (kind is float and is_whole):
         place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
     if kind in (int, float) and not rule.low <= value <= rule.high:
-        place.fail(f"found {value:g}, allowed {rule.low:g} to {rule.high:g}")
+        found = _shown(place.node).strip("'").lstrip(".")
+        place.fail(f"found {found}, allowed {rule.low:g} to {rule.high:g}")
     if kind is str and rule.check is not None:
         try:
             rule.check(Path(place.file), value)
         except ValueError as error:
             place.fail(str(error))
-    return value
+    try:
+        return float(value) if kind is float else value
+    except OverflowError:
+        place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
+
+
+def _loaded(place: _Place, allowed: str) -> Any:
+    """What YAML takes a node for."""
+    try:
+        return SafeConstructor().construct_document(place.node)
+    except (yaml.YAMLError, *_NO_VALUE):  # as in 2001-02-30, `!!int x`, `!!int` or `!!bool x`
+        place.fail(f"found {_shown(place.node)}, allowed {allowed}")
 
 
 def _shown(node: Any) -> str:
-    return f"'{node.value}'" if isinstance(node, yaml.ScalarNode) else "a collection"
+    if not isinstance(node, yaml.ScalarNode):
+        return "a collection"
+    text = str(node.value)
+    return f"'{text}'" if len(text) <= _MOST_LETTERS else f"'{text[:_MOST_LETTERS]}...'"

@@ -12,6 +12,7 @@ import pandas as pd
 
 from pyinfra.atomic import held
 from pyinfra.benchmark import frames, inputs, measure, pool, store
+from pyinfra.benchmark.cell_inputs import check_cells, claim_run, inputs_of
 from pyinfra.benchmark.detection_claims import claims_table
 from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, Plan
@@ -61,7 +62,8 @@ class Place:
 
     def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
         table = store.read(self.table("cells"))
-        return [cell for cell in cells if not store.has(table, asdict(cell))]
+        known = store.has_each(table, [vars(cell) for cell in cells])
+        return [cell for cell, there in zip(cells, known, strict=True) if not there]
 
 
 def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu") -> None:
@@ -72,7 +74,9 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
     """
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
-    inputs.check_frames(place.table("hits"), inputs.digests(plan))
+    digests = inputs.digests(plan)
+    inputs.check_frames(place.table("hits"), digests)
+    check_cells(place.table("cells"), plan)
     inputs.check_lidars(place.table("hits"), plan, place.data)
     check_costs(place, plan)
     forget_failed(place, plan)
@@ -80,7 +84,7 @@ def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu"
     if left:
         simulate_worlds(plan, place, where)
         pool.run(
-            partial(fill, plan=plan, place=place, device=device),
+            partial(fill, plan=plan, place=place, digests=digests, device=device),
             left,
             where,
             left=place.without_row,
@@ -134,10 +138,10 @@ def is_described(place: Place, cells: Sequence[Cell]) -> bool:
     """Whether every LiDAR of the cells of one data set has its row of hits."""
     hits = store.read(place.table("hits"))
     wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
-    return all(store.has(hits, key) for key in wanted)
+    return all(store.has_each(hits, wanted))
 
 
-def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
+def fill(cell: Cell, plan: Plan, place: Place, digests: pd.DataFrame, device: str) -> None:
     """The rows of one cell, unless another process is at it; an exception becomes its reason."""
     run = place.work / "runs" / cell.name
     with held(run.with_name(f"{run.name}.lock"), wait=False) as ours:
@@ -146,8 +150,11 @@ def fill(cell: Cell, plan: Plan, place: Place, device: str) -> None:
         file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
         try:
             recipe = read_recipe(file, cell.tier)
+            own_inputs = inputs_of(cell, recipe, digests)
+            claim_run(run, own_inputs)
             with own_gpu(device, place.work) as own:
                 found = measure.tables(cell, recipe, folder, run, device=own)
+            found["cells"] = found["cells"].assign(**own_inputs)
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
         place.put(found)
@@ -159,7 +166,8 @@ def progress(cell: Cell, row: pd.Series) -> str:
     if pd.notna(row.get("reason")):
         return f"{cell.title}: failed: {row.reason}"
     ap = f"AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}]"
-    return f"{cell.title}: {ap}, {row.train_seconds} s"
+    found = f"; {row.findings}" if row.findings else ""
+    return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
 
 
 def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
@@ -167,12 +175,17 @@ def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
 
     Raises FileNotFoundError if there is none.
     """
+    check_cells(place.table("cells"), plan)
+    digests = inputs.digests(plan)
     runs, table = place.work / "runs", place.finished()
-    finished = [cell for cell in plan.cells if store.has(table, asdict(cell))]
+    known = store.has_each(table, [vars(cell) for cell in plan.cells])
+    finished = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
     here = [cell for cell in finished if (runs / cell.name).is_dir()]
     if not here:
         raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
     for cell in here:
+        recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
+        claim_run(runs / cell.name, inputs_of(cell, recipe, digests))
         times = measure.detected(runs / cell.name, place.data(cell.world) / cell.lidar, device)
         columns = measure.latency_columns(times)
         put_latency(cell, place, columns)
@@ -197,7 +210,7 @@ def conclude(place: Place, plan: Plan) -> None:
 
 
 def _conclude(place: Place, plan: Plan) -> None:
-    tables = {name: store.read(place.table(name), inputs.PRICE_TEXT) for name in READ}
+    tables = {name: store.read(place.table(name)) for name in READ}
     if not all(len(table) for table in tables.values()):
         return
     tables["lidars"] = inputs.with_prices(plan, tables["lidars"])

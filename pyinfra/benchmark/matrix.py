@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import math
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pyinfra.benchmark.value import Costs
 from pyinfra.config import ConfigError, checked, read_config, ruled
@@ -19,6 +21,10 @@ from pyinfra.training.sources import Tier
 Preset = Literal["paper", "equal", "datasheet"]
 # Of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
+MOST_FRAMES = 360_000  # of a scene: 36,000 s
+MOST_CELLS = 100_000  # of a benchmark, of 20 s at least
+# Names are folders and words of tables, which a shell or a spreadsheet must not take for more.
+NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
 
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
@@ -28,21 +34,34 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """
     folder = configs() / kind
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
+    if not NAME.fullmatch(path.stem):
+        raise ValueError(
+            f"found '{word}', allowed a name of up to 100 letters that begins with a letter, a "
+            "digit or _"
+        )
     if not path.is_file():
         names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
         raise ValueError(f"found '{word}', allowed a file or {names}")
     return path
 
 
+def files_of(kind: str) -> Any:
+    return checked(partial(config_file, kind), once=True)
+
+
 @dataclass(frozen=True)
 class Combinations:
     """All combinations of what it lists; names of configs/, or files beside the benchmark's."""
 
-    scenes: tuple[str, ...] = checked(partial(config_file, "scenes"))  # of configs/scenes
-    lidars: tuple[str, ...] = checked(partial(config_file, "lidars"))  # of configs/lidars
-    presets: tuple[Preset, ...] = ruled()  # of the LiDARs
-    detectors: tuple[str, ...] = checked(partial(config_file, "detectors"))  # of configs/detectors
-    seeds: tuple[int, ...] = (1,)  # of the training; the world keeps the scene's own
+    scenes: tuple[str, ...] = files_of("scenes")  # of configs/scenes
+    lidars: tuple[str, ...] = files_of("lidars")  # of configs/lidars
+    presets: tuple[Preset, ...] = ruled(once=True)  # of the LiDARs
+    detectors: tuple[str, ...] = files_of("detectors")  # of configs/detectors
+    seeds: tuple[int, ...] = ruled((1,), 0, 1e9, once=True)  # of the training, not of the world
+
+    @property
+    def cells(self) -> int:
+        return math.prod(len(values) for values in vars(self).values())
 
 
 @dataclass(frozen=True)
@@ -61,6 +80,11 @@ class Benchmark:
     frames: str = ""  # A:B[:STEP] in place of the tier's
     split: Parts = field(default_factory=Parts)
     costs: Costs = field(default_factory=Costs)
+
+    def __post_init__(self) -> None:
+        cells = sum(block.cells for block in self.matrix)
+        if not 1 <= cells <= MOST_CELLS:
+            raise ValueError(f"matrix: found {cells or 'no'} cells, allowed 1 to {MOST_CELLS}")
 
 
 @dataclass(frozen=True)
@@ -134,8 +158,6 @@ def read_plan(file: Path, tier: Tier) -> Plan:
                 yield Cell(scene, lidar, preset, detector, tier, seed)
 
     found = tuple(dict.fromkeys(cells()))
-    if not found:
-        raise ConfigError(f"{file}: matrix: found no cell, allowed one or more")
     frames = benchmark.frames or FRAMES[tier]
     check_parts(file, frames, benchmark.split)
     return Plan(found, frames, files, benchmark.costs, benchmark.split)
@@ -151,10 +173,13 @@ def check_parts(file: Path, frames: str, parts: Parts) -> None:
 
 def range_of(frames: str) -> range:
     """A:B[:STEP]. Raises ConfigError if it is no range."""
-    words = frames.split(":")
-    if len(words) not in (2, 3) or not all(word.isdecimal() for word in words):
+    found = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
+    if found is None:
         raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")
-    numbers = range(*map(int, words)) if "0" not in words[2:] else range(0)
-    if not numbers:
-        raise ConfigError(f"frames: found '{frames}', allowed a range with frames")
+    first, end, step = (int(word or 1) for word in found.groups())
+    numbers = range(first, end, step) if step else range(0)
+    if not numbers or end > MOST_FRAMES:
+        raise ConfigError(
+            f"frames: found '{frames}', allowed a range with frames, up to {MOST_FRAMES}"
+        )
     return numbers

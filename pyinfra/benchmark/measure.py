@@ -17,12 +17,14 @@ from pyinfra.evaluation.evaluate import evaluate
 from pyinfra.evaluation.ground_truth import SETS
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
+from pyinfra.kitti.csv_table import read_csv
 from pyinfra.training import detect
 from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source
 from pyinfra.training.train import train
 
 Tables = dict[str, pd.DataFrame]
+SETTINGS = Settings(ground_truths=SETS)
 MEASURED = (
     *("ap", "ap_low", "ap_high", "ap_common", "ap_all", "objects", "train_seconds"),
     *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
@@ -33,17 +35,29 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
     """The rows of a cell: `cells`, `areas`, and `distance` without ground truth `common`.
 
     folder: the LiDAR's, split; run: where the model goes.
-    A training that was stopped goes on.
+    A training that was stopped goes on. Raises what training, detecting and evaluating raise, and
+    ValueError if no vehicle counts.
     """
     seconds = trained(cell, recipe, folder, run, device)
     times = detected(run, folder, device)
-    evaluation = evaluate(folder, run / "predictions", Settings(ground_truths=SETS))
+    evaluation = evaluate(folder, run / "predictions", SETTINGS)
+    check_counted(evaluation)
     windows = evaluation.distance_ap
     return {
         "areas": keyed(cell, evaluation.areas),
         "distance": keyed(cell, windows[windows.ground_truth != "common"]),
         "cells": pd.DataFrame([row(cell, evaluation, seconds, times)]),
     }
+
+
+def check_counted(evaluation: Evaluation) -> None:
+    """Raises ValueError if no vehicle counts, as then the cell has no AP."""
+    rows = evaluation.ap[evaluation.ap.ground_truth == "captured"]
+    if not rows.objects.sum():
+        raise ValueError(
+            f"found no vehicle with a point in the {len(evaluation.truth.frames)} test frames, "
+            "allowed one or more: AP is undefined"
+        )
 
 
 def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
@@ -53,7 +67,7 @@ def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) ->
     train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
     log = run / "log.csv"
     if log.exists():
-        return float(pd.read_csv(log).cpu_seconds.sum())
+        return float(read_csv(log).cpu_seconds.sum())
     return time.process_time() - before
 
 
@@ -89,6 +103,7 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -
         "train_seconds": round(seconds, 1),
         **latency_columns(times),
         **provenance(),
+        "findings": " ".join(dict.fromkeys(finding.name for finding in evaluation.findings)),
     }
 
 

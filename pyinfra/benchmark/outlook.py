@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import pandas as pd
 
 from pyinfra.benchmark import store
+from pyinfra.benchmark.cell_inputs import stale
 from pyinfra.benchmark.go import Place
 from pyinfra.benchmark.matrix import Cell, Plan
+from pyinfra.benchmark.value import KEY
 
 # CPU seconds of a cell on one core where no row says better: training, detection, evaluation.
 SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
@@ -16,11 +18,15 @@ BACKGROUND_S = 20.0
 
 
 def outlook(plan: Plan, place: Place, jobs: int) -> str:
-    """The cells that are not finished, and how long they will take by those that are."""
+    """The cells that are not finished and how long they will take by those that are; stale rows."""
     table = place.finished()
-    left = [cell for cell in plan.cells if not store.has(table, vars(cell))]
+    known = store.has_each(table, [vars(cell) for cell in plan.cells])
+    left = [cell for cell, there in zip(plan.cells, known, strict=True) if not there]
+    old = stale(plan, table)
     seconds = expected_seconds(left, table)
     lines = [f"{cell.title}: {s:.0f} s" for cell, s in zip(left, seconds, strict=True)]
+    names = old[KEY].astype(str).agg(" ".join, axis=1) if len(old) else ()
+    lines += [f"{name}: stale, of another recipe or other frames" for name in names]
     total = sum(seconds)
     lines.append(
         f"{len(left)} of {len(plan.cells)} cells to do: {total / 60:.0f} core-minutes, "

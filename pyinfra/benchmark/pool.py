@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +16,7 @@ import joblib
 Task = TypeVar("Task")
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
+LOOPBACK = "127.0.0.1"  # a cluster that is started here runs what it is sent, by whomever
 
 
 class NoGpu(ValueError):
@@ -25,8 +27,9 @@ class NoGpu(ValueError):
 class Pool:
     """Where tasks run.
 
-    address: of a cluster that is there; without it one is started here. gpu: each task needs one;
-    local tasks see to that themselves (gpus.py), a cluster sends them where GPUs are.
+    address: of a cluster that is there; without it one is started that only this machine reaches.
+    gpu: each task needs one; local tasks see to that themselves (gpus.py), a cluster sends them
+    where GPUs are.
     """
 
     backend: Backend = "local"
@@ -45,7 +48,13 @@ def workers(pool: Pool) -> Iterator[None]:
         with contextlib.ExitStack() as stack:
             where: Any = pool.address
             if not where:
-                cluster = LocalCluster(n_workers=pool.jobs, threads_per_worker=1, **needs)
+                cluster = LocalCluster(
+                    n_workers=pool.jobs,
+                    threads_per_worker=1,
+                    host=LOOPBACK,
+                    dashboard_address=f"{LOOPBACK}:0",  # its default is all of the machine's
+                    **needs,
+                )
                 where = stack.enter_context(cluster)
             stack.enter_context(Client(where))
             stack.enter_context(joblib.parallel_config("dask", **needs))
@@ -57,7 +66,8 @@ def workers(pool: Pool) -> Iterator[None]:
         register_ray()
         size: dict[str, Any]
         size = {"address": pool.address} if pool.address else {"num_cpus": pool.jobs}
-        with ray.init(**size, include_dashboard=False):
+        reach = contextlib.nullcontext() if pool.address else _on_loopback()
+        with reach, ray.init(**size, include_dashboard=False):
             needs = {"ray_remote_args": {"num_gpus": _share(pool)}} if pool.gpu else {}
             with joblib.parallel_config("ray", n_jobs=pool.jobs, **needs):
                 yield
@@ -69,6 +79,27 @@ def workers(pool: Pool) -> Iterator[None]:
             # Between tasks loky replaces a worker that has grown, as a training's does.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             yield
+
+
+@contextmanager
+def _on_loopback() -> Iterator[None]:
+    """Ray started inside listens on the loopback address alone, as it does elsewhere than on Linux.
+
+    It has no setting for that but this one, which it reads when it is imported; what it starts
+    reads the environment.
+    """
+    from ray._private import ray_constants
+
+    name, before = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", ray_constants.ENABLE_RAY_CLUSTER
+    old = os.environ.get(name)
+    os.environ[name], ray_constants.ENABLE_RAY_CLUSTER = "0", False
+    try:
+        yield
+    finally:
+        ray_constants.ENABLE_RAY_CLUSTER = before
+        os.environ.pop(name)
+        if old is not None:
+            os.environ[name] = old
 
 
 def _share(pool: Pool) -> float:

@@ -1,17 +1,21 @@
 """The tables of a folder of results, as the report reads them.
 
 A table that is not there is one without rows; a column that is needed and not there, or a number
-that is none, is an error that names file, row and column.
+that is none or out of its range, or a row twice, is an error that names file, row and column.
 """
 
 from __future__ import annotations
 
+import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pyinfra.kitti import FormatError
+from pyinfra.kitti.csv_table import numbers, read_words
 from pyinfra.statistics.selection import CELL, first_seed
 from pyinfra.training.sources import TIERS
 
@@ -31,10 +35,35 @@ class Kind:
     file: str
     texts: tuple[str, ...]
     numbers: tuple[str, ...]
+    key: tuple[str, ...]  # columns that are not all the same in two rows; none: any rows
 
 
-def _kind(file: str, texts: str, numbers: str) -> Kind:
-    return Kind(file, tuple(texts.split()), tuple(numbers.split()))
+def _kind(file: str, texts: str, numbers: str, key: str = "") -> Kind:
+    return Kind(file, tuple(texts.split()), tuple(numbers.split()), tuple(key.split()))
+
+
+_SHARE = (0.0, 100.0)
+_FROM_ZERO = (0.0, sys.float_info.max)
+_FINITE = (-sys.float_info.max, sys.float_info.max)
+_ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
+# What a column of numbers may hold, in whichever table; the others: 0 or more.
+RANGES = {
+    **dict.fromkeys("ap ap_low ap_high ap_common ap_all outside_box_percent".split(), _SHARE),
+    **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
+    **dict.fromkeys("value low high".split(), _ANY),
+    **dict.fromkeys("s change_percent".split(), _FINITE),
+    "rank_correlation": (-1.0, 1.0),
+    "mean_difference": (-100.0, 100.0),
+    "units": (1.0, 1e6),
+}
+ENDS = (  # of intervals
+    ("ap_low", "ap_high"),
+    ("p_low", "p_high"),
+    ("ci_low", "ci_high"),
+    ("low", "high"),
+    ("price_low_usd", "price_high_usd"),
+    ("from_m", "to_m"),
+)
 
 
 _CELL = " ".join((*CELL, "seed"))
@@ -43,41 +72,60 @@ KINDS = {
         "{tier}.csv",
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
+        _CELL,
     ),
     "areas": _kind(
         "{tier}_areas.csv",
         f"{_CELL} ground_truth road",
         "n_tda n_hqda p_hqda p_low p_high undecided objects",
+        f"{_CELL} ground_truth road",
     ),
     "distance": _kind(
         "{tier}_distance.csv",
         f"{_CELL} ground_truth road quality",
         "s ap ap_low ap_high objects predictions",
+        f"{_CELL} ground_truth road s",
     ),
-    "hits": _kind("{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame"),
+    "hits": _kind(
+        "{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame", "scene lidar preset"
+    ),
     "points": _kind(
         "{tier}_points_per_vehicle.csv",
         "scene preset set lidar",
         "from_m to_m vehicles apv ci_low ci_high",
+        "scene preset set lidar from_m",
     ),
     "value": _kind(
         "{tier}_value.csv",
         f"{_CELL} pareto dominated_by",
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
+        _CELL,
     ),
     "lidars": _kind(
-        "lidars.csv", "lidar price_source price_date", "units price_low_usd price_high_usd"
+        "lidars.csv",
+        "lidar price_source price_date",
+        "units price_low_usd price_high_usd",
+        "lidar preset",
     ),
     "claims": _kind("claims.csv", "claim preset statement verdict", "value low high"),
     "ap_claims": _kind(
-        "{tier}_claims.csv", "scene preset claim statement verdict", "value low high"
+        "{tier}_claims.csv",
+        "scene preset claim statement verdict",
+        "value low high",
+        "scene preset claim statement",
     ),
-    "paper": _kind("{tier}_paper.csv", "scene preset", "cells rank_correlation mean_difference"),
+    "paper": _kind(
+        "{tier}_paper.csv",
+        "scene preset",
+        "cells rank_correlation mean_difference",
+        "scene preset",
+    ),
     "stress": _kind(
         "stress.csv",
         "detector run lidar preset scene stressor dial unit seed frames",
         "ap ap_low ap_high",
+        "detector run lidar preset scene stressor dial seed frames",
     ),
     "stress_ranking": _kind("stress_ranking.csv", "", ""),
     "stress_summary": _kind("stress_summary.csv", "", ""),
@@ -164,19 +212,25 @@ def _with_reasons(cells: pd.DataFrame) -> pd.DataFrame:
 
 
 def _read(file: Path, kind: Kind) -> pd.DataFrame:
-    columns = [*kind.texts, *kind.numbers]
     if not file.is_file():
         return _empty(kind)
     try:
-        table = pd.read_csv(file, dtype=str, keep_default_na=False)
-    except ValueError as error:
-        raise ValueError(f"{file}: is no table: {error}") from None
+        return _checked(file, kind)
+    except FormatError as error:  # a folder of no results was named
+        raise ValueError(str(error)) from None
+
+
+def _checked(file: Path, kind: Kind) -> pd.DataFrame:
+    columns = [*kind.texts, *kind.numbers]
+    table = read_words(file)
     missing = [column for column in columns if column not in table]
     if missing:
         raise ValueError(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
-    numbers = {name: _numbers(file, table[name]) for name in kind.numbers}
-    return table.assign(origin=origin, **numbers)
+    values = {name: _in_range(file, table[name]) for name in kind.numbers}
+    _check_order(file, values)
+    _check_key(file, table, kind.key)
+    return table.assign(origin=origin, **values)
 
 
 def _empty(kind: Kind) -> pd.DataFrame:
@@ -184,13 +238,44 @@ def _empty(kind: Kind) -> pd.DataFrame:
     return pd.DataFrame(texts | {name: pd.Series(dtype=np.float64) for name in kind.numbers})
 
 
-def _numbers(file: Path, column: pd.Series) -> pd.Series:
+def _in_range(file: Path, column: pd.Series) -> pd.Series:
     """A column as numbers, NaN where a cell is empty."""
-    values = pd.to_numeric(column.where(column != "", "nan"), errors="coerce")
-    wrong = values.isna() & (column != "") & (column.str.lower() != "nan")
+    low, high = RANGES.get(str(column.name), _FROM_ZERO)
+    values = numbers(file, column).astype(np.float64)
+    wrong = values.notna() & ~values.between(low, high)
     if wrong.any():
         row = wrong.idxmax()
+        allowed = f"{low:g} to {high:g}" if high < _FROM_ZERO[1] else "a finite number"
+        allowed = "0 or more" if (low, high) == _FROM_ZERO else allowed
+        raise ValueError(f"{file}:{row + 2}: {column.name}: found {column[row]}, allowed {allowed}")
+    return values
+
+
+def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
+    for low, high in ENDS:
+        if low not in values or high not in values:
+            continue
+        wrong = values[low] > values[high]
+        if wrong.any():
+            row = wrong.idxmax()
+            raise ValueError(
+                f"{file}:{row + 2}: {low}: found {values[low][row]:g} above {high}, "
+                f"{values[high][row]:g}; allowed up to it"
+            )
+
+
+def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
+    """Raises ValueError for a row without a name, and for one that comes twice."""
+    here = [name for name in key if name in table]  # tables of earlier versions lack some
+    for name in here:
+        empty = table[name] == ""
+        if empty.any():
+            raise ValueError(f"{file}:{empty.idxmax() + 2}: {name}: found nothing, allowed a name")
+    twice = table.duplicated(here) if here else table.index < 0
+    if twice.any():
+        row = int(np.flatnonzero(twice)[0])
+        first = int(np.flatnonzero((table[here] == table.loc[row, here]).all(axis=1))[0])
         raise ValueError(
-            f"{file}:{row + 2}: {column.name}: found '{column[row]}', allowed a number or nothing"
+            f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: found in row {first + 2} too, "
+            "allowed once"
         )
-    return values.astype(np.float64)

@@ -9,18 +9,21 @@ import pandas as pd
 from pandas.api.types import is_string_dtype
 
 from pyinfra.atomic import held, replacing
+from pyinfra.kitti.csv_table import WORDS, read_csv
 
 
-def read(file: Path, text: Sequence[str] = ()) -> pd.DataFrame:
-    """The table, empty if there is none; `text` are columns whose numbers are kept as text."""
-    return pd.read_csv(file, dtype=dict.fromkeys(text, str)) if file.is_file() else pd.DataFrame()
+def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
+    """The table, empty if there is none; `words` are columns of text beside those of WORDS."""
+    return read_csv(file, WORDS.union(words)) if file.is_file() else pd.DataFrame()
 
 
 def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
     """Adds rows; those of the table with the same key go."""
-    text = [name for name in rows if is_string_dtype(rows[name])]
+    if rows.empty:
+        return
+    words = [name for name in rows if is_string_dtype(rows[name])]
     with held(lock(file), wait=True):
-        kept = without(read(file, text), rows, key)
+        kept = without(read(file, words), rows, key)
         write(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))
 
 
@@ -53,4 +56,13 @@ def among(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.Ser
 
 
 def has(table: pd.DataFrame, key: Mapping[str, object]) -> bool:
-    return len(table) > 0 and bool(among(table, pd.DataFrame([key]), list(key)).any())
+    return has_each(table, [key])[0]
+
+
+def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[bool]:
+    """Of each key whether the table has a row with it; all keys have the same columns."""
+    if table.empty or not keys:
+        return [False] * len(keys)
+    wanted = pd.DataFrame(keys)
+    found: list[bool] = among(wanted, table, list(wanted)).to_list()
+    return found

@@ -58,6 +58,6 @@ def run(args: argparse.Namespace) -> int:
         device_of(args.device)
     benchmark(plan, place, where, device=args.device)
     table = place.finished()
-    done = [store.has(table, vars(cell)) for cell in plan.cells]
+    done = store.has_each(table, [vars(cell) for cell in plan.cells])
     print(f"{sum(done)} of {len(plan.cells)} cells in {place.table('cells')}")
     return 0 if all(done) else 1

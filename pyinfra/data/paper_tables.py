@@ -2,14 +2,15 @@
 
 import pandas as pd
 
+from pyinfra.kitti.csv_table import read_csv
 from pyinfra.simulator.catalogue import configs
 
 
 def paper_hits() -> pd.DataFrame:
     """The paper's table: columns lidar, scene, hits; LiDARs by the names they have here."""
-    return pd.read_csv(configs() / "reference/paper_hit_points.csv")
+    return read_csv(configs() / "reference/paper_hit_points.csv")
 
 
 def paper_ap() -> pd.DataFrame:
     """The paper's AP: columns scene, lidar, detector, ap; by the names they have here."""
-    return pd.read_csv(configs() / "reference/paper_average_precision.csv")
+    return read_csv(configs() / "reference/paper_average_precision.csv")

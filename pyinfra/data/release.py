@@ -9,13 +9,12 @@ import hashlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import pandas as pd
-
 from pyinfra import kitti
 from pyinfra.atomic import replacing
 from pyinfra.data import split
 from pyinfra.data.card import data_card
 from pyinfra.data.data_set import DataSet, read_data_set
+from pyinfra.kitti.csv_table import read_csv
 from pyinfra.simulator import catalogue, runs
 
 FRAMES = 5000  # what a scene's 500 s hold
@@ -81,7 +80,7 @@ def write(out: Path, frames: range, preset: str, say: Callable[[str], None] | No
         sets.append(write_scene(scene, frames, preset, out / scene))
         if say:
             say(f"{out / scene}: {len(frames)} frames")
-    summaries = [pd.read_csv(data.folder / TIMES) for data in sets]
+    summaries = [read_csv(data.folder / TIMES) for data in sets]
     with replacing(out / CARD) as beside:
         beside.write_text(data_card(sets, summaries), encoding="utf-8")
     with replacing(out / SUMS) as beside:

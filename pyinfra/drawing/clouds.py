@@ -26,6 +26,7 @@ from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
 from pyinfra.data.data_set import FULL_CIRCLE_DEG
 from pyinfra.data.frames import PERIOD_S
+from pyinfra.kitti.csv_table import read_csv
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
@@ -283,7 +284,7 @@ def _palette() -> Image.Image:
 
 def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:
     """The evaluation region in the levelled LiDAR frame."""
-    roads = pd.read_csv(data_set / "roads.csv")
+    roads = read_csv(data_set / "roads.csv")
     x, y = roads["x"] - pose.x, roads["y"] - pose.y
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     return roads.assign(

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.arrays import FloatArray
+from pyinfra.kitti.csv_table import read_csv
 from pyinfra.simulator import launch
 
 PRESET = "paper"
@@ -85,7 +86,7 @@ def read_hits(summary: Path) -> pd.Series:
 
     Raises ValueError if it has other columns, no LiDAR or no frames.
     """
-    table = pd.read_csv(summary)
+    table = read_csv(summary)
     missing = [column for column in SUMMARY_COLUMNS if column not in table.columns]
     if missing:
         raise ValueError(f"{summary}:1: found no column {missing[0]}, needed {SUMMARY_COLUMNS}")

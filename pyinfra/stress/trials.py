@@ -18,6 +18,7 @@ from pyinfra.benchmark import store
 from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.kitti import VEHICLE_TYPES
+from pyinfra.kitti.csv_table import WORDS, read_csv
 from pyinfra.stress import lidar, score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
@@ -179,7 +180,7 @@ def read(file: Path) -> pd.DataFrame:
     """The rows that are there; keys are text. Raises ValueError for another table."""
     if not file.is_file():
         return pd.DataFrame(columns=list(COLUMNS))
-    table = pd.read_csv(file, dtype=dict.fromkeys((*KEY, "unit", "inputs"), str))
+    table = read_csv(file, WORDS.union(KEY))
     if "inputs" not in table:  # of an earlier version
         table["inputs"] = None
     missing = [name for name in COLUMNS if name not in table]

@@ -7,9 +7,11 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import joblib
 import pandas as pd
+import psutil
 import pytest
 import ray
 
@@ -257,6 +259,25 @@ def test_ray_gives_each_worker_a_gpu_of_its_own(monkeypatch: pytest.MonkeyPatch)
     assert set(found) == {"0", "1"}
 
 
+@pytest.mark.parametrize("backend", ["ray", "dask"])
+def test_a_cluster_that_is_started_here_listens_to_this_machine_alone(
+    backend: pool.Backend,
+) -> None:
+    with pool.workers(pool.Pool(backend, 1)):
+        joblib.Parallel(batch_size=1)(joblib.delayed(abs)(i) for i in range(2))
+        me = psutil.Process()
+        found = {c.laddr.ip for p in (me, *me.children(recursive=True)) for c in listening(p)}
+    assert found
+    assert {ip.removeprefix("::ffff:") for ip in found} == {"127.0.0.1"}
+
+
+def listening(process: psutil.Process) -> list[Any]:
+    try:
+        return [c for c in process.net_connections("inet") if c.status == psutil.CONN_LISTEN]
+    except psutil.Error:  # it has ended
+        return []
+
+
 def test_dask_runs_tasks_where_gpus_are() -> None:
     with pool.workers(pool.Pool("dask", 2, gpu=True)):
         assert joblib.Parallel()(joblib.delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
@@ -307,7 +328,15 @@ def test_a_dry_run_names_the_cells_and_their_time(
             r"small.yaml:7: matrix.0.detectors.1: found .none.yaml., ",
         ),
         (("0:5000:250", "'5:5'"), r"frames: found '5:5', allowed a range with frames"),
-        (("[highway]", "[]"), r"matrix: found no cell, allowed one or more"),
+        (("0:5000:250", "0:68719476736"), r"frames: found '0:68719476736', allowed A:B"),
+        (("0:5000:250", "0:500000000"), r"frames: found '0:500000000', .* up to 360000"),
+        (("[highway]", "[]"), r"matrix: found no cells, allowed 1 to 100000"),
+        (("[paper]", "[paper, paper]"), r":6: matrix.0.presets.1: found 'paper' twice, allowed on"),
+        (("[paper]", "[paper]\n    seeds: [1, 1]"), r":7: matrix.0.seeds.1: found '1' twice"),
+        (("[paper]", "[paper]\n    seeds: [-1]"), r":7: matrix.0.seeds.0: found -1, allowed 0 to"),
+        (("[paper]", "[paper]\n    seeds: [1e400]"), r":7: matrix.0.seeds.0: found '1e400', allow"),
+        (("frames:", "costs: {years: .nan}\nframes:"), r":2: costs.years: found nan, allowed 0 to"),
+        (("frames:", "costs: {years: -1}\nframes:"), r":2: costs.years: found -1, allowed 0 to"),
     ],
 )
 def test_a_wrong_benchmark_says_where(
@@ -316,6 +345,21 @@ def test_a_wrong_benchmark_says_where(
     config.write_text(MATRIX.replace(*change))
     with pytest.raises(ConfigError, match=message):
         frames.shards(read_plan(config, "smoke"), tmp_path, 1)
+
+
+def test_a_benchmark_of_absurd_size_is_refused_at_once(config: Path) -> None:
+    seeds = ", ".join(map(str, range(100_001)))
+    config.write_text(MATRIX.replace("[paper]", f"[paper]\n    seeds: [{seeds}]"))
+    with pytest.raises(ConfigError, match="matrix: found 400004 cells, allowed 1 to 100000"):
+        read_plan(config, "smoke")
+
+
+def test_keys_of_many_cells_are_looked_up_together() -> None:
+    cells = [vars(CELL) | {"seed": seed} for seed in range(20_000)]
+    known = store.has_each(pd.DataFrame(cells[::2]), cells)
+    assert known == [True, False] * 10_000
+    assert store.has_each(pd.DataFrame(), cells[:2]) == [False, False]
+    assert store.has_each(pd.DataFrame(cells), []) == []
 
 
 def test_every_benchmark_of_the_package_has_its_files() -> None:

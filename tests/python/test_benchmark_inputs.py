@@ -1,5 +1,6 @@
 """What a benchmark does when the files behind its names change: nothing old is taken for new."""
 
+import dataclasses
 import shutil
 from pathlib import Path
 
@@ -9,9 +10,11 @@ import yaml
 
 from pyinfra import cli
 from pyinfra.benchmark import inputs
+from pyinfra.benchmark.cell_inputs import claim_run, recipe_digest
 from pyinfra.benchmark.matrix import read_plan
 from pyinfra.config import ConfigError
 from pyinfra.simulator.catalogue import configs
+from pyinfra.training.recipe import read_recipe
 
 MATRIX = """
 frames: 0:20:5
@@ -143,6 +146,98 @@ def test_names_with_dots_have_locks_of_their_own(config: Path) -> None:
     assert run(config, "--jobs", "2") == 0
     table = pd.read_csv(config.parent / "out/smoke.csv")
     assert sorted(table.detector) == ["pillars_0.1", "pillars_0.2"]
+
+
+def test_rows_of_an_edited_recipe_are_named_and_not_kept(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recipe = config.parent / "mine.yaml"
+    shutil.copy(configs() / "detectors/background.yaml", recipe)
+    changed(config, "[background]", "[mine.yaml]")
+    assert run(config) == 0
+    table = config.parent / "out/smoke.csv"
+    before = table.read_bytes()
+    changed(recipe, "smoke: {}", "smoke: {network: {range_m: 50}}")
+    capsys.readouterr()
+    assert run(config, "--dry-run") == 0
+    assert "site own paper mine smoke 1: stale" in capsys.readouterr().out
+    assert run(config) == 2
+    error = capsys.readouterr().err
+    assert "smoke.csv: site own paper mine smoke 1: found rows of another recipe" in error
+    assert table.read_bytes() == before
+    assert run(config, "--out", str(config.parent / "other")) == 0
+
+
+def test_a_row_of_an_earlier_version_is_kept_with_a_warning(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(config) == 0
+    table = config.parent / "out/smoke.csv"
+    old = pd.read_csv(table).drop(columns=["inputs", "recipe", "findings"])
+    old.to_csv(table, index=False)
+    before = table.read_bytes()
+    capsys.readouterr()
+    assert run(config) == 0
+    assert "1 rows of an earlier version do not say of which recipe" in capsys.readouterr().err
+    assert table.read_bytes() == before
+
+
+def test_a_training_of_another_recipe_does_not_go_on(tmp_path: Path) -> None:
+    claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
+    claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing was learnt yet
+    (tmp_path / "run/last.safetensors").touch()
+    claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})
+    with pytest.raises(ConfigError, match="run: found a training of another recipe"):
+        claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
+
+
+def test_every_number_of_a_recipe_is_in_its_digest() -> None:
+    recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "quick")
+    learning = dataclasses.replace(recipe.learning, rate=0.004)
+    network = dataclasses.replace(recipe.network, pillar_m=0.5)
+    others = [dataclasses.replace(recipe, learning=learning)]
+    others += [dataclasses.replace(recipe, network=network)]
+    assert len({recipe_digest(r) for r in (recipe, *others)}) == 3
+
+
+@pytest.mark.parametrize("name", ["007", "NA", "1e5", "null"])
+def test_a_lidar_may_have_a_name_that_looks_like_no_text(name: str, config: Path) -> None:
+    own = (config.parent / "own.yaml").read_text()
+    (config.parent / f"{name}.yaml").write_text(own.replace("name: own", f'name: "{name}"'))
+    changed(config, "[own.yaml]", f"[{name}.yaml]")
+    assert run(config) == 0
+    assert run(config, "--dry-run") == 0
+    lines = (config.parent / "out/smoke.csv").read_text().splitlines()
+    assert [line.split(",")[1] for line in lines[1:]] == [name]
+
+
+@pytest.mark.parametrize("name", ["=1+1", "-rf", "+1", "@sum", ".hidden"])
+def test_a_name_that_is_an_order_to_a_shell_or_a_spreadsheet_is_refused(
+    name: str, config: Path
+) -> None:
+    (config.parent / "own.yaml").rename(config.parent / f"{name}.yaml")
+    changed(config, "[own.yaml]", f"['{name}.yaml']")
+    with pytest.raises(ConfigError, match="begins with a letter, a digit or _"):
+        read_plan(config, "smoke")
+
+
+def test_a_cell_without_a_counted_vehicle_says_so_and_others_go_on(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = (config.parent / "site.yaml").read_text().replace("name: site", "name: empty")
+    scene = yaml.safe_load(empty)
+    del scene["traffic"]
+    (config.parent / "empty.yaml").write_text(
+        yaml.safe_dump(scene | {"trajectories": "t.csv", "duration_s": 2.0})
+    )
+    rows = "".join(f"{k / 10:g},1,Car,900,0,1,0,4,2,2,0\n" for k in range(21))
+    (config.parent / "t.csv").write_text(f"t,id,class,x,y,z,heading,dx,dy,dz,speed\n{rows}")
+    changed(config, "[site.yaml]", "[empty.yaml, site.yaml]")
+    assert run(config) == 1
+    table = pd.read_csv(config.parent / "out/smoke.csv").set_index("scene")
+    assert table.ap.notna()["site"]
+    assert "no vehicle" in table.reason["empty"]
+    assert "empty own paper background smoke 1: failed: " in capsys.readouterr().err
 
 
 def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,6 +59,18 @@ def test_a_file_fills_the_class_and_keeps_its_defaults(tmp_path: Path) -> None:
         ("name: x\ninner:\n  sizes: [.nan]\n", ":3: inner.sizes.0: found nan, allowed 0 to 5"),
         ("name: x\non: 1\n", ":2: on: found '1', allowed true or false"),
         ("name: [x\n", "is not YAML"),
+        ("name: x\0\n", "is not YAML"),
+        ("[" * 200_000, "is not YAML: found more than 100 levels"),
+        ("- " * 200_000, "is not YAML: found more than 100 levels"),
+        (f"name: x\npair: [0, {'9' * 400}]\n", ":2: pair.1: found '9999"),
+        (f"name: x\npair: [0, {'9' * 5000}]\n", ":2: pair.1: found '9999"),
+        ("name: !!int x\n", ":1: name: found 'x', allowed a text"),
+        ("name: !!int\n", ":1: name: found '', allowed a text"),
+        ("name: !!bool x\n", ":1: name: found 'x', allowed a text"),
+        ("name: !!timestamp x\n", ":1: name: found 'x', allowed a text"),
+        ("name: 2001-02-30\n", ":1: name: found '2001-02-30', allowed a text"),
+        ("name: !new:os.system x\n", ":1: name: found 'x', allowed a text"),
+        ("name: x\n[a, b]: 3\n", "found an unknown key"),
     ],
 )
 def test_a_wrong_file_is_named_by_line_and_key(tmp_path: Path, text: str, message: str) -> None:

@@ -215,10 +215,10 @@ def test_nothing_follows_from_networks_of_the_smoke_tier(
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("quick.csv", "", "quick.csv: is no table"),
+        ("quick.csv", "", "quick.csv:1: found no columns"),
         ("quick.csv", "1,2,3\n4,5,6\n", "quick.csv:1: found no column scene"),
         ("quick_value.csv", "scene,lidar\n", "quick_value.csv:1: found no column preset"),
-        ("quick_distance.csv", "", "quick_distance.csv: is no table"),
+        ("quick_distance.csv", "", "quick_distance.csv:1: found no columns"),
         ("lidars.csv", "lidar\nruby_plus\n", "lidars.csv:1: found no column price_source"),
     ],
 )

@@ -1,6 +1,7 @@
 #include "infrasim/config/fields.h"
 
 #include <array>
+#include <cctype>
 
 namespace infrasim::config {
 
@@ -60,6 +61,11 @@ std::string number_text(double value) {
   if (exponent != std::string::npos && text.find('.') == std::string::npos)
     text.insert(exponent, ".0");
   return text;
+}
+
+bool begins_as_name(const std::string& text) {
+  const unsigned char first = text.empty() ? 0 : static_cast<unsigned char>(text.front());
+  return std::isalnum(first) != 0 || first == '_' || first >= 0x80;  // of a letter in UTF-8
 }
 
 FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {

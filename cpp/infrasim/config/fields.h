@@ -38,6 +38,10 @@ inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
 /// Shortest text that reads back as the same number.
 std::string number_text(double value);
 
+/// Whether a text begins with a letter, a digit or _: a shell and a spreadsheet take others, such
+/// as -rf and =1+1, for orders.
+bool begins_as_name(const std::string& text);
+
 template <class T>
 concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> && !std::is_same_v<T, Vec2>;
 

@@ -174,8 +174,10 @@ bool is_bundle(const LidarFile& c) {
 template <class Fields>
 void visit(Fields& f, LidarFile& c) {
   f.field("name", c.name, "name, and folder of its frames", required());
-  f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && !c.name.starts_with('.'), "name",
-          "found '" + c.name + "', allowed a name that can be a folder and a word of a table");
+  f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && config::begins_as_name(c.name),
+          "name",
+          "found '" + c.name + "', allowed a name that can be a folder and a word of a table, and " +
+              "begins with a letter, a digit or _");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
   f.field("random_phase", c.random_phase, "start the motors at a seeded random phase");

@@ -65,6 +65,8 @@ void visit(Fields& f, RoadConfig& c) {
   f.field("embankment", c.embankment, "slopes down from both edges");
   f.check(c.name.find(',') == std::string::npos && c.name.size() <= 100, "name",
           "found a comma or more than 100 letters, allowed a short name");
+  f.check(config::begins_as_name(c.name), "name",
+          "found '" + c.name + "', allowed a name that begins with a letter, a digit or _");
   const LanesConfig& l = c.lanes;
   const double half = l.median_m / 2 + l.each_way * l.width_m + l.shoulder_m + l.sidewalk_m;
   for (const CentrelinePiece& piece : c.centreline)
@@ -273,6 +275,8 @@ void visit(Fields& f, FilterConfig& c) {
 template <class Fields>
 void visit(Fields& f, SceneConfig& c) {
   f.field("name", c.name, "name of the scene", required());
+  f.check(config::begins_as_name(c.name), "name",
+          "found '" + c.name + "', allowed a name that begins with a letter, a digit or _");
   f.field("seed", c.seed, "seed of traffic, phases and returns");
   f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s", between(0.1, 36000));
   f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",

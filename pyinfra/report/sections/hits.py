@@ -9,6 +9,7 @@ import pandas as pd
 
 from pyinfra.benchmark.results import TableFile
 from pyinfra.data.paper_tables import paper_hits
+from pyinfra.kitti.csv_table import read_csv
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
@@ -55,7 +56,7 @@ def _measured(material: Material) -> tuple[pd.DataFrame, str]:
     if len(table) > 0:
         return table[[*KEY, "preset", "frames", "hits_per_frame", "origin"]], ""
     parts = [
-        pd.read_csv(data.folder / "summary.csv").assign(scene=data.scene, preset=data.preset)
+        read_csv(data.folder / "summary.csv").assign(scene=data.scene, preset=data.preset)
         for data in material.data
         if (data.folder / "summary.csv").is_file() and data.aggregation == "exact"
     ]

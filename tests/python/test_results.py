@@ -1,0 +1,98 @@
+"""Tables of results: what no measurement can say is refused with file, row and column."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pyinfra.benchmark.results import read_results
+from pyinfra.kitti import FormatError
+from pyinfra.kitti.csv_table import read_csv
+
+RESULTS = Path(__file__).resolve().parents[2] / "results"
+TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars", "quick_claims")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Results of a few rows a table."""
+    for name in TABLES:
+        lines = (RESULTS / f"{name}.csv").read_text().splitlines(keepends=True)
+        (tmp_path / f"{name}.csv").write_text("".join(lines[:6]))
+    return tmp_path
+
+
+def changed(file: Path, row: int, **values: object) -> None:
+    table = pd.read_csv(file, dtype=str, keep_default_na=False)
+    for name, value in values.items():
+        table.loc[row, name] = str(value)
+    table.to_csv(file, index=False)
+
+
+@pytest.mark.parametrize(
+    ("table", "values", "message"),
+    [
+        ("quick", {"ap": 943}, "quick.csv:4: ap: found 943, allowed 0 to 100"),
+        ("quick", {"ap_all": -1}, "quick.csv:4: ap_all: found -1, allowed 0 to 100"),
+        ("quick", {"ap": "inf"}, "quick.csv:4: ap: found inf, allowed 0 to 100"),
+        ("quick", {"ap": "much"}, "quick.csv:4: ap: found 'much', allowed a number"),
+        ("quick", {"ap_low": 90, "ap_high": 80}, "quick.csv:4: ap_low: found 90 above ap_high, 80"),
+        ("quick", {"latency_p50_ms": -3}, "quick.csv:4: latency_p50_ms: found -3, allowed 0 or"),
+        ("quick", {"lidar": ""}, "quick.csv:4: lidar: found nothing, allowed a name"),
+        ("quick_areas", {"n_hqda": -1}, "quick_areas.csv:4: n_hqda: found -1, allowed 0 or more"),
+        ("quick_distance", {"s": "inf"}, "quick_distance.csv:4: s: found inf, allowed a finite"),
+        ("quick_value", {"price_usd": -1}, "quick_value.csv:4: price_usd: found -1, allowed 0 or"),
+        ("lidars", {"units": 0}, "lidars.csv:4: units: found 0, allowed 1 to"),
+        ("lidars", {"price_low_usd": 9e6}, "lidars.csv:4: price_low_usd: found 9e+06 above price_"),
+    ],
+)
+def test_a_number_out_of_range_is_named_by_row_and_column(
+    table: str, values: dict[str, object], message: str, folder: Path
+) -> None:
+    changed(folder / f"{table}.csv", 2, **values)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        read_results(folder, "quick")
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_a_row_that_comes_twice_is_an_error(table: str, folder: Path) -> None:
+    file = folder / f"{table}.csv"
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join([*lines, lines[2]]))
+    with pytest.raises(ValueError, match=rf"{table}.csv:7: .*: found in row 3 too, allowed once"):
+        read_results(folder, "quick")
+
+
+def test_all_tables_of_the_project_are_in_range() -> None:
+    assert len(read_results(RESULTS, "quick").table("cells")) > 100
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "t.csv:1: found no columns"),
+        ("a,b\n1\n", "t.csv:2: found 1 columns, allowed 2"),
+        ("a,b\n1,2,3\n", "t.csv:2: found 3 columns, allowed 2"),
+        ("a,b\n1,2\n\n3,4\n", "t.csv:3: found 0 columns, allowed 2"),
+        ("a,a\n1,2\n", "t.csv:1: found column a twice, allowed once"),
+        ("a,b\n1,x\n", "t.csv:2: b: found 'x', allowed a number or nothing"),
+        ('a,b\n1,"2\n', "t.csv: is no table: unexpected end of data"),
+        ("a,b\n1,\0\n", "t.csv"),
+    ],
+)
+def test_what_is_no_table_is_said_with_its_line(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text(text)
+    with pytest.raises(FormatError, match=re.escape(message)):
+        read_csv(file)
+
+
+def test_words_stay_words_and_numbers_numbers(tmp_path: Path) -> None:
+    names = ["007", "NA", "1e5", "null", "True", "nan", ""]
+    file = tmp_path / "t.csv"
+    file.write_text("lidar,ap\n" + "".join(f"{name},{i}\n" for i, name in enumerate(names)))
+    table = read_csv(file)
+    assert table.lidar.fillna("").to_list() == names
+    assert table.lidar.isna().sum() == 1
+    assert table.ap.to_list() == list(range(7))
