@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.statistics.selection import CELL, first_seed
 from pyinfra.training.sources import TIERS
 
@@ -26,15 +27,19 @@ class TableFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """The file of a table, {tier} standing for the tier, and the columns that are needed."""
+    """The file of a table, {tier} standing for the tier, and the columns that are needed.
+
+    later: numbers that tables of earlier versions lack; they are NaN there.
+    """
 
     file: str
     texts: tuple[str, ...]
     numbers: tuple[str, ...]
+    later: tuple[str, ...] = ()
 
 
-def _kind(file: str, texts: str, numbers: str) -> Kind:
-    return Kind(file, tuple(texts.split()), tuple(numbers.split()))
+def _kind(file: str, texts: str, numbers: str, later: str = "") -> Kind:
+    return Kind(file, tuple(texts.split()), tuple(numbers.split()), tuple(later.split()))
 
 
 _CELL = " ".join((*CELL, "seed"))
@@ -43,6 +48,7 @@ KINDS = {
         "{tier}.csv",
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
+        "ap_all_low ap_all_high",
     ),
     "areas": _kind(
         "{tier}_areas.csv",
@@ -65,6 +71,7 @@ KINDS = {
         f"{_CELL} pareto dominated_by",
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
+        " ".join(SITE_ITEMS),
     ),
     "lidars": _kind(
         "lidars.csv", "lidar price_source price_date", "units price_low_usd price_high_usd"
@@ -175,13 +182,15 @@ def _read(file: Path, kind: Kind) -> pd.DataFrame:
     if missing:
         raise ValueError(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
-    numbers = {name: _numbers(file, table[name]) for name in kind.numbers}
+    there = [*kind.numbers, *(name for name in kind.later if name in table)]
+    numbers = dict.fromkeys(kind.later, np.nan) | {n: _numbers(file, table[n]) for n in there}
     return table.assign(origin=origin, **numbers)
 
 
 def _empty(kind: Kind) -> pd.DataFrame:
     texts = {name: pd.Series(dtype=str) for name in (*kind.texts, "origin")}
-    return pd.DataFrame(texts | {name: pd.Series(dtype=np.float64) for name in kind.numbers})
+    numbers = {name: pd.Series(dtype=np.float64) for name in (*kind.numbers, *kind.later)}
+    return pd.DataFrame(texts | numbers)
 
 
 def _numbers(file: Path, column: pd.Series) -> pd.Series:
