@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.benchmark.results import Results, read_results
-from pyinfra.benchmark.value import KEY, SITE_ITEMS, covered
+from pyinfra.benchmark.value import KEY, REGION_M, SITE_ITEMS, covered
 from pyinfra.data.frames import PERIOD_S
+from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.statistics.compare import Measured
 from pyinfra.statistics.selection import preset_of_answers
-
 
 FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
 
@@ -24,9 +24,9 @@ FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDA
 class Wish:
     """What a site asks for."""
 
-    budget_usd: float  # of LiDAR and site
-    min_ap: float  # 0 to 100, of all vehicles; also where road counts as covered
-    range_m: float  # of road, to either side of the sensor
+    budget_usd: float = math.inf  # of LiDAR and site
+    min_ap: float = HIGH_QUALITY  # 0 to 100, of all vehicles; also where road counts as covered
+    range_m: float = REGION_M  # of road, to either side of the sensor
     latency_ms: float = FRAME_MS  # of a frame, median, at most
 
 

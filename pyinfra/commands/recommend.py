@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from pyinfra.benchmark.options import FRAME_MS, Wish, read_options
+from pyinfra.benchmark.options import Wish, read_options
 from pyinfra.benchmark.recommend import recommend, told
 from pyinfra.benchmark.value import REGION_M
 from pyinfra.training.sources import TIERS
@@ -14,8 +14,8 @@ from pyinfra.training.sources import TIERS
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Says which LiDAR and detector suit a budget, by a benchmark's tables: those whose detector "
-        "keeps up with the LiDAR, by AP of all vehicles on the road. Brackets behind AP "
+        "Says which LiDAR and detector suit a budget, by a benchmark's tables: those whose "
+        "detector keeps up with the LiDAR, by AP of all vehicles on the road. Brackets behind AP "
         "are its 95 % interval; behind metres of road, the metres if every window's AP were at "
         "the low or at the high end of its own."
     )
@@ -32,30 +32,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
 
 
-def add_wish(parser: argparse.ArgumentParser, *, budget: bool = True) -> None:
+def add_wish(parser: argparse._ActionsContainer, *, budget: bool = True) -> None:
     """Options that `wish_of` reads; budget: whether that one is needed."""
     parser.add_argument(
         "--budget",
         type=float,
         required=budget,
-        default=math.inf,
+        default=Wish.budget_usd,
         help=f"USD for LiDAR and site{'' if budget else '; default: any'}",
     )
     parser.add_argument(
         "--min-ap",
         type=float,
-        default=85.0,
+        default=Wish.min_ap,
         help="AP of all vehicles, 0 to 100, at least; also where road counts as covered; "
-        "default: 85",
+        f"default: {Wish.min_ap:g}",
     )
     parser.add_argument(
-        "--range", type=float, default=100.0, help="metres of road to either side; default: 100"
+        "--range",
+        type=float,
+        default=Wish.range_m,
+        help=f"metres of road to either side; default: {Wish.range_m:g}",
     )
     parser.add_argument(
         "--latency",
         type=float,
-        default=FRAME_MS,
-        help=f"milliseconds a frame, median, at most; default: {FRAME_MS:g}, real time",
+        default=Wish.latency_ms,
+        help=f"milliseconds a frame, median, at most; default: {Wish.latency_ms:g}, real time",
     )
 
 
