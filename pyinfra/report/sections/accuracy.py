@@ -80,7 +80,7 @@ def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
     finished = int(cells.ap.notna().sum())
     text = (
         f"{finished} of {len(cells)} cells have an AP (0 to 100; bird's-eye overlap of 0.5 or "
-        "more; captured vehicles, as the paper counts them), each with its 95 % interval over "
+        "more; vehicles with at least one point), each with its 95 % interval over "
         "blocks of time."
     )
     seeds = cells.seed.nunique()

@@ -26,7 +26,7 @@ def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
     answer = recommend(options, material.wish)
     lead = _lead(material, answer, options[0])
     blocks: list[Block] = [_table(material, answer)] if answer.named else []
-    blocks += [Text(spelled(material, remark)) for remark in answer.remarks]
+    blocks += [Text(spelled(material, remark.replace("`", ""))) for remark in answer.remarks]
     return lead, blocks
 
 
@@ -55,7 +55,7 @@ def _table(material: Material, answer: Answer) -> Table:
     heads += [] if answer.meets else [Column("To relax")]
     rows = [_row(material, option, relax=not answer.meets) for option in answer.named]
     caption = (
-        "What `pyinfra recommend` names, by AP of all vehicles; AP is of those that the LiDAR "
+        "What pyinfra recommend names, by AP of all vehicles; AP is of those that the LiDAR "
         "captures. Road is covered where AP of all is above what is asked."
     )
     if not answer.meets:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import pandas as pd
@@ -136,8 +137,8 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
 
 def spelled(material: Material, text: str) -> str:
     """A text with models and detectors as the page calls them."""
-    for name in sorted(DETECTORS, key=len, reverse=True):
-        text = text.replace(name, DETECTORS[name]) if name in text.split() else text
+    for name, shown in DETECTORS.items():
+        text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", shown, text)
     return material.names.spelled(text)
 
 
