@@ -1,4 +1,4 @@
-"""Rotated boxes: their overlap, exact, in float64; and the points of the vehicles in them.
+"""Rotated boxes: footprints, overlap, exact, in float64; the points of the vehicles in them.
 
 A box is `x y z dx dy dz heading`: geometric centre, length width height, yaw about +z; metres and
 radians. Two sets of boxes are compared in one frame, whichever it is.
@@ -20,6 +20,15 @@ _CHUNK = 8192  # pairs at a time: the temporaries stay in the cache
 
 # Corners of the unit box, counter-clockwise from front right.
 _CORNERS = np.array([[0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]])
+
+
+def footprints(boxes: FloatArray) -> FloatArray:
+    """Corners in plan, counter-clockwise, of boxes (k, 7): (k, 4, 2)."""
+    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+    ahead = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
+    left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2
+    corners = [ahead + left, left - ahead, -ahead - left, ahead - left]
+    return boxes[:, None, :2] + np.stack(corners, axis=1)
 
 
 def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:

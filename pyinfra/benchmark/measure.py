@@ -26,7 +26,8 @@ from pyinfra.training.train import train
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SETS)
 MEASURED = (
-    *("ap", "ap_low", "ap_high", "ap_common", "ap_all", "objects", "train_seconds"),
+    *("ap", "ap_low", "ap_high", "ap_common", "ap_all", "ap_all_low", "ap_all_high"),
+    *("objects", "train_seconds"),
     *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
 )
 
@@ -99,6 +100,8 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -
         "ap_high": captured.ap_high,
         "ap_common": found.ap["common"],
         "ap_all": found.ap["all"],
+        "ap_all_low": found.ap_low["all"],
+        "ap_all_high": found.ap_high["all"],
         "objects": int(captured.objects),
         "train_seconds": round(seconds, 1),
         **latency_columns(times),

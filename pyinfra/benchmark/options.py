@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pyinfra.benchmark.results import Results, read_results
-from pyinfra.benchmark.value import KEY, covered
+from pyinfra.benchmark.value import KEY, REGION_M, SITE_ITEMS, covered
+from pyinfra.data.frames import PERIOD_S
+from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.statistics.compare import Measured
 from pyinfra.statistics.selection import preset_of_answers
+
+FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
 
 
 @dataclass(frozen=True)
 class Wish:
     """What a site asks for."""
 
-    budget_usd: float  # of LiDAR and site
-    min_ap: float  # 0 to 100, of the vehicles that a LiDAR captured; for road, of all
-    range_m: float  # of road, to either side of the sensor
-    latency_ms: float  # of a frame, at most
+    budget_usd: float = math.inf  # of LiDAR and site
+    min_ap: float = HIGH_QUALITY  # 0 to 100, of all vehicles; also where road counts as covered
+    range_m: float = REGION_M  # of road, to either side of the sensor
+    latency_ms: float = FRAME_MS  # of a frame, median, at most
 
 
 @dataclass(frozen=True)
@@ -37,28 +43,35 @@ class Option:
     preset: str
     lidar: str
     detector: str
-    ap: Measured  # 0 to 100, of the vehicles that the LiDAR captured
-    ap_all: float  # of all vehicles
+    ap_all: Measured  # 0 to 100, of all vehicles
+    ap: Measured  # of the vehicles that the LiDAR captured
     price_usd: float  # middle of low and high
     price_low_usd: float
     price_high_usd: float
+    site_usd: float  # what of the price is not the LiDAR's
+    site_items: Mapping[str, float]  # what it is the sum of; nothing if the table does not say
     covered_m: Measured
     road_m: float  # that was evaluated, within the range that is asked
-    latency_ms: float  # of a frame on one core, median
+    latency_ms: float  # of a frame on one core, median; NaN if it was not measured
+    latency_p95_ms: float
+    machine: str  # on which latency was measured; empty if the table does not say
 
     @property
     def name(self) -> str:
         return f"{self.lidar} with {self.detector}"
 
 
-def read_options(results: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
-    """The finished cells of a scene, lowest seed, best first: most road covered, then lowest price.
+def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
+    """As `options_of`, of the tables of a folder. Raises FileNotFoundError without a table."""
+    return options_of(read_tables(folder, tier), scene, preset, wish)
 
-    preset: by default that of the report's answers. Raises FileNotFoundError without a table, and
-    ValueError for a wrong table, a scene or preset that was not measured, or if a table has not
-    all cells.
+
+def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
+    """The finished cells of a scene, lowest seed, by AP of all vehicles, then price.
+
+    preset: by default that of the report's answers. Raises ValueError for a wrong table, a scene or
+    preset that was not measured, or if a table has not all cells.
     """
-    found = read_tables(results, tier)
     done = found.done()
     if done.empty:
         raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
@@ -69,7 +82,7 @@ def read_options(results: Path, tier: str, scene: str, preset: str, wish: Wish) 
     here = distance[(distance.scene == scene) & (distance.preset == preset)]
     table = joined(table, road(here, wish), file_of(found, "distance"))
     options = [option(row) for _, row in table.iterrows()]
-    return sorted(options, key=lambda o: (-o.covered_m.value, o.price_usd, -o.ap.value))
+    return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_all.value), o.price_usd))
 
 
 def read_tables(folder: Path, tier: str) -> Results:
@@ -97,7 +110,8 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
     scenes = sorted(set(done.scene))
     if scene not in scenes:
         if scene or len(scenes) != 1:
-            raise ValueError(f"--scene: found '{scene}', allowed {', '.join(scenes)}")
+            text = f"found '{scene}', allowed" if scene else "found none, allowed one of"
+            raise ValueError(f"--scene: {text} {', '.join(scenes)}")
         (scene,) = scenes
     here = done[done.scene == scene]
     presets = sorted(set(here.preset))
@@ -118,11 +132,12 @@ def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
 
 
 def prices(results: Results) -> pd.DataFrame:
-    """By cell price_usd, price_low_usd and price_high_usd, all of LiDAR and site.
+    """By cell price_usd, price_low_usd and price_high_usd, all of LiDAR and site, and the site's.
 
     Without a row in the table of LiDARs low and high are the price itself.
     """
-    value = results.table("value").dropna(subset="price_usd")[[*KEY, "price_usd", "site_usd"]]
+    columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
+    value = results.table("value").dropna(subset="price_usd")[columns]
     lidars = results.table("lidars")
     if lidars.empty:
         return value.assign(price_low_usd=value.price_usd, price_high_usd=value.price_usd)
@@ -157,12 +172,16 @@ def option(row: pd.Series) -> Option:
         preset=row.preset,
         lidar=row.lidar,
         detector=row.detector,
+        ap_all=Measured(row.ap_all, row.ap_all_low, row.ap_all_high),
         ap=Measured(row.ap, row.ap_low, row.ap_high),
-        ap_all=row.ap_all,
         price_usd=row.price_usd,
         price_low_usd=row.price_low_usd,
         price_high_usd=row.price_high_usd,
+        site_usd=row.site_usd,
+        site_items={item: row[item] for item in SITE_ITEMS if math.isfinite(row[item])},
         covered_m=Measured(row.covered_m, row.low_m, row.high_m),
         road_m=row.road_m,
         latency_ms=row.latency_p50_ms,
+        latency_p95_ms=row.latency_p95_ms,
+        machine=str(row.get("latency_machine", "")),
     )

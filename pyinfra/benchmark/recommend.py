@@ -8,59 +8,148 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 from pyinfra.benchmark.options import Option, Wish
+from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.statistics.compare import Measured
 
-MOST = 5
+MOST = 5  # options that are told in full
+NEAREST = 3  # of those that fall short, if none meets the wish
+STEP_AP = 2.5  # of the 40 recall levels that AP stands on: less is no difference without intervals
 
 
-def answer(options: Sequence[Option], wish: Wish) -> list[str]:
-    """Sentences: what to take, what cannot be told apart, what was left out and why."""
+@dataclass(frozen=True)
+class Shortfall:
+    """A limit that an option breaks."""
+
+    reason: str
+    relax: str  # the words of a command line that would let it in; nothing if none do
+    share: float  # of the limit, by which it is broken
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What to take, or what is nearest to it, best first; and what is to be known about it."""
+
+    meets: bool  # or the options named are the nearest to a wish that none meets
+    named: Sequence[Option]
+    remarks: Sequence[str]
+
+
+def recommend(options: Sequence[Option], wish: Wish) -> Answer:
+    """options: one or more, of one scene and preset, best first."""
     good = [option for option in options if not shortfalls(option, wish)]
     if not good:
-        return ["No option meets this.", *left_out(options, wish)]
+        near = nearest(options, wish)
+        rest = [option for option in options if option not in near]
+        return Answer(False, near, [*about(options), *left_out(rest, wish)])
     named, more = good[:MOST], good[MOST:]
-    lines = [f"{i}. {sentence(option, wish)}" for i, option in enumerate(named, 1)]
+    remarks = [*about(options), *doubts(named, wish), *left_out(options, wish)]
     if more:
         meet = "meets" if len(more) == 1 else "meet"
-        lines.append(f"And {len(more)} more that {meet} this: {names(more)}.")
-    return [*lines, *doubts(named, wish), *left_out(options, wish)]
+        remarks.insert(0, f"And {len(more)} more that {meet} this: {names(more)}.")
+    return Answer(True, named, remarks)
 
 
-def shortfalls(option: Option, wish: Wish) -> list[str]:
-    """Why an option does not meet the wish; nothing if it does."""
+def told(answer: Answer, wish: Wish) -> Iterator[str]:
+    """An answer line by line."""
+    if not answer.meets:
+        near = " The nearest, and what to relax:" if answer.named else ""
+        yield f"No option meets this.{near}"
+    for place, option in enumerate(answer.named, 1):
+        relaxed = "" if answer.meets else f"; meets it with {relaxation(option, wish)}"
+        yield f"{place}. {sentence(option, wish)}{relaxed}"
+    yield from answer.remarks
+
+
+def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
+    """Why an option does not meet the wish; nothing if it does. What is not known does not meet."""
     found = []
     if option.price_usd > wish.budget_usd:
-        found.append(f"costs {price(option, wish)}")
-    if option.ap.value < wish.min_ap:
-        found.append(f"AP {option.ap.value:.1f}")
-    if option.latency_ms > wish.latency_ms:
-        found.append(f"{option.latency_ms:.0f} ms a frame")
+        over = option.price_usd / wish.budget_usd - 1
+        relax = f"--budget {math.ceil(option.price_usd)}"
+        found.append(Shortfall(f"costs {price(option, wish)}", relax, over))
+    ap = option.ap_all.value
+    if not ap >= wish.min_ap:
+        relax = f"--min-ap {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
+        reason = f"AP {ap:.1f} of all" if math.isfinite(ap) else "no AP of all vehicles"
+        found.append(Shortfall(reason, relax, 1 - ap / wish.min_ap))
+    if not option.latency_ms <= wish.latency_ms:
+        known = math.isfinite(option.latency_ms)
+        relax = f"--latency {math.ceil(option.latency_ms)}" if known else ""
+        reason = f"{option.latency_ms:.0f} ms a frame" if known else "no latency was measured"
+        found.append(Shortfall(reason, relax, option.latency_ms / wish.latency_ms - 1))
     return found
+
+
+def nearest(options: Iterable[Option], wish: Wish) -> list[Option]:
+    """Those that break limits by the least share in sum; none that nothing would let in."""
+    broken = [(shortfalls(option, wish), option) for option in options]
+    can = [(own, option) for own, option in broken if all(one.relax for one in own)]
+    can.sort(key=lambda pair: sum(one.share for one in pair[0]))
+    return [option for _, option in can[:NEAREST]]
+
+
+def relaxation(option: Option, wish: Wish) -> str:
+    """The words of a command line that would let an option in."""
+    return " ".join(one.relax for one in shortfalls(option, wish))
 
 
 def sentence(option: Option, wish: Wish) -> str:
     road = option.covered_m
     return (
-        f"{option.name}: {price(option, wish)}; AP {with_interval(option.ap)} of the vehicles it "
-        f"captures, {option.ap_all:.1f} of all; AP above {wish.min_ap:g} of all on "
+        f"{option.name}: AP of all {with_interval(option.ap_all)}, of the vehicles it captures "
+        f"{with_interval(option.ap)}; {price(option, wish)}; AP above {wish.min_ap:g} of all on "
         f"{road.value:.0f} [{road.low:.0f} to {road.high:.0f}] of {option.road_m:.0f} m of road; "
-        f"{option.latency_ms:.0f} ms a frame on one core"
+        f"{option.latency_ms:.0f} ms a frame"
     )
 
 
 def price(option: Option, wish: Wish) -> str:
     """With the range of prices, if there is one, and whether a price too high may be within it."""
     text = f"{option.price_usd:,.0f} USD"
-    if option.price_low_usd == option.price_high_usd:
-        return text
-    may = option.price_low_usd <= wish.budget_usd < option.price_usd
-    return f"{text} ({price_range(option)}{': may be within the budget' if may else ''})"
+    lidar = f"LiDAR {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
+    span, may = "", ""
+    if option.price_low_usd != option.price_high_usd:
+        span = price_range(option)
+        within = option.price_low_usd <= wish.budget_usd < option.price_usd
+        may = ": may be within the budget" if within else ""
+    said = "; ".join(word for word in (f"{span}{may}", lidar) if word)
+    return f"{text} ({said})" if said else text
 
 
 def price_range(option: Option) -> str:
     return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
+
+
+def about(options: Sequence[Option]) -> Iterator[str]:
+    """What prices and latencies are of, the same for every option."""
+    yield from about_costs(options[0])
+    machines = ", ".join(sorted({option.machine for option in options} - {""}))
+    where = f"one core of {machines}" if machines else "one core"
+    yield f"Latency is of {where}; `pyinfra benchmark --latency` measures yours."
+
+
+def about_costs(option: Option) -> Iterator[str]:
+    """What the prices hold beside the LiDAR, the same for every option, and what they do not."""
+    if not option.site_usd:
+        items = ", ".join(map(item_name, SITE_ITEMS))
+        yield f"Prices are of LiDARs alone: {items} are missing (`costs` of the benchmark)."
+        return
+    text = f"In every price are {option.site_usd:,.0f} USD of the site"
+    if not option.site_items:
+        yield f"{text}; this table does not say for what."
+        return
+    paid = [f"{item_name(i)} {usd:,.0f}" for i, usd in option.site_items.items() if usd]
+    free = [item_name(item) for item in SITE_ITEMS if not option.site_items.get(item)]
+    missing = f"; missing: {', '.join(free)} (`costs` of the benchmark)" if free else ""
+    yield f"{text}: {', '.join(paid)}{missing}."
+
+
+def item_name(column: str) -> str:
+    """computer_usd: computer."""
+    return column.removesuffix("_usd")
 
 
 def with_interval(ap: Measured) -> str:
@@ -89,20 +178,23 @@ def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
     yield from doubts_of_order(first, others)
     yield from doubts_of_ap(named, wish)
     yield from doubts_of_price(named, wish)
+    yield from doubts_of_latency(named, wish)
     if first.covered_m.value < first.road_m:
         more = "several LiDARs, a higher budget or a lower AP might"
-        yield f"None of these covers the whole of the road; {more}."
+        yield f"The first does not cover the whole of the road; {more}."
 
 
 def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
     """Which others may be as good as the first."""
-    equal = [o for o in others if overlap(o.ap, first.ap)]
+    equal = [o for o in others if overlap(o.ap_all, first.ap_all)]
     if equal:
-        yield f"AP does not tell {first.name} from {names(equal)}: 95 % intervals overlap."
-    unknown = [o for o in others if not (is_known(o.ap) and is_known(first.ap))]
-    if unknown:
-        text = f"Whether AP tells {first.name} from {names(unknown)} cannot be told"
-        yield f"{text}: there is no interval."
+        text = f"AP of all does not tell {first.name} from {names(equal)}: 95 % intervals overlap"
+        yield f"{text}; {cheapest([first, *equal])}."
+    unknown = [o for o in others if not (is_known(o.ap_all) and is_known(first.ap_all))]
+    near = [o for o in unknown if first.ap_all.value - o.ap_all.value < STEP_AP]
+    if near:
+        text = f"AP of all does not tell {first.name} from {names(near)}: less than {STEP_AP:g} "
+        yield f"{text}apart, and without intervals; {cheapest([first, *near])}."
     as_far = [o for o in others if overlap(o.covered_m, first.covered_m)]
     if as_far:
         text = f"The road covered does not tell {first.name} from {names(as_far)}"
@@ -120,13 +212,14 @@ def cheapest(options: Sequence[Option]) -> str:
 
 def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
     """Which may miss the AP that is asked."""
-    unsure = f"Not sure to reach AP {wish.min_ap:g}"
-    below = [o for o in named if is_known(o.ap) and o.ap.low < wish.min_ap]
+    unsure = f"Not sure to reach AP {wish.min_ap:g} of all"
+    below = [o for o in named if is_known(o.ap_all) and o.ap_all.low < wish.min_ap]
     if below:
         yield f"{unsure}: {names(below)}: the interval begins below it."
-    unknown = [o for o in named if not is_known(o.ap)]
+    near = [o for o in named if o.ap_all.value - STEP_AP < wish.min_ap]
+    unknown = [o for o in near if not is_known(o.ap_all)]
     if unknown:
-        yield f"{unsure}: {names(unknown)}: there is no interval."
+        yield f"{unsure}: {names(unknown)}: less than {STEP_AP:g} above it, without an interval."
 
 
 def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
@@ -137,9 +230,17 @@ def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
         yield f"{own} may cost more than the budget: {span} USD."
 
 
-def left_out(options: Sequence[Option], wish: Wish) -> Iterator[str]:
+def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+    """Which are too late in more than one frame of twenty."""
+    late = [option for option in named if option.latency_p95_ms > wish.latency_ms]
+    if late:
+        text = f"Above {wish.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
+        yield f"{text}; the median is below."
+
+
+def left_out(options: Iterable[Option], wish: Wish) -> Iterator[str]:
     """The options that fall short, with the reasons."""
     for option in options:
-        reasons = shortfalls(option, wish)
-        if reasons:
-            yield f"Left out: {option.name}: {', '.join(reasons)}."
+        found = shortfalls(option, wish)
+        if found:
+            yield f"Left out: {option.name}: {', '.join(one.reason for one in found)}."

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.csv_table import numbers, read_words
 from pyinfra.statistics.selection import CELL, first_seed
@@ -30,16 +31,20 @@ class TableFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """The file of a table, {tier} standing for the tier, and the columns that are needed."""
+    """The file of a table, {tier} standing for the tier, and the columns that are needed.
+
+    later: numbers that tables of earlier versions lack; they are NaN there.
+    """
 
     file: str
     texts: tuple[str, ...]
     numbers: tuple[str, ...]
     key: tuple[str, ...]  # columns that are not all the same in two rows; none: any rows
+    later: tuple[str, ...]
 
 
-def _kind(file: str, texts: str, numbers: str, key: str = "") -> Kind:
-    return Kind(file, tuple(texts.split()), tuple(numbers.split()), tuple(key.split()))
+def _kind(file: str, texts: str, numbers: str, key: str = "", later: str = "") -> Kind:
+    return Kind(file, *(tuple(words.split()) for words in (texts, numbers, key, later)))
 
 
 _SHARE = (0.0, 100.0)
@@ -48,7 +53,10 @@ _FINITE = (-sys.float_info.max, sys.float_info.max)
 _ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
 # What a column of numbers may hold, in whichever table; the others: 0 or more.
 RANGES = {
-    **dict.fromkeys("ap ap_low ap_high ap_common ap_all outside_box_percent".split(), _SHARE),
+    **dict.fromkeys(
+        "ap ap_low ap_high ap_common ap_all ap_all_low ap_all_high outside_box_percent".split(),
+        _SHARE,
+    ),
     **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
     **dict.fromkeys("value low high".split(), _ANY),
     **dict.fromkeys("s change_percent".split(), _FINITE),
@@ -58,6 +66,7 @@ RANGES = {
 }
 ENDS = (  # of intervals
     ("ap_low", "ap_high"),
+    ("ap_all_low", "ap_all_high"),
     ("p_low", "p_high"),
     ("ci_low", "ci_high"),
     ("low", "high"),
@@ -73,6 +82,7 @@ KINDS = {
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _CELL,
+        "ap_all_low ap_all_high",
     ),
     "areas": _kind(
         "{tier}_areas.csv",
@@ -101,6 +111,7 @@ KINDS = {
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
         _CELL,
+        " ".join(SITE_ITEMS),
     ),
     "lidars": _kind(
         "lidars.csv",
@@ -227,15 +238,17 @@ def _checked(file: Path, kind: Kind) -> pd.DataFrame:
     if missing:
         raise ValueError(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
-    values = {name: _in_range(file, table[name]) for name in kind.numbers}
+    there = [*kind.numbers, *(name for name in kind.later if name in table)]
+    values = {name: _in_range(file, table[name]) for name in there}
     _check_order(file, values)
     _check_key(file, table, kind.key)
-    return table.assign(origin=origin, **values)
+    return table.assign(origin=origin, **dict.fromkeys(kind.later, np.nan) | values)
 
 
 def _empty(kind: Kind) -> pd.DataFrame:
     texts = {name: pd.Series(dtype=str) for name in (*kind.texts, "origin")}
-    return pd.DataFrame(texts | {name: pd.Series(dtype=np.float64) for name in kind.numbers})
+    values = {name: pd.Series(dtype=np.float64) for name in (*kind.numbers, *kind.later)}
+    return pd.DataFrame(texts | values)
 
 
 def _in_range(file: Path, column: pd.Series) -> pd.Series:

@@ -15,6 +15,7 @@ from pyinfra.statistics.selection import CELL, each_road_once
 KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
 REGION_M = 100.0
+SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
 
 
 @dataclass(frozen=True)
@@ -29,10 +30,16 @@ class Costs:
     years: float = ruled(0.0, 0, 100)  # of energy that are counted
 
     @property
+    def energy_usd(self) -> float:
+        return self.power_w / 1000 * 24 * 365.25 * self.years * self.usd_per_kwh
+
+    @property
     def site_usd(self) -> float:
-        energy_kwh = self.power_w / 1000 * 24 * 365.25 * self.years
-        fixed = self.pole_usd + self.installation_usd + self.computer_usd
-        return fixed + energy_kwh * self.usd_per_kwh
+        return sum(self.items().values())
+
+    def items(self) -> dict[str, float]:
+        """What site_usd is the sum of, by column of the table."""
+        return {name: getattr(self, name) for name in SITE_ITEMS}
 
 
 def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
@@ -45,8 +52,10 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     """
     cells = tables["cells"].dropna(subset=["ap"])[[*KEY, "ap", "ap_all"]]
     price = tables["lidars"].assign(
-        lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2, site_usd=costs.site_usd
-    )[["lidar", "preset", "lidar_usd", "site_usd"]]
+        lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2,
+        site_usd=costs.site_usd,
+        **costs.items(),
+    )[["lidar", "preset", "lidar_usd", "site_usd", *SITE_ITEMS]]
     areas = each_road_once(tables["areas"])
     areas = areas[areas.ground_truth == "all"].groupby(KEY, as_index=False)[["n_hqda"]].sum()
     hits = tables["hits"][["scene", "preset", "lidar", "vehicle_points_per_frame"]]

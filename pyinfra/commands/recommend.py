@@ -7,32 +7,22 @@ import math
 from pathlib import Path
 
 from pyinfra.benchmark.options import Wish, read_options
-from pyinfra.benchmark.recommend import answer
+from pyinfra.benchmark.recommend import recommend, told
 from pyinfra.benchmark.value import REGION_M
 from pyinfra.training.sources import TIERS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Says which LiDAR and detector suit a budget, by a benchmark's tables. Brackets behind AP "
+        "Says which LiDAR and detector suit a budget, by a benchmark's tables: those whose "
+        "detector keeps up with the LiDAR, by AP of all vehicles on the road. Brackets behind AP "
         "are its 95 % interval; behind metres of road, the metres if every window's AP were at "
         "the low or at the high end of its own."
     )
     parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
     parser.add_argument("results", type=Path, help="folder of `pyinfra benchmark`")
-    parser.add_argument("--budget", type=float, required=True, help="USD for LiDAR and site")
-    parser.add_argument(
-        "--min-ap",
-        type=float,
-        default=85.0,
-        help="AP of the vehicles that a LiDAR captured, 0 to 100, at least; also the AP of all "
-        "vehicles above which road counts as covered; default: 85",
-    )
-    parser.add_argument(
-        "--range", type=float, default=100.0, help="metres of road to either side; default: 100"
-    )
-    parser.add_argument("--latency", type=float, default=math.inf, help="milliseconds, at most")
-    parser.add_argument("--scene", default="", help="needed if several were measured")
+    add_wish(parser)
+    parser.add_argument("--scene", default="", help="which of the scenes, if several were measured")
     parser.add_argument(
         "--preset",
         default="",
@@ -42,23 +32,61 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
 
 
-def run(args: argparse.Namespace) -> int:
-    for key, value, top in (
-        ("--budget", args.budget, math.inf),
-        ("--min-ap", args.min_ap, 100),
-        ("--range", args.range, REGION_M),
-        ("--latency", args.latency, math.inf),
+def add_wish(parser: argparse._ActionsContainer, *, budget: bool = True) -> None:
+    """Options that `wish_of` reads; budget: whether that one is needed."""
+    parser.add_argument(
+        "--budget",
+        type=float,
+        required=budget,
+        default=Wish.budget_usd,
+        help=f"USD for LiDAR and site{'' if budget else '; default: any'}",
+    )
+    parser.add_argument(
+        "--min-ap",
+        type=float,
+        default=Wish.min_ap,
+        help="AP of all vehicles, 0 to 100, at least; also where road counts as covered; "
+        f"default: {Wish.min_ap:g}",
+    )
+    parser.add_argument(
+        "--range",
+        type=float,
+        default=Wish.range_m,
+        help=f"metres of road to either side; default: {Wish.range_m:g}",
+    )
+    parser.add_argument(
+        "--latency",
+        type=float,
+        default=Wish.latency_ms,
+        help=f"milliseconds a frame, median, at most; default: {Wish.latency_ms:g}, real time",
+    )
+
+
+def wish_of(args: argparse.Namespace) -> Wish:
+    """Raises ValueError for a number that makes no sense."""
+    for key, value, least, top in (
+        ("--budget", args.budget, 0, math.inf),
+        ("--min-ap", args.min_ap, 1, 100),
+        ("--range", args.range, 0, REGION_M),
+        ("--latency", args.latency, 0, math.inf),
     ):
-        if not 0 < value <= top:
-            raise ValueError(f"{key}: found {value:g}, allowed above 0 to {top:g}")
-    wish = Wish(args.budget, args.min_ap, args.range, args.latency)
+        if not least < value <= top:
+            text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
+            share = key == "--min-ap" and 0 < value <= 1
+            raise ValueError(f"{text}; AP is 0 to 100, not a share" if share else text)
+    return Wish(args.budget, args.min_ap, args.range, args.latency)
+
+
+def run(args: argparse.Namespace) -> int:
+    wish = wish_of(args)
     options = read_options(args.results, args.tier, args.scene, args.preset, wish)
     first = options[0]
     print(
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
-        f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g}, {wish.range_m:g} m either way."
+        f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g} of all, {wish.range_m:g} m either way, "
+        f"{wish.latency_ms:g} ms a frame."
     )
     if args.tier == "smoke":
         print("Networks of the smoke tier have hardly learnt: nothing follows from their AP.")
-    print(*answer(options, wish), sep="\n")
+    print(*told(recommend(options, wish), wish), sep="\n")
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pyinfra.data.surroundings import read_surroundings
 from pyinfra.viewer.page import check_file, write_page
 from pyinfra.viewer.selection import (
     chosen_folders,
@@ -63,7 +64,9 @@ def run(args: argparse.Namespace) -> int:
 
         size = recording.write(views, args.out)
     else:
-        size = write_page(views, title_of(folders, frames), args.out, args.most_points)
+        around = read_surroundings(folders[0].resolve().parent)
+        title = title_of(folders, frames)
+        size = write_page(views, title, args.out, args.most_points, around)
     count = (
         f"{len(views)} LiDAR{'s'[: len(views) > 1]}, {len(frames)} frame{'s'[: len(frames) > 1]}"
     )

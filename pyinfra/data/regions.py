@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.kitti import FormatError, WorldPose
 
 WINDOW_M = 20.0  # length of a window along its road
@@ -31,6 +31,7 @@ class Road:
     xy: FloatArray  # (n, 2)
     heading: FloatArray  # (n,)
     half_width: FloatArray  # (n,)
+    z: FloatArray  # (n,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,13 @@ def read_roads(file: Path) -> list[Road]:
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
         raise FormatError(f"{file}: road {name}: found s that does not rise, allowed rising s")
-    return Road(name, values[:, 0], values[:, 1:3], values[:, 4], values[:, 5])
+    return Road(name, values[:, 0], values[:, 1:3], values[:, 4], values[:, 5], values[:, 3])
+
+
+def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Floats | float) -> FloatArray:
+    """The curve to the left of a centreline (n, 2), by metres that are one or (n,): (n, 2)."""
+    aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
 
 
 def to_world(points: FloatArray, pose: WorldPose) -> FloatArray:

@@ -24,6 +24,8 @@ from PIL import Image
 
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
+from pyinfra.boxes import footprints
+from pyinfra.data import regions
 from pyinfra.data.data_set import FULL_CIRCLE_DEG
 from pyinfra.data.frames import PERIOD_S
 from pyinfra.kitti.csv_table import read_csv
@@ -146,7 +148,7 @@ def picture(view: Snapshot) -> Figure:
         axes.set_title(f"{title}\n{view.counts()}", loc="left")
         axes.set_xlabel("x, along the sensor's view (m)")
         axes.set_ylabel("y (m)")
-        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=4, frameon=False)
+        legend_below(figure, legend_handles())
     return figure
 
 
@@ -173,7 +175,7 @@ def sheet(views: Sequence[Sequence[Snapshot]]) -> Figure:
             grid[i, 0].set_ylabel(f"{row[0].scene}\ny (m)")
         for axes in grid[-1]:
             axes.set_xlabel("x (m)")
-        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=7, frameon=False)
+        legend_below(figure, legend_handles())
     return figure
 
 
@@ -300,16 +302,22 @@ def _outline(road: pd.DataFrame) -> FloatArray:
     return strip(road[["x", "y"]].to_numpy(), heading, half_width)
 
 
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """A legend under the axes, of as many columns as the width of the figure has room for."""
+    style: Any = {"handles": handles, "loc": "outside lower center", "frameon": False}
+    width, height = figure.get_size_inches()
+    empty = Figure(figsize=(width, height))
+    for columns in range(len(handles), 0, -1):
+        tried = empty.legend(ncols=columns, **style)
+        if columns == 1 or tried.get_window_extent().width <= empty.bbox.width:
+            break
+    figure.legend(ncols=columns, **style)
+
+
 def strip(centre: FloatArray, heading: FloatArray, half_width: FloatArray) -> FloatArray:
     """Both edges of a road with the centreline (n, 2) as one ring, (2 n, 2)."""
-    left = offset_curve(centre, heading, half_width)
-    return np.concatenate([left, offset_curve(centre, heading, -half_width)[::-1]])
-
-
-def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Any) -> FloatArray:
-    """The curve to the left of a centreline (n, 2), by metres that are one or (n,): (n, 2)."""
-    aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
+    left = regions.offset_curve(centre, heading, half_width)
+    return np.concatenate([left, regions.offset_curve(centre, heading, -half_width)[::-1]])
 
 
 def sector(unit: kitti.FieldOfView) -> FloatArray:
@@ -333,18 +341,14 @@ def _inside(xy: Floats, window: DrawnArea) -> BoolArray:
 
 def _draw_boxes(axes: Axes, boxes: FloatArray, look: Quality, *, headings: bool) -> None:
     """The footprints, crossed out if the vehicles were missed; a line leads to each front."""
-    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
-    forward = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
-    left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2
-    a, b = boxes[:, :2] + forward, boxes[:, :2] - forward
-    corners = np.stack([a + left, a - left, b - left, b + left], axis=1)  # (k, 4, 2)
+    corners = footprints(boxes)
     style: dict[str, Any] = {"linewidths": look.width, "linestyles": [look.line], "zorder": 3}
     axes.add_collection(
         PolyCollection(list(corners), facecolors="none", edgecolors=look.colour, **style)
     )
     lines = [*corners[:, ::2], *corners[:, 1::2]] if look.most == 0 else []
     if headings:
-        lines += [*np.stack([boxes[:, :2], a], axis=1)]
+        lines += [*np.stack([boxes[:, :2], corners[:, :2].mean(axis=1)], axis=1)]
     axes.add_collection(LineCollection(lines, colors=look.colour, linewidths=0.7, zorder=3))
 
 

@@ -1,8 +1,9 @@
-"""Plans of data sets' scenes: roads, lanes, stations, sensor and fields of view.
+"""Plans of data sets' scenes: roads, lanes, stations, buildings, sensor and fields of view.
 
 They can be read in black and white: the fields of view differ in the style of their lines.
 """
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,32 +17,25 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from pyinfra import kitti
+from pyinfra.boxes import footprints
 from pyinfra.data import regions
 from pyinfra.data.data_set import Tilt, sensor_tilt
 from pyinfra.data.regions import Road
+from pyinfra.data.surroundings import Surroundings, read_surroundings, road_lines
 from pyinfra.drawing import clouds
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0
+LABEL_LETTERS = 60  # of a line in the legend
 ARROW_M = 14.0
 CLEAR_M = 6.0  # around a crossing road no station is written
+BUILDING: dict[str, Any] = {"facecolor": "#D0D0D0", "edgecolor": "0.35"}
+ROAD_LINES: dict[str, dict[str, Any]] = {
+    "edge": {"linewidth": 0.8, "color": "black"},
+    "solid": {"linewidth": 0.4, "color": "0.4"},
+    "dashed": {"linewidth": 0.4, "color": "0.4", "linestyle": (0, (5, 5))},
+}
 LINES = ("-", (0, (6, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)))
-
-
-@dataclass(frozen=True)
-class Lanes:
-    """Lanes of a road, as `dataset.yaml` has them."""
-
-    each_way: int
-    width_m: float
-    median_m: float
-
-    def lines(self) -> dict[float, bool]:
-        """Metres to the left of the centreline at which a line lies, and whether it is solid."""
-        aside = [self.median_m / 2 + i * self.width_m for i in range(self.each_way + 1)]
-        solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
-        one_side = dict(zip(aside, solid, strict=True))
-        return {-a: s for a, s in reversed(one_side.items())} | one_side
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,38 +46,30 @@ class Scene:
     folders: tuple[Path, ...]  # one per LiDAR
     lidars: tuple[kitti.Lidar, ...]
     tilts: tuple[Tilt, ...]
-    roads: tuple[Road, ...]  # the evaluation region
-    lanes: dict[str, Lanes]  # by road
+    around: Surroundings
 
 
 def read_scene(folders: Sequence[Path]) -> Scene:
     """The data set of some LiDAR folders. Raises OSError, and kitti.FormatError with the line."""
     data_set = folders[0].parent
     top = kitti.read_yaml(data_set / "dataset.yaml")
-    lanes = {road.at("name").text(): road.at("lanes") for road in top.at("roads").items()}
     return Scene(
         name=top.at("name").text(),
         folders=tuple(folders),
         lidars=tuple(kitti.read_lidar(folder) for folder in folders),
         tilts=tuple(sensor_tilt(folder / "lidar.yaml") for folder in folders),
-        roads=tuple(regions.read_roads(data_set / "roads.csv")),
-        lanes={
-            name: Lanes(
-                each_way=int(own.at("each_way").number()),
-                width_m=own.at("width_m").number(),
-                median_m=own.at("median_m").number(),
-            )
-            for name, own in lanes.items()
-        },
+        around=read_surroundings(data_set),
     )
 
 
 def plan(scenes: Sequence[Scene]) -> Figure:
-    """Roads, lanes, stations, sensor and fields of view of scenes beside each other, to one scale.
+    """Roads, stations, buildings, sensor, fields of view of scenes side by side, to one scale.
 
     LiDARs that see the same area share a line.
     """
-    outlines = [[clouds.strip(r.xy, r.heading, r.half_width) for r in s.roads] for s in scenes]
+    outlines = [
+        [clouds.strip(r.xy, r.heading, r.half_width) for r in s.around.roads] for s in scenes
+    ]
     windows = [clouds.window_around(rings) for rings in outlines]
     widths = [window.shape()[0] for window in windows]
     height = max(window.shape()[1] for window in windows)
@@ -93,11 +79,11 @@ def plan(scenes: Sequence[Scene]) -> Figure:
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(1, len(scenes), squeeze=False, width_ratios=widths)[0]
         views: dict[str, dict[str, Any]] = {}
+        built = any(len(scene.around.buildings) for scene in scenes)
         for axes, scene, window, rings in zip(grid, scenes, windows, outlines, strict=True):
             for ring in rings:
                 axes.add_patch(Polygon(ring, color=clouds.REGION_COLOUR, zorder=0))
-            for road in scene.roads:
-                _draw_road(axes, road, scene)
+            _draw_surroundings(axes, scene)
             _draw_views(axes, scene, views)
             _draw_scale(axes, window)
             axes.set(aspect="equal", xlim=window.x, ylim=window.y, title=scene.name)
@@ -105,29 +91,30 @@ def plan(scenes: Sequence[Scene]) -> Figure:
         grid[0].set_ylabel("y, north (m)")
         handles = [
             Patch(color=clouds.REGION_COLOUR, label="evaluation region; s in m"),
+            *([Patch(**BUILDING, label="building")] if built else []),
             Line2D([], [], color="black", marker="^", linestyle="none", label="sensor, its yaw"),
             *(Line2D([], [], label=label, **style) for label, style in views.items()),
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+        clouds.legend_below(figure, handles)
     return figure
 
 
-def _draw_road(axes: Axes, road: Road, scene: Scene) -> None:
-    """Edges, lane lines and stations, but not where another road crosses."""
-    others = [other for other in scene.roads if other is not road]
+def _draw_surroundings(axes: Axes, scene: Scene) -> None:
+    """Buildings, edges and lane lines of the roads, and their stations."""
+    for corners in footprints(scene.around.buildings):
+        axes.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
+    for line in road_lines(scene.around):
+        axes.plot(line.xyz[:, 0], line.xyz[:, 1], zorder=1, **ROAD_LINES[line.kind])
+    for road in scene.around.roads:
+        _draw_stations(axes, road, scene)
 
-    def draw(left_m: Any, **style: Any) -> None:
-        line = clouds.offset_curve(road.xy, road.heading, left_m)
-        line[regions.locate(line, others).inside] = np.nan
-        axes.plot(line[:, 0], line[:, 1], zorder=1, **style)
 
-    for side in (-1, 1):
-        draw(side * road.half_width, linewidth=0.8, color="black")
-    for left_m, solid in scene.lanes[road.name].lines().items():
-        draw(left_m, linewidth=0.4, color="0.4", linestyle="-" if solid else (0, (5, 5)))
+def _draw_stations(axes: Axes, road: Road, scene: Scene) -> None:
+    """Metres along a road, beside it, but not where another road crosses."""
+    others = [other for other in scene.around.roads if other is not road]
     side = -1 if _is_left(road, scene.lidars[0].T_world_levelled) else 1
     edge, end, text = (
-        clouds.offset_curve(road.xy, road.heading, side * (road.half_width + aside))
+        regions.offset_curve(road.xy, road.heading, side * (road.half_width + aside))
         for aside in (0.0, 1.5, 5.5)
     )
     wider = [replace(other, half_width=other.half_width + CLEAR_M) for other in others]
@@ -157,7 +144,8 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
         first = lidars[0]
         pose = first.T_world_levelled
         reach = max(unit.range_m[1] for unit in first.field_of_view)
-        label = f"{', '.join(lidar.model for lidar in lidars)}: to {reach:g} m"
+        models = f"{', '.join(lidar.model for lidar in lidars)}: to {reach:g} m"
+        label = textwrap.fill(models, LABEL_LETTERS)
         colour = clouds.COLOURS[len(looks) % len(clouds.COLOURS)]
         line = LINES[len(looks) % len(LINES)]
         style = looks.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})

@@ -98,10 +98,12 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def panel(width: float = 3.7, height: float = 2.6, left: float = 0.5) -> tuple[Figure, Axes]:
-    """A small figure with one set of axes; inches, `left` being the room for its labels."""
+def panel(
+    width: float = 3.7, height: float = 2.6, left: float = 0.5, bottom: float = 0.43
+) -> tuple[Figure, Axes]:
+    """A small figure with one set of axes; inches, left and bottom being room for its labels."""
     figure = Figure(figsize=(width, height))
-    edges = {"left": left / width, "bottom": 0.43 / height}
+    edges = {"left": left / width, "bottom": bottom / height}
     return figure, figure.subplots(
         gridspec_kw=edges | {"right": 1 - 0.12 / width, "top": 1 - 0.08 / height}
     )

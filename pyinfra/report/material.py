@@ -10,11 +10,14 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra import kitti
+from pyinfra.benchmark.options import Wish
 from pyinfra.benchmark.results import Results, read_results
 from pyinfra.data.data_set import DataSet, read_data_set
 from pyinfra.report.names import PRESETS, Names, in_order, read_names
 from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.selection import preset_of_answers
+
+ANY_PRICE = Wish()
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,17 @@ class Material:
     names: Names
     data: tuple[DataSet, ...]
     runs: tuple[Run, ...]
+    wish: Wish = ANY_PRICE
 
     def scenes(self) -> list[str]:
         """Those of the results and of the data sets."""
         found = set(self.results.table("cells").scene) | {d.scene for d in self.data}
         return in_order(found, SCENES)
+
+    def is_of_the_paper(self) -> bool:
+        """Whether a scene of the paper is among those of the results; true of no scene at all."""
+        found = self.scenes()
+        return not found or any(scene in SCENES for scene in found)
 
     def presets(self) -> list[str]:
         return in_order(self.results.table("cells").preset, PRESETS)
@@ -58,7 +67,11 @@ class Material:
 
 
 def read_material(
-    folder: Path, data: Sequence[Path], runs: Sequence[Path], tier: str | None
+    folder: Path,
+    data: Sequence[Path],
+    runs: Sequence[Path],
+    tier: str | None,
+    wish: Wish = ANY_PRICE,
 ) -> Material:
     """Reads everything but frames. Raises what read_results, read_data_set and read_run raise."""
     results = read_results(folder, tier)
@@ -72,6 +85,7 @@ def read_material(
         names=read_names(_lidars([*named, *own]), models | own),
         data=sets,
         runs=tuple(read_run(run, sets) for run in runs),
+        wish=wish,
     )
 
 

@@ -21,6 +21,13 @@ function sortRows(body, place, up, numbers) {
   body.append(...rows);
 }
 
+/* What is wider than its place says so, whenever its size changes: folded parts have none. */
+const scrollers = document.querySelectorAll(".scroll, figure.wide .drawing");
+const sizes = new ResizeObserver((entries) => {
+  for (const { target } of entries) target.classList.toggle("wider", target.scrollWidth > target.clientWidth + 1);
+});
+for (const scroller of scrollers) sizes.observe(scroller);
+
 /* Everything is on paper: what is folded opens for the printer. */
 addEventListener("beforeprint", () => {
   for (const part of document.querySelectorAll("details:not([open])")) {

@@ -17,13 +17,17 @@ from typing import Any
 import numpy as np
 
 from pyinfra import __version__
+from pyinfra.arrays import FloatArray
 from pyinfra.atomic import replacing
+from pyinfra.data.surroundings import Surroundings, road_lines
 from pyinfra.viewer.encoding import STEP_M, pack_points
 from pyinfra.viewer.frames import ViewFrame
 
 Views = Mapping[str, Sequence[ViewFrame]]
 
+DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
 LARGEST_MB = 40.0  # of a page
+LINE_STEP = 5  # of the points along a road every so many are kept
 MIN_SCORE = 0.3  # of the predictions shown at first
 _GROUND_PERCENTILE = 20  # of the points' heights: a sensor at the roadside sees mostly ground
 # No request can leave the page, whatever a name in the data may hold.
@@ -68,18 +72,25 @@ def library() -> str:
     return f"<style>\n{style}</style>\n<script>\n{script}</script>"
 
 
-def fragment(views: Views, *, element_id: str, most_points: int | None = None) -> str:
+def fragment(
+    views: Views,
+    *,
+    element_id: str,
+    most_points: int | None = None,
+    around: Surroundings | None = None,
+) -> str:
     """An interactive view of the frames of some LiDARs that see one world.
 
     views: frames by the name that is shown, the same frames for each. element_id: of the figure,
     letters, digits, - and _. most_points: frames with more are thinned to so many, and the page
-    says so. Raises ValueError without a frame and for LiDARs that have different frames.
+    says so. around: roads and buildings to draw. Raises ValueError without a frame and for LiDARs
+    that have different frames.
     """
     if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
         raise ValueError(
             f"element_id: found '{element_id}', allowed a letter, then letters, - or _"
         )
-    data = json.dumps(_view(views, most_points), separators=(",", ":"), allow_nan=False)
+    data = json.dumps(_view(views, most_points, around), separators=(",", ":"), allow_nan=False)
     safe = data.replace("<", "\\u003c")
     label = html.escape(f"Interactive 3-D view: {', '.join(views)}")
     return (
@@ -89,24 +100,36 @@ def fragment(views: Views, *, element_id: str, most_points: int | None = None) -
     )
 
 
-def page(views: Views, *, title: str, most_points: int | None = None) -> str:
+def page(
+    views: Views,
+    *,
+    title: str,
+    most_points: int | None = None,
+    around: Surroundings | None = None,
+) -> str:
     """A whole page with one view. Raises ValueError as fragment() does."""
     return _PAGE.format(
         policy=_POLICY,
         version=__version__,
         title=html.escape(title),
-        fragment=fragment(views, element_id="view", most_points=most_points),
+        fragment=fragment(views, element_id="view", most_points=most_points, around=around),
         library=library(),
     )
 
 
-def write_page(views: Views, title: str, out: Path, most_points: int | None = None) -> int:
+def write_page(
+    views: Views,
+    title: str,
+    out: Path,
+    most_points: int | None = None,
+    around: Surroundings | None = None,
+) -> int:
     """Writes the page and returns its size in bytes.
 
     Raises ValueError, and writes nothing, above LARGEST_MB and if `out` is a folder.
     """
     check_file(out)
-    text = page(views, title=title, most_points=most_points).encode()
+    text = page(views, title=title, most_points=most_points, around=around).encode()
     if len(text) > 1e6 * LARGEST_MB:
         raise ValueError(
             f"{out}: found {len(text) / 1e6:.1f} MB, allowed {LARGEST_MB:g} MB: "
@@ -124,7 +147,7 @@ def check_file(out: Path) -> None:
         raise ValueError(f"--out: found the folder {out}, allowed the name of a file")
 
 
-def _view(views: Views, most_points: int | None) -> dict[str, Any]:
+def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:
     frames = _common_frames(views)
     first = next(iter(views.values()))[0]
     lidars = [
@@ -137,9 +160,29 @@ def _view(views: Views, most_points: int | None) -> dict[str, Any]:
         "sensor": vars(first.sensor),
         "ground_m": _ground([view for own in views.values() for view in own]),
         "min_score": MIN_SCORE,
-        "note": _note(lidars),
+        "note": f"{_note(lidars)}{DRAWN if around and around.roads else ''}",
+        "around": _around(around),
         "lidars": lidars,
     }
+
+
+def _around(around: Surroundings | None) -> dict[str, Any]:
+    """Lines along the roads by kind, as lists of x y z, and buildings as boxes."""
+    packed: dict[str, Any] = {"edge": [], "solid": [], "dashed": [], "buildings": []}
+    if around is None:
+        return packed
+    for line in road_lines(around):
+        packed[line.kind] += [_short(part.ravel(), 2) for part in _parts(line.xyz)]
+    packed["buildings"] = [_short(box) for box in around.buildings]
+    return packed
+
+
+def _parts(xyz: FloatArray) -> list[FloatArray]:
+    """The pieces of a line between rows of NaN, with fewer points."""
+    gaps = np.flatnonzero(np.isnan(xyz[:, 0]))
+    pieces = [part[~np.isnan(part[:, 0])] for part in np.split(xyz, gaps)]
+    thinned = [np.append(part[:-1:LINE_STEP], part[-1:], axis=0) for part in pieces]
+    return [part for part in thinned if len(part) > 1]
 
 
 def _common_frames(views: Views) -> list[int]:
@@ -169,8 +212,8 @@ def _frame(view: ViewFrame, most_points: int | None) -> dict[str, Any]:
     return packed
 
 
-def _short(box: np.ndarray[Any, Any]) -> list[float]:
-    return [round(float(value), 4) for value in box]
+def _short(values: FloatArray, digits: int = 4) -> list[float]:
+    return [round(float(value), digits) for value in values]
 
 
 def _ground(views: Sequence[ViewFrame]) -> float:

@@ -21,7 +21,8 @@ def cells(half: float = 1.0) -> pd.DataFrame:
     """Every LiDAR with every detector; intervals of AP reach `half` to either side."""
     rows = [
         key_of(lidar, detector)
-        | {"ap": ap, "ap_low": ap - half, "ap_high": ap + half, "ap_all": ap / 2}
+        | {"ap": ap, "ap_low": ap - half, "ap_high": ap + half}
+        | {"ap_all": ap, "ap_all_low": ap - half, "ap_all_high": ap + half}
         | {"latency_p50_ms": 50.0, "version": "1"}
         for detector, own in AP.items()
         for lidar, ap in zip(PRICES, own, strict=True)

@@ -59,33 +59,117 @@ def said(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_the_cheapest_of_those_that_cover_most_comes_first(
+def test_the_highest_ap_of_all_vehicles_comes_first(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    assert lines[0] == (
+        "road, preset paper, quick tier: at most 8,000 USD, AP 85 of all, 100 m either way, "
+        "100 ms a frame."
+    )
     assert lines[1] == (
-        "1. livox_avia with pointpillars: 2,000 USD; AP 94.0 [93.0, 95.0] of the vehicles it "
-        "captures, 47.0 of all; AP above 85 of all on 40 [20 to 60] of 200 m of road; "
-        "50 ms a frame on one core"
+        "1. livox_avia with pointpillars: AP of all 94.0 [93.0, 95.0], of the vehicles it captures "
+        "94.0 [93.0, 95.0]; 2,000 USD; AP above 85 of all on 40 [20 to 60] of 200 m of road; "
+        "50 ms a frame"
     )
     assert lines[3].startswith("3. pandar_64 with pv-rcnn")
-    assert "AP does not tell livox_avia with pointpillars from livox_avia with pv-rcnn" in lines[5]
+    pair = "livox_avia with pointpillars from livox_avia with pv-rcnn"
+    equal = f"AP of all does not tell {pair}: 95 % intervals overlap; each costs 2,000 USD."
+    assert equal in lines
     assert "Left out: ruby_plus with pv-rcnn: costs 24,000 USD." in lines
 
 
-def test_no_option_is_an_answer_with_its_reasons(
+def test_a_lidar_that_looks_one_way_does_not_win_by_what_it_captures(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    change(results / "quick.csv", "lidar == 'livox_avia'", ap_all=40.0)
+    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    assert lines[1].startswith("1. pandar_64 with pv-rcnn: AP of all 90.0")
+    assert "Left out: livox_avia with pv-rcnn: AP 40.0 of all." in lines
+    wide = said(capsys, results, "--budget", 8000, "--min-ap", 39)
+    assert [line for line in wide if line[0].isdigit()][-1].startswith("5. helios_16")
+
+
+def test_real_time_is_asked_unless_another_latency_is(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change(results / "quick.csv", "detector == 'pv-rcnn'", latency_p50_ms=544.0)
+    change(results / "quick.csv", "detector == 'dsvt'", latency_p50_ms=None)
+    change(results / "quick.csv", "detector == 'pointpillars'", latency_p95_ms=101.0)
+    lines = said(capsys, results, "--budget", 8000, "--min-ap", 75)
+    assert "Left out: livox_avia with pv-rcnn: 544 ms a frame." in lines
+    assert "Left out: livox_avia with dsvt: no latency was measured." in lines
+    late = "livox_avia with pointpillars, pandar_64 with pointpillars; the median is below."
+    assert f"Above 100 ms in more than 5 % of the frames: {late}" in lines
+    slow = said(capsys, results, "--budget", 8000, "--min-ap", 75, "--latency", 600)
+    assert any(line.startswith("2. livox_avia with pv-rcnn") for line in slow)
+    assert not any(line.startswith("Above") for line in slow)
+
+
+def test_the_machine_of_the_latency_is_named(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change(results / "quick.csv", "seed == 1", latency_machine="2 x A")
+    lines = said(capsys, results, "--budget", 8000)
+    line = "Latency is of one core of 2 x A; `pyinfra benchmark --latency` measures yours."
+    assert line in lines
+
+
+def test_what_a_price_holds_is_told_item_by_item_or_said_to_be_missing(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = "Prices are of LiDARs alone: computer, pole, installation, energy are missing "
+    assert f"{alone}(`costs` of the benchmark)." in said(capsys, results, "--budget", 8000)
+    value = results / "quick_value.csv"
+    change(value, "seed == 1", site_usd=900.0)
+    old = "In every price are 900 USD of the site; this table does not say for what."
+    assert old in said(capsys, results, "--budget", 8000)
+    change(value, "seed == 1", computer_usd=800, pole_usd=100, installation_usd=0, energy_usd=0)
+    lines = said(capsys, results, "--budget", 8000)
+    assert "; 2,000 USD (LiDAR 1,100); AP above" in lines[1]
+    items = "computer 800, pole 100; missing: installation, energy (`costs` of the benchmark)."
+    assert f"In every price are 900 USD of the site: {items}" in lines
+
+
+def test_if_none_meets_the_wish_the_nearest_three_say_what_to_relax(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=120.5)
     lines = said(capsys, results, "--budget", 1500, "--min-ap", 85)
+    assert lines[1] == "No option meets this. The nearest, and what to relax:"
+    near = [line for line in lines if line[0].isdigit()]
+    assert [line.split(":")[0] for line in near] == [
+        "1. helios_16 with pv-rcnn",
+        "2. helios_16 with pointpillars",
+        "3. helios_16 with dsvt",
+    ]
+    assert near[0].endswith("; 50 ms a frame; meets it with --min-ap 62")
+    far = "costs 2,000 USD, 120 ms a frame."
+    assert f"Left out: livox_avia with pv-rcnn: {far}" in lines
+    assert not any(line.startswith("Left out: helios_16 with pv-rcnn") for line in lines)
+
+
+def test_what_is_to_be_relaxed_is_enough(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=120.4, ap_all=83.96)
+    change(results / "quick_value.csv", "lidar == 'livox_avia'", price_usd=2000.7)
+    (line,) = [x for x in said(capsys, results, "--budget", 1900) if x.startswith("1.")]
+    words = line.split("meets it with ")[1].split()
+    assert words == ["--budget", "2001", "--min-ap", "83.9", "--latency", "121"]
+    assert said(capsys, results, "--budget", 1900, *words)[1].startswith("1. livox_avia")
+
+
+def test_what_is_not_known_is_never_near(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    change(results / "quick.csv", "seed == 1", latency_p50_ms=None)
+    lines = said(capsys, results, "--budget", 1500)
     assert lines[1] == "No option meets this."
-    assert "Left out: helios_16 with pv-rcnn: AP 62.0." in lines
+    assert "Left out: helios_16 with dsvt: AP 55.0 of all, no latency was measured." in lines
 
 
 def test_options_after_the_fifth_are_named_in_a_line(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = said(capsys, results, "--budget", 8000, "--min-ap", 75)
-    assert lines[5].startswith("5. pandar_64 with pointpillars")
+    assert lines[5].startswith("5. livox_avia with dsvt")
     assert lines[6] == "And 1 more that meets this: pandar_64 with dsvt."
 
 
@@ -95,7 +179,9 @@ def test_road_that_does_not_tell_options_apart_names_the_cheapest(
     distance = results / "quick_distance.csv"
     change(distance, "lidar == 'pandar_64' and detector == 'pv-rcnn' and s == -50", ap=90.0)
     change(distance, "lidar == 'livox_avia' and s == -50", ap_high=84.0)
+    change(results / "quick.csv", "lidar == 'pandar_64' and detector == 'pv-rcnn'", ap_all=95.0)
     lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    assert lines[1].startswith("1. pandar_64 with pv-rcnn")
     assert "on 60 [20 to 60] of 200 m" in lines[1]
     assert "on 40 [20 to 40] of 200 m" in lines[2]
     both = "livox_avia with pointpillars, livox_avia with pv-rcnn"
@@ -113,6 +199,7 @@ def test_road_that_tells_options_apart_makes_no_doubt(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = "lidar == 'pandar_64' and detector == 'pv-rcnn'"
+    change(results / "quick.csv", rows, ap_all=95.0)
     change(results / "quick_distance.csv", rows, ap=90.0, ap_low=88.0, ap_high=92.0)
     # Four windows hold each metre, so that one which is not sure takes none away.
     change(results / "quick_distance.csv", f"{rows} and s == 0", ap_low=80.0)
@@ -120,7 +207,7 @@ def test_road_that_tells_options_apart_makes_no_doubt(
     assert lines[1].startswith("1. pandar_64 with pv-rcnn")
     assert "on 200 [200 to 200] of 200 m" in lines[1]
     assert not any(line.startswith("The road covered") for line in lines)
-    assert not any("covers the whole" in line for line in lines)
+    assert not any("cover the whole" in line for line in lines)
 
 
 def test_a_window_without_an_interval_may_be_covered_and_may_not(
@@ -147,17 +234,25 @@ def test_an_ap_without_an_interval_is_told_as_such(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = "lidar == 'livox_avia' and detector == 'pointpillars'"
-    change(results / "quick.csv", rows, ap_low=None, ap_high=None)
+    change(results / "quick.csv", rows, ap_all_low=None, ap_all_high=None)
     lines = said(capsys, results, "--budget", 8000, "--min-ap", 89)
     first, other = "livox_avia with pointpillars", "livox_avia with pv-rcnn"
-    assert "AP 94.0 (no interval) of the vehicles" in lines[1]
-    assert (
-        f"Whether AP tells {first} from {other}, pandar_64 with pv-rcnn cannot be told: "
-        "there is no interval." in lines
-    )
+    assert "AP of all 94.0 (no interval), of the vehicles it captures 94.0 [93.0" in lines[1]
+    near = f"AP of all does not tell {first} from {other}: less than 2.5 apart, and without "
+    assert f"{near}intervals; each costs 2,000 USD." in lines
     assert not any("intervals overlap" in line for line in lines)
-    assert f"Not sure to reach AP 89: {first}: there is no interval." in lines
-    assert "Not sure to reach AP 89: pandar_64 with pv-rcnn: the interval begins" not in lines
+    assert not any(line.startswith(f"Not sure to reach AP 89 of all: {first}") for line in lines)
+    lines = said(capsys, results, "--budget", 8000, "--min-ap", 92)
+    unsure = f"Not sure to reach AP 92 of all: {first}: less than 2.5 above it, without an interval"
+    assert f"{unsure}." in lines
+
+
+def test_tables_of_earlier_versions_have_no_interval_of_all_vehicles(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pd.read_csv(results / "quick.csv")
+    table.drop(columns=["ap_all_low", "ap_all_high"]).to_csv(results / "quick.csv", index=False)
+    assert "AP of all 94.0 (no interval)" in said(capsys, results, "--budget", 8000)[1]
 
 
 def test_a_range_of_prices_is_told_and_doubted(
@@ -170,16 +265,17 @@ def test_a_range_of_prices_is_told_and_doubted(
     change(results / "quick_value.csv", "lidar == 'pandar_64'", price_usd=6300.0)
     change(results / "quick_value.csv", rows, site_usd=300.0)
     lines = said(capsys, results, "--budget", 2500, "--min-ap", 85)
-    assert lines[1].startswith("1. livox_avia with pointpillars: 2,300 USD (1,300 to 3,300); AP")
+    assert "; 2,300 USD (1,300 to 3,300; LiDAR 2,000); AP above" in lines[1]
     both = "livox_avia with pointpillars, livox_avia with pv-rcnn"
     assert f"{both} may cost more than the budget: 1,300 to 3,300 USD." in lines
-    may = "costs 6,300 USD (2,300 to 10,300: may be within the budget)."
+    may = "costs 6,300 USD (2,300 to 10,300: may be within the budget; LiDAR 6,000)."
     assert f"Left out: pandar_64 with pv-rcnn: {may}" in lines
     assert "Left out: ruby_plus with pv-rcnn: costs 24,000 USD." in lines
     enough = said(capsys, results, "--budget", 3300, "--min-ap", 85)
     assert not any("may cost more" in line for line in enough)
     short = said(capsys, results, "--budget", 99, "--min-ap", 85)
-    assert "Left out: pandar_64 with pv-rcnn: costs 6,300 USD (2,300 to 10,300)." in short
+    cost = "costs 6,300 USD (2,300 to 10,300; LiDAR 6,000)."
+    assert f"Left out: pandar_64 with pv-rcnn: {cost}" in short
 
 
 def test_the_preset_is_that_of_the_reports_answers(
@@ -256,7 +352,7 @@ def test_cells_that_all_failed_and_prices_without_a_preset_are_told(
 def test_help_says_of_which_vehicles_the_ap_is(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         cli.main(["recommend", "--help"])
-    assert "AP of the vehicles that a LiDAR captured" in " ".join(capsys.readouterr().out.split())
+    assert "AP of all vehicles, 0 to 100, at least" in " ".join(capsys.readouterr().out.split())
 
 
 def test_an_answer_needs_neither_plots_nor_networks() -> None:
@@ -273,6 +369,10 @@ def test_an_answer_needs_neither_plots_nor_networks() -> None:
         (["--budget", "0"], "--budget: found 0, allowed above 0"),
         (["--budget", "9", "--range", "200"], "--range: found 200, allowed above 0 to 100"),
         (["--budget", "9", "--scene", "moon"], "--scene: found 'moon', allowed road"),
+        (["--budget", "9", "--min-ap", "0.85"], "found 0.85, allowed above 1 to 100; AP is 0 to"),
+        (["--budget", "9", "--min-ap", "101"], "--min-ap: found 101, allowed above 1 to 100"),
+        (["--budget", "nan"], "--budget: found nan, allowed above 0"),
+        (["--budget", "9", "--latency", "-1"], "--latency: found -1, allowed above 0 to inf"),
         (["--budget", "9", "--preset", "x"], "--preset: found 'x', allowed paper"),
         (["--budget", "9", "--tier", "full"], "full.csv: No such table"),
     ],
@@ -282,3 +382,15 @@ def test_wrong_words_say_what_is_allowed(
 ) -> None:
     assert cli.main(["recommend", str(results), *words]) in (1, 2)
     assert message in capsys.readouterr().err
+
+
+def test_a_folder_of_several_scenes_asks_for_one(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file in ("quick", "quick_value", "quick_distance"):
+        table = pd.read_csv(results / f"{file}.csv")
+        both = pd.concat([table, table.assign(scene="bridge")])
+        both.to_csv(results / f"{file}.csv", index=False)
+    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert "--scene: found none, allowed one of bridge, road" in capsys.readouterr().err
+    assert said(capsys, results, "--budget", 8000, "--scene", "bridge")[0].startswith("bridge,")

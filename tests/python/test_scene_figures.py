@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from pyinfra import cli, kitti
-from pyinfra.data import frames
-from pyinfra.drawing import clouds, pictures
+from pyinfra.data import frames, regions
 from pyinfra.drawing import cutouts as cutout_figures
+from pyinfra.drawing import pictures
 from pyinfra.drawing import scene as scene_figures
 from pyinfra.drawing.cutouts import DISTANCES_M
 from pyinfra.drawing.scene import Scene
@@ -70,7 +70,7 @@ def test_no_line_crosses_a_junction(data_sets: dict[str, Path]) -> None:
 
 def test_offset_curve_is_to_the_left() -> None:
     centre, heading = np.array([[0.0, 0.0], [0.0, 1.0]]), np.full(2, np.pi / 2)
-    found = clouds.offset_curve(centre, heading, 2.0)
+    found = regions.offset_curve(centre, heading, 2.0)
     np.testing.assert_allclose(found, [[-2, 0], [-2, 1]], atol=1e-12)
 
 

@@ -80,7 +80,7 @@ function start(figure) {
 function themeOf(figure) {
   const style = getComputedStyle(figure);
   const value = (name) => style.getPropertyValue(`--lv-${name}`).trim();
-  const names = ["stage", "grid", "quiet", "sensor", "hit", "missed", "predicted"];
+  const names = ["stage", "grid", "road", "building", "quiet", "sensor", "hit", "missed", "predicted"];
   return {
     ...Object.fromEntries(names.map((name) => [name, value(name)])),
     ramp: value("ramp").split(",").map((stop) => stop.trim()),

@@ -22,6 +22,7 @@ const EDGES = [0, 1, 2, 3].flatMap((i) => {
   const a = 2 * i, b = 2 * ((i + 1) % 4);
   return [[CORNERS[a], CORNERS[a + 1]], [CORNERS[a], CORNERS[b]], [CORNERS[a + 1], CORNERS[b + 1]]];
 });
+const COLOUR_OF = { edge: "road", solid: "road", dashed: "road", buildings: "building" };
 const LINES = [...EDGES, [[0, 0, 1], [1, 0, 1]]];
 
 /**
@@ -49,7 +50,8 @@ export function makeWorld(canvas, view) {
   );
   const grid = groundGrid(view);
   const sensor = sensorMark(view);
-  scene.add(grid, cloud, sensor, ...Object.values(boxes));
+  const around = surroundings(view.around);
+  scene.add(grid, ...Object.values(around), cloud, sensor, ...Object.values(boxes));
 
   let asked = false;
   const render = () => {
@@ -96,6 +98,7 @@ export function makeWorld(canvas, view) {
       renderer.setClearColor(theme.stage);
       for (const [kind, lines] of Object.entries(boxes)) lines.material.color.set(theme[kind]);
       grid.material.color.set(theme.grid);
+      for (const [kind, lines] of Object.entries(around)) lines.material.color.set(theme[COLOUR_OF[kind]]);
       for (const part of sensor.children) part.material.color.set(theme.sensor);
       ask();
     },
@@ -127,15 +130,19 @@ function emptyLines(dashed) {
   return lines;
 }
 
-function drawBoxes(lines, list) {
-  lines.visible = list.length > 0;
-  if (!lines.visible) return;
-  const ends = list.flatMap(({ box }) => {
+function drawBoxes(lines, list, drawn = LINES) {
+  drawLines(lines, list.flatMap(({ box }) => {
     const matrix = matrixOf(box);
-    return LINES.flat().flatMap((at) =>
+    return drawn.flat().flatMap((at) =>
       new Vector3(...at).multiplyScalar(0.5).applyMatrix4(matrix).toArray(),
     );
-  });
+  }));
+}
+
+/** Pieces between two ends of x y z each; none hide the lines. */
+function drawLines(lines, ends) {
+  lines.visible = ends.length > 0;
+  if (!lines.visible) return;
   lines.geometry.dispose();
   lines.geometry = new LineSegmentsGeometry().setPositions(ends);
   lines.computeLineDistances();
@@ -164,6 +171,25 @@ function groundGrid({ sensor, ground_m: z }) {
   Object.assign(grid.material, { linewidth: 1, depthWrite: false });
   grid.visible = true;
   return grid;
+}
+
+/** Edges and lane lines of the roads, and the buildings as boxes. */
+function surroundings(around) {
+  return Object.fromEntries(Object.keys(COLOUR_OF).map((kind) => {
+    const lines = emptyLines(kind === "dashed");
+    if (kind === "buildings") drawBoxes(lines, around.buildings.map((box) => ({ box })), EDGES);
+    else drawCurves(lines, around[kind]);
+    Object.assign(lines.material, { linewidth: kind === "edge" ? 1.6 : 1, dashSize: 3, gapSize: 6 });
+    return [kind, lines];
+  }));
+}
+
+/** Curves that are lists of x y z, piece by piece. */
+function drawCurves(lines, curves) {
+  const ends = curves.flatMap((curve) =>
+    Array.from({ length: curve.length / 3 - 1 }, (_, i) => curve.slice(3 * i, 3 * i + 6)).flat(),
+  );
+  drawLines(lines, ends);
 }
 
 /** A pole from the ground and a mark where the sensor is. */

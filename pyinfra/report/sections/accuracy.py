@@ -31,6 +31,7 @@ from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.simulator.catalogue import SCENES
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
+TITLE = "Average precision"
 KEY = ["scene", "lidar", "detector"]
 
 
@@ -49,7 +50,7 @@ def section(material: Material) -> Section | None:
                 blocks.append(_grid(material, rows, paper))
     blocks += [*_against_paper(material, done, paper), *_failed(cells), _all(material, cells)]
     blocks += _agreement(material)
-    return Section("accuracy", "Average precision", _lead(cells, done), blocks)
+    return Section("accuracy", TITLE, _lead(cells, done), blocks)
 
 
 def _agreement(material: Material) -> list[Block]:
@@ -79,7 +80,7 @@ def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
     finished = int(cells.ap.notna().sum())
     text = (
         f"{finished} of {len(cells)} cells have an AP (0 to 100; bird's-eye overlap of 0.5 or "
-        "more; captured vehicles, as the paper counts them), each with its 95 % interval over "
+        "more; vehicles with at least one point), each with its 95 % interval over "
         "blocks of time."
     )
     seeds = cells.seed.nunique()

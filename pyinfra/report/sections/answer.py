@@ -6,21 +6,49 @@ from collections.abc import Callable
 
 import pandas as pd
 
+from pyinfra.benchmark.options import FRAME_MS
+from pyinfra.benchmark.recommend import STEP_AP
 from pyinfra.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.report.material import Material
 from pyinfra.report.names import detector
+from pyinfra.report.sections import accuracy, recommendation
+from pyinfra.simulator.catalogue import SCENES
 
-STEP_AP = 2.5  # of the 40 recall levels that AP stands on
+TITLE = "Which LiDAR and detector for what"
 CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
 
 def section(material: Material) -> Section | None:
-    """For each scene the best choice for each purpose, under one preset of the scene."""
+    """What is recommended for own sites; for the paper's scenes the best for each purpose."""
     done = material.results.done()
     if done.empty:
         return None
+    lead = ""
+    blocks: list[Block] = []
+    own = [s for s in material.scenes() if s in set(done.scene) and s not in SCENES]
+    if recommendation.can_answer(material):
+        lead, blocks = _of_own(material, own)
+        done = done[~done.scene.isin(own)]
+    if len(done) > 0:
+        blocks += _of_purposes(material, done)
+        lead = lead or _lead(material, material.of_answers(done))
+    return Section("answer", TITLE, lead, blocks)
+
+
+def _of_own(material: Material, scenes: list[str]) -> tuple[str, list[Block]]:
+    """The first scene's answer in words, then the blocks of all."""
+    lead, blocks = "", list[Block]()
+    for scene in scenes:
+        words, made = recommendation.answer_for(material, scene)
+        blocks += [Text(words), *made] if lead else made
+        lead = lead or words
+    return lead, blocks
+
+
+def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
+    """The best choice for each purpose, under one preset of each scene."""
     cells = material.of_answers(done)
     cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
     blocks: list[Block] = [
@@ -29,9 +57,9 @@ def section(material: Material) -> Section | None:
     chosen = cells.drop_duplicates(["scene", "preset"])
     named = ", ".join(f"{row.scene} {row.preset}" for row in chosen.itertuples())
     if len(done) > len(cells):
-        text = f"Presets here: {named}. Others are under Accuracy; the choice can differ."
+        text = f'Presets here: {named}. Others are under "{accuracy.TITLE}"; the choice can differ.'
         blocks.append(Text(text))
-    return Section("answer", "Which LiDAR and detector for what", _lead(material, cells), blocks)
+    return blocks
 
 
 def _lead(material: Material, cells: pd.DataFrame) -> str:
@@ -84,7 +112,8 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     if near.empty:
         return None
     best = near.loc[near.latency_p50_ms.idxmin()]
-    return _line(material, best, f"{best.latency_p50_ms:.0f} ms a frame, AP {best.ap:.1f}")
+    late = f", not real time ({FRAME_MS:g} ms)" if best.latency_p50_ms > FRAME_MS else ""
+    return _line(material, best, f"{best.latency_p50_ms:.0f} ms a frame{late}, AP {best.ap:.1f}")
 
 
 def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:

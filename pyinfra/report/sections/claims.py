@@ -30,7 +30,12 @@ VERDICTS = ("holds", "fails", "undecided")
 
 
 def section(material: Material) -> Section | None:
-    """A row for each thing that was tested, with the verdict under each preset."""
+    """A row for each thing that was tested, with the verdict under each preset.
+
+    Nothing for own sites alone: these claims are the paper's.
+    """
+    if not material.is_of_the_paper():
+        return None
     parts = [material.results.table(name) for name in ("claims", "ap_claims")]
     rows = pd.concat(parts, ignore_index=True)
     if rows.empty:

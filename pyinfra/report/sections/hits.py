@@ -31,7 +31,7 @@ KEY = ["scene", "lidar"]
 
 
 def section(material: Material) -> Section | None:
-    """Mean hits of a frame: the paper's, and those under each preset."""
+    """Mean hits of a frame: those under each preset, and the paper's where it has any."""
     rows, file = _measured(material)
     if rows.empty:
         return None
@@ -39,10 +39,13 @@ def section(material: Material) -> Section | None:
     rows = rows.merge(paper, on=KEY, how="left")
     rows["difference_percent"] = 100 * (rows.hits_per_frame / rows.paper_hits - 1)
     source = TableFile("report_hits.csv", rows)
+    printed = bool(rows.paper_hits.notna().any())
+    versus = " Difference: preset paper against the paper's table." if printed else ""
+    heads = _heads(rows, printed=printed)
     table = Table(
-        f"Mean hit points of a frame. Difference: preset paper against the paper's table. {file}",
-        [Column("Scene"), Column("LiDAR"), *(Column(c, number=True) for c in _heads(rows))],
-        _table_rows(material, rows),
+        f"Mean hit points of a frame.{versus} {file}",
+        [Column("Scene"), Column("LiDAR"), *(Column(c, number=True) for c in heads)],
+        _table_rows(material, rows, printed=printed),
         source,
     )
     ours = rows[rows.paper_hits.notna() & (rows.preset == "paper")]
@@ -66,12 +69,12 @@ def _measured(material: Material) -> tuple[pd.DataFrame, str]:
     return rows.assign(origin="summary.csv of the data set"), "From the summaries of the data sets."
 
 
-def _heads(rows: pd.DataFrame) -> list[str]:
-    presets = in_order(rows.preset, PRESETS)
-    return ["The paper", *(f"Preset {p}" for p in presets), "Difference, %"]
+def _heads(rows: pd.DataFrame, *, printed: bool) -> list[str]:
+    own = [f"Preset {p}" for p in in_order(rows.preset, PRESETS)]
+    return ["The paper", *own, "Difference, %"] if printed else own
 
 
-def _table_rows(material: Material, rows: pd.DataFrame) -> list[list[TableCell]]:
+def _table_rows(material: Material, rows: pd.DataFrame, *, printed: bool) -> list[list[TableCell]]:
     presets = in_order(rows.preset, PRESETS)
     found = []
     for scene in in_order(rows.scene, SCENES):
@@ -79,10 +82,11 @@ def _table_rows(material: Material, rows: pd.DataFrame) -> list[list[TableCell]]
             own = rows[(rows.scene == scene) & (rows.lidar == lidar)]
             by_preset = own.drop_duplicates("preset").set_index("preset")
             cells = [_hits(by_preset, preset) for preset in presets]
-            change = by_preset.difference_percent.get("paper", np.nan)
-            paper = number(float(own.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
-            label = TableCell(material.names.label(lidar))
-            found.append([TableCell(scene), label, paper, *cells, number(float(change), "+.1f")])
+            if printed:
+                change = by_preset.difference_percent.get("paper", np.nan)
+                paper = number(float(own.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
+                cells = [paper, *cells, number(float(change), "+.1f")]
+            found.append([TableCell(scene), TableCell(material.names.label(lidar)), *cells])
     return found
 
 
@@ -95,6 +99,8 @@ def _hits(by_preset: pd.DataFrame, preset: str) -> TableCell:
 
 def _lead(rows: pd.DataFrame) -> str:
     change = rows[(rows.preset == "paper") & rows.paper_hits.notna()].difference_percent.abs()
+    if rows.paper_hits.isna().all():
+        return "How many points a frame has, on average over all frames."
     if change.empty:
         return "The paper prints no hit points for these scenes and LiDARs under preset paper."
     return (

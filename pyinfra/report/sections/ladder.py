@@ -138,7 +138,7 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
     for dial, values in DIALS.items():
         own = _turned(table, dial, usual)
         with drawing():
-            figure, ax = panel(3.2, 2.6)
+            figure, ax = panel(3.2, 2.7, bottom=0.58)
             places = [value for value in values if value in set(own[dial])]
             for i, lidar in enumerate(lidars):
                 rows = own[own.lidar == lidar].set_index(dial).reindex(places)

@@ -70,7 +70,8 @@ def section(material: Material, sections: Sequence[Section]) -> Section:
     names = in_order(material.results.table("cells").detector, DETECTORS)
     if names:
         blocks.append(_detectors(names))
-    blocks += [_index(sections), _provenance(material)]
+    blocks += [_index(sections)] if material.is_of_the_paper() else []
+    blocks.append(_provenance(material))
     lead = (
         "Definitions and rules are in docs/conventions.md of the project; those of the claims "
         "about scanning were written before the run, those about detection before all cells were "

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure as Drawing
 
 from pyinfra.arrays import FloatArray
 from pyinfra.benchmark.results import TableFile
+from pyinfra.boxes import footprints
 from pyinfra.data import frame_tables
 from pyinfra.data.data_set import DataSet
 from pyinfra.drawing import clouds, cutouts, scene
@@ -224,13 +225,8 @@ def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
 
 
 def _outline(axes: Axes, boxes: FloatArray) -> None:
-    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
-    ahead = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
-    left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2
-    front, back = boxes[:, :2] + ahead, boxes[:, :2] - ahead
-    corners = np.stack([front + left, front - left, back - left, back + left], axis=1)
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": PREDICTED, "linewidths": 1.4}
-    axes.add_collection(PolyCollection(list(corners), zorder=4, **look))
+    axes.add_collection(PolyCollection(list(footprints(boxes)), zorder=4, **look))
 
 
 def _speeds(data_sets: Sequence[DataSet]) -> Block:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyinfra.benchmark.options import FRAME_MS
 from pyinfra.benchmark.results import TableFile
-from pyinfra.data.frames import PERIOD_S
 from pyinfra.report import svg
 from pyinfra.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
 from pyinfra.report.blocks import number as number_cell
@@ -18,7 +18,6 @@ from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.figures import MARKERS
 
-FRAME_MS = 1e3 * PERIOD_S  # a LiDAR's period: what is slower cannot keep up on one core
 COSTS = {
     "latency_p50_ms": ("latency", "median latency (ms)", "AP against median latency of a frame"),
     "train_seconds": ("training", "training (s of one core)", "AP against training time"),

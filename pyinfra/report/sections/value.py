@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import pandas as pd
@@ -31,8 +32,7 @@ def section(material: Material) -> Section | None:
     value = _value(material)
     blocks: list[Block] = []
     if len(value) > 0:
-        blocks += [_front(material, value, p) for p in in_order(value.preset, PRESETS)]
-        blocks = [Figure(**vars(f) | {"closed": i > 0}) for i, f in enumerate(blocks)]
+        blocks += _fronts(material, value)
         blocks.append(_table(material, value))
     if len(prices) > 0:
         blocks.append(_prices(material, prices))
@@ -66,6 +66,15 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
 
 def _on_front(value: pd.DataFrame) -> pd.Series:
     return value.pareto.str.lower().isin(("true", "1", "yes"))
+
+
+def _fronts(material: Material, value: pd.DataFrame) -> list[Figure]:
+    """A figure for each preset; those that the text is of are open, and first."""
+    of_text = set(material.of_answers(value).preset)
+    presets = in_order(value.preset, PRESETS)
+    presets.sort(key=lambda preset: preset not in of_text)
+    figures = [(_front(material, value, preset), preset in of_text) for preset in presets]
+    return [Figure(**vars(figure) | {"closed": not is_open}) for figure, is_open in figures]
 
 
 def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
@@ -116,7 +125,7 @@ def _table(material: Material, value: pd.DataFrame) -> Table:
 def _row(material: Material, row: pd.Series) -> list[TableCell]:
     texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
     values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
-    beaten = TableCell(_spelled(material, str(row.dominated_by)))
+    beaten = TableCell(spelled(material, str(row.dominated_by)))
     return [
         *(TableCell(str(t)) for t in texts),
         number(row.ap),
@@ -126,9 +135,10 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
     ]
 
 
-def _spelled(material: Material, text: str) -> str:
-    for name in sorted(DETECTORS, key=len, reverse=True):
-        text = text.replace(name, DETECTORS[name]) if name in text.split() else text
+def spelled(material: Material, text: str) -> str:
+    """A text with models and detectors as the page calls them."""
+    for name, shown in DETECTORS.items():
+        text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", shown, text)
     return material.names.spelled(text)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pyinfra.data.data_set import DataSet
+from pyinfra.data.surroundings import read_surroundings
 from pyinfra.report.blocks import Block, Embed, Section
 from pyinfra.report.material import Material
 from pyinfra.report.names import detector
@@ -40,7 +41,12 @@ def _view(material: Material, data: DataSet) -> Embed:
         )
         used |= {detector(r.detector) for r in material.runs if r.folder == run}
     name = identifier("view", data.scene, data.preset)
-    markup = page.fragment(views, element_id=name, most_points=MOST_POINTS)
+    markup = page.fragment(
+        views,
+        element_id=name,
+        most_points=MOST_POINTS,
+        around=read_surroundings(data.folder),
+    )
     by = f"; predictions of {', '.join(sorted(used))}" if used else ""
     return Embed(markup, f"{data.scene}, preset {data.preset}, frame {frame}{by}.")
 

@@ -1,0 +1,101 @@
+"""What stands around a sensor for good: roads with their lanes, and buildings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pyinfra import kitti
+from pyinfra.arrays import FloatArray, Floats
+from pyinfra.data import regions
+from pyinfra.data.regions import Road
+from pyinfra.kitti.lidar import YamlNode
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """Lanes of a road, as `dataset.yaml` has them."""
+
+    each_way: int
+    width_m: float
+    median_m: float
+
+    def lines(self) -> dict[float, bool]:
+        """Metres to the left of the centreline at which a line lies, and whether it is solid."""
+        aside = [self.median_m / 2 + i * self.width_m for i in range(self.each_way + 1)]
+        solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
+        one_side = dict(zip(aside, solid, strict=True))
+        return {-a: s for a, s in reversed(one_side.items())} | one_side
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """World frame, metres, radians; roads are those of the evaluation region."""
+
+    roads: tuple[Road, ...]
+    lanes: dict[str, Lanes]  # by road; a recording has none
+    buildings: FloatArray  # (k, 7) boxes
+
+
+@dataclass(frozen=True, eq=False)
+class RoadLine:
+    """A line along a road: its edge, or one that is painted on it."""
+
+    kind: Literal["edge", "solid", "dashed"]
+    xyz: FloatArray  # (n, 3) world; NaN where another road crosses
+
+
+def read_surroundings(data_set: Path) -> Surroundings:
+    """Those of a data set; a recording without roads and buildings has none.
+
+    Raises OSError, and kitti.FormatError with file and line.
+    """
+    file, roads = data_set / "dataset.yaml", data_set / "roads.csv"
+    if not file.is_file():
+        return Surroundings((), {}, np.zeros((0, 7)))
+    top = kitti.read_yaml(file)
+    lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
+    buildings = [_building(own) for own in top.entries("buildings")]
+    return Surroundings(
+        roads=tuple(regions.read_roads(roads)) if roads.is_file() else (),
+        lanes=lanes,
+        buildings=np.array(buildings).reshape(-1, 7),
+    )
+
+
+def _lanes(node: YamlNode) -> Lanes:
+    return Lanes(
+        each_way=int(node.at("each_way").number()),
+        width_m=node.at("width_m").number(),
+        median_m=node.at("median_m").number(),
+    )
+
+
+def _building(node: YamlNode) -> list[float]:
+    """As a box x y z dx dy dz heading."""
+    keys = ("x_m", "y_m", "base_m", "length_m", "width_m", "height_m", "heading_deg")
+    x, y, base, length, width, height, heading = (node.at(key).number() for key in keys)
+    return [x, y, base + height / 2, length, width, height, np.radians(heading)]
+
+
+def road_lines(around: Surroundings) -> Iterator[RoadLine]:
+    """Edges and lane lines of every road."""
+    for road in around.roads:
+        lanes = around.lanes.get(road.name)
+        painted = lanes.lines() if lanes else {}
+        for side in (-1, 1):
+            yield RoadLine("edge", _aside(around, road, side * road.half_width))
+        for left_m, solid in painted.items():
+            yield RoadLine("solid" if solid else "dashed", _aside(around, road, left_m))
+
+
+def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:
+    """A line to the left of a road's centreline, but not where another road crosses."""
+    line = regions.offset_curve(road.xy, road.heading, left_m)
+    others = [other for other in around.roads if other is not road]
+    line[regions.locate(line, others).inside] = np.nan
+    return np.column_stack([line, road.z])
