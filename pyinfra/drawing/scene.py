@@ -17,7 +17,6 @@ from matplotlib.patches import Patch, Polygon
 
 from pyinfra import kitti
 from pyinfra.data import regions
-from pyinfra.data.data_set import Tilt, sensor_tilt
 from pyinfra.data.regions import Road
 from pyinfra.drawing import clouds
 
@@ -51,7 +50,7 @@ class Scene:
     name: str
     folders: tuple[Path, ...]  # one per LiDAR
     lidars: tuple[kitti.Lidar, ...]
-    tilts: tuple[Tilt, ...]
+    tilts: tuple[kitti.Tilt, ...]
     roads: tuple[Road, ...]  # the evaluation region
     lanes: dict[str, Lanes]  # by road
 
@@ -65,7 +64,7 @@ def read_scene(folders: Sequence[Path]) -> Scene:
         name=top.at("name").text(),
         folders=tuple(folders),
         lidars=tuple(kitti.read_lidar(folder) for folder in folders),
-        tilts=tuple(sensor_tilt(folder / "lidar.yaml") for folder in folders),
+        tilts=tuple(kitti.read_tilt(folder) for folder in folders),
         roads=tuple(regions.read_roads(data_set / "roads.csv")),
         lanes={
             name: Lanes(

@@ -20,13 +20,12 @@ from pyinfra import __version__, kitti
 from pyinfra.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.atomic import replacing
 from pyinfra.boxes import points_in_boxes
-from pyinfra.data.frames import PERIOD_S
+from pyinfra.data.frames import PERIOD_S, lidars_in
 from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
-from pyinfra.kitti import VEHICLE_TYPES, Labels, Objects, WorldPose
+from pyinfra.kitti import RECORDED, VEHICLE_TYPES, Labels, Objects, WorldPose
 
-RECORDED = "recorded"  # preset and aggregation of an imported data set
 SEEN = 1.0  # visibility of an object that somebody labelled
 
 
@@ -81,14 +80,14 @@ def write_lidar(
 
 
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
-    """dataset.yaml, unless it is there for the same scene.
+    """dataset.yaml, unless it is there for the same scene; one without a LiDAR is written anew.
 
     Raises ValueError for a data set that the LiDAR cannot join: of a simulation, or one whose
     objects have no common numbers.
     """
     file = data / "dataset.yaml"
     ids = "tracks" if ids_are_tracks else "rows"
-    if file.exists():
+    if file.exists() and lidars_in(data):
         top = kitti.read_yaml(file)
         joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
         if not joined:

@@ -17,7 +17,6 @@ from pyinfra.exchange.recording import (
     check_pairs,
     read_bin,
     read_splits,
-    scaled,
     sorted_files,
     stem,
 )
@@ -41,7 +40,7 @@ def read(source: Path, options: Options) -> Recording:
     names = tuple(stem(file) for file in clouds)
 
     def frame(i: int) -> RecordedFrame:
-        points = scaled(read_bin(clouds[i], options.columns or 4), options.intensity_max)
+        points = read_bin(clouds[i], options.columns or 4, options.intensity_max)
         calib = training / f"calib/{names[i]}.txt"
         boxes = _boxes(folder / f"{names[i]}.txt", calib) if labelled else NO_BOXES
         fields = training / f"fields/{names[i]}.bin"
@@ -52,7 +51,7 @@ def read(source: Path, options: Options) -> Recording:
 
 def _boxes(file: Path, calib: Path) -> Boxes:
     calibration = kitti.read_calibration(calib) if calib.is_file() else None
-    labels = kitti.read_labels(file, calibration=calibration, in_radians=True)
+    labels = kitti.read_labels(file, calibration=calibration)
     assert labels.image is not None
     return Boxes(labels.names, labels.boxes, visibility=_visibility(labels.image[:, 1]))
 

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray, IntArray, NameArray, Points, Records
+from pyinfra.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
 from pyinfra.kitti import FormatError, WorldPose
+from pyinfra.kitti.layout import FARTHEST_M
 from pyinfra.kitti.table import lines_of
+
+_MOST_INTENSITY = 1e6  # as the source has it
 
 
 @dataclass(frozen=True)
@@ -90,24 +93,43 @@ def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]
     return splits if all(splits.values()) else {}
 
 
-def scaled(points: Points, intensity_max: float | None, usual: float = 1.0) -> Points:
-    """The points (n, 4) with intensities divided by what is the highest in the source."""
+def as_points(
+    file: Path,
+    columns: Sequence[AnyArray],
+    intensity_max: float | None,
+    usual: float = 1.0,
+) -> Points:
+    """x, y, z and intensity (n,) of any type of numbers as points (n, 4).
+
+    Intensities are divided by what is the highest in the source. What is not finite stays, and is
+    no return. Raises FormatError for a point beyond 10 km, and for an intensity beyond a million.
+    """
+    for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
+        most = _MOST_INTENSITY if name == "intensity" else FARTHEST_M
+        bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
+        if len(bad) > 0:
+            place = f"{file}: point {bad[0]}: {name}"
+            raise FormatError(f"{place}: found {column[bad[0]]:g}, allowed {-most:g} to {most:g}")
+    points = np.stack([column.astype(np.float32) for column in columns], axis=1)
     highest = usual if intensity_max is None else intensity_max
     if highest != 1:
-        points = points.copy()
         points[:, 3] /= highest
     return points
 
 
-def read_bin(file: Path, columns: int) -> Points:
-    """The first four of some float32 columns: (n, 4). Raises FormatError for a file cut short."""
+def read_bin(file: Path, columns: int, intensity_max: float | None, usual: float = 1.0) -> Points:
+    """The first four of some float32 columns: (n, 4), see as_points.
+
+    Raises FormatError for a file cut short, and as as_points does.
+    """
     size = file.stat().st_size
     if size % (4 * columns) != 0:
         raise FormatError(
             f"{file}: found {size} bytes, allowed a multiple of {4 * columns} ({columns} float32 "
             "a point)"
         )
-    return np.fromfile(file, dtype="<f4").reshape(-1, columns)[:, :4]
+    found = np.fromfile(file, dtype="<f4").reshape(-1, columns)
+    return as_points(file, list(found.T[:4]), intensity_max, usual)
 
 
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:

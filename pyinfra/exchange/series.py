@@ -140,11 +140,7 @@ def _boxes(folder: Path, number: int, points: Points) -> Objects:
     if not (folder / "training/objects").is_dir():
         return _labels(folder, number, points)
     file = kitti.frame_file(folder, "objects", number)
-    objects = kitti.read_objects(file)
-    ids, counts = np.unique(objects.ids, return_counts=True)
-    if (counts > 1).any():
-        raise FormatError(f"{file}: id: found {ids[counts > 1][0]} twice, allowed once a frame")
-    return objects
+    return kitti.read_objects(file)
 
 
 def _labels(folder: Path, number: int, points: Points) -> Objects:

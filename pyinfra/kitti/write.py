@@ -12,17 +12,27 @@ import numpy as np
 from pyinfra.arrays import FloatArray, Points, Records
 from pyinfra.atomic import replacing
 from pyinfra.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
-from pyinfra.kitti.layout import FIELDS, OBJECT_COLUMNS, Labels, Objects, Part, frame_file
+from pyinfra.kitti.layout import (
+    FARTHEST_M,
+    FIELDS,
+    OBJECT_COLUMNS,
+    Labels,
+    Objects,
+    Part,
+    frame_file,
+)
+from pyinfra.kitti.read import OBJECT_NUMBERS, OBJECT_RULES
+from pyinfra.kitti.table import rules_hold
 
 _IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in height
 
 
 def write_points(file: Path, points: Points) -> None:
-    """points: (n, 4) float32, x y z intensity, finite. Raises ValueError for anything else."""
+    """points: (n, 4) float32, x y z intensity, within 10 km. Raises ValueError for others."""
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise ValueError(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
-    if not np.isfinite(points).all():
-        raise ValueError("points: found values that are not finite")
+    if not (np.abs(points) <= FARTHEST_M).all():
+        raise ValueError("points: found values that are not finite or beyond 10 km")
     _replace(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
@@ -34,10 +44,13 @@ def write_fields(file: Path, fields: Records) -> None:
 
 
 def write_objects(file: Path, objects: Objects) -> None:
-    """Raises ValueError for numbers that are not finite."""
+    """Raises ValueError for numbers that read_objects does not take."""
     o = objects
-    values = np.column_stack([o.boxes, o.speed, o.distance, o.visibility])
-    _check(values, o.boxes)
+    values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
+    if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
+        raise ValueError("objects: found values out of range")
+    if len(np.unique(o.ids)) < len(o):
+        raise ValueError("objects: found an id twice, allowed once a frame")
     lines = [",".join(OBJECT_COLUMNS)]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]

@@ -276,7 +276,9 @@ def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: 
     (folder / "dataset.yaml").write_text(
         "name: highway\nseed: 1\naggregation: exact\npreset: paper\nversion: 0.1.0\n"
     )
-    (folder / "roads.csv").write_text("road,s,x,y,z,heading,half_width\nm,0,0,0,0,0,21\n")
+    (folder / "roads.csv").write_text(
+        "road,s,x,y,z,heading,half_width\nm,0,0,0,0,0,21\nm,1,1,0,0,0,21\n"
+    )
     (folder / "trajectories.csv").write_text(
         "t,id,class,x,y,z,heading,dx,dy,dz,speed\n0,1,Car,0,0,0,0,4,2,1,15\n9,1,Car,0,0,0,0,4,2,1,1\n"
     )
@@ -318,7 +320,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         tables = study.statistics([folder], above_road=above_road, patterns=False)
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
-    roads.write_text(roads.read_text() + "m,1,1,0,0.5,0,21\n")
+    roads.write_text(roads.read_text() + "m,2,2,0,0.5,0,21\n")
     with pytest.raises(ValueError, match=r"roads\.csv: found roads from z = 0 to 0\.5"):
         read_sightings(data, above_road=True)
 
