@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pyinfra.arrays import FloatArray, NameArray
+from pyinfra.atomic import write
 from pyinfra.exchange.recording import Boxes
 from pyinfra.kitti.read import BOX_RULES
 from pyinfra.kitti.table import NamedRows, lines_of
@@ -26,4 +27,4 @@ def write_boxes(file: Path, names: NameArray, boxes: FloatArray) -> None:
         " ".join([*(f"{value:.6f}" for value in box), str(name)]) + "\n"
         for name, box in zip(names, boxes, strict=True)
     ]
-    file.write_text("".join(lines), encoding="utf-8")
+    write(file, "".join(lines))

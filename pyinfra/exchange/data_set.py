@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra import __version__, kitti
 from pyinfra.arrays import BoolArray, FloatArray, NameArray, Points
-from pyinfra.atomic import replacing
+from pyinfra.atomic import write
 from pyinfra.boxes import points_in_boxes
 from pyinfra.data.frames import PERIOD_S, lidars_in
 from pyinfra.exchange.coverage import Coverage
@@ -75,7 +75,7 @@ def write_lidar(
             frame = levelled(frame, T_levelled_sensor)
         _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor)
     _write_lists(out, recording, numbers)
-    (out / "lidar.yaml").write_text(_lidar_yaml(recording, about, found, tilt), encoding="utf-8")
+    write(out / "lidar.yaml", _lidar_yaml(recording, about, found, tilt))
     return found
 
 
@@ -104,8 +104,7 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
         "version": __version__,
         "ids": ids,
     }
-    with replacing(file) as beside:
-        beside.write_text(yaml.safe_dump(lines, sort_keys=False), encoding="utf-8")
+    write(file, yaml.safe_dump(lines, sort_keys=False))
 
 
 def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFrame:
@@ -186,9 +185,9 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
         (out / "ImageSets").mkdir(exist_ok=True)
         own = sorted(written & {of_name[name] for name in names})
         text = "".join(f"{number:06d}\n" for number in own)
-        (out / f"ImageSets/{part}.txt").write_text(text, encoding="utf-8")
+        write(out / f"ImageSets/{part}.txt", text)
     rows = [f"{n},{name}\n" for name, n in of_name.items() if n in written]
-    (out / "sources.csv").write_text("".join(["frame,source\n", *rows]), encoding="utf-8")
+    write(out / "sources.csv", "".join(["frame,source\n", *rows]))
 
 
 def _lidar_yaml(

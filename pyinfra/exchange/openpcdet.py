@@ -14,6 +14,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import Points
+from pyinfra.atomic import write
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
@@ -98,7 +99,7 @@ def _write_cloud(file: Path, points: Points) -> None:
     """Through memory: `np.save` does not see that a disk is full when it closes the file."""
     buffer = io.BytesIO()
     np.save(buffer, points)
-    file.write_bytes(buffer.getbuffer())
+    write(file, buffer.getvalue())
 
 
 def _read_cloud(file: Path, columns: int, intensity_max: float | None) -> Points:

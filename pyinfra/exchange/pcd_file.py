@@ -14,6 +14,7 @@ from typing import BinaryIO, NoReturn
 import numpy as np
 
 from pyinfra.arrays import Records
+from pyinfra.atomic import write
 from pyinfra.exchange.formats import missing
 from pyinfra.kitti import FormatError
 
@@ -46,7 +47,7 @@ def write_pcd(file: Path, records: Records) -> None:
         "DATA binary",
     ]
     # Not by tofile, which does not see that a disk is full when it closes the file.
-    file.write_bytes("".join(f"{line}\n" for line in header).encode() + records.tobytes())
+    write(file, "".join(f"{line}\n" for line in header).encode() + records.tobytes())
 
 
 def read_pcd(file: Path) -> Records:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.arrays import FloatArray, Points, Records
-from pyinfra.atomic import replacing
+from pyinfra.atomic import write
 from pyinfra.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
 from pyinfra.kitti.layout import (
     FARTHEST_M,
@@ -33,14 +33,14 @@ def write_points(file: Path, points: Points) -> None:
         raise ValueError(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
     if not (np.abs(points) <= FARTHEST_M).all():
         raise ValueError("points: found values that are not finite or beyond 10 km")
-    _replace(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
+    write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
 def write_fields(file: Path, fields: Records) -> None:
     """fields: (n,) records of FIELDS. Raises ValueError for another type."""
     if fields.dtype != FIELDS or fields.ndim != 1:
         raise ValueError(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
-    _replace(file, fields.tobytes())
+    write(file, fields.tobytes())
 
 
 def write_objects(file: Path, objects: Objects) -> None:
@@ -83,7 +83,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
 
 def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
     """calibration: that of a simulated LiDAR by default."""
-    _replace(file, calibration_text(calibration or simulated()).encode())
+    write(file, calibration_text(calibration or simulated()).encode())
 
 
 def write_frame(
@@ -132,9 +132,4 @@ def _check(values: FloatArray, boxes: FloatArray) -> None:
 
 
 def _replace_lines(file: Path, lines: Iterable[str]) -> None:
-    _replace(file, "".join(f"{line}\n" for line in lines).encode())
-
-
-def _replace(file: Path, data: bytes) -> None:
-    with replacing(file) as beside:
-        beside.write_bytes(data)
+    write(file, "".join(f"{line}\n" for line in lines))
