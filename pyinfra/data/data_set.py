@@ -54,6 +54,7 @@ def read_data_set(folder: Path) -> DataSet:
     folders = lidars_in(folder)
     if not folders:
         raise ValueError(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
+    lidars, tilts = zip(*read_lidars(folder), strict=True)
     frames = [tuple(kitti.frames(own)) for own in folders]
     for lidar, own in zip(folders, frames, strict=True):
         if own != frames[0]:
@@ -63,7 +64,6 @@ def read_data_set(folder: Path) -> DataSet:
             )
     if not frames[0]:
         raise ValueError(f"{folder}: found no frame, allowed one or more")
-    lidars, tilts = zip(*read_lidars(folder), strict=True)
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
@@ -84,8 +84,12 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     """The LiDARs of a data set and how they lean, by the names of their folders.
 
     Raises FormatError with file and line, also for a LiDAR of another preset or period than the
-    first, and for one whose folder has another name: files are looked for by it.
+    first, for one whose folder has another name, by which files are looked for, and for a folder
+    with frames but without lidar.yaml.
     """
+    for frames in sorted(folder.glob("[!.]*/training/velodyne")):
+        if not (file := frames.parents[1] / "lidar.yaml").is_file():
+            raise FormatError(f"{file}: missing, needed of each LiDAR of a data set")
     folders = lidars_in(folder)
     found = tuple((kitti.read_lidar(own), kitti.read_tilt(own)) for own in folders)
     for own, (lidar, _) in zip(folders, found, strict=True):
@@ -104,8 +108,13 @@ def without_region(lidar_folder: Path) -> str | None:
     The roads say which vehicles are in the region; a recording has none.
     """
     file = lidar_folder / "lidar.yaml"
-    roads = data_set_of(lidar_folder) / "roads.csv"
-    if roads.is_file() or not file.is_file():
+    data_set = data_set_of(lidar_folder)
+    roads = data_set / "roads.csv"
+    if not file.is_file():
+        if not (data_set / "dataset.yaml").is_file():
+            return None
+        return f"{file}: missing, so no region is known, although there is a dataset.yaml: copy it"
+    if roads.is_file():
         return None
     preset = kitti.read_yaml(file).at("preset")
     if preset.text() == kitti.RECORDED:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 from pathlib import Path
 
 from pyinfra import kitti
@@ -47,7 +48,7 @@ def _split(file: Path, present: set[int]) -> list[int]:
     frames: set[int] = set()
     for line, word in enumerate(lines_of(file), start=1):
         digits = word.strip()
-        if not (digits.isdecimal() and len(digits) < 10 and int(digits) in present):
+        if not re.fullmatch(r"[0-9]{1,9}", digits) or int(digits) not in present:
             raise FormatError(f"{file}:{line}: found '{word[:40]}', allowed a frame of the folder")
         if int(digits) in frames:
             raise FormatError(f"{file}:{line}: found {digits} twice, allowed once")

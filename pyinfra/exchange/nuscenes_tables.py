@@ -223,8 +223,10 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         seen.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
-        if np.abs(centre).max() > FARTHEST_M or not 0 < min(width, length, height) <= FARTHEST_M:
-            raise FormatError(f"{place}: found a box beyond {FARTHEST_M:g} m, or with no size")
+        sizes = np.array([width, length, height])
+        if np.abs(centre).max() > FARTHEST_M or sizes.min() <= 0.001 or sizes.max() > 1000:
+            allowed = "allowed sizes of more than 0.001 to 1000 m within 10 km"
+            raise FormatError(f"{place}: found sizes {sizes} at {centre}, {allowed}")
         ahead = back @ _rotation(tables, table, row)[:, 0]
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])

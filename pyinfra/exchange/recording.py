@@ -13,8 +13,6 @@ from pyinfra.kitti import FormatError, WorldPose
 from pyinfra.kitti.layout import FARTHEST_M
 from pyinfra.kitti.table import lines_of
 
-_MOST_INTENSITY = 1e6  # as the source has it
-
 
 @dataclass(frozen=True)
 class Options:
@@ -74,9 +72,11 @@ class Recording:
 def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     """The files of a folder with one of the suffixes, by name; numbers in names count as numbers.
 
+    Hidden ones are left out: they are of a system, or being written.
     Raises FileNotFoundError without the folder, and ValueError if there is no such file.
     """
-    files = [file for file in folder.iterdir() if file.name.endswith(tuple(suffixes))]
+    found = (file for file in folder.iterdir() if not file.name.startswith("."))
+    files = [file for file in found if file.name.endswith(tuple(suffixes))]
     if not files:
         raise ValueError(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
@@ -102,16 +102,17 @@ def as_points(
     """x, y, z and intensity (n,) of any type of numbers as points (n, 4).
 
     Intensities are divided by what is the highest in the source. What is not finite stays, and is
-    no return. Raises FormatError for a point beyond 10 km, and for an intensity beyond a million.
+    no return. Raises FormatError for a point beyond 10 km or an intensity beyond 10,000 times the
+    highest.
     """
+    highest = usual if intensity_max is None else intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
-        most = _MOST_INTENSITY if name == "intensity" else FARTHEST_M
+        most = FARTHEST_M * (highest if name == "intensity" else 1)  # as kitti.read_points
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:
             place = f"{file}: point {bad[0]}: {name}"
             raise FormatError(f"{place}: found {column[bad[0]]:g}, allowed {-most:g} to {most:g}")
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
-    highest = usual if intensity_max is None else intensity_max
     if highest != 1:
         points[:, 3] /= highest
     return points

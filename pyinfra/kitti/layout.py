@@ -78,7 +78,7 @@ def frames(lidar_folder: Path) -> list[int]:
     Raises FileNotFoundError if the folder has no training/velodyne.
     """
     names = (path.name for path in (lidar_folder / "training/velodyne").iterdir())
-    return sorted(int(name[:-4]) for name in names if re.fullmatch(r"\d{6,}\.bin", name))
+    return sorted(int(name[:-4]) for name in names if re.fullmatch(r"[0-9]{6,}\.bin", name))
 
 
 def extent(frames: Sequence[int]) -> str:

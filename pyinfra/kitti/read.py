@@ -25,13 +25,13 @@ from pyinfra.kitti.table import (
     lines_of,
 )
 
-_LONGEST_M = 1000.0  # of a side of a box
+_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # of a side of a box
 _MOST = 2**31 - 1  # of an id and of points
 _ROUNDED_M = 0.05  # of a distance
 
 
 def _size(v: FloatArray) -> BoolArray:
-    return np.asarray((v > 0) & (v <= _LONGEST_M))
+    return np.asarray((v > _SHORTEST_M) & (v <= _LONGEST_M))
 
 
 def _place(columns: str) -> Rule:
@@ -39,7 +39,7 @@ def _place(columns: str) -> Rule:
 
 
 def _sides(columns: str) -> Rule:
-    return Rule(tuple(columns.split()), _size, f"more than 0 to {_LONGEST_M:g}")
+    return Rule(tuple(columns.split()), _size, f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}")
 
 
 def _angle(column: str) -> Rule:

@@ -1,6 +1,7 @@
 """YAML files whose errors name file, line and key."""
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -84,7 +85,7 @@ class YamlNode:
     def whole(self, high: int) -> int:
         """A whole number from 0 to high."""
         text = self.text()
-        if not (text.isdecimal() and len(text) <= len(str(high)) and int(text) <= high):
+        if not re.fullmatch(r"[0-9]{1,20}", text) or int(text) > high:
             self.fail(f"found '{text[:40]}', allowed a whole number from 0 to {high}")
         return int(text)
 

@@ -75,6 +75,16 @@ def test_a_lidar_copied_without_its_roads_is_named(data_set: Path, tmp_path: Pat
     assert warning.text.startswith(f"{copy / 'lidar.yaml'}:3: preset: found 'paper', of a simul")
 
 
+def test_a_lidar_without_its_description_is_named(data_set: Path, tmp_path: Path) -> None:
+    shutil.copytree(data_set / "near", data_set / "far")
+    replace(data_set / "far/lidar.yaml", 'name: "near"', 'name: "far"')
+    (data_set / "near/lidar.yaml").unlink()
+    assert names_of(data_set / "near", tmp_path / "pred")[1] == {"no-roads"}
+    for read in (read_data_set, lambda data: read_ground_truth(data / "far")):
+        with pytest.raises(FormatError, match=r"near/lidar\.yaml: missing, needed"):
+            read(data_set)
+
+
 def test_a_recording_has_no_roads(tmp_path: Path) -> None:
     gt = write_lidar(tmp_path / "data/pole", traffic(12))
     assert names_of(gt, write_predictions(tmp_path / "pred", perfect(traffic(12)))) == (100, set())

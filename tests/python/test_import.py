@@ -229,7 +229,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "no width": (
         "sample_annotation",
         lambda rows: [rows[0] | {"size": [0, 1, 1]}],
-        "found a box beyond 10000 m, or with no size",
+        r"found sizes \[0\. 1\. 1\.\] at .*, allowed sizes of",
     ),
     "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "allowed a file inside"),
     "no category": ("category", lambda rows: [{"token": "c"}], "found no 'name'"),
@@ -302,6 +302,20 @@ def far(folder: Path) -> None:
 def archive(folder: Path) -> None:
     with zipfile.ZipFile(folder / "points/000005.npy", "w") as file:
         file.writestr("a.npy", b"")
+
+
+def test_fields_that_are_not_those_of_the_points_are_named(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "made_up")
+    kitti.frame_file(folder, "fields", 6).write_bytes(b"")
+    with pytest.raises(kitti.FormatError, match=r"fields/000006\.bin: found 0 records, allowed 10"):
+        import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
+
+
+def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "made_up")
+    (folder / "training/velodyne/._000005.bin").write_bytes(b"of another system")
+    import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
+    assert kitti.frames(tmp_path / "in/pole") == [5, 6, 7]
 
 
 WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
