@@ -1,5 +1,6 @@
 """Files and folders that are whole or not there, and locks between processes."""
 
+import errno
 import fcntl
 import os
 import shutil
@@ -12,23 +13,31 @@ from pathlib import Path
 def replacing(file: Path) -> Iterator[Path]:
     """A hidden path beside the file to write to; it takes the file's place when the block ends.
 
-    If the block raises, what it wrote goes and the file that was there stays.
+    If the block raises, what it wrote goes and the file that was there stays; an error of the
+    system, as of a full disk, names the file.
     """
     beside = file.with_name(f".{file.name}.{os.getpid()}")
     try:
-        yield beside
-        beside.replace(file)
+        with naming(file, beside):
+            yield beside
+            beside.replace(file)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+
+
+def write(file: Path, data: bytes | str) -> None:
+    """The file holds the data, a text as UTF-8, or stays as it was; see replacing."""
+    with replacing(file) as beside:
+        beside.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
     """A hidden folder beside the path to write to; it takes the path when the block ends.
 
-    If the block raises, what it wrote goes. Raises FileExistsError if the path is there already
-    and not an empty folder.
+    If the block raises, what it wrote goes; an error of the system names the file or the folder.
+    Raises FileExistsError if the path is there already and not an empty folder.
     """
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise FileExistsError(f"{folder}: is there already, allowed a new or an empty folder")
@@ -36,10 +45,30 @@ def new_folder(folder: Path) -> Iterator[Path]:
     beside = folder.with_name(f".{folder.name}.{os.getpid()}")
     beside.mkdir()
     try:
-        yield beside
-        beside.replace(folder)
+        with naming(folder, beside):
+            yield beside
+            beside.replace(folder)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
+        raise
+
+
+@contextmanager
+def naming(place: Path, beside: Path | None = None) -> Iterator[None]:
+    """An OSError from the block names a file: `place` if it has none, as of an open file.
+
+    beside: what will take the place; errors that name it, or what is in it, name the place.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:  # of a library, or of ours with the file in its text
+            if str(place.parent) in str(error):
+                raise
+            raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(place)) from error
+        named = [Path(os.fsdecode(n)) for n in (error.filename2, error.filename) if n is not None]
+        at = [place / n.relative_to(beside) for n in named if beside and n.is_relative_to(beside)]
+        error.filename, error.filename2 = str([*at, *named[-1:], place][0]), None
         raise
 
 

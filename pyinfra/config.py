@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times faster where it is
 _MOST_LEVELS = 100  # of a file's nesting; libyaml's own recursion ends in a crash
-_NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # that PyYAML lets through
+NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # that PyYAML lets through
 _MOST_LETTERS = 60  # of a value in a message
 
 
@@ -211,7 +211,7 @@ def _loaded(place: _Place, allowed: str) -> Any:
     """What YAML takes a node for."""
     try:
         return SafeConstructor().construct_document(place.node)
-    except (yaml.YAMLError, *_NO_VALUE):  # as in 2001-02-30, `!!int x`, `!!int` or `!!bool x`
+    except (yaml.YAMLError, *NO_VALUE):  # as in 2001-02-30, `!!int x`, `!!int` or `!!bool x`
         place.fail(f"found {_shown(place.node)}, allowed {allowed}")
 
 

@@ -16,6 +16,7 @@ from pyinfra.atomic import replacing
 from pyinfra.benchmark import store
 from pyinfra.benchmark.matrix import Plan
 from pyinfra.config import ConfigError
+from pyinfra.data.frames import lidars_in
 from pyinfra.simulator.runs import infrasim
 
 PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
@@ -100,7 +101,7 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
     for world, cells in plan.worlds().items() if len(table) else ():
         scene, preset = cells[0].scene, cells[0].preset
         known = set(table.lidar[(table.scene == scene) & (table.preset == preset)])
-        there = {file.parent.name for file in folder_of(world).glob("*/lidar.yaml")}
+        there = {lidar.name for lidar in lidars_in(folder_of(world))}
         now = there | {cell.lidar for cell in cells}
         if known and known != now:
             raise ConfigError(

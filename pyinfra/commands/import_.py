@@ -15,6 +15,7 @@ from pyinfra.exchange.imports import checked, import_recording, warnings
 from pyinfra.exchange.object_types import own_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
+from pyinfra.kitti.lidar import PERIOD_S
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,8 +73,9 @@ def facts_of(args: argparse.Namespace) -> LidarFacts:
         raise ValueError(f"--out: found LIDAR '{out.name}', allowed letters, digits and _ . -")
     if price and not 0 <= price[0] <= price[1] < math.inf:
         raise ValueError(f"--price-usd: found {price}, allowed LOW from 0 and HIGH from LOW on")
-    if args.period_s is not None and not 0 < args.period_s <= 60:
-        raise ValueError(f"--period-s: found {args.period_s:g}, allowed above 0 to 60")
+    least, most = PERIOD_S
+    if args.period_s is not None and not least <= args.period_s <= most:
+        raise ValueError(f"--period-s: found {args.period_s:g}, allowed {least:g} to {most:g}")
     if tilt and not all(abs(angle) <= 90 for angle in tilt):
         raise ValueError(f"--tilt-deg: found {tilt}, allowed -90 to 90")
     return LidarFacts(

@@ -54,8 +54,11 @@ def run(args: argparse.Namespace) -> int:
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"--{key}" for key in given)
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
+    sources = _sources(args)
+    for warning in filter(None, (source.read_warning() for source in sources)):
+        print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
     how = {"seed": args.seed, "device": args.device, "precision": args.precision}
-    model = train(recipe, _sources(args), args.out, **how)
+    model = train(recipe, sources, args.out, **how)
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first
         print(model)
     return 0

@@ -5,21 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.data.frames import data_set_of, lidars_in
+from pyinfra.data.regions import read_roads
+from pyinfra.kitti import FormatError, Tilt
 
 MIN_VISIBILITY = 0.2
 FULL_CIRCLE_DEG = 359.0
-
-
-@dataclass(frozen=True)
-class Tilt:
-    """T_levelled_sensor: how a sensor leans; a positive pitch looks down. Radians."""
-
-    pitch: float
-    roll: float
 
 
 @dataclass(frozen=True)
@@ -51,34 +45,83 @@ class DataSet:
 def read_data_set(folder: Path) -> DataSet:
     """What a data set holds, without its frames' contents.
 
-    Raises FileNotFoundError if it is none, kitti.FormatError for a wrong file, and ValueError if
+    Raises FileNotFoundError if it is none, FormatError for a wrong file, and ValueError if
     it has no LiDAR or no frame, or if the LiDARs have different frames.
     """
     if not (folder / "dataset.yaml").is_file():
         raise FileNotFoundError(2, "No dataset.yaml in it, as `infrasim run` writes", str(folder))
-    top = _mapping(folder / "dataset.yaml")
-    files = sorted(folder.glob("*/lidar.yaml"))
-    if not files:
+    top = kitti.read_yaml(folder / "dataset.yaml")
+    folders = lidars_in(folder)
+    if not folders:
         raise ValueError(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
-    frames = [tuple(kitti.frames(file.parent)) for file in files]
-    for file, own in zip(files, frames, strict=True):
+    lidars, tilts = zip(*read_lidars(folder), strict=True)
+    frames = [tuple(kitti.frames(own)) for own in folders]
+    for lidar, own in zip(folders, frames, strict=True):
         if own != frames[0]:
             raise ValueError(
-                f"{folder}: {file.parent.name} has {len(own)} frames and {files[0].parent.name} "
+                f"{folder}: {lidar.name} has {len(own)} frames and {folders[0].name} "
                 f"has {len(frames[0])}, or others; allowed the same frames for every LiDAR"
             )
     if not frames[0]:
         raise ValueError(f"{folder}: found no frame, allowed one or more")
+    preset = top.at("preset")
+    if preset.text() != lidars[0].preset:
+        preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
     return DataSet(
         folder=folder,
-        scene=_text(top, "name", folder),
-        preset=_text(top, "preset", folder),
-        aggregation=_text(top, "aggregation", folder),
-        seed=int(_text(top, "seed", folder)),
-        version=_text(top, "version", folder),
-        lidars=tuple(kitti.read_lidar(file.parent) for file in files),
-        tilts=tuple(sensor_tilt(file) for file in files),
+        scene=top.at("name").text(),
+        preset=preset.text(),
+        aggregation=top.at("aggregation").text(),
+        seed=top.at("seed").whole(2**64 - 1),
+        version=top.at("version").text(),
+        lidars=lidars,
+        tilts=tilts,
         frames=frames[0],
+    )
+
+
+def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
+    """The LiDARs of a data set and how they lean, by the names of their folders.
+
+    Raises FormatError with file and line, also for a LiDAR of another preset or period than the
+    first, for one whose folder has another name, by which files are looked for, and for a folder
+    with frames but without lidar.yaml.
+    """
+    for frames in sorted(folder.glob("[!.]*/training/velodyne")):
+        if not (file := frames.parents[1] / "lidar.yaml").is_file():
+            raise FormatError(f"{file}: missing, needed of each LiDAR of a data set")
+    folders = lidars_in(folder)
+    found = tuple((kitti.read_lidar(own), kitti.read_tilt(own)) for own in folders)
+    for own, (lidar, _) in zip(folders, found, strict=True):
+        first, top = found[0][0], kitti.read_yaml(own / "lidar.yaml")
+        allowed = {"name": own.name, "preset": first.preset, "period_s": first.period_s}
+        for key, value in allowed.items():
+            if getattr(lidar, key) != value:
+                why = "that of the folder" if key == "name" else f"as in {folders[0]}"
+                top.at(key).fail(f"found {getattr(lidar, key)}, allowed {value}, {why}")
+    return found
+
+
+def without_region(lidar_folder: Path) -> str | None:
+    """What is wrong with the frames of a simulation whose roads.csv is missing, in words.
+
+    The roads say which vehicles are in the region; a recording has none.
+    """
+    file = lidar_folder / "lidar.yaml"
+    data_set = data_set_of(lidar_folder)
+    roads = data_set / "roads.csv"
+    if not file.is_file():
+        if not (data_set / "dataset.yaml").is_file():
+            return None
+        return f"{file}: missing, so no region is known, although there is a dataset.yaml: copy it"
+    if roads.is_file():
+        return None
+    preset = kitti.read_yaml(file).at("preset")
+    if preset.text() == kitti.RECORDED:
+        return None
+    return (
+        f"{preset.place()}: found '{preset.text()}', of a simulation, but no {roads}: every "
+        "vehicle in reach counts, also beyond the region, and AP is another; copy the file too"
     )
 
 
@@ -111,8 +154,7 @@ def field_of_view_mask(
 def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
     """z of the roads in the levelled frame, metres. Raises ValueError if they are not level."""
     file = data.folder / "roads.csv"
-    header = file.read_text(encoding="utf-8").partition("\n")[0].split(",")
-    z = np.loadtxt(file, delimiter=",", skiprows=1, usecols=header.index("z"), ndmin=1)
+    z = np.concatenate([road.z for road in read_roads(file)])
     if np.ptp(z) > 0.01:
         raise ValueError(f"{file}: found roads from z = {z.min():g} to {z.max():g}, allowed level")
     return float(z.mean()) - lidar.T_world_levelled.z
@@ -126,7 +168,7 @@ def read_owners(folder: Path, frame: int, count: int) -> IntArray:
     file = kitti.frame_file(folder, "fields", frame)
     owner = kitti.read_fields(file)["object_id"].astype(np.int64)
     if len(owner) != count:
-        raise kitti.FormatError(
+        raise FormatError(
             f"{file}: found {len(owner)} records, allowed one for each of {count} points"
         )
     return owner
@@ -141,26 +183,3 @@ def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
-
-
-def _mapping(file: Path) -> dict[str, object]:
-    try:
-        found = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise kitti.FormatError(f"{file}: {' '.join(str(error).split())}") from None
-    if not isinstance(found, dict):
-        raise kitti.FormatError(f"{file}:1: found no mapping, allowed keys and values")
-    return found
-
-
-def _text(top: dict[str, object], key: str, folder: Path) -> str:
-    if key not in top:
-        raise kitti.FormatError(f"{folder / 'dataset.yaml'}:1: found no key '{key}', it is needed")
-    return str(top[key])
-
-
-def sensor_tilt(file: Path) -> Tilt:
-    sensor = _mapping(file).get("T_levelled_sensor")
-    if not isinstance(sensor, dict):
-        raise kitti.FormatError(f"{file}:1: found no key 'T_levelled_sensor', it is needed")
-    return Tilt(math.radians(sensor["pitch_deg"]), math.radians(sensor["roll_deg"]))

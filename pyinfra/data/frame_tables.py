@@ -18,9 +18,12 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.kitti import FormatError
+from pyinfra.kitti.read import LABEL_RULES, OBJECT_NUMBERS, OBJECT_RULES, RESULT_RULES
+from pyinfra.kitti.table import is_whole, lines_of, rules_hold
 
 CSV_COLUMNS = ("class", "x", "y", "z", "dx", "dy", "dz", "heading", "score")
 _FILES = 256  # read at a time
+_LABEL_NUMBERS = kitti.LABEL_COLUMNS[8:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +89,35 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     if (lidar_folder / "training/objects").is_dir():
         files = [kitti.frame_file(lidar_folder, "objects", frame) for frame in frames]
         return _joined(files, _objects, Vehicles)
+    return read_labelled(lidar_folder, frames)
+
+
+def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
+    """The labels of the frames. Raises FileNotFoundError and FormatError."""
     files = [kitti.frame_file(lidar_folder, "label_2", frame) for frame in frames]
     cameras = read_cameras(lidar_folder, frames)
     return _joined(files, lambda paths, index: _labels(paths, index, cameras), Vehicles)
+
+
+def other_types(
+    lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
+) -> str | None:
+    """Names of the ground truth that are no class known here and none of `types`, in words.
+
+    Vehicles of such a name count nowhere: `car` is no `Car`. None if there is none.
+    """
+    other = ~np.isin(vehicles.names, [*types, *kitti.VEHICLE_TYPES, *kitti.OTHER_TYPES])
+    if not other.any():
+        return None
+    names, counts = np.unique(vehicles.names[other], return_counts=True)
+    listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
+    part: kitti.Part = "objects" if vehicles.ids.max(initial=-1) >= 0 else "label_2"
+    first = int(np.flatnonzero(other)[0])
+    file = kitti.frame_file(lidar_folder, part, frames[vehicles.frame[first]])
+    name = str(vehicles.names[first])
+    words = (line.replace(",", " ").split() for line in lines_of(file))
+    line = next((i for i, own in enumerate(words, start=1) if name in own), 1)
+    return f"{file}:{line}: counted nowhere: {listed}; allowed {', '.join(types)}"
 
 
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:
@@ -136,18 +165,22 @@ def _joined(
 
 
 def _objects(files: Sequence[Path], frames: IntArray) -> Vehicles:
-    texts = _texts(files)
+    texts = _texts(files, whole=True)
     header = ",".join(kitti.OBJECT_COLUMNS)
     # The class to the front, so that numbers follow each other.
     cells = (line.split(",") for text in texts for line in text[1:])
     rows = [[*row[1:2], *row[:1], *row[2:]] for row in cells]
-    known = all(text and text[0] == header for text in texts)
+    known = all(text and text[0] == header for text in texts) and all(row[0] for row in rows)
     values = _numbers(rows, len(kitti.OBJECT_COLUMNS), 1) if known else None
-    if values is None or (values[:, 4:7] <= 0).any() or (values[:, 9] < 0).any():
+    if values is None or not rules_hold(values, OBJECT_NUMBERS, OBJECT_RULES):
+        _fail(files, kitti.read_objects)
+    frame = np.repeat(frames, [len(text) - 1 for text in texts])
+    ids = values[:, 0].astype(np.int64)
+    if len(np.unique(frame * 2**31 + ids)) < len(ids):
         _fail(files, kitti.read_objects)
     return Vehicles(
-        frame=np.repeat(frames, [len(text) - 1 for text in texts]),
-        ids=values[:, 0].astype(np.int64),
+        frame=frame,
+        ids=ids,
         names=np.array([row[0] for row in rows], dtype=np.str_),
         boxes=values[:, 1:8],
         points=values[:, 9].astype(np.int64),
@@ -184,12 +217,15 @@ def _kitti(
     rows = [line.split() for text in texts for line in text]
     values = _numbers(rows, len(kitti.LABEL_COLUMNS) + scores, 8)
     names = np.array([row[0] for row in rows], dtype=np.str_) if values is not None else None
-    if values is None or names is None or (values[names != "DontCare", :3] <= 0).any():
+    rules = RESULT_RULES if scores else LABEL_RULES
+    if values is None or names is None:
+        _fail(files, lambda file: kitti.read_labels(file, scores=scores))
+    known = names != "DontCare"
+    if not rules_hold(values[known], _LABEL_NUMBERS, rules):
         _fail(files, lambda file: kitti.read_labels(file, scores=scores))
     counts = [len(text) for text in texts]
-    keep = names != "DontCare"
     line = np.array([n + 1 for count in counts for n in range(count)], dtype=np.int64)
-    return np.repeat(frames, counts)[keep], line[keep], names[keep], values[keep]
+    return np.repeat(frames, counts)[known], line[known], names[known], values[known]
 
 
 def _csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:
@@ -242,21 +278,16 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-def _texts(files: Sequence[Path]) -> list[list[str]]:
-    """Lines of each file, without the byte order mark of spreadsheet programs."""
+def _texts(files: Sequence[Path], *, whole: bool = False) -> list[list[str]]:
+    """As kitti.table.lines_of, of each file."""
+    texts = [file.read_bytes() for file in files]
     try:
-        return [file.read_bytes().decode("utf-8-sig").splitlines() for file in files]
+        lines = [text.decode("utf-8-sig").splitlines() for text in texts]
     except UnicodeDecodeError:
-        for file in files:
-            _decodes(file)
-        raise
-
-
-def _decodes(file: Path) -> None:
-    try:
-        file.read_bytes().decode()
-    except UnicodeDecodeError as error:
-        raise FormatError(f"{file}: found byte {error.start} that is not UTF-8") from None
+        lines = None
+    if lines is None or (whole and not all(map(is_whole, texts))):
+        _fail(files, lambda file: lines_of(file, whole=whole))
+    return lines
 
 
 def _numbers(rows: Sequence[Sequence[str]], width: int, first: int) -> FloatArray | None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import errno
+import re
 from pathlib import Path
 
 from pyinfra import kitti
 from pyinfra.kitti import FormatError
+from pyinfra.kitti.table import lines_of
 
 PERIOD_S = 0.1  # of the simulator's frames, and of a folder without lidar.yaml
 
@@ -34,7 +36,7 @@ def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
         present = kitti.frames(folder)
     elif (training / "label_2").is_dir():
         stems = (file.stem for file in (training / "label_2").glob("*.txt"))
-        present = sorted(int(stem) for stem in stems if stem.isdigit())
+        present = sorted(int(stem) for stem in stems if stem.isdecimal())
     else:
         raise FileNotFoundError(2, "No training/velodyne or training/label_2 in it", str(folder))
     if split == "all" or (split is None and not (folder / "ImageSets/val.txt").is_file()):
@@ -43,19 +45,43 @@ def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
 
 
 def _split(file: Path, present: set[int]) -> list[int]:
-    frames = []
-    for line, word in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
-        if not word.strip().isdecimal() or int(word) not in present:
-            raise FormatError(f"{file}:{line}: found '{word}', allowed a frame of the folder")
-        frames.append(int(word))
+    frames: set[int] = set()
+    for line, word in enumerate(lines_of(file), start=1):
+        digits = word.strip()
+        if not re.fullmatch(r"[0-9]{1,9}", digits) or int(digits) not in present:
+            raise FormatError(f"{file}:{line}: found '{word[:40]}', allowed a frame of the folder")
+        if int(digits) in frames:
+            raise FormatError(f"{file}:{line}: found {digits} twice, allowed once")
+        frames.add(int(digits))
     return sorted(frames)
 
 
 def lidar_folders(data_set: Path) -> list[Path]:
     """The LiDAR folders of a data set, by name. Raises FileNotFoundError if there is none."""
-    folders = sorted(file.parent for file in data_set.glob("*/lidar.yaml"))
+    folders = lidars_in(data_set)
     if not folders:
         raise FileNotFoundError(
             errno.ENOENT, "found no LiDAR folder with a lidar.yaml", str(data_set)
         )
     return folders
+
+
+def lidars_in(data_set: Path) -> list[Path]:
+    """The LiDAR folders of a data set, by name, or none.
+
+    A hidden folder is none: it is being written, or its writer was killed.
+    """
+    files = data_set.glob("*/lidar.yaml")
+    return sorted(file.parent for file in files if not file.parent.name.startswith("."))
+
+
+def data_set_of(lidar_folder: Path) -> Path:
+    """The data set that a LiDAR's folder, maybe `.`, stands in."""
+    named = lidar_folder.name not in ("", "..")
+    return lidar_folder.parent if named else lidar_folder.resolve().parent
+
+
+def check_no_data_set(folder: Path) -> None:
+    """Raises ValueError for a data set where the folder of one LiDAR is needed."""
+    if inside := ", ".join(lidar.name for lidar in lidars_in(folder)):
+        raise ValueError(f"{folder}: found a data set, allowed a LiDAR of it: {inside}")

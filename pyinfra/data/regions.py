@@ -15,11 +15,16 @@ import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.kitti import FormatError, WorldPose
+from pyinfra.kitti.table import NamedRows, Rule, between, lines_of
 
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
 _CHUNK = 20_000
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
+_RULES = (
+    between(["s", "x", "y", "z"], -1e6, 1e6),
+    Rule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0 to 1000"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +34,9 @@ class Road:
     name: str
     s: FloatArray  # (n,) rising
     xy: FloatArray  # (n, 2)
+    z: FloatArray  # (n,)
     heading: FloatArray  # (n,)
     half_width: FloatArray  # (n,)
-    z: FloatArray  # (n,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,27 +67,27 @@ class Window:
 
 def read_roads(file: Path) -> list[Road]:
     """Roads of a data set, in the order of the file. Raises FormatError with file and line."""
-    with file.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.reader(stream))
+    lines = lines_of(file, whole=True)
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as error:
+        raise FormatError(f"{file}: {error}") from None
     if not rows or rows[0] != ROAD_COLUMNS:
         found = ",".join(rows[0]) if rows else ""
         raise FormatError(f"{file}:1: found '{found}', allowed '{','.join(ROAD_COLUMNS)}'")
-    points: dict[str, list[list[float]]] = {}
-    for line, row in enumerate(rows[1:], start=2):
-        try:
-            values = [float(word) for word in row[1:]]
-        except ValueError:
-            values = []
-        if len(values) != len(ROAD_COLUMNS) - 1 or not np.isfinite(values).all():
-            raise FormatError(f"{file}:{line}: found '{','.join(row)}', allowed a name, 6 numbers")
-        points.setdefault(row[0], []).append(values)
-    return [_road(name, np.array(values), file) for name, values in points.items()]
+    table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], ROAD_COLUMNS, "road")
+    table.check(_RULES)
+    if len(rows) == 1:
+        raise FormatError(f"{file}:1: found no road, allowed one or more")
+    names = dict.fromkeys(table.names.tolist())
+    return [_road(name, table.values[table.names == name], file) for name in names]
 
 
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
         raise FormatError(f"{file}: road {name}: found s that does not rise, allowed rising s")
-    return Road(name, values[:, 0], values[:, 1:3], values[:, 4], values[:, 5], values[:, 3])
+    s, x, y, z, heading, half_width = values.T
+    return Road(name, s, np.column_stack([x, y]), z, heading, half_width)
 
 
 def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Floats | float) -> FloatArray:

@@ -37,7 +37,7 @@ def spread(count: int) -> range:
 
 def check_folder(folder: Path, frames: range) -> None:
     """Raises ValueError if a LiDAR of a scene's folder has a frame that is not among `frames`."""
-    for velodyne in sorted(folder.glob("*/training/velodyne")):
+    for velodyne in sorted(folder.glob("[!.]*/training/velodyne")):
         lidar = velodyne.parents[1]
         if others := set(kitti.frames(lidar)) - set(frames):
             raise ValueError(

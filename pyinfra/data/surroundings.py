@@ -13,7 +13,7 @@ from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Floats
 from pyinfra.data import regions
 from pyinfra.data.regions import Road
-from pyinfra.kitti.lidar import YamlNode
+from pyinfra.kitti.yaml_file import YamlNode
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from matplotlib.patches import Patch, Polygon
 from pyinfra import kitti
 from pyinfra.boxes import footprints
 from pyinfra.data import regions
-from pyinfra.data.data_set import Tilt, sensor_tilt
 from pyinfra.data.regions import Road
 from pyinfra.data.surroundings import Surroundings, read_surroundings, road_lines
 from pyinfra.drawing import clouds
@@ -45,7 +44,7 @@ class Scene:
     name: str
     folders: tuple[Path, ...]  # one per LiDAR
     lidars: tuple[kitti.Lidar, ...]
-    tilts: tuple[Tilt, ...]
+    tilts: tuple[kitti.Tilt, ...]
     around: Surroundings
 
 
@@ -57,7 +56,7 @@ def read_scene(folders: Sequence[Path]) -> Scene:
         name=top.at("name").text(),
         folders=tuple(folders),
         lidars=tuple(kitti.read_lidar(folder) for folder in folders),
-        tilts=tuple(sensor_tilt(folder / "lidar.yaml") for folder in folders),
+        tilts=tuple(kitti.read_tilt(folder) for folder in folders),
         around=read_surroundings(data_set),
     )
 

@@ -16,6 +16,7 @@ from pyinfra.atomic import replacing
 from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.evaluation.ground_truth_checks import ground_truth_findings
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.prediction_checks import check_predictions, find_files
 from pyinfra.evaluation.result import Evaluation, evaluate_tables
@@ -43,8 +44,9 @@ def evaluate(
     truth = read_ground_truth(gt, chosen, beyond_range="all" in settings.ground_truths)
     predictions = read_predictions(found.files, read_cameras(gt, chosen))
     types = settings.types
+    findings = list(ground_truth_findings(gt, chosen, truth.vehicles, types))
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
-    findings = [
+    findings += [
         *found.findings,
         *check_predictions(predictions, found.files, of_types, types, settings.min_score),
     ]

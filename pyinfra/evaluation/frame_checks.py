@@ -14,8 +14,18 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
-from pyinfra.data.frame_tables import Vehicles, read_cameras, read_predictions, read_vehicles
-from pyinfra.data.frames import frame_numbers
+from pyinfra.data.data_set import read_data_set, read_lidars
+from pyinfra.data.frame_tables import (
+    Vehicles,
+    other_types,
+    read_cameras,
+    read_labelled,
+    read_predictions,
+    read_vehicles,
+)
+from pyinfra.data.frames import data_set_of, frame_numbers
+from pyinfra.data.regions import read_roads
+from pyinfra.evaluation.ground_truth_checks import ground_truth_findings
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.prediction_checks import Finding, check_predictions, find_files
 from pyinfra.kitti import FormatError
@@ -39,10 +49,17 @@ def validate(
     frames = frame_numbers(folder, "all")
     if not frames:
         return [Finding("error", "no-frames", f"{folder}: found no frame, allowed one or more")]
-    found = list(_unreadable(folder, frames))
+    found = [*_unreadable(folder, frames), *_unreadable_data_set(folder)]
     if found:
         return found
     vehicles = read_vehicles(folder, frames)
+    types = Settings().types
+    found += ground_truth_findings(folder, frames, vehicles, types)
+    labelled = read_labelled(folder, frames)  # which other tools read
+    if vehicles.ids.max(initial=-1) >= 0 and (
+        other := other_types(folder, frames, labelled, types)
+    ):
+        found.append(Finding("warning", "other-types", other))
     found += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
     if pred is not None:
         found += _predictions(folder, pred, split, allow_missing)
@@ -52,8 +69,8 @@ def validate(
 def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     """Errors of the text files, the first MOST_ERRORS of them."""
     readers: dict[kitti.Part, Callable[[Path], object]] = {
-        "label_2": partial(kitti.read_labels, in_radians=True),
-        "objects": partial(kitti.read_objects, in_radians=True),
+        "label_2": kitti.read_labels,
+        "objects": kitti.read_objects,
         "calib": kitti.read_calibration,
     }
     errors = []
@@ -71,6 +88,22 @@ def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     if len(errors) > MOST_ERRORS:
         more = f"{folder}: {len(errors) - MOST_ERRORS} more errors"
         yield Finding("error", "more-errors", more)
+
+
+def _unreadable_data_set(folder: Path) -> Iterator[Finding]:
+    """Errors of what describes the LiDARs and the region, where they are described."""
+    data_set = data_set_of(folder)
+    checks: dict[Path, Callable[[], object]] = {}
+    if (folder / "lidar.yaml").is_file():
+        checks[folder / "lidar.yaml"] = partial(read_lidars, data_set)
+        checks[data_set / "roads.csv"] = partial(read_roads, data_set / "roads.csv")
+        checks[data_set / "dataset.yaml"] = partial(read_data_set, data_set)
+    for file, check in checks.items():
+        try:
+            if file.is_file():
+                check()
+        except (FormatError, ValueError, OSError) as error:
+            yield Finding("error", "wrong-data-set", str(error))
 
 
 def _labels(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
@@ -182,7 +215,8 @@ def lidar_folders(data: Path) -> list[Path]:
     """The LiDARs of a data set, or the folder itself if it has frames."""
     if (data / "training").is_dir():
         return [data]
-    folders = sorted(path.parent for path in data.glob("*/training"))
+    found = (path.parent for path in data.glob("*/training"))
+    folders = sorted(folder for folder in found if not folder.name.startswith("."))
     if not folders:
         raise FileNotFoundError(2, "No training folder in it or in its folders", str(data))
     return folders

@@ -12,9 +12,9 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.data import regions
-from pyinfra.data.data_set import MIN_VISIBILITY, Tilt, field_of_view_mask, sensor_tilt
+from pyinfra.data.data_set import MIN_VISIBILITY, field_of_view_mask, read_lidars
 from pyinfra.data.frame_tables import Vehicles, read_vehicles
-from pyinfra.data.frames import PERIOD_S, frame_numbers
+from pyinfra.data.frames import PERIOD_S, data_set_of, frame_numbers
 from pyinfra.data.regions import Places, Road, Window
 
 # captured: at least some points of this LiDAR (the paper). common: inside the field of view and
@@ -34,7 +34,7 @@ class GroundTruth:
     vehicles: Vehicles  # every one in reach, counted or not
     has_objects: bool  # False: the vehicles are the labels, and only `captured` can be told
     lidar: kitti.Lidar | None  # None without lidar.yaml
-    neighbours: tuple[tuple[kitti.Lidar, Tilt], ...]  # every LiDAR of the data set
+    neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # every LiDAR of the data set
     roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
 
     def places(self, boxes: FloatArray) -> Places:
@@ -86,16 +86,16 @@ def read_ground_truth(
         raise ValueError(f"{folder}: found no frame to evaluate, allowed one or more")
     has_lidar = (folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(folder) if has_lidar else None
-    files = sorted(folder.parent.glob("*/lidar.yaml")) if has_lidar else []
-    neighbours = tuple((kitti.read_lidar(file.parent), sensor_tilt(file)) for file in files)
+    data_set = data_set_of(folder)
+    neighbours = read_lidars(data_set) if has_lidar else ()
     vehicles = read_vehicles(folder, frames)
     has_objects = (folder / "training/objects").is_dir()
     if beyond_range and has_objects and lidar is not None:
         farthest = max((_reach(other), other.name) for other, _ in neighbours)
         if farthest[0] > _reach(lidar):
-            others = read_vehicles(folder.parent / farthest[1], frames)
+            others = read_vehicles(data_set / farthest[1], frames)
             vehicles = _with_unreached(vehicles, others)
-    roads = folder.parent / "roads.csv"
+    roads = data_set / "roads.csv"
     return GroundTruth(
         folder=folder,
         name=lidar.name if lidar else folder.name,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from pyinfra.arrays import FloatArray, NameArray
+from pyinfra.atomic import write
 from pyinfra.exchange.recording import Boxes
-from pyinfra.kitti.table import MOST_RADIANS, RADIANS, NamedRows, lines_of
+from pyinfra.kitti.read import BOX_RULES
+from pyinfra.kitti.table import NamedRows, lines_of
 
 COLUMNS = "x y z dx dy dz heading category".split()
 
@@ -17,8 +17,7 @@ def read_boxes(file: Path) -> Boxes:
     """Raises FormatError with file and line."""
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
     table = NamedRows(file, list(rows), list(rows.values()), COLUMNS, "category")
-    table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
-    table.check(["heading"], lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
+    table.check(BOX_RULES)
     return Boxes(table.names, table.values)
 
 
@@ -28,4 +27,4 @@ def write_boxes(file: Path, names: NameArray, boxes: FloatArray) -> None:
         " ".join([*(f"{value:.6f}" for value in box), str(name)]) + "\n"
         for name, box in zip(names, boxes, strict=True)
     ]
-    file.write_text("".join(lines), encoding="utf-8")
+    write(file, "".join(lines))

@@ -18,15 +18,14 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra import __version__, kitti
 from pyinfra.arrays import BoolArray, FloatArray, NameArray, Points
-from pyinfra.atomic import replacing
+from pyinfra.atomic import write
 from pyinfra.boxes import points_in_boxes
-from pyinfra.data.frames import PERIOD_S
+from pyinfra.data.frames import PERIOD_S, lidars_in
 from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
-from pyinfra.kitti import VEHICLE_TYPES, Labels, Objects, WorldPose
+from pyinfra.kitti import RECORDED, VEHICLE_TYPES, Labels, Objects, WorldPose
 
-RECORDED = "recorded"  # preset and aggregation of an imported data set
 SEEN = 1.0  # visibility of an object that somebody labelled
 
 
@@ -76,19 +75,19 @@ def write_lidar(
             frame = levelled(frame, T_levelled_sensor)
         _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor)
     _write_lists(out, recording, numbers)
-    (out / "lidar.yaml").write_text(_lidar_yaml(recording, about, found, tilt), encoding="utf-8")
+    write(out / "lidar.yaml", _lidar_yaml(recording, about, found, tilt))
     return found
 
 
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
-    """dataset.yaml, unless it is there for the same scene.
+    """dataset.yaml, unless it is there for the same scene; one without a LiDAR is written anew.
 
     Raises ValueError for a data set that the LiDAR cannot join: of a simulation, or one whose
     objects have no common numbers.
     """
     file = data / "dataset.yaml"
     ids = "tracks" if ids_are_tracks else "rows"
-    if file.exists():
+    if file.exists() and lidars_in(data):
         top = kitti.read_yaml(file)
         joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
         if not joined:
@@ -105,8 +104,7 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
         "version": __version__,
         "ids": ids,
     }
-    with replacing(file) as beside:
-        beside.write_text(yaml.safe_dump(lines, sort_keys=False), encoding="utf-8")
+    write(file, yaml.safe_dump(lines, sort_keys=False))
 
 
 def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFrame:
@@ -187,9 +185,9 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
         (out / "ImageSets").mkdir(exist_ok=True)
         own = sorted(written & {of_name[name] for name in names})
         text = "".join(f"{number:06d}\n" for number in own)
-        (out / f"ImageSets/{part}.txt").write_text(text, encoding="utf-8")
+        write(out / f"ImageSets/{part}.txt", text)
     rows = [f"{n},{name}\n" for name, n in of_name.items() if n in written]
-    (out / "sources.csv").write_text("".join(["frame,source\n", *rows]), encoding="utf-8")
+    write(out / "sources.csv", "".join(["frame,source\n", *rows]))
 
 
 def _lidar_yaml(

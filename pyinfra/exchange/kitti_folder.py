@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.arrays import FloatArray
+from pyinfra.arrays import FloatArray, Records
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -17,10 +17,10 @@ from pyinfra.exchange.recording import (
     check_pairs,
     read_bin,
     read_splits,
-    scaled,
     sorted_files,
     stem,
 )
+from pyinfra.kitti import FormatError
 
 # Middle of the share that KITTI's `occluded` 0, 1, 2 stands for here; 3 is unknown.
 VISIBILITY = (0.9, 0.6, 0.2, 1.0)
@@ -41,18 +41,25 @@ def read(source: Path, options: Options) -> Recording:
     names = tuple(stem(file) for file in clouds)
 
     def frame(i: int) -> RecordedFrame:
-        points = scaled(read_bin(clouds[i], options.columns or 4), options.intensity_max)
+        points = read_bin(clouds[i], options.columns or 4, options.intensity_max)
         calib = training / f"calib/{names[i]}.txt"
         boxes = _boxes(folder / f"{names[i]}.txt", calib) if labelled else NO_BOXES
         fields = training / f"fields/{names[i]}.bin"
-        return RecordedFrame(points, boxes, kitti.read_fields(fields) if fields.is_file() else None)
+        return RecordedFrame(points, boxes, _fields(fields, len(points)))
 
     return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
 
 
+def _fields(file: Path, count: int) -> Records | None:
+    found = kitti.read_fields(file) if file.is_file() else None
+    if found is not None and len(found) != count:
+        raise FormatError(f"{file}: found {len(found)} records, allowed {count}, as points")
+    return found
+
+
 def _boxes(file: Path, calib: Path) -> Boxes:
     calibration = kitti.read_calibration(calib) if calib.is_file() else None
-    labels = kitti.read_labels(file, calibration=calibration, in_radians=True)
+    labels = kitti.read_labels(file, calibration=calibration)
     assert labels.image is not None
     return Boxes(labels.names, labels.boxes, visibility=_visibility(labels.image[:, 1]))
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pyinfra import __version__
+from pyinfra.atomic import write
 from pyinfra.boxes import points_in_boxes
 from pyinfra.exchange.road_level import (
     CLASSES,
@@ -44,12 +45,12 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     (out / "points").mkdir()
     infos = {}
     for frame in road_frames(lidar_folder, frames, labels, site):
-        (out / f"points/{frame.number:06d}.bin").write_bytes(frame.points.tobytes())
+        write(out / f"points/{frame.number:06d}.bin", frame.points.tobytes())
         infos[frame.number] = _info(frame)
     for part, own in lists.items():
         content = {"metainfo": METAINFO, "data_list": [infos[k] for k in own]}
         file = out / f"custom_infos_{part}.pkl"
-        file.write_bytes(pickle.dumps(content, protocol=PROTOCOL))
+        write(file, pickle.dumps(content, protocol=PROTOCOL))
 
 
 def _info(frame: RoadFrame) -> dict[str, Any]:

@@ -33,7 +33,7 @@ import matplotlib.image
 import numpy as np
 
 from pyinfra.arrays import FloatArray
-from pyinfra.atomic import replacing
+from pyinfra.atomic import replacing, write
 from pyinfra.data.frames import frame_numbers
 from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_frames, read_series
 from pyinfra.kitti import FormatError
@@ -104,8 +104,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
             scene.close()
         common.add_categories()
     splits = {f"infrasim_{scene.part}": [scene.name] for scene in scenes}
-    with replacing(out / VERSION / "splits.json") as beside:
-        beside.write_text(json.dumps(splits), encoding="utf-8")
+    write(out / VERSION / "splits.json", json.dumps(splits))
 
 
 def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
@@ -350,4 +349,4 @@ def _write_cloud(file: Path, frame: StoredFrame) -> None:
     cloud[:, :4] = frame.points * np.array([1, 1, 1, MAX_INTENSITY], dtype=np.float32)
     if frame.fields is not None:
         cloud[:, 4] = frame.fields["ring"]
-    file.write_bytes(cloud.tobytes())
+    write(file, cloud.tobytes())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.arrays import FloatArray
-from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin, scaled
+from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
 from pyinfra.kitti import FormatError, WorldPose
+from pyinfra.kitti.layout import FARTHEST_M
 
 COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0
@@ -38,6 +40,7 @@ def read(source: Path, options: Options) -> Recording:
     tables = Tables(_table_folder(source))
     rows = _key_frames(tables, _sensor(tables, options.channel))
     poses = [_pose(tables, row) for row in rows]
+    files = [Path(tables.cell("sample_data", row, "filename")) for row in rows]
     annotations: dict[str, list[Row]] = {}
     for row in tables.rows("sample_annotation"):
         annotations.setdefault(tables.cell("sample_annotation", row, "sample_token"), []).append(
@@ -45,9 +48,9 @@ def read(source: Path, options: Options) -> Recording:
         )
 
     def frame(i: int) -> RecordedFrame:
-        file = source / tables.cell("sample_data", rows[i], "filename")
-        points = read_bin(file, options.columns or COLUMNS)
-        points = scaled(points, options.intensity_max, INTENSITY_MAX)
+        points = read_bin(
+            source / files[i], options.columns or COLUMNS, options.intensity_max, INTENSITY_MAX
+        )
         if not np.allclose(poses[i].leaning, np.eye(3), atol=1e-9):
             points = points.copy()
             points[:, :3] = points[:, :3] @ poses[i].leaning.T.astype(np.float32)
@@ -55,9 +58,9 @@ def read(source: Path, options: Options) -> Recording:
         return RecordedFrame(points, _boxes(tables, own, poses[i]))
 
     x, y, z = (float(value) for value in poses[0].origin)
-    times = np.array([float(row["timestamp"]) for row in rows]) / 1e6
+    times = np.array([tables.numbers("sample_data", row, "timestamp", ()) for row in rows]) / 1e6
     return Recording(
-        names=tuple(Path(row["filename"]).name.split(".")[0] for row in rows),
+        names=tuple(file.name.split(".")[0] for file in files),
         read=frame,
         labelled=len(annotations) > 0,
         period_s=round(float(np.median(np.diff(times))), 4) if len(rows) > 1 else None,
@@ -96,7 +99,7 @@ class Tables:
         want = (shape,) if isinstance(shape, int) else shape
         try:
             values = np.array(found, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             values = np.empty(0)
         if values.shape != want or not np.isfinite(values).all():
             place = f"{self._file(table)}: row '{row.get('token')}': {key}"
@@ -110,13 +113,17 @@ class Tables:
         file = self._file(table)
         try:
             rows = json.loads(file.read_text(encoding="utf-8"))
-        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, endless digits
             raise FormatError(f"{file}: is not JSON: {error}") from None
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
         ):
             raise FormatError(f"{file}: found something else, allowed a list of rows with a token")
-        return {str(row["token"]): row for row in rows}
+        found = {str(row["token"]): row for row in rows}
+        if len(found) < len(rows):
+            counts = Counter(str(row["token"]) for row in rows)
+            raise FormatError(f"{file}: token: found {counts.most_common(1)[0][0]} twice")
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +170,7 @@ def _key_frames(tables: Tables, sensor: str) -> list[Row]:
         raise ValueError(f"{tables.folder}: found no key frame of the LiDAR, allowed one or more")
     for row in rows:
         name = Path(tables.cell("sample_data", row, "filename"))
-        if name.is_absolute() or ".." in name.parts:
+        if name.is_absolute() or ".." in name.parts or "\0" in str(name):
             raise FormatError(
                 f"{tables.folder}/sample_data.json: found '{name}', allowed a file inside"
             )
@@ -194,8 +201,9 @@ def angles_of(turn: FloatArray) -> tuple[float, float, float]:
 def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
     """(3, 3) of a row's quaternion, w first."""
     w, x, y, z = tables.numbers(table, row, "rotation", 4)
-    if w == x == y == z == 0:
-        raise FormatError(f"{tables.folder / table}.json: row '{row['token']}': rotation: found 0")
+    if not 0.9 <= math.hypot(w, x, y, z) <= 1.1:
+        place = f"{tables.folder / table}.json: row '{row['token']}': rotation"
+        raise FormatError(f"{place}: found {row['rotation']}, allowed a quaternion of length 1")
     return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
 
 
@@ -203,13 +211,22 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
     """Global boxes, sizes width length height, in the levelled LiDAR frame."""
     table = "sample_annotation"
     names, boxes, ids, visibility = [], [], [], []
+    seen: set[str] = set()
     back = Rotation.from_euler("Z", -pose.yaw).as_matrix()
     for row in rows:
         instance = tables.row("instance", row.get("instance_token"))
         category = tables.row("category", instance.get("category_token"))
         names.append(tables.cell("category", category, "name"))
+        place = f"{tables.folder / table}.json: row '{row['token']}'"
+        if str(instance["token"]) in seen:
+            raise FormatError(f"{place}: instance_token: found twice in a sample, allowed once")
+        seen.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
+        sizes = np.array([width, length, height])
+        if np.abs(centre).max() > FARTHEST_M or sizes.min() <= 0.001 or sizes.max() > 1000:
+            allowed = "allowed sizes of more than 0.001 to 1000 m within 10 km"
+            raise FormatError(f"{place}: found sizes {sizes} at {centre}, {allowed}")
         ahead = back @ _rotation(tables, table, row)[:, 0]
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])

@@ -14,6 +14,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import Points
+from pyinfra.atomic import write
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
@@ -22,10 +23,10 @@ from pyinfra.exchange.recording import (
     Options,
     RecordedFrame,
     Recording,
+    as_points,
     check_pairs,
     read_bin,
     read_splits,
-    scaled,
     sorted_files,
     stem,
 )
@@ -73,8 +74,7 @@ def read(source: Path, options: Options) -> Recording:
     names = tuple(stem(file) for file in clouds)
 
     def frame(i: int) -> RecordedFrame:
-        points = _read_cloud(clouds[i], options.columns or 4)
-        points = scaled(points, options.intensity_max)
+        points = _read_cloud(clouds[i], options.columns or 4, options.intensity_max)
         boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
@@ -99,21 +99,21 @@ def _write_cloud(file: Path, points: Points) -> None:
     """Through memory: `np.save` does not see that a disk is full when it closes the file."""
     buffer = io.BytesIO()
     np.save(buffer, points)
-    file.write_bytes(buffer.getbuffer())
+    write(file, buffer.getvalue())
 
 
-def _read_cloud(file: Path, columns: int) -> Points:
+def _read_cloud(file: Path, columns: int, intensity_max: float | None) -> Points:
     """(n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
     if file.suffix == ".bin":
-        return read_bin(file, columns)
+        return read_bin(file, columns, intensity_max)
     try:
         with file.open("rb") as stream:
             points = np.lib.format.read_array(stream, allow_pickle=False)
-    except (ValueError, EOFError, MemoryError) as error:
+    except (ValueError, EOFError, MemoryError, OverflowError, RecursionError) as error:
         raise FormatError(f"{file}: is no whole array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
         raise FormatError(
             f"{file}: found {points.shape} {points.dtype}, allowed (n, 4 or more) floats: x y z "
             "intensity"
         )
-    return np.ascontiguousarray(points[:, :4], dtype=np.float32)
+    return as_points(file, list(points.T[:4]), intensity_max)

@@ -15,6 +15,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray
+from pyinfra.atomic import write
 from pyinfra.boxes import CAR_M, LONG_M
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
@@ -108,8 +109,8 @@ def write_configs(out: Path, vehicles: FloatArray, lidar: kitti.Lidar) -> None:
     for name, folder in places.items():
         text = (TEMPLATES / f"{name}.yaml").read_text(encoding="utf-8")
         (out / folder).mkdir(parents=True, exist_ok=True)
-        (out / folder / f"{name}.yaml").write_text(Template(text).substitute(known))
-    (out / "README.md").write_text((TEMPLATES / "README.md").read_text(encoding="utf-8"))
+        write(out / folder / f"{name}.yaml", Template(text).substitute(known))
+    write(out / "README.md", (TEMPLATES / "README.md").read_bytes())
 
 
 def _numbers(found: list[float]) -> str:

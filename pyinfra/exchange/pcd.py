@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.arrays import Points, Records
+from pyinfra.arrays import AnyArray, Points, Records
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.pcd_file import read_pcd, write_pcd
@@ -18,9 +18,9 @@ from pyinfra.exchange.recording import (
     Options,
     RecordedFrame,
     Recording,
+    as_points,
     check_pairs,
     read_splits,
-    scaled,
     sorted_files,
     stem,
 )
@@ -66,9 +66,9 @@ def read(source: Path, options: Options) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         records = read_pcd(clouds[i])
-        points = scaled(_points(clouds[i], records), options.intensity_max)
+        points = _points(clouds[i], records, options.intensity_max)
         boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
-        return RecordedFrame(points, boxes, _fields(records))
+        return RecordedFrame(points, boxes, _fields(clouds[i], records))
 
     return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
 
@@ -84,19 +84,25 @@ def _records(points: Points, fields: Records | None) -> Records:
     return out
 
 
-def _points(file: Path, records: Records) -> Points:
+def _points(file: Path, records: Records, intensity_max: float | None) -> Points:
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
         raise FormatError(f"{file}: FIELDS: found {' '.join(names)}, allowed x y z and others")
     intensity = next((name for name in INTENSITIES if name in names), None)
-    out = np.zeros((len(records), 4), dtype=np.float32)
-    for i, name in enumerate(("x", "y", "z", intensity)):
-        if name is not None:
-            out[:, i] = records[name]
-    return out
+    columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
+    if intensity is None:
+        columns.append(np.zeros(len(records)))
+    return as_points(file, columns, intensity_max)
 
 
-def _fields(records: Records) -> Records | None:
+def _column(file: Path, records: Records, name: str) -> AnyArray:
+    column = records[name]
+    if column.ndim > 1:
+        raise FormatError(f"{file}: {name}: found COUNT {column.shape[1]}, allowed 1")
+    return column
+
+
+def _fields(file: Path, records: Records) -> Records | None:
     """Time and ring if both are there; what is not known of a point is its background's."""
     names = records.dtype.names or ()
     if not {"time", "ring"} <= set(names):
@@ -104,5 +110,12 @@ def _fields(records: Records) -> Records | None:
     out = np.zeros(len(records), dtype=kitti.FIELDS)
     out["object_id"] = -1
     for name in set(MORE) & set(names):
-        out[MORE[name]] = records[name]
+        column, own = _column(file, records, name), MORE[name]
+        if kitti.FIELDS[own].kind != "f":
+            ends = np.iinfo(kitti.FIELDS[own])
+            bad = np.flatnonzero(~((column >= ends.min) & (column <= ends.max)))
+            if len(bad) > 0:
+                found = f"{file}: point {bad[0]}: {name}: found {column[bad[0]]:g}"
+                raise FormatError(f"{found}, allowed {ends.min} to {ends.max}")
+        out[own] = column
     return out

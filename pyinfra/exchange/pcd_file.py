@@ -14,6 +14,7 @@ from typing import BinaryIO, NoReturn
 import numpy as np
 
 from pyinfra.arrays import Records
+from pyinfra.atomic import write
 from pyinfra.exchange.formats import missing
 from pyinfra.kitti import FormatError
 
@@ -24,6 +25,8 @@ LETTERS = {"f": "F", "i": "I", "u": "U"}
 NEEDED = ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA")
 KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
 MOST_LINES = 50  # of a header
+MOST_POINTS = 999_999_999
+MOST_LZF = 90  # LZF makes of 3 bytes at most 264
 
 
 def write_pcd(file: Path, records: Records) -> None:
@@ -44,7 +47,7 @@ def write_pcd(file: Path, records: Records) -> None:
         "DATA binary",
     ]
     # Not by tofile, which does not see that a disk is full when it closes the file.
-    file.write_bytes("".join(f"{line}\n" for line in header).encode() + records.tobytes())
+    write(file, "".join(f"{line}\n" for line in header).encode() + records.tobytes())
 
 
 def read_pcd(file: Path) -> Records:
@@ -98,8 +101,8 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     ):
         if letter + size not in TYPES:
             _fail(file, f"{name}: found TYPE {letter} SIZE {size}, allowed {', '.join(TYPES)}")
-        if not count.isdecimal() or not 1 <= int(count) <= 10_000:
-            _fail(file, f"{name}: found COUNT {count}, allowed 1 to 10000")
+        if not count.isdecimal() or len(count) > 5 or not 1 <= int(count) <= 10_000:
+            _fail(file, f"{name}: found COUNT {count[:20]}, allowed 1 to 10000")
         shape = () if count == "1" else (int(count),)
         fields.append((f"_{i}" if name == "_" else name, TYPES[letter + size], shape))
     try:
@@ -109,8 +112,9 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
 
 
 def _count(file: Path, key: str, words: dict[str, list[str]]) -> int:
-    if not words[key][0].isdecimal():
-        _fail(file, f"{key}: found '{words[key][0]}', allowed a whole number from 0")
+    if not words[key][0].isdecimal() or len(words[key][0]) > len(str(MOST_POINTS)):
+        found = words[key][0][:20]
+        _fail(file, f"{key}: found '{found}', allowed a whole number from 0 to {MOST_POINTS}")
     return int(words[key][0])
 
 
@@ -146,7 +150,7 @@ def _compressed(header: _Header, stream: BinaryIO) -> Records:
         return np.empty(0, dtype=header.record)
     lengths, data = stream.read(8), stream.read()
     packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
-    if unpacked != size or len(data) < packed or len(lengths) < 8:
+    if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
         found = f"{len(data)} of {packed} packed bytes for {unpacked}"
         _fail(header.file, f"found {found}, allowed all of them for {size}: is it cut short?")
     try:

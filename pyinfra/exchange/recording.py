@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray, IntArray, NameArray, Points, Records
+from pyinfra.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
 from pyinfra.kitti import FormatError, WorldPose
+from pyinfra.kitti.layout import FARTHEST_M
 from pyinfra.kitti.table import lines_of
 
 
@@ -71,9 +72,11 @@ class Recording:
 def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     """The files of a folder with one of the suffixes, by name; numbers in names count as numbers.
 
+    Hidden ones are left out: they are of a system, or being written.
     Raises FileNotFoundError without the folder, and ValueError if there is no such file.
     """
-    files = [file for file in folder.iterdir() if file.name.endswith(tuple(suffixes))]
+    found = (file for file in folder.iterdir() if not file.name.startswith("."))
+    files = [file for file in found if file.name.endswith(tuple(suffixes))]
     if not files:
         raise ValueError(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
@@ -90,24 +93,44 @@ def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]
     return splits if all(splits.values()) else {}
 
 
-def scaled(points: Points, intensity_max: float | None, usual: float = 1.0) -> Points:
-    """The points (n, 4) with intensities divided by what is the highest in the source."""
+def as_points(
+    file: Path,
+    columns: Sequence[AnyArray],
+    intensity_max: float | None,
+    usual: float = 1.0,
+) -> Points:
+    """x, y, z and intensity (n,) of any type of numbers as points (n, 4).
+
+    Intensities are divided by what is the highest in the source. What is not finite stays, and is
+    no return. Raises FormatError for a point beyond 10 km or an intensity beyond 10,000 times the
+    highest.
+    """
     highest = usual if intensity_max is None else intensity_max
+    for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
+        most = FARTHEST_M * (highest if name == "intensity" else 1)  # as kitti.read_points
+        bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
+        if len(bad) > 0:
+            place = f"{file}: point {bad[0]}: {name}"
+            raise FormatError(f"{place}: found {column[bad[0]]:g}, allowed {-most:g} to {most:g}")
+    points = np.stack([column.astype(np.float32) for column in columns], axis=1)
     if highest != 1:
-        points = points.copy()
         points[:, 3] /= highest
     return points
 
 
-def read_bin(file: Path, columns: int) -> Points:
-    """The first four of some float32 columns: (n, 4). Raises FormatError for a file cut short."""
+def read_bin(file: Path, columns: int, intensity_max: float | None, usual: float = 1.0) -> Points:
+    """The first four of some float32 columns: (n, 4), see as_points.
+
+    Raises FormatError for a file cut short, and as as_points does.
+    """
     size = file.stat().st_size
     if size % (4 * columns) != 0:
         raise FormatError(
             f"{file}: found {size} bytes, allowed a multiple of {4 * columns} ({columns} float32 "
             "a point)"
         )
-    return np.fromfile(file, dtype="<f4").reshape(-1, columns)[:, :4]
+    found = np.fromfile(file, dtype="<f4").reshape(-1, columns)
+    return as_points(file, list(found.T[:4]), intensity_max, usual)
 
 
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, NameArray, Points
+from pyinfra.atomic import write
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.data.frames import frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, Labels
@@ -86,7 +87,7 @@ def write_sensor(out: Path, site: RoadSite) -> None:
         "# z of a point here = its z in the LiDAR frame + z_m; predictions go back with - z_m.\n"
         f"T_road_lidar: {{x_m: 0, y_m: 0, z_m: {-site.floor_z:g}, yaw_deg: 0}}\n"
     )
-    (out / SENSOR_FILE).write_text(text, encoding="utf-8")
+    write(out / SENSOR_FILE, text)
 
 
 def read_sensor_height(folder: Path) -> float:
@@ -115,4 +116,4 @@ def write_lists(out: Path, lists: dict[str, list[int]]) -> None:
     (out / "ImageSets").mkdir()
     for part, frames in lists.items():
         text = "".join(f"{frame:06d}\n" for frame in frames)
-        (out / f"ImageSets/{part}.txt").write_text(text, encoding="utf-8")
+        write(out / f"ImageSets/{part}.txt", text)

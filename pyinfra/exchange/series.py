@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import yaml
 
 from pyinfra import kitti
 from pyinfra.arrays import Points, Records
+from pyinfra.atomic import write
 from pyinfra.boxes import points_in_boxes
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.data.frames import PERIOD_S
@@ -112,7 +112,7 @@ def nanoseconds(seconds: float) -> int:
 
 def copy_cloud(series: FrameSeries, number: int, to: Path) -> None:
     """The .bin of a frame, byte for byte."""
-    shutil.copyfile(kitti.frame_file(series.lidar_folder, "velodyne", number), to)
+    write(to, kitti.frame_file(series.lidar_folder, "velodyne", number).read_bytes())
 
 
 def _about(file: Path) -> dict[str, str]:
@@ -140,11 +140,7 @@ def _boxes(folder: Path, number: int, points: Points) -> Objects:
     if not (folder / "training/objects").is_dir():
         return _labels(folder, number, points)
     file = kitti.frame_file(folder, "objects", number)
-    objects = kitti.read_objects(file)
-    ids, counts = np.unique(objects.ids, return_counts=True)
-    if (counts > 1).any():
-        raise FormatError(f"{file}: id: found {ids[counts > 1][0]} twice, allowed once a frame")
-    return objects
+    return kitti.read_objects(file)
 
 
 def _labels(folder: Path, number: int, points: Points) -> Objects:

@@ -17,6 +17,7 @@ from pyinfra.kitti.layout import (
     FIELDS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
+    OTHER_TYPES,
     VEHICLE_TYPES,
     FormatError,
     Labels,
@@ -26,7 +27,15 @@ from pyinfra.kitti.layout import (
     frame_file,
     frames,
 )
-from pyinfra.kitti.lidar import FieldOfView, Lidar, WorldPose, read_lidar, read_yaml
+from pyinfra.kitti.lidar import (
+    RECORDED,
+    FieldOfView,
+    Lidar,
+    Tilt,
+    WorldPose,
+    read_lidar,
+    read_tilt,
+)
 from pyinfra.kitti.read import read_fields, read_labels, read_objects, read_points
 from pyinfra.kitti.write import (
     write_calibration,
@@ -36,11 +45,14 @@ from pyinfra.kitti.write import (
     write_objects,
     write_points,
 )
+from pyinfra.kitti.yaml_file import read_keys, read_yaml
 
 __all__ = [
     "FIELDS",
     "LABEL_COLUMNS",
     "OBJECT_COLUMNS",
+    "OTHER_TYPES",
+    "RECORDED",
     "VEHICLE_TYPES",
     "Calibration",
     "FieldOfView",
@@ -49,6 +61,7 @@ __all__ = [
     "Lidar",
     "Objects",
     "Part",
+    "Tilt",
     "WorldPose",
     "boxes_from_camera",
     "boxes_to_camera",
@@ -57,10 +70,12 @@ __all__ = [
     "frames",
     "read_calibration",
     "read_fields",
+    "read_keys",
     "read_labels",
     "read_lidar",
     "read_objects",
     "read_points",
+    "read_tilt",
     "read_yaml",
     "simulated",
     "write_calibration",

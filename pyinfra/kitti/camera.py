@@ -21,6 +21,7 @@ SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {
     "Tr_imu_to_velo": (3, 4),
 }
 _NOT_A_ROTATION = 0.01  # KITTI's matrices have 7 digits
+_MOST = 1e6  # of a matrix: pixels or metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,8 @@ def read_calibration(file: Path) -> Calibration:
         found["Tr_imu_to_velo"],
     )
     rotation = out.T_camera_lidar[:3, :3]
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > _NOT_A_ROTATION:
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if off > _NOT_A_ROTATION or np.linalg.det(rotation) < 0:
         raise FormatError(f"{file}: R0_rect Tr_velo_to_cam: found no rotation, allowed a rotation")
     return out
 
@@ -119,8 +121,9 @@ def _matrix(place: str, line: str) -> tuple[str, FloatArray]:
         values = np.array(rest.split(), dtype=np.float64)
     except ValueError:
         raise FormatError(f"{place}: {name}: found a word, allowed numbers") from None
-    if values.size != math.prod(shape) or not np.isfinite(values).all():
+    if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
         raise FormatError(
-            f"{place}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones"
+            f"{place}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones "
+            f"to {_MOST:g}"
         )
     return name, values.reshape(shape)

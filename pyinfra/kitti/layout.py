@@ -28,6 +28,9 @@ OBJECT_COLUMNS = (
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 # What is a vehicle; the last one is of unknown type.
 VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
+# What is known to be none.
+OTHER_TYPES = ("Cyclist", "Pedestrian", "Person_sitting", "Tram", "Misc", "DontCare")
+FARTHEST_M = 10_000.0  # of a coordinate in a LiDAR's frame; the farthest range is 5,000 m
 
 
 class FormatError(ValueError):
@@ -75,7 +78,7 @@ def frames(lidar_folder: Path) -> list[int]:
     Raises FileNotFoundError if the folder has no training/velodyne.
     """
     names = (path.name for path in (lidar_folder / "training/velodyne").iterdir())
-    return sorted(int(name[:-4]) for name in names if re.fullmatch(r"\d{6,}\.bin", name))
+    return sorted(int(name[:-4]) for name in names if re.fullmatch(r"[0-9]{6,}\.bin", name))
 
 
 def extent(frames: Sequence[int]) -> str:

@@ -3,13 +3,13 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
-import yaml
+from pyinfra.kitti.layout import FARTHEST_M
+from pyinfra.kitti.yaml_file import YamlNode, read_yaml
 
-from pyinfra.config import compose
-from pyinfra.kitti.layout import FormatError
-from pyinfra.kitti.table import lines_of
+RECORDED = "recorded"  # preset of a LiDAR that was not simulated
+PERIOD_S = (0.001, 60.0)  # of a frame, least and most
+_EARTH_M = 1e8  # farther from the world's origin is nothing
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,14 @@ class WorldPose:
     y: float
     z: float
     yaw: float
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """T_levelled_sensor: how a sensor leans; a positive pitch looks down. Radians."""
+
+    pitch: float
+    roll: float
 
 
 @dataclass(frozen=True)
@@ -53,93 +61,42 @@ def read_lidar(lidar_folder: Path) -> Lidar:
     Raises FormatError with file and line.
     """
     top = read_yaml(lidar_folder / "lidar.yaml")
-    world = top.at("T_world_levelled")
     price = top.at("price_total_usd")
+    low, high = (price.at(key).number(0, or_nan=True) for key in ("low", "high"))
+    if low > high:
+        price.fail(f"found low {low:g} above high {high:g}, allowed at most that")
     return Lidar(
         name=top.at("name").text(),
         model=top.at("model").text(),
         preset=top.at("preset").text(),
-        price_usd=(price.at("low").number(), price.at("high").number()),
-        period_s=top.at("period_s").number(),
-        T_world_levelled=WorldPose(
-            x=world.at("x_m").number(),
-            y=world.at("y_m").number(),
-            z=world.at("z_m").number(),
-            yaw=math.radians(world.at("yaw_deg").number()),
-        ),
-        field_of_view=tuple(
-            FieldOfView(
-                yaw=math.radians(unit.at("yaw_deg").number()),
-                pitch=math.radians(unit.at("pitch_deg").number()),
-                azimuth=_radians(unit.at("azimuth_deg").interval()),
-                elevation=_radians(unit.at("elevation_deg").interval()),
-                range_m=unit.at("range_m").interval(),
-            )
-            for unit in top.at("field_of_view").items()
-        ),
+        price_usd=(low, high),
+        period_s=top.at("period_s").number(*PERIOD_S),
+        T_world_levelled=_pose(top.at("T_world_levelled")),
+        field_of_view=tuple(_view(unit) for unit in top.at("field_of_view").items()),
     )
 
 
-def read_yaml(file: Path) -> "YamlNode":
-    """The root of a YAML file that a run wrote. Raises FormatError with file and line."""
-    try:
-        root = compose("\n".join(lines_of(file)))
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
-    return YamlNode(file, root, "")
+def read_tilt(lidar_folder: Path) -> Tilt:
+    """How the sensor of a folder leans. Raises FormatError with file and line."""
+    sensor = read_yaml(lidar_folder / "lidar.yaml").at("T_levelled_sensor")
+    pitch, roll = (sensor.at(key).number(-180, 180) for key in ("pitch_deg", "roll_deg"))
+    return Tilt(math.radians(pitch), math.radians(roll))
+
+
+def _pose(world: YamlNode) -> WorldPose:
+    x, y, z = (world.at(key).number(-_EARTH_M, _EARTH_M) for key in ("x_m", "y_m", "z_m"))
+    return WorldPose(x, y, z, math.radians(world.at("yaw_deg").number(-360, 360)))
+
+
+def _view(unit: YamlNode) -> FieldOfView:
+    return FieldOfView(
+        yaw=math.radians(unit.at("yaw_deg").number(-360, 360)),
+        pitch=math.radians(unit.at("pitch_deg").number(-180, 180)),
+        azimuth=_radians(unit.at("azimuth_deg").interval(-720, 720)),
+        elevation=_radians(unit.at("elevation_deg").interval(-90, 90)),
+        range_m=unit.at("range_m").interval(0, FARTHEST_M),
+    )
 
 
 def _radians(pair: tuple[float, float]) -> tuple[float, float]:
     return math.radians(pair[0]), math.radians(pair[1])
-
-
-class YamlNode:
-    """A node of a YAML file that knows its place; errors name file, line and key."""
-
-    def __init__(self, file: Path, node: yaml.Node | None, key: str) -> None:
-        self.file, self.node, self.key = file, node, key
-
-    def at(self, key: str) -> "YamlNode":
-        path = f"{self.key}.{key}" if self.key else key
-        if not isinstance(self.node, yaml.MappingNode):
-            self._fail(f"found no mapping, allowed one with {key}")
-        for name, node in self.node.value:
-            if name.value == key:
-                return YamlNode(self.file, node, path)
-        self._fail(f"found no key '{key}', it is needed")
-
-    def items(self) -> "list[YamlNode]":
-        if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
-            self._fail("found no list, allowed one with an entry or more")
-        return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
-
-    def entries(self, key: str) -> "list[YamlNode]":
-        """The entries of a list; none if it is empty or not there."""
-        node = self.node
-        names = [name.value for name, _ in node.value] if isinstance(node, yaml.MappingNode) else []
-        found = self.at(key) if key in names else None
-        return found.items() if found and found.node and found.node.value else []
-
-    def text(self) -> str:
-        if not isinstance(self.node, yaml.ScalarNode):
-            self._fail("found a collection, allowed one value")
-        return str(self.node.value)
-
-    def number(self) -> float:
-        text = self.text()
-        try:
-            return float(text.replace(".inf", "inf").replace(".nan", "nan"))
-        except ValueError:
-            self._fail(f"found '{text}', allowed a number")
-
-    def interval(self) -> tuple[float, float]:
-        values = [item.number() for item in self.items()]
-        if len(values) != 2 or values[0] > values[1]:
-            self._fail(f"found {values}, allowed two numbers in ascending order")
-        return values[0], values[1]
-
-    def _fail(self, what: str) -> NoReturn:
-        line = self.node.start_mark.line + 1 if self.node is not None else 1
-        place = f"{self.file}:{line}: {self.key}: " if self.key else f"{self.file}:{line}: "
-        raise FormatError(place + what)

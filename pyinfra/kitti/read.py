@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra.arrays import AnyArray, Float32Array, Records
+from pyinfra.arrays import AnyArray, BoolArray, Float32Array, FloatArray, Records
 from pyinfra.kitti.camera import Calibration, boxes_from_camera, simulated
 from pyinfra.kitti.layout import (
+    FARTHEST_M,
     FIELDS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
@@ -15,18 +16,70 @@ from pyinfra.kitti.layout import (
     Labels,
     Objects,
 )
-from pyinfra.kitti.table import MOST_RADIANS, RADIANS, NamedRows, lines_of
+from pyinfra.kitti.table import (
+    MOST_RADIANS,
+    RADIANS,
+    NamedRows,
+    Rule,
+    between,
+    lines_of,
+)
+
+_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # of a side of a box
+_MOST = 2**31 - 1  # of an id and of points
+_ROUNDED_M = 0.05  # of a distance
+
+
+def _size(v: FloatArray) -> BoolArray:
+    return np.asarray((v > _SHORTEST_M) & (v <= _LONGEST_M))
+
+
+def _place(columns: str) -> Rule:
+    return between(columns.split(), -FARTHEST_M, FARTHEST_M)
+
+
+def _sides(columns: str) -> Rule:
+    return Rule(tuple(columns.split()), _size, f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}")
+
+
+def _angle(column: str) -> Rule:
+    return Rule((column,), lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
+
+
+OBJECT_NUMBERS = tuple(name for name in OBJECT_COLUMNS if name != "class")
+BOX_RULES = (_place("x y z"), _sides("dx dy dz"), _angle("heading"))
+OBJECT_RULES = (
+    *BOX_RULES,
+    between(["speed"], 0, 1000),
+    between(["id", "points", "points_in_box"], 0, _MOST, whole=True),
+    Rule(
+        ("points_in_box",), lambda v, points: v <= points, "at most the points", beside=("points",)
+    ),
+    Rule(
+        ("distance",),
+        lambda v, x, y: np.abs(v - np.hypot(x, y)) <= _ROUNDED_M,
+        "the distance of x and y",
+        beside=("x", "y"),
+    ),
+    Rule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
+)
+LABEL_RULES = (_sides("h w l"), _place("x y z"), _angle("rotation_y"))
+# A detector may be wild: of what it says only the sizes must be some.
+RESULT_RULES = (Rule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
 
 
 def read_points(file: Path) -> Float32Array:
     """Returns of one frame: (n, 4) float32, x y z intensity, intensity in [0, 1].
 
-    Raises FormatError if the file is cut short or a value is not finite.
+    Raises FormatError if the file is cut short, or a value is not finite or beyond 10 km.
     """
     points = _records(file, np.dtype(("<f4", 4)), "x y z intensity, float32")
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(points) <= FARTHEST_M).all(axis=1))
     if len(bad) > 0:
-        raise FormatError(f"{file}: point {bad[0]}: found {points[bad[0]]}, allowed finite values")
+        raise FormatError(
+            f"{file}: point {bad[0]}: found {points[bad[0]]}, "
+            f"allowed finite values from {-FARTHEST_M:g} to {FARTHEST_M:g}"
+        )
     return points
 
 
@@ -40,28 +93,22 @@ def read_fields(file: Path) -> Records:
     return _records(file, FIELDS, "time_s ring class object_id")
 
 
-def read_objects(file: Path, *, in_radians: bool = False) -> Objects:
+def read_objects(file: Path) -> Objects:
     """The vehicles of one frame; a frame without vehicles gives k = 0.
 
-    in_radians: headings beyond 2 pi, which must be degrees, are an error.
     Raises FormatError with file and line.
     """
-    lines = lines_of(file)
+    lines = lines_of(file, whole=True)
     header = lines[0] if lines else ""
     if header != ",".join(OBJECT_COLUMNS):
         raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(OBJECT_COLUMNS)}'")
     rows = [line.split(",") for line in lines[1:]]
     table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
-    table.check(["dx", "dy", "dz"], lambda v: v > 0, "more than 0")
-    if in_radians:
-        table.check(["heading"], lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
-    table.check(["id"], lambda v: v == np.floor(v), "a whole number")
-    table.check(
-        ["points", "points_in_box"],
-        lambda v: (v >= 0) & (v == np.floor(v)),
-        "a whole number from 0",
-    )
-    table.check(["visibility"], lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1")
+    table.check(OBJECT_RULES)
+    ids, first = np.unique(table["id"], return_index=True)
+    if len(ids) < len(rows):
+        again = min(set(range(len(rows))) - set(first.tolist()))
+        table.fail(again, f"id: found {table['id'][again]:.0f} twice", "once a frame")
     return Objects(
         ids=table["id"].astype(np.int64),
         names=table.names,
@@ -80,22 +127,19 @@ def read_labels(
     scores: bool = False,
     calibration: Calibration | None = None,
     dont_care: bool = False,
-    in_radians: bool = False,
 ) -> Labels:
     """The boxes of a label file, or with `scores` of a prediction file, in the LiDAR frame.
 
     calibration: of the frame's camera; that of a simulated LiDAR by default. DontCare regions are
-    left out unless asked for; an empty file gives k = 0. in_radians: a rotation_y beyond 2 pi,
-    which must be in degrees, is an error.
-    Raises FormatError with file and line, also for scores in a label file and none in predictions.
+    left out unless asked for; an empty file gives k = 0.
+    Raises FormatError with file and line, also for scores in a label file and none in predictions,
+    and for a rotation_y of a label that must be in degrees.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
     rows = [line.split() for line in lines_of(file)]
     table = NamedRows(file, range(1, 1 + len(rows)), rows, columns, "type")
     known = table.names != "DontCare"
-    table.check(["h", "w", "l"], lambda v: (v > 0) | ~known, "more than 0")
-    if in_radians:
-        table.check(["rotation_y"], lambda v: (np.abs(v) <= MOST_RADIANS) | ~known, RADIANS)
+    table.check(RESULT_RULES if scores else LABEL_RULES, known)
     keep = known | dont_care
     values = table.values[keep]
     return Labels(

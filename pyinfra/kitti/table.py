@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,15 +15,56 @@ MOST_RADIANS = 2 * math.pi + 0.01  # rounded; an angle beyond it is in degrees
 RADIANS = "-2 pi to 2 pi, in radians"
 
 
-def lines_of(file: Path) -> list[str]:
+@dataclass(frozen=True)
+class Rule:
+    """What each of some columns may hold."""
+
+    columns: tuple[str, ...]
+    holds: Callable[..., BoolArray]  # of the column, and of those that it depends on; elementwise
+    allowed: str  # in words
+    beside: tuple[str, ...] = ()  # what it depends on
+
+
+def between(columns: Sequence[str], low: float, high: float, *, whole: bool = False) -> Rule:
+    """Numbers from low to high."""
+
+    def holds(v: FloatArray) -> BoolArray:
+        inside = (v >= low) & (v <= high)
+        return np.asarray(inside & (v == np.floor(v)) if whole else inside)
+
+    kind = "a whole number from " if whole else ""
+    return Rule(tuple(columns), holds, f"{kind}{low:.10g} to {high:.10g}")
+
+
+def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[Rule]) -> bool:
+    """Whether the rows (n, columns) keep all rules."""
+    column = {name: values[:, i] for i, name in enumerate(columns)}
+    return all(
+        bool(rule.holds(column[name], *(column[b] for b in rule.beside)).all())
+        for rule in rules
+        for name in rule.columns
+    )
+
+
+def lines_of(file: Path, *, whole: bool = False) -> list[str]:
     """Lines without the byte order mark of spreadsheet programs.
 
-    Raises FormatError if the text is not UTF-8.
+    whole: of a file that a run wrote, so that a last line without an end is a file cut short.
+    Raises FormatError, also if the text is not UTF-8.
     """
+    data = file.read_bytes()
     try:
-        return file.read_bytes().decode().removeprefix("\ufeff").splitlines()
+        lines = data.decode().removeprefix("\ufeff").splitlines()
     except UnicodeDecodeError as error:
         raise FormatError(f"{file}: found byte {error.start} that is not UTF-8") from None
+    if whole and not is_whole(data):
+        raise FormatError(f"{file}:{len(lines)}: found no end of the line: is it cut short?")
+    return lines
+
+
+def is_whole(data: bytes) -> bool:
+    """Whether a text is nothing or ends with the end of a line."""
+    return not data or data.endswith(b"\n")
 
 
 class NamedRows:
@@ -44,9 +86,9 @@ class NamedRows:
         at = columns.index(name_column)
         for i, row in enumerate(rows):
             if len(row) != len(columns):
-                self._fail(i, f"found {len(row)} columns", f"{len(columns)}: {' '.join(columns)}")
+                self.fail(i, f"found {len(row)} columns", f"{len(columns)}: {' '.join(columns)}")
             if not row[at]:
-                self._fail(i, f"{name_column}: found nothing", "a name")
+                self.fail(i, f"{name_column}: found nothing", "a name")
         self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
         cells = [[*row[:at], *row[at + 1 :]] for row in rows]
         try:
@@ -54,20 +96,22 @@ class NamedRows:
         except ValueError:
             self._fail_at_word(cells)
         self.values: FloatArray = values
-        self.check(self.columns, np.isfinite, "a finite number")
+        self.check([Rule(tuple(self.columns), np.isfinite, "a finite number")])
 
     def __getitem__(self, column: str) -> FloatArray:
         return self.values[:, self.columns.index(column)]
 
-    def check(
-        self, columns: Sequence[str], ok: Callable[[FloatArray], BoolArray], rule: str
-    ) -> None:
-        for column in columns:
-            bad = np.flatnonzero(~ok(self[column]))
-            if len(bad) > 0:
-                self._fail(int(bad[0]), f"{column}: found {self[column][bad[0]]:g}", rule)
+    def check(self, rules: Sequence[Rule], rows: BoolArray | None = None) -> None:
+        """rows: (n,), those that the rules are for; all by default."""
+        for rule in rules:
+            for column in rule.columns:
+                holds = rule.holds(self[column], *(self[name] for name in rule.beside))
+                bad = np.flatnonzero(~holds if rows is None else ~holds & rows)
+                if len(bad) > 0:
+                    found = f"{column}: found {self[column][bad[0]]:g}"
+                    self.fail(int(bad[0]), found, rule.allowed)
 
-    def _fail(self, row: int, found: str, allowed: str) -> NoReturn:
+    def fail(self, row: int, found: str, allowed: str) -> NoReturn:
         raise FormatError(f"{self.file}:{self.lines[row]}: {found}, allowed {allowed}")
 
     def _fail_at_word(self, cells: Sequence[Sequence[str]]) -> NoReturn:
@@ -76,5 +120,5 @@ class NamedRows:
                 try:
                     float(cell)
                 except ValueError:
-                    self._fail(i, f"{column}: found '{cell}'", "a number")
+                    self.fail(i, f"{column}: found '{cell}'", "a number")
         raise AssertionError(cells)

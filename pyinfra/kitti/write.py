@@ -10,34 +10,47 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.arrays import FloatArray, Points, Records
-from pyinfra.atomic import replacing
+from pyinfra.atomic import write
 from pyinfra.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
-from pyinfra.kitti.layout import FIELDS, OBJECT_COLUMNS, Labels, Objects, Part, frame_file
+from pyinfra.kitti.layout import (
+    FARTHEST_M,
+    FIELDS,
+    OBJECT_COLUMNS,
+    Labels,
+    Objects,
+    Part,
+    frame_file,
+)
+from pyinfra.kitti.read import OBJECT_NUMBERS, OBJECT_RULES
+from pyinfra.kitti.table import rules_hold
 
 _IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in height
 
 
 def write_points(file: Path, points: Points) -> None:
-    """points: (n, 4) float32, x y z intensity, finite. Raises ValueError for anything else."""
+    """points: (n, 4) float32, x y z intensity, within 10 km. Raises ValueError for others."""
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise ValueError(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
-    if not np.isfinite(points).all():
-        raise ValueError("points: found values that are not finite")
-    _replace(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
+    if not (np.abs(points) <= FARTHEST_M).all():
+        raise ValueError("points: found values that are not finite or beyond 10 km")
+    write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
 def write_fields(file: Path, fields: Records) -> None:
     """fields: (n,) records of FIELDS. Raises ValueError for another type."""
     if fields.dtype != FIELDS or fields.ndim != 1:
         raise ValueError(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
-    _replace(file, fields.tobytes())
+    write(file, fields.tobytes())
 
 
 def write_objects(file: Path, objects: Objects) -> None:
-    """Raises ValueError for numbers that are not finite."""
+    """Raises ValueError for numbers that read_objects does not take."""
     o = objects
-    values = np.column_stack([o.boxes, o.speed, o.distance, o.visibility])
-    _check(values, o.boxes)
+    values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
+    if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
+        raise ValueError("objects: found values out of range")
+    if len(np.unique(o.ids)) < len(o):
+        raise ValueError("objects: found an id twice, allowed once a frame")
     lines = [",".join(OBJECT_COLUMNS)]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
@@ -70,7 +83,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
 
 def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
     """calibration: that of a simulated LiDAR by default."""
-    _replace(file, calibration_text(calibration or simulated()).encode())
+    write(file, calibration_text(calibration or simulated()).encode())
 
 
 def write_frame(
@@ -119,9 +132,4 @@ def _check(values: FloatArray, boxes: FloatArray) -> None:
 
 
 def _replace_lines(file: Path, lines: Iterable[str]) -> None:
-    _replace(file, "".join(f"{line}\n" for line in lines).encode())
-
-
-def _replace(file: Path, data: bytes) -> None:
-    with replacing(file) as beside:
-        beside.write_bytes(data)
+    write(file, "".join(f"{line}\n" for line in lines))

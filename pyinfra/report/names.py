@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
+from pyinfra.kitti import read_keys
 from pyinfra.report.looks import Look, look
 from pyinfra.simulator.catalogue import LIDARS, configs
 from pyinfra.statistics import selection
@@ -89,4 +88,4 @@ def _model(file: Path) -> str:
     """The model that a LiDAR's file names; nothing without one."""
     if not file.is_file():
         return ""
-    return str(yaml.safe_load(file.read_text(encoding="utf-8")).get("model", ""))
+    return str(read_keys(file).get("model", ""))

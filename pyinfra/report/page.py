@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,6 +73,6 @@ def sources(sections: Sequence[Section]) -> Iterator[TableFile]:
 def _write_source(source: TableFile, file: Path) -> None:
     with replacing(file) as beside:
         if isinstance(source.content, Path):
-            shutil.copyfile(source.content, beside)
+            beside.write_bytes(source.content.read_bytes())
         else:
             source.content.to_csv(beside, index=False, float_format=CSV_DIGITS)

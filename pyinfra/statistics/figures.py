@@ -15,6 +15,7 @@ import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pyinfra.atomic import replacing
 from pyinfra.statistics.tables import QUALITIES
 
 LINES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 3)))
@@ -37,8 +38,10 @@ def draw(name: str, table: pd.DataFrame) -> Figure:
 def save(figure: Figure, stem: Path) -> None:
     """Writes stem.svg and stem.png."""
     with mpl.rc_context(STYLE):
-        figure.savefig(f"{stem}.svg", metadata={"Date": None})
-        figure.savefig(f"{stem}.png", dpi=150)
+        with replacing(Path(f"{stem}.svg")) as beside:
+            figure.savefig(beside, format="svg", metadata={"Date": None})
+        with replacing(Path(f"{stem}.png")) as beside:
+            figure.savefig(beside, format="png", dpi=150)
 
 
 def points_per_vehicle(table: pd.DataFrame) -> Figure:

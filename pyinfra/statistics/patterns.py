@@ -11,6 +11,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.arrays import FloatArray, IntArray
+from pyinfra.kitti import read_keys
 
 CELL_DEG = 0.28
 FIELD_S = 4.0
@@ -38,7 +39,7 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
     """
     from pyinfra import sim
 
-    written = yaml.safe_load(lidar_yaml.read_text(encoding="utf-8"))
+    written = read_keys(lidar_yaml)
     config = {key: written[key] for key in CONFIG_KEYS if written.get(key)}
     config["presets"] = {"run": {"returns": written["returns"]}}
     with tempfile.TemporaryDirectory() as folder:
@@ -52,7 +53,7 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
 
 def has_pattern(lidar_yaml: Path) -> bool:
     """Whether a `lidar.yaml` says where the rays go; those of a recording and a bundle do not."""
-    return "returns" in yaml.safe_load(lidar_yaml.read_text(encoding="utf-8"))
+    return "returns" in read_keys(lidar_yaml)
 
 
 def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:

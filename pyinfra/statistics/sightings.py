@@ -147,9 +147,11 @@ def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntA
     """Points of each vehicle above a height: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     owner = read_owners(folder, frame, len(points))
-    counted = owner[(points[:, 2] > level) & (owner >= 0)]
-    counts = np.bincount(counted, minlength=int(ids.max(initial=0)) + 1)
-    return counts[ids].astype(np.int64)
+    found, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
+    own = np.zeros(len(ids), dtype=np.int64)
+    _, at, among = np.intersect1d(ids, found, return_indices=True)
+    own[at] = counts[among]
+    return own
 
 
 def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:

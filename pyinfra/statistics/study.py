@@ -15,6 +15,8 @@ import pandas as pd
 
 from pyinfra.atomic import replacing
 from pyinfra.data.data_set import DataSet, read_data_set
+from pyinfra.kitti import RECORDED, FormatError
+from pyinfra.kitti.table import is_whole
 from pyinfra.statistics import figures as statistics_figures
 from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.intervals import Blocks, time_blocks
@@ -49,11 +51,33 @@ def vehicle_tables(vehicles: Sightings, blocks: Blocks) -> Tables:
 
 
 def speed_table(data: DataSet) -> pd.DataFrame:
-    """Speeds of all vehicles of the scene at the times of the frames, from trajectories.csv."""
-    rows = pd.read_csv(data.folder / "trajectories.csv", usecols=["t", "id", "speed"])
+    """Speeds of all vehicles of the scene at the times of the frames, from trajectories.csv.
+
+    Raises FormatError with file and line.
+    """
+    rows = _speeds(data.folder / "trajectories.csv")
     number = np.round(rows.t / data.period_s).astype(np.int64)
     rows = rows[np.isin(number, data.frames)]
     return statistics_tables.speed_distribution(rows.id.to_numpy(), rows.speed.to_numpy())
+
+
+def _speeds(file: Path) -> pd.DataFrame:
+    with file.open("rb") as stream:
+        stream.seek(max(0, file.stat().st_size - 1))
+        if not is_whole(stream.read()):
+            raise FormatError(f"{file}: found no end of the last line: is it cut short?")
+    try:
+        rows = pd.read_csv(
+            file, usecols=["t", "id", "speed"], dtype=np.float64, skip_blank_lines=False
+        )
+    except ValueError as error:  # a word, another number of columns, not UTF-8, nothing
+        raise FormatError(f"{file}: {error}") from None
+    for name, most in (("t", 1e6), ("id", 2**31 - 1), ("speed", 1000)):
+        bad = np.flatnonzero(~rows[name].between(0, most))
+        if len(bad) > 0:
+            found = f"{file}:{bad[0] + 2}: {name}: found {rows[name].iloc[bad[0]]:g}"
+            raise FormatError(f"{found}, allowed 0 to {most:g}")
+    return rows
 
 
 def pattern_tables(data: DataSet) -> Tables:
@@ -83,7 +107,7 @@ def data_set_tables(data: DataSet, vehicles: Sightings, *, above_road: bool) -> 
     counts = {x.name: hit_counts(data, x, above_road=above_road) for x in data.lidars}
     tables = vehicle_tables(vehicles, blocks)
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
-    if (data.folder / "trajectories.csv").is_file():
+    if data.preset != RECORDED or (data.folder / "trajectories.csv").is_file():
         tables["speed"] = speed_table(data)
     return {name: described(data, rows, above_road) for name, rows in tables.items()}
 

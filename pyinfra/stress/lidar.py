@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from pyinfra.kitti import FormatError
+from pyinfra.kitti import FormatError, read_keys
 
 Keys = dict[str, Any]
 
@@ -19,10 +19,7 @@ FILE = "lidar.yaml"
 
 def read(file: Path) -> Keys:
     """All keys of a `lidar.yaml`, its preset applied. Raises FormatError."""
-    found = yaml.safe_load(file.read_text("utf-8"))
-    if not isinstance(found, dict):
-        raise FormatError(f"{file}:1: found no mapping, allowed the keys of a LiDAR")
-    return found
+    return read_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:

@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 
 import pandas as pd
-import yaml
 
 from pyinfra import __version__, kitti, machine
 from pyinfra.atomic import held
@@ -90,7 +89,7 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
     if base.lidar.name not in about.lidar.split():
         raise ValueError(f"{folder}: lidar: found {about.lidar}, allowed {base.lidar.name}")
     description = folder / "run.yaml"
-    said = yaml.safe_load(description.read_text("utf-8")) if description.is_file() else {}
+    said = kitti.read_keys(description) if description.is_file() else {}
     return TrainedRun(folder, about.detector, int(said.get("frames", -1)), about.seed)
 
 

@@ -15,8 +15,7 @@ import yaml
 
 from pyinfra import kitti
 from pyinfra.atomic import held, replacing
-from pyinfra.data.frames import frame_numbers
-from pyinfra.kitti import FormatError
+from pyinfra.data.frames import check_no_data_set, frame_numbers
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.stress import lidar
@@ -60,16 +59,12 @@ def read_base(folder: Path, most: int) -> Base:
 
     Raises FileNotFoundError, FormatError, and ValueError for a folder that is no LiDAR's.
     """
-    inside = sorted(file.parent.name for file in folder.glob("*/lidar.yaml"))
-    if inside:
-        raise ValueError(f"{folder}: found a data set, allowed a LiDAR of it: {', '.join(inside)}")
+    check_no_data_set(folder)
     frames = frame_numbers(folder)
     if not frames:
         raise ValueError(f"{folder}: found no test frame, allowed one or more")
     description = folder.parent / "dataset.yaml"
-    scene = yaml.safe_load(description.read_text("utf-8")) if description.is_file() else {}
-    if not isinstance(scene, dict):
-        raise FormatError(f"{description}:1: found no mapping, allowed the keys of a scene")
+    scene = kitti.read_keys(description) if description.is_file() else {}
     scene = {key: value for key, value in scene.items() if key not in NOT_OF_THE_SCENE}
     if scene.get("trajectories"):  # relative to a scene file that is elsewhere; a run copies them
         scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pyinfra.atomic import replacing
+from pyinfra.atomic import naming, replacing
 from pyinfra.config import ConfigError, as_plain, read_config
 from pyinfra.detectors import processes, windows
 from pyinfra.detectors.batch import Batch, Windows, make_batch
@@ -248,7 +248,7 @@ class Log:
 
     def __call__(self, p: Progress) -> None:
         new = self.file.stat().st_size == 0
-        with self.file.open("a", newline="") as opened:
+        with naming(self.file), self.file.open("a", newline="") as opened:
             writer = csv.writer(opened)
             if new:
                 writer.writerow(["step", "rate", "loss", *p.parts, "seconds", "cpu_seconds"])

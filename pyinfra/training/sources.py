@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -14,8 +14,8 @@ import yaml
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
 from pyinfra.data import split
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import PERIOD_S, frame_numbers
+from pyinfra.data.frame_tables import Vehicles, other_types, read_vehicles
+from pyinfra.data.frames import PERIOD_S, check_no_data_set, data_set_of, frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ class Source:
     scene: str
     clouds: tuple[Callable[[], Points], ...]
     read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
+    read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
 
 
 def read_source(folder: Path, tier: Tier) -> Source:
@@ -44,9 +45,7 @@ def read_source(folder: Path, tier: Tier) -> Source:
 
     Raises FileNotFoundError, FormatError and ValueError.
     """
-    inside = sorted(file.parent.name for file in folder.glob("*/lidar.yaml"))
-    if inside:
-        raise ValueError(f"{folder}: found a data set, allowed a LiDAR of it: {', '.join(inside)}")
+    check_no_data_set(folder)
     lidar = kitti.read_lidar(folder)
     listed = folder / "ImageSets/train.txt"
     if listed.is_file():
@@ -55,25 +54,27 @@ def read_source(folder: Path, tier: Tier) -> Source:
         numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
     frames = spread(numbers, MOST_FRAMES[tier])
     files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
+    vehicles = cache(partial(read_vehicles, folder, frames))
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
         scene=scene_of(folder),
         clouds=tuple(partial(kitti.read_points, file) for file in files),
-        read_boxes=partial(boxes_on_disk, folder, frames),
+        read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
+        read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
     )
 
 
 def scene_of(folder: Path) -> str:
     """Name of the scene that a LiDAR's folder was simulated in."""
-    description = folder.parent / "dataset.yaml"
+    description = data_set_of(folder) / "dataset.yaml"
     return read_yaml(description).at("name").text() if description.is_file() else "unknown"
 
 
-def boxes_on_disk(folder: Path, frames: Sequence[int]) -> tuple[FloatArray, ...]:
-    vehicles = read_vehicles(folder, frames)
+def hit_boxes(vehicles: Vehicles, frames: int) -> tuple[FloatArray, ...]:
+    """(k, 7) of the vehicles of each frame that have a point."""
     hit = np.isin(vehicles.names, VEHICLE_TYPES) & (vehicles.points > 0)
-    return tuple(vehicles.boxes[hit & (vehicles.frame == i)] for i in range(len(frames)))
+    return tuple(vehicles.boxes[hit & (vehicles.frame == i)] for i in range(frames))
 
 
 def simulated_source(

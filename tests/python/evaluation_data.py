@@ -13,7 +13,7 @@ Vehicle = Mapping[str, object]
 SENSOR_HEIGHT_M = 6.0
 LIDAR = """name: "{name}"
 model: "made up"
-preset: "none"
+preset: "recorded"
 price_total_usd: {{low: 1, high: 1}}
 period_s: {period}
 T_world_levelled: {{x_m: 10, y_m: 20, z_m: 6, yaw_deg: 90}}

@@ -90,8 +90,10 @@ DATA """
         (HEADER.replace("SIZE 4 4 4", "SIZE 4 4") + "ascii\n", "found different lengths"),
         (HEADER.replace("SIZE 4", "SIZE 3") + "ascii\n", "x: found TYPE F SIZE 3"),
         (HEADER.replace("COUNT 1", "COUNT 0") + "ascii\n", "x: found COUNT 0"),
+        (HEADER.replace("POINTS 2", "POINTS " + 5000 * "9") + "ascii\n", "POINTS: found '999"),
+        (HEADER.replace("COUNT 1", "COUNT " + 5000 * "9") + "ascii\n", "x: found COUNT 999"),
         (HEADER.replace("x y z", "x x z") + "ascii\n", "FIELDS: "),
-        (HEADER.replace("POINTS 2", "POINTS 99999999999") + "binary\n", "is it cut short"),
+        (HEADER.replace("POINTS 2", "POINTS 999999999") + "binary\n", "is it cut short"),
     ],
 )
 def test_wrong_files_are_named(text: str, message: str, tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_an_id_twice_in_a_frame_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     file = kitti.frame_file(folder, "objects", 5)
     file.write_text(file.read_text().replace("\n8,", "\n3,"))
-    with pytest.raises(kitti.FormatError, match=r"000005\.csv: id: found 3 twice, allowed once"):
+    with pytest.raises(kitti.FormatError, match=r"000005\.csv:3: id: found 3 twice, allowed once"):
         list(read_frames(read_series(folder), [5]))
 
 

@@ -1,7 +1,9 @@
 """Full disks, foreign folders, signals and kills: a frame exists whole or not at all."""
 
+import errno
 import os
 import random
+import re
 import resource
 import secrets
 import shutil
@@ -15,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from pyinfra import cli
+from pyinfra.atomic import new_folder, replacing
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
@@ -141,6 +146,74 @@ def test_full_disk_ends_the_run_with_whole_frames(
     again = infrasim(*long_command(out))
     assert_one_line(again, str(out), "No space left")
     assert assert_frames_are_whole(out, undisturbed) >= frames
+
+
+@pytest.fixture(scope="module")
+def perfect(motorway: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A LiDAR's folder with a split, and predictions of its frames."""
+    data = tmp_path_factory.mktemp("perfect") / "data"
+    shutil.copytree(motorway, data)
+    folder, pred = data / "helios_16", data / "pred"
+    pred.mkdir()
+    for file in sorted((folder / "training/label_2").iterdir()):
+        lines = file.read_text().splitlines()
+        (pred / file.name).write_text("".join(f"{line} 0.9\n" for line in lines))
+    return folder, pred
+
+
+COMMANDS = {
+    **{
+        name: ["export", "{gt}", "--to", name, "--out", "{out}/a"]
+        for name in ("openpcdet", "mmdet3d", "pcd", "nuscenes", "openlabel", "mcap")
+    },
+    "import": ["import", "{gt}", "--from", "kitti", "--out", "{out}/a/pole"],
+    "evaluate": ["evaluate", "--gt", "{gt}", "--pred", "{pred}", "--out", "{out}"],
+    "statistics": ["statistics", "{data}", "--out", "{out}"],
+    "pictures": ["pictures", "{data}", "--out", "{out}"],
+    "view": ["view", "{gt}", "--out", "{out}/a.html"],
+    "train": ["train", "configs/detectors/background.yaml", "--data", "{gt}", "--out", "{out}/a"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_full_disk_is_named_with_the_file_by_every_command_of_pyinfra(
+    name: str,
+    perfect: tuple[Path, Path],
+    small_disk: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    gt, pred = perfect
+    if name == "train":
+        (gt / "ImageSets").mkdir(exist_ok=True)
+        (gt / "ImageSets/train.txt").write_text("000000\n000001\n")
+    with (small_disk / "filling").open("wb") as filling:
+        filling.write(bytes(2 * 2**20 - 2 * 4096))  # two pages are left
+    words = {"gt": gt, "pred": pred, "data": gt.parent, "out": small_disk}
+    assert cli.main([word.format(**words) for word in COMMANDS[name]]) == 1
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert re.match(
+        rf"pyinfra: {small_disk}/[\w./]+: (No space left on device|.*No space)", message
+    )
+    place = message.split(": ")[1]
+    assert not any(part.startswith(".") for part in Path(place).parts), message
+    assert Path(place).suffix or name == "nuscenes", message
+
+
+def test_an_error_of_the_system_names_what_was_to_be_written(tmp_path: Path) -> None:
+    full = OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(OSError, match="No space") as error, replacing(tmp_path / "a.txt"):
+        raise full
+    assert error.value.filename == str(tmp_path / "a.txt")
+    with pytest.raises(FileNotFoundError) as missing, new_folder(tmp_path / "b") as beside:
+        (beside / "c/d.txt").write_text("")
+    assert missing.value.filename == str(tmp_path / "b/c/d.txt")
+    with pytest.raises(FileNotFoundError) as other, replacing(tmp_path / "a.txt"):
+        (tmp_path / "nowhere").read_text()
+    assert other.value.filename == str(tmp_path / "nowhere")
+    with pytest.raises(OSError, match="3 requested") as odd, replacing(tmp_path / "a.txt"):
+        raise OSError("3 requested and 0 written")
+    assert odd.value.filename == str(tmp_path / "a.txt")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("words", [["check", "configs/scenes/highway.yaml"], ["run"]])

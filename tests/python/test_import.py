@@ -13,7 +13,7 @@ import pytest
 from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
 
 from pyinfra import cli, kitti
-from pyinfra.data.data_set import read_data_set, sensor_tilt
+from pyinfra.data.data_set import read_data_set
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.exports import export
 from pyinfra.exchange.imports import import_recording
@@ -132,7 +132,7 @@ def test_a_leaning_sensor_is_turned_upright(tmp_path: Path) -> None:
     assert objects(tmp_path / "in/pole", 0).boxes[0, :3] == pytest.approx(
         [side, 0, -down], abs=1e-4
     )
-    assert sensor_tilt(tmp_path / "in/pole/lidar.yaml").pitch == pytest.approx(math.pi / 6)
+    assert kitti.read_tilt(tmp_path / "in/pole").pitch == pytest.approx(math.pi / 6)
     (unit,) = kitti.read_lidar(tmp_path / "in/pole").field_of_view
     assert np.degrees(unit.elevation) == pytest.approx([0, 90])
 
@@ -202,7 +202,7 @@ def test_tables_by_hand(tmp_path: Path) -> None:
     assert (bus.names[0], bus.ids[0], bus.visibility[0]) == ("Bus", 1, 0.5)
     pose = kitti.read_lidar(tmp_path / "in/pole").T_world_levelled
     assert (pose.x, pose.y, pose.z, pose.yaw) == pytest.approx((100, 200, 6, math.pi / 2))
-    assert sensor_tilt(tmp_path / "in/pole/lidar.yaml").pitch == pytest.approx(math.pi / 2)
+    assert kitti.read_tilt(tmp_path / "in/pole").pitch == pytest.approx(math.pi / 2)
 
 
 WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
@@ -214,7 +214,24 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
         lambda rows: [rows[0] | {"translation": "far"}],
         "translation: found",
     ),
-    "turn of 0": ("ego_pose", lambda rows: [rows[0] | {"rotation": [0] * 4}], "rotation: found 0"),
+    "turn of 0": (
+        "ego_pose",
+        lambda rows: [rows[0] | {"rotation": [0] * 4}],
+        "rotation: found ..0",
+    ),
+    "token twice": ("sample_annotation", lambda rows: [*rows, rows[0]], r"token: found \w+ twice"),
+    "vehicle twice": (
+        "sample_annotation",
+        lambda rows: [*rows, rows[0] | {"token": "new"}],
+        "row 'new': instance_token: found twice in a sample",
+    ),
+    "endless digits": ("ego_pose", lambda rows: f"[{'9' * 5000}]", "is not JSON"),
+    "no width": (
+        "sample_annotation",
+        lambda rows: [rows[0] | {"size": [0, 1, 1]}],
+        r"found sizes \[0\. 1\. 1\.\] at .*, allowed sizes of",
+    ),
+    "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "allowed a file inside"),
     "no category": ("category", lambda rows: [{"token": "c"}], "found no 'name'"),
     "no LiDAR": ("sensor", lambda rows: [], "found LiDARs none, allowed one of them"),
     "no frame": ("sample_data", lambda rows: rows[1:], "found no key frame"),
@@ -232,7 +249,8 @@ def test_wrong_tables_are_named(case: str, tmp_path: Path) -> None:
     table, change, message = WRONG_TABLES[case]
     file = tables(tmp_path / "a") / f"v1.0/{table}.json"
     changed = change(json.loads(file.read_text()))
-    file.write_text("[{" if changed is None else json.dumps(changed))
+    text = "[{" if changed is None else json.dumps(changed)
+    file.write_text(changed if isinstance(changed, str) else text)
     with pytest.raises(ValueError, match=message):
         import_recording(tmp_path / "a", "nuscenes", tmp_path / "in/pole", ABOUT, Options())
     assert not any(path.name.startswith(".pole") for path in tmp_path.rglob("*"))
@@ -275,15 +293,36 @@ def odd_bin(folder: Path) -> None:
     np.zeros(7, dtype="<f4").tofile(folder / "points/000005.bin")
 
 
+def far(folder: Path) -> None:
+    points = np.zeros((9, 4), dtype=np.float32)
+    points[2, 1] = 3e38
+    np.save(folder / "points/000005.npy", points)
+
+
 def archive(folder: Path) -> None:
     with zipfile.ZipFile(folder / "points/000005.npy", "w") as file:
         file.writestr("a.npy", b"")
+
+
+def test_fields_that_are_not_those_of_the_points_are_named(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "made_up")
+    kitti.frame_file(folder, "fields", 6).write_bytes(b"")
+    with pytest.raises(kitti.FormatError, match=r"fields/000006\.bin: found 0 records, allowed 10"):
+        import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
+
+
+def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "made_up")
+    (folder / "training/velodyne/._000005.bin").write_bytes(b"of another system")
+    import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
+    assert kitti.frames(tmp_path / "in/pole") == [5, 6, 7]
 
 
 WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     "truncated": (truncated, 1, ["points/000005.npy", "is no whole array"]),
     "pickle": (with_pickle, 1, ["points/000005.npy", "is no whole array"]),
     "columns": (narrow, 1, ["found (9, 3) float32, allowed (n, 4 or more)"]),
+    "far": (far, 1, ["000005.npy: point 2: y: found 3e+38, allowed -10000 to 10000"]),
     "bytes": (odd_bin, 1, ["000005.bin", "found 28 bytes, allowed a multiple of 16"]),
     "archive": (archive, 1, ["points/000005.npy", "is no whole array"]),
     "label": (

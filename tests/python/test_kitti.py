@@ -23,7 +23,7 @@ period_s: 0.1
 T_world_levelled: {x_m: 1, y_m: -2, z_m: 6, yaw_deg: 90}
 T_levelled_sensor: {pitch_deg: 5, roll_deg: 0}
 field_of_view:
-  - {yaw_deg: 45, pitch_deg: 0, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, .inf]}
+  - {yaw_deg: 45, pitch_deg: 0, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, 300]}
   - {yaw_deg: -45, pitch_deg: 10, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, 2]}
 """
 
@@ -108,7 +108,7 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
     assert lidar.T_world_levelled == kitti.WorldPose(1, -2, 6, math.pi / 2)
     assert lidar.price_usd == (100, 200.5)
     assert [unit.yaw for unit in lidar.field_of_view] == [math.pi / 4, -math.pi / 4]
-    assert lidar.field_of_view[0].range_m == (1, math.inf)
+    assert lidar.field_of_view[0].range_m == (1, 300)
 
 
 @pytest.mark.parametrize(
@@ -122,6 +122,16 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
         ("period_s: 0.1\n", "", "found no key 'period_s'"),
         ("{low: 100", "{low: 100}}", "lidar.yaml:4: is not YAML"),
         (LIDAR, "", "lidar.yaml:1: found no mapping"),
+        ("period_s: 0.1", "period_s: 0", "lidar.yaml:5: period_s: found 0, allowed 0.001 to 60"),
+        ("period_s: 0.1", "period_s: .nan", "lidar.yaml:5: period_s: found .nan, allowed 0.001"),
+        ("period_s: 0.1", "period_s: 1000", "lidar.yaml:5: period_s: found 1000, allowed 0.001"),
+        ("period_s: 0.1", "period_s: 0.1\nperiod_s: 1", "lidar.yaml:6: period_s: found twice"),
+        ("low: 100", "low: -1", "lidar.yaml:4: price_total_usd.low: found -1, allowed 0"),
+        ("low: 100", "low: 300", "lidar.yaml:4: price_total_usd: found low 300 above high"),
+        ("yaw_deg: 90", "yaw_deg: 1e30", "lidar.yaml:6: T_world_levelled.yaw_deg: found 1e30"),
+        ("[1, 2]", "[1, 1e9]", "lidar.yaml:10: field_of_view[1].range_m[1]: found 1e9"),
+        ('"two"', '"t\0"', "lidar.yaml: is not YAML: "),
+        (LIDAR, "[" * 10**5 + "]" * 10**5, "lidar.yaml:1: is not YAML: found more than 100 levels"),
     ],
 )
 def test_wrong_lidar_file_is_named_by_line_and_key(
@@ -195,13 +205,26 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
         (f"{HEADER},more\n", ":1: found 'id,class"),
         (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: found 2 columns, allowed 14"),
         (f"{HEADER}\n{VEHICLE}\n\n", ":3: found 1 columns, allowed 14"),
-        (f"{HEADER}\n{VEHICLE.replace('10.5', 'ten')}", ":2: x: found 'ten', allowed a number"),
-        (f"{HEADER}\n{VEHICLE.replace('10.5', 'nan')}", ":2: x: found nan, allowed a finite"),
-        (f"{HEADER}\n{VEHICLE.replace('4.5', '-4.5')}", ":2: dx: found -4.5, allowed more than 0"),
-        (f"{HEADER}\n{VEHICLE.replace('12', '-1')}", ":2: points: found -1, allowed a whole num"),
-        (f"{HEADER}\n{VEHICLE.replace('12', '1.5')}", ":2: points: found 1.5, allowed a whole"),
-        (f"{HEADER}\n{VEHICLE.replace('0.75', '1.5')}", ":2: visibility: found 1.5, allowed 0 to"),
-        (f"{HEADER}\n{VEHICLE.replace('Car', '')}", ":2: class: found nothing, allowed a name"),
+        (f"{HEADER}\n{VEHICLE.replace('10.5', 'ten')}\n", ":2: x: found 'ten', allowed a number"),
+        (f"{HEADER}\n{VEHICLE.replace('10.5', 'nan')}\n", ":2: x: found nan, allowed a finite"),
+        (
+            f"{HEADER}\n{VEHICLE.replace('4.5', '-4.5')}\n",
+            ":2: dx: found -4.5, allowed more",
+        ),
+        (f"{HEADER}\n{VEHICLE.replace('12', '-1')}\n", ":2: points: found -1, allowed a whole num"),
+        (f"{HEADER}\n{VEHICLE.replace('12', '1.5')}\n", ":2: points: found 1.5, allowed a whole"),
+        (
+            f"{HEADER}\n{VEHICLE.replace('0.75', '1.5')}\n",
+            ":2: visibility: found 1.5, allowed 0",
+        ),
+        (f"{HEADER}\n{VEHICLE.replace('Car', '')}\n", ":2: class: found nothing, allowed a name"),
+        (f"{HEADER}\n{VEHICLE}\n{VEHICLE}\n", ":3: id: found 7 twice, allowed once a frame"),
+        (f"{HEADER}\n{VEHICLE}", ":2: found no end of the line: is it cut short?"),
+        (f"{HEADER}\n{VEHICLE.replace('0.25', '90')}\n", ":2: heading: found 90, allowed -2 pi"),
+        (f"{HEADER}\n{VEHICLE.replace('10.5', '1e30')}\n", ":2: x: found 1e+30, allowed -10000"),
+        (f"{HEADER}\n{VEHICLE.replace(',9,', ',13,')}\n", ":2: points_in_box: found 13, allowed"),
+        (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: found 20, allowed"),
+        (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: found 1e+99, allowed"),
     ],
 )
 def test_wrong_objects_file_is_named_by_line_and_column(

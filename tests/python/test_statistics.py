@@ -276,7 +276,9 @@ def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: 
     (folder / "dataset.yaml").write_text(
         "name: highway\nseed: 1\naggregation: exact\npreset: paper\nversion: 0.1.0\n"
     )
-    (folder / "roads.csv").write_text("road,s,x,y,z,heading,half_width\nm,0,0,0,0,0,21\n")
+    (folder / "roads.csv").write_text(
+        "road,s,x,y,z,heading,half_width\nm,0,0,0,0,0,21\nm,1,1,0,0,0,21\n"
+    )
     (folder / "trajectories.csv").write_text(
         "t,id,class,x,y,z,heading,dx,dy,dz,speed\n0,1,Car,0,0,0,0,4,2,1,15\n9,1,Car,0,0,0,0,4,2,1,1\n"
     )
@@ -318,9 +320,34 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         tables = study.statistics([folder], above_road=above_road, patterns=False)
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
-    roads.write_text(roads.read_text() + "m,1,1,0,0.5,0,21\n")
+    roads.write_text(roads.read_text() + "m,2,2,0,0.5,0,21\n")
     with pytest.raises(ValueError, match=r"roads\.csv: found roads from z = 0 to 0\.5"):
         read_sightings(data, above_road=True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("2,1,15", "2,1,fast", ": "),
+        ("2,1,15", "2,1,nan", ":2: speed: found nan, allowed 0 to 1000"),
+        ("2,1,15", "2,1,1e30", r":2: speed: found 1e\+30, allowed 0 to 1000"),
+        ("2,1,1\n", "2,1,1", ": found no end of the last line"),
+        ("t,id", "T,id", ": "),
+        ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ": "),
+    ],
+)
+def test_wrong_trajectories_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1)]}})
+    file = folder / "trajectories.csv"
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(kitti.FormatError, match=rf"trajectories\.csv{message}"):
+        study.speed_table(read_data_set(folder))
+
+
+def test_an_id_may_be_high(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1), row(2**31 - 1, 60, 0)]}})
+    assert read_sightings(read_data_set(folder), above_road=True).points.tolist() == [[1], [0]]
 
 
 def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
