@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -455,6 +456,12 @@ void set_direction(RayBatch& rays, std::size_t i, Vec3 d) {
   rays.dz[i] = static_cast<float>(d.z);
 }
 
+std::vector<std::uint32_t> every(const RayBatch& rays) {
+  std::vector<std::uint32_t> all(rays.size());
+  std::iota(all.begin(), all.end(), 0U);
+  return all;
+}
+
 Vec3 direction(const RayBatch& rays, std::size_t i) { return {rays.dx[i], rays.dy[i], rays.dz[i]}; }
 
 TEST(beam, turns_with_its_unit) {
@@ -468,8 +475,8 @@ TEST(beam, turns_with_its_unit) {
       set_direction(rays, i, d);
       set_direction(turned_rays, i, turned * d);
     }
-    Beam(config, level).expand(rays, sub_rays);
-    Beam(config, turned).expand(turned_rays, turned_sub_rays);
+    Beam(config, level).expand(rays, every(rays), sub_rays);
+    Beam(config, turned).expand(turned_rays, every(turned_rays), turned_sub_rays);
     for (std::size_t i = 0; i < sub_rays.size(); ++i)
       EXPECT_LT(norm(turned * direction(sub_rays, i) - direction(turned_sub_rays, i)), 1e-6);
   }

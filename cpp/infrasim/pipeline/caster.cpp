@@ -1,6 +1,7 @@
 #include "infrasim/pipeline/caster.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/reflectance.h"
@@ -68,7 +69,8 @@ void Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
 /// Names the rays worth casting, near ones together: not those that look over everything there
 /// is, nor those whose return is lost whatever they hit.
 void Caster::select(Emitter& emitter, const Rng& rng, std::uint64_t first, std::int64_t groups) {
-  const float highest_dz = raycaster_.top() < 0 && !emitter.beam ? 0 : 1;
+  const float level = emitter.beam ? emitter.beam->highest_dz() : 0;
+  const float highest_dz = raycaster_.top() < 0 ? level : 1;
   const ReturnModel& returns = emitter.returns;
   selected_.clear();
   for (const std::uint32_t i : tile_order(emitter, groups)) {
@@ -86,14 +88,13 @@ void Caster::cast_rays(const Emitter& emitter, std::span<const float> paint) {
 }
 
 void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {
-  beam.expand(rays_, sub_rays_);
-  const auto n = static_cast<std::uint32_t>(beam.sub_rays());
-  sub_selected_.clear();
-  for (const std::uint32_t i : selected_)
-    for (std::uint32_t j = 0; j < n; ++j) sub_selected_.push_back(n * i + j);
+  beam.expand(rays_, selected_, sub_rays_);
+  sub_selected_.resize(sub_rays_.size());
+  std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
   raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
   look_up_reflectance(sub_hits_, paint, sub_reflectance_);
-  beam.combine(sub_hits_, sub_reflectance_, hits_, reflectance_);
+  hits_.resize(rays_.size());
+  beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_);
 }
 
 void Caster::collect(std::span<const MovingObject> objects, FrameBuilder& out) const {

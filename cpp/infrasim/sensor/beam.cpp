@@ -34,17 +34,18 @@ Vec3 Beam::side_of(Vec3 ray) const {
   return sine < kAlongUp ? left_ : 1 / sine * across;
 }
 
-void Beam::expand(const RayBatch& rays, RayBatch& sub_rays) const {
+void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
+                  RayBatch& sub_rays) const {
   const std::size_t n = offsets_.size();
-  sub_rays.resize(n * rays.size());
+  sub_rays.resize(n * selected.size());
   sub_rays.max_range = rays.max_range;
-  for (std::size_t i = 0; i < rays.size(); ++i) {
+  std::size_t k = 0;
+  for (const std::uint32_t i : selected) {
     const Vec3 d{rays.dx[i], rays.dy[i], rays.dz[i]};
     const Vec3 side = side_of(d);
-    for (std::size_t j = 0; j < n; ++j) {
+    for (std::size_t j = 0; j < n; ++j, ++k) {
       const Vec3 tilted = d + static_cast<double>(offsets_[j]) * side;
       const Vec3 sub = 1 / norm(tilted) * tilted;
-      const std::size_t k = n * i + j;
       sub_rays.dx[k] = static_cast<float>(sub.x);
       sub_rays.dy[k] = static_cast<float>(sub.y);
       sub_rays.dz[k] = static_cast<float>(sub.z);
@@ -54,35 +55,51 @@ void Beam::expand(const RayBatch& rays, RayBatch& sub_rays) const {
 }
 
 void Beam::combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
-                   HitBatch& hits, std::vector<float>& reflectance) const {
-  const std::size_t n = offsets_.size();
-  hits.resize(sub_hits.size() / n);
+                   std::span<const std::uint32_t> selected, HitBatch& hits,
+                   std::vector<float>& reflectance) const {
   reflectance.resize(hits.size());
-  for (std::size_t i = 0; i < hits.size(); ++i) {
-    hits.range[i] = std::numeric_limits<float>::infinity();
-    hits.object[i] = -1;
+  std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
+  std::ranges::fill(hits.object, -1);
+  const std::size_t n = offsets_.size();
+  for (std::size_t k = 0; k < selected.size(); ++k) {
+    const std::size_t i = selected[k], first = n * k;
     float strongest = 0;
-    for (std::size_t a = n * i; a < n * (i + 1); ++a) {
+    for (std::size_t a = first; a < first + n; ++a) {
       if (!std::isfinite(sub_hits.range[a])) continue;
-      float sum = 0, weighted_range = 0, reflected = 0, best = 0;
-      std::size_t owner = a;
-      for (std::size_t b = n * i; b < n * (i + 1); ++b) {
-        if (!(std::abs(sub_hits.range[b] - sub_hits.range[a]) <= kRangeResolution)) continue;
-        const float p = power(sub_hits.range[b], sub_hits.cos_incidence[b], sub_reflectance[b]);
-        sum += p;
-        weighted_range += p * sub_hits.range[b];
-        reflected += sub_reflectance[b] * sub_hits.cos_incidence[b];
-        if (p > best) best = p, owner = b;
+      const Echo echo = echo_around(a, first, sub_hits, sub_reflectance);
+      if (echo.power > strongest) {
+        strongest = echo.power;
+        hits.range[i] = echo.weighted_range / echo.power;
+        hits.object[i] = sub_hits.object[echo.owner];
+        hits.class_id[i] = sub_hits.class_id[echo.owner];
+        hits.cos_incidence[i] = 1;
+        reflectance[i] = echo.reflected / static_cast<float>(n);
       }
-      if (sum <= strongest) continue;
-      strongest = sum;
-      hits.range[i] = weighted_range / sum;
-      hits.object[i] = sub_hits.object[owner];
-      hits.class_id[i] = sub_hits.class_id[owner];
-      hits.cos_incidence[i] = 1;
-      reflectance[i] = reflected / static_cast<float>(n);
+      if (echo.holds_all) break;  // the others' sums are this one
     }
   }
+}
+
+/// The sum of the sub-rays' echoes within the range resolution of one of them.
+Beam::Echo Beam::echo_around(std::size_t a, std::size_t first, const HitBatch& sub_hits,
+                             const std::vector<float>& sub_reflectance) const {
+  Echo echo;
+  echo.owner = a;
+  float best = 0, nearest = sub_hits.range[a], farthest = nearest;
+  for (std::size_t b = first; b < first + offsets_.size(); ++b) {
+    const float range = sub_hits.range[b];
+    if (!std::isfinite(range)) continue;
+    nearest = std::min(nearest, range);
+    farthest = std::max(farthest, range);
+    if (!(std::abs(range - sub_hits.range[a]) <= kRangeResolution)) continue;
+    const float p = power(range, sub_hits.cos_incidence[b], sub_reflectance[b]);
+    echo.power += p;
+    echo.weighted_range += p * range;
+    echo.reflected += sub_reflectance[b] * sub_hits.cos_incidence[b];
+    if (p > best) best = p, echo.owner = b;
+  }
+  echo.holds_all = farthest - nearest <= kRangeResolution;
+  return echo;
 }
 
 }  // namespace infrasim

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
@@ -17,18 +18,32 @@ class Beam {
 
   int sub_rays() const { return static_cast<int>(offsets_.size()); }
 
-  /// Sub-rays of each ray, side by side; the middle of them is the ray itself.
-  void expand(const RayBatch& rays, RayBatch& sub_rays) const;
+  /// Sine of the highest elevation of a ray of which a sub-ray is level or below.
+  float highest_dz() const { return offsets_.back(); }
 
-  /// One hit per ray: of its sub-rays' echoes, those within the range resolution of each other
-  /// add up, and the strongest sum is reported. Its range is the power-weighted mean, its
-  /// reflectance is that of a full beam of the same power.
+  /// Sub-rays of the selected rays, side by side; the middle of them is the ray itself.
+  void expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
+              RayBatch& sub_rays) const;
+
+  /// One hit per selected ray, in its place among `hits`; the others are misses. Of its sub-rays'
+  /// echoes, those within the range resolution of each other add up, and the strongest sum is
+  /// reported. Its range is the power-weighted mean, its reflectance is that of a full beam of the
+  /// same power.
   /// @param sub_reflectance of each sub-ray's hit
-  void combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance, HitBatch& hits,
+  void combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
+               std::span<const std::uint32_t> selected, HitBatch& hits,
                std::vector<float>& reflectance) const;
 
  private:
+  struct Echo {
+    float power = 0, weighted_range = 0, reflected = 0;
+    std::size_t owner = 0;   ///< the strongest of its sub-rays
+    bool holds_all = false;  ///< every sub-ray that hit anything is in it
+  };
+
   Vec3 side_of(Vec3 ray) const;
+  Echo echo_around(std::size_t a, std::size_t first, const HitBatch& sub_hits,
+                   const std::vector<float>& sub_reflectance) const;
 
   std::vector<float> offsets_;  ///< tangents, to the side
   bool vertical_;

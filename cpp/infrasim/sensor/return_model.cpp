@@ -16,6 +16,8 @@ double extinction(const WeatherConfig& weather) {
   return rain + std::log(20.0) / weather.visibility_m;
 }
 
+constexpr double kCertain = 8.5;  // from here on the next function is 1 to the last digit
+
 double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 
 }  // namespace
@@ -36,7 +38,8 @@ bool ReturnModel::dropped_when_faint(const Rng& draw, double intensity) const {
 
 double ReturnModel::snr(double range, double reflected) const {
   const double ratio = config_.detection->range_at_10_percent_m / range;
-  return reflected / 0.1 * ratio * ratio * std::exp(-2 * extinction_per_m_ * range);
+  const double clear = reflected / 0.1 * ratio * ratio;
+  return extinction_per_m_ > 0 ? clear * std::exp(-2 * extinction_per_m_ * range) : clear;
 }
 
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
@@ -53,8 +56,8 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
       const double ratio = snr(range, intensity);
-      if (draw().uniform(kDetection) >= normal_cdf(config_.detection->steepness * (ratio - 1)))
-        continue;
+      const double margin = config_.detection->steepness * (ratio - 1);
+      if (margin < kCertain && draw().uniform(kDetection) >= normal_cdf(margin)) continue;
       sigma *= std::clamp(1 / std::sqrt(2 * ratio), 0.25, 1.0);
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
