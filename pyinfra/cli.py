@@ -126,7 +126,9 @@ def exit_code_of(error: Exception) -> int:
 
 
 def message_of(error: Exception) -> str:
-    """One line, with the path first for an error of the system."""
+    """One line that a terminal shows and does not obey; of a system's error, the path first."""
+    text = " ".join(str(error).split()) or type(error).__name__
     if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
-    return " ".join(str(error).split()) or type(error).__name__
+        text = f"{error.filename}: {error.strerror}"
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(escaped)

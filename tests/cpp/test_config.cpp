@@ -519,8 +519,75 @@ TEST(lidar_file, keys_are_checked) {
   expect_lidar_error("count: 2, upper", "file: a.csv, count: 2, #!\n upper",
                      "pattern.spinning.channels.count", "one of");
   expect_lidar_error("azimuth_step_deg: 0.2}\n",
-                     "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 1}\n",
+                     "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 10}\n",
                      "pattern.spinning", "one of spinning, wedges, table");
+}
+
+TEST(lidar_file, presets_are_maps) {
+  expect_lidar_error("presets:\n", "presets: 5 #!\nother:\n", "presets",
+                     "found '5', allowed a map");
+  expect_lidar_error("  even:\n", "  even: 5 #!\n  odd:\n", "presets.even", "found '5'");
+  expect_lidar_error("  even:\n", "  even: ~ #!\n  odd:\n", "presets.even", "found nothing");
+  expect_lidar_error("  even:\n", "  even:\n    presets: {a: 1} #!\n", "presets", "unknown key");
+}
+
+TEST(lidar_file, a_frame_has_at_least_one_ray_and_no_more_than_memory_holds) {
+  const auto expect = [](const std::string& by, const std::string& key, const std::string& what) {
+    expect_lidar_error("rate_hz: 10, azimuth_step_deg: 0.2}", by + "} #!", "pattern." + key, what);
+  };
+  expect("rate_hz: 10, azimuth_step_deg: 1e-9", "spinning.azimuth_step_deg",
+         "found 3600000000000 columns a second, allowed 10 to 100000000");
+  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "allowed 10 to");
+  expect("rate_hz: 1e-9, azimuth_step_deg: 0.2", "spinning.rate_hz", "columns a second");
+  expect("rate_hz: 1000, columns_per_turn: 1000000", "spinning.columns_per_turn", "1000000000");
+}
+
+TEST(lidar_file, rays_of_all_lasers_and_units_are_counted) {
+  const TestFolder folder;
+  const auto file = folder.write(
+      "lidar.yaml", replaced(replaced(kLidar, "azimuth_step_deg: 0.2", "columns_per_turn: 9e5"),
+                             "9e5", "900000"));
+  EXPECT_NO_THROW(read_lidar(file, "even"));  // 18 million rays a second
+  const auto many = folder.write(
+      "many.yaml", "name: many\nbundle: [" + [] {
+        std::string list;
+        for (int i = 0; i < 6; ++i) list += "{lidar: lidar.yaml}, ";
+        return list;
+      }() + "]\n");
+  const std::string message = error_of([&] { read_lidar(many, "even"); });
+  EXPECT_NE(
+      message.find("many.yaml: (rays per second): found 108000000, allowed at most 100000000"),
+      std::string::npos)
+      << message;
+}
+
+TEST(lidar_file, columns_per_turn_stand_for_a_step) {
+  const TestFolder folder;
+  const auto resolved = [&](const std::string& by) {
+    const auto file = folder.write("lidar.yaml", replaced(kLidar, "azimuth_step_deg: 0.2", by));
+    return dump_lidar(read_lidar(file, "even"));
+  };
+  EXPECT_NE(resolved("columns_per_turn: 1800").find("\n    columns_per_turn: 1800\n"),
+            std::string::npos);
+  EXPECT_NE(resolved("columns_per_turn: 16250/8").find("\n    columns_per_turn: 8125/4\n"),
+            std::string::npos);
+  EXPECT_EQ(resolved("azimuth_step_deg: 0.2").find("columns_per_turn"), std::string::npos);
+  const auto reread = folder.write("resolved.yaml", resolved("columns_per_turn: 8125/4"));
+  EXPECT_EQ(dump_lidar(read_lidar(reread, "even")), resolved("columns_per_turn: 8125/4"));
+}
+
+TEST(lidar_file, columns_per_turn_are_a_whole_number_or_a_fraction) {
+  for (const char* text : {"0", "-4", "1800.5", "1800/0", "1800/-1", "1800/", "/4", "1800/4/2",
+                           "1800 / 4", "1e3", ".inf", "99999999999/1", "[1800]"}) {
+    expect_lidar_error("azimuth_step_deg: 0.2}", "columns_per_turn: " + std::string(text) + "} #!",
+                       "pattern.spinning.columns_per_turn", "a fraction such as 8125/4");
+  }
+  expect_lidar_error("azimuth_step_deg: 0.2}", "columns_per_turn: 15/4} #!",
+                     "pattern.spinning.columns_per_turn", "found '15/4', allowed 4 to 1000000000");
+  expect_lidar_error("azimuth_step_deg: 0.2}", "azimuth_step_deg: 0.2, columns_per_turn: 1800} #!",
+                     "pattern.spinning.columns_per_turn", "found both or neither");
+  expect_lidar_error("rate_hz: 10, azimuth_step_deg: 0.2}", "rate_hz: 10} #!",
+                     "pattern.spinning.azimuth_step_deg", "found both or neither");
 }
 
 /// What reading channels from a file with this text says.

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <string>
 #include <vector>
 
+#include "infrasim/core/errors.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/point_cloud.h"
 #include "infrasim/core/rng.h"
@@ -20,6 +22,18 @@ bool overlap(const Box3d& a, const Box3d& b) {
 
 Box3d car(double x, double y, double heading_deg) {
   return {.x = x, .y = y, .dx = 4, .dy = 2, .dz = 1.5, .heading = rad(heading_deg)};
+}
+
+TEST(error, escapes_what_a_terminal_would_obey_and_what_is_no_utf_8) {
+  EXPECT_STREQ(ConfigError("a\x1b[31m\x7f").what(), "a\\x1b[31m\\x7f");
+  EXPECT_STREQ(IoError("Straße 5 € 🚗").what(), "Straße 5 € 🚗");
+  EXPECT_EQ(printable(std::string("\0\n", 2)), "\\x00\\x0a");
+  EXPECT_EQ(printable("\xc2\x9b"), "\\xc2\\x9b");           // a control character of Latin-1
+  EXPECT_EQ(printable("\xe0\x80\x80"), "\\xe0\\x80\\x80");  // longer than it needs to be
+  EXPECT_EQ(printable("\xed\xa0\x80"), "\\xed\\xa0\\x80");  // half of a pair of UTF-16
+  EXPECT_EQ(printable("\xf4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80");
+  EXPECT_EQ(printable("ab\xc3"), "ab\\xc3");
+  EXPECT_EQ(printable(""), "");
 }
 
 TEST(angle, wraps_into_minus_pi_to_pi) {

@@ -137,6 +137,39 @@ TEST(spinning_pattern, a_phase_is_a_turn_that_has_been_made) {
 
 // --- any pattern ------------------------------------------------------------------------------
 
+TEST(spinning_pattern, columns_per_turn_give_the_directions_of_their_step) {
+  for (const auto& [columns, step_deg] :
+       {std::pair{Fraction{1800, 1}, 0.2}, std::pair{Fraction{8125, 4}, 360 * 4 / 8125.0}}) {
+    PatternConfig by_step = vlp16(), by_columns = vlp16();
+    by_step.spinning->azimuth_step_deg = step_deg;
+    by_columns.spinning->azimuth_step_deg.reset();
+    by_columns.spinning->columns_per_turn = columns;
+    const ScanPattern a(by_step, 12.3, kLevel, 0), b(by_columns, 12.3, kLevel, 0);
+    for (const int k : {0, 1, 7, 4999}) {
+      ASSERT_EQ(frame(a, k).first, frame(b, k).first);
+      ASSERT_EQ(frame(a, k).last, frame(b, k).last);
+      for (std::int64_t i = frame(a, k).first; i < frame(a, k).last; i += 37) {
+        const double angle = norm(a.ray(i).direction - b.ray(i).direction);
+        ASSERT_LT(deg(angle), 1e-6) << k << " " << i;
+        ASSERT_NEAR(a.ray(i).time_s, b.ray(i).time_s, 1e-9);
+      }
+    }
+  }
+}
+
+TEST(spinning_pattern, of_a_fraction_repeats_after_as_many_turns_as_its_denominator) {
+  PatternConfig config = spinning(1, 0, 0, 0.2);
+  config.spinning->azimuth_step_deg.reset();
+  config.spinning->columns_per_turn = Fraction{8125, 4};
+  const ScanPattern pattern(config, 0, kLevel, 0);
+  for (const std::int64_t column : {0, 1, 2031, 2032, 8124}) {
+    const Vec3 d = pattern.ray(column).direction;
+    EXPECT_EQ(pattern.ray(column + 8125LL * 1'000'000).direction.x, d.x);
+    EXPECT_EQ(pattern.ray(column + 8125LL * 1'000'000).direction.y, d.y);
+  }
+  EXPECT_NE(pattern.ray(8125 / 4).direction.y, pattern.ray(0).direction.y);
+}
+
 TEST(scan_pattern, runs_on_from_frame_to_frame) {
   for (const auto& [name, pattern] : all_patterns()) {
     SCOPED_TRACE(name);

@@ -15,28 +15,8 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 
-/// The message as one printable line: control bytes and what is not UTF-8 become '?'.
-std::string printable(const std::string& text) {
-  std::string out;
-  for (std::size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i]);
-    const std::size_t length = lead < 0x80   ? 1
-                               : lead < 0xC2 ? 0
-                               : lead < 0xE0 ? 2
-                               : lead < 0xF0 ? 3
-                               : lead < 0xF5 ? 4
-                                             : 0;
-    bool valid = length > 0 && i + length <= text.size() && lead >= 32 && lead != 127;
-    for (std::size_t k = 1; valid && k < length; ++k)
-      valid = (static_cast<unsigned char>(text[i + k]) & 0xC0) == 0x80;
-    out += valid ? text.substr(i, length) : "?";
-    i += valid ? length : 1;
-  }
-  return out;
-}
-
 int complain(const std::string& text, int code) {
-  std::fprintf(stderr, "%s\n", printable(text).c_str());
+  std::fprintf(stderr, "%s\n", infrasim::printable(text).c_str());
   return code;
 }
 

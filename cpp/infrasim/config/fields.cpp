@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cctype>
+#include <numeric>
 
 namespace infrasim::config {
 
@@ -68,8 +69,12 @@ bool begins_as_name(const std::string& text) {
   return std::isalnum(first) != 0 || first == '_' || first >= 0x80;  // of a letter in UTF-8
 }
 
+void expect_map(const Tree& tree, const std::string& key) {
+  if (tree.kind != Tree::Kind::kMap) fail(tree.place, key, found(tree) + ", allowed a map");
+}
+
 FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {
-  expect(map, Tree::Kind::kMap, path_.empty() ? "(document)" : path_, "a map");
+  expect_map(map, path_.empty() ? "(document)" : path_);
 }
 
 const Tree* FieldReader::take(const char* key, const Rule& rule) {
@@ -141,7 +146,7 @@ void FieldReader::read(const Tree& tree, const std::string& key, bool& value,
 void FieldReader::read(const Tree& tree, const std::string& key, std::string& value,
                        const Rule& rule) {
   expect(tree, Tree::Kind::kScalar, key, "a text");
-  if (std::ranges::any_of(tree.scalar, [](char c) { return static_cast<unsigned char>(c) < 32; }))
+  if (find_unprintable(tree.scalar) != std::string::npos)
     fail(tree.place, key, "found a control character, allowed a text in one line");
   if (rule.required && tree.scalar.empty()) fail(tree.place, key, "found an empty text");
   value = tree.scalar;
@@ -153,6 +158,26 @@ void FieldReader::read(const Tree& tree, const std::string& key, Vec2& value, co
     fail(tree.place, key, "found " + std::to_string(tree.items.size()) + " values, allowed 2");
   read(tree.items[0], key + ".0", value.x, rule);
   read(tree.items[1], key + ".1", value.y, rule);
+}
+
+/// Whole numbers on both sides of the line; products of two of them stay exact.
+void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value,
+                       const Rule& rule) {
+  const std::string_view text = tree.scalar;
+  const auto line = std::min(text.find('/'), text.size());
+  const auto whole = [](std::string_view part, std::int64_t& number) {
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), number);
+    return error == std::errc{} && end == part.data() + part.size() && number > 0 &&
+           number <= 1'000'000'000;
+  };
+  Fraction read;
+  if (tree.kind != Tree::Kind::kScalar || !whole(text.substr(0, line), read.numerator) ||
+      (line < text.size() && !whole(text.substr(line + 1), read.denominator)))
+    fail(tree.place, key, found(tree) + ", allowed a whole number or a fraction such as 8125/4");
+  if (read.value() < rule.min || read.value() > rule.max)
+    fail(tree.place, key, found(tree) + allowed(rule));
+  const std::int64_t divisor = std::gcd(read.numerator, read.denominator);
+  value = {read.numerator / divisor, read.denominator / divisor};
 }
 
 std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
@@ -177,6 +202,11 @@ std::string FieldWriter::quoted(const std::string& text) {
     out += c;
   }
   return out + '"';
+}
+
+void FieldWriter::write(const Fraction& value) {
+  text_ += " " + std::to_string(value.numerator);
+  if (value.denominator > 1) text_ += "/" + std::to_string(value.denominator);
 }
 
 void FieldWriter::write(const std::string& value) { text_ += " " + quoted(value); }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "infrasim/config/tree.h"
+#include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
 
 // Each configuration struct has one `visit(fields, struct)` that names its keys. A FieldReader
@@ -42,8 +43,12 @@ std::string number_text(double value);
 /// as -rf and =1+1, for orders.
 bool begins_as_name(const std::string& text);
 
+/// @throws ConfigError if the value is no map
+void expect_map(const Tree& tree, const std::string& key);
+
 template <class T>
-concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> && !std::is_same_v<T, Vec2>;
+concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> &&
+                 !std::is_same_v<T, Vec2> && !std::is_same_v<T, Fraction>;
 
 class FieldReader {
  public:
@@ -71,6 +76,7 @@ class FieldReader {
   static void read(const Tree& tree, const std::string& key, bool& value, const Rule&);
   static void read(const Tree& tree, const std::string& key, std::string& value, const Rule& rule);
   static void read(const Tree& tree, const std::string& key, Vec2& value, const Rule& rule);
+  static void read(const Tree& tree, const std::string& key, Fraction& value, const Rule& rule);
   static std::size_t read_name(const Tree& tree, const std::string& key,
                                std::span<const char* const> names);
   static void expect(const Tree& tree, Tree::Kind kind, const std::string& key, const char* what);
@@ -143,6 +149,7 @@ class FieldWriter {
   void write(std::uint64_t value) { text_ += " " + std::to_string(value); }
   void write(bool value) { text_ += value ? " true" : " false"; }
   void write(const std::string& value);
+  void write(const Fraction& value);
   void write(const Vec2& v) { text_ += " [" + number_text(v.x) + ", " + number_text(v.y) + "]"; }
   template <class E>
     requires std::is_enum_v<E>

@@ -34,6 +34,7 @@ class FieldLister {
   static std::string type(bool) { return "true or false"; }
   static std::string type(const std::string&) { return "text"; }
   static std::string type(const Vec2&) { return "pair"; }
+  static std::string type(const Fraction&) { return "whole number or fraction"; }
   template <class E>
     requires std::is_enum_v<E>
   static std::string type(E) {

@@ -14,6 +14,14 @@ using config::between;
 using config::positive;
 using config::required;
 
+namespace {
+
+// A frame is a tenth of a second: at least one ray, and no more than memory holds.
+constexpr double kFewestPerSecond = 10;
+constexpr double kMostRaysPerSecond = 1e8;
+
+}  // namespace
+
 std::span<const char* const> enum_names(Faces) {
   static constexpr std::array kNames{"tilted_first", "flat_first"};
   return kNames;
@@ -40,11 +48,29 @@ void visit(Fields& f, ChannelsConfig& c) {
           "found it not above lower_deg, allowed above");
 }
 
+double columns_per_s(const SpinningConfig& spinning) {
+  const auto& step_deg = spinning.azimuth_step_deg;
+  return step_deg ? spinning.rate_hz * 360 / *step_deg
+                  : spinning.rate_hz * spinning.columns_per_turn->value();
+}
+
 template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
   f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
-  f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns", required(positive(90)));
+  f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns; or columns_per_turn",
+          positive(90));
+  f.field("columns_per_turn", c.columns_per_turn, "the step's exact form, such as 1800 or 8125/4",
+          between(4, 1e9));
   f.field("channels", c.channels, "lasers", required());
+  const char* step = c.columns_per_turn ? "columns_per_turn" : "azimuth_step_deg";
+  const bool one = c.azimuth_step_deg.has_value() != c.columns_per_turn.has_value();
+  f.check(one, step, "found both or neither, allowed azimuth_step_deg or columns_per_turn");
+  const double columns = one ? columns_per_s(c) : kFewestPerSecond;
+  f.check(columns >= kFewestPerSecond && columns <= kMostRaysPerSecond,
+          columns < kFewestPerSecond ? "rate_hz" : step,
+          "found " + config::number_text(columns) + " columns a second, allowed " +
+              config::number_text(kFewestPerSecond) + " to " +
+              config::number_text(kMostRaysPerSecond));
 }
 
 template <class Fields>
@@ -58,7 +84,8 @@ void visit(Fields& f, WedgeConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, WedgesConfig& c) {
-  f.field("steps_per_s", c.steps_per_s, "firings per second", required(positive(1e7)));
+  f.field("steps_per_s", c.steps_per_s, "firings per second",
+          required(between(kFewestPerSecond, 1e7)));
   f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
   f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
   f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
@@ -68,7 +95,8 @@ void visit(Fields& f, WedgesConfig& c) {
 template <class Fields>
 void visit(Fields& f, TableConfig& c) {
   f.field("file", c.file, ".npy or .csv of azimuth and elevation in radians", required());
-  f.field("rays_per_s", c.rays_per_s, "rays per second", required(positive(1e8)));
+  f.field("rays_per_s", c.rays_per_s, "rays per second",
+          required(between(kFewestPerSecond, kMostRaysPerSecond)));
   f.field("digest", c.digest, "of the rows; written by a run, checked when given");
 }
 
@@ -194,24 +222,24 @@ void visit(Fields& f, LidarFile& c) {
 /// The file's tree with the named preset merged in.
 config::Tree preset_tree(const std::filesystem::path& file, const std::string& preset) {
   config::Tree tree = config::read_tree(file);
-  const config::Tree* presets = tree.find("presets");
-  if (presets == nullptr) {
+  const auto at = std::ranges::find(tree.keys, "presets") - tree.keys.begin();
+  if (at == std::ssize(tree.keys)) {
     if (preset.find_first_of(",\"\n") != std::string::npos)
       config::fail(tree.place, "preset", "found '" + preset + "', allowed a word of a table");
     return tree;
   }
-  const config::Tree* chosen = presets->find(preset);
+  const config::Tree presets = tree.items[static_cast<std::size_t>(at)];
+  tree.keys.erase(tree.keys.begin() + at);
+  tree.items.erase(tree.items.begin() + at);
+  config::expect_map(presets, "presets");
+  const config::Tree* chosen = presets.find(preset);
   if (chosen == nullptr) {
     std::string names;
-    for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
-    config::fail(presets->place, "presets", "found no preset '" + preset + "', allowed " + names);
+    for (const std::string& name : presets.keys) names += (names.empty() ? "" : ", ") + name;
+    config::fail(presets.place, "presets", "found no preset '" + preset + "', allowed " + names);
   }
-  config::Tree over = *chosen;
-  config::Tree out = config::merged(tree, over);
-  const auto at = std::ranges::find(out.keys, "presets") - out.keys.begin();
-  out.keys.erase(out.keys.begin() + at);
-  out.items.erase(out.items.begin() + at);
-  return out;
+  config::expect_map(*chosen, "presets." + preset);
+  return config::merged(tree, *chosen);
 }
 
 void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
@@ -238,7 +266,7 @@ void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
   if (pattern.spinning) {
     SpinningConfig& spinning = *pattern.spinning;
     resolve_channels(file.parent_path(), spinning.channels);
-    const double column_us = 1e6 * spinning.azimuth_step_deg / 360 / spinning.rate_hz;
+    const double column_us = 1e6 / columns_per_s(spinning);
     for (const Channel& c : spinning.channels.table)
       if (c.fire_time_us >= column_us)
         config::fail({file.string()}, "fire_time_us",
@@ -248,11 +276,28 @@ void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
   if (pattern.table) resolve_table(file, *pattern.table);
 }
 
-constexpr std::size_t kMaxLasers = 65535;  // ring numbers have 16 bits
+constexpr double kMaxLasers = 65535;  // ring numbers have 16 bits
 
 std::size_t lasers_of(const PatternConfig& pattern) {
   if (pattern.spinning) return pattern.spinning->channels.table.size();
   return pattern.wedges ? pattern.wedges->laser_offsets.size() : 1;
+}
+
+void check_size(const std::filesystem::path& file, const LidarConfig& lidar) {
+  std::size_t lasers = 0;
+  double rays = 0;
+  for (const LidarUnit& unit : lidar.units) {
+    lasers += lasers_of(unit.pattern);
+    rays += rays_per_s(unit.pattern);
+  }
+  const auto limit = [&](const char* key, double found, double most) {
+    if (found > most)
+      config::fail({file.string()}, key,
+                   "found " + config::number_text(found) + ", allowed at most " +
+                       config::number_text(most) + " in one LiDAR");
+  };
+  limit("(lasers)", static_cast<double>(lasers), kMaxLasers);
+  limit("(rays per second)", rays, kMostRaysPerSecond);
 }
 
 /// Works on a single LiDAR's keys and on a whole entry of a bundle.
@@ -302,15 +347,16 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
 
 }  // namespace
 
+double rays_per_s(const PatternConfig& pattern) {
+  const auto lasers = static_cast<double>(lasers_of(pattern));
+  if (pattern.spinning) return lasers * columns_per_s(*pattern.spinning);
+  return pattern.wedges ? lasers * pattern.wedges->steps_per_s : pattern.table->rays_per_s;
+}
+
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset) {
   const auto keys = config::read_struct<LidarFile>(preset_tree(file, preset));
   LidarConfig lidar = lidar_of(file, keys, preset);
-  std::size_t lasers = 0;
-  for (const LidarUnit& unit : lidar.units) lasers += lasers_of(unit.pattern);
-  if (lasers > kMaxLasers)
-    config::fail({file.string()}, "(lasers)",
-                 "found " + std::to_string(lasers) + ", allowed at most " +
-                     std::to_string(kMaxLasers) + " in one LiDAR");
+  check_size(file, lidar);
   return lidar;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
 
 // The LiDAR file, key by key, for one of its presets.
@@ -28,12 +29,16 @@ struct ChannelsConfig {
   std::vector<Channel> table;  ///< resolved
 };
 
-/// Turns clockwise seen from above, as all sensors of the catalogue do.
+/// Turns clockwise seen from above, as all sensors of the catalogue do. Has one of
+/// azimuth_step_deg and columns_per_turn.
 struct SpinningConfig {
   double rate_hz = 10;
-  double azimuth_step_deg = 0.2;
+  std::optional<double> azimuth_step_deg;
+  std::optional<Fraction>
+      columns_per_turn;  ///< exact; its columns repeat after `denominator` turns
   ChannelsConfig channels;
 };
+double columns_per_s(const SpinningConfig& spinning);
 
 enum class Faces { kTiltedFirst, kFlatFirst };
 std::span<const char* const> enum_names(Faces);
@@ -122,6 +127,8 @@ struct LidarConfig {
   bool random_phase = true;
   std::vector<LidarUnit> units;
 };
+
+double rays_per_s(const PatternConfig& pattern);
 
 /// Reads one preset of a LiDAR file; files it names are read too, relative to it.
 /// @throws ConfigError, IoError

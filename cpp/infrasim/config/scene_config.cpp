@@ -278,7 +278,8 @@ void visit(Fields& f, SceneConfig& c) {
   f.check(config::begins_as_name(c.name), "name",
           "found '" + c.name + "', allowed a name that begins with a letter, a digit or _");
   f.field("seed", c.seed, "seed of traffic, phases and returns");
-  f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s", between(0.1, 36000));
+  f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s",
+          between(0.1, kLongestScene_s));
   f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",
           "found " + config::number_text(c.duration_s) + ", allowed whole tenths of a second");
   f.field("aggregation", c.aggregation.word, "exact, instant or slices:N");

@@ -158,6 +158,8 @@ struct FilterConfig {
   std::optional<BackgroundFilter> background;
 };
 
+inline constexpr double kLongestScene_s = 36000;
+
 struct SceneConfig {
   std::string name;
   std::uint64_t seed = 1;

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "infrasim/core/files.h"
@@ -54,11 +56,12 @@ struct Converter {
 
   void convert_map(const YAML::Node& node, Tree& tree) {
     tree.kind = Tree::Kind::kMap;
+    std::set<std::string> seen;
     for (const auto& entry : node) {
       const Place key_place = place_of(entry.first.Mark(), name);
       if (!entry.first.IsScalar()) fail(key_place, "(key)", "found a key that is not a word");
       const std::string& key = entry.first.Scalar();
-      if (tree.find(key) != nullptr) fail(key_place, key, "found twice, allowed once");
+      if (!seen.insert(key).second) fail(key_place, key, "found twice, allowed once");
       Tree value = convert(entry.second);
       if (value.place.line == 0) value.place = key_place;
       tree.keys.push_back(key);
@@ -139,7 +142,21 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
   throw ConfigError(message(place, key, what));
 }
 
+/// yaml-cpp ends a file at some control characters and replaces what is not UTF-8.
+void check_characters(const std::string& text, const std::string& name) {
+  for (auto at = find_unprintable(text); at != std::string::npos;
+       at = find_unprintable(text, at + 1)) {
+    const char found = text[at];
+    if (found == '\n' || found == '\r' || found == '\t') continue;
+    const auto line_start = text.rfind('\n', at) + 1;  // 0 in the first line
+    const auto line = std::count(text.begin(), text.begin() + static_cast<long>(at), '\n') + 1;
+    fail({name, static_cast<int>(line), static_cast<int>(at - line_start) + 1}, "(document)",
+         "found the byte " + std::string(1, found) + ", allowed text in UTF-8");
+  }
+}
+
 Tree parse_tree(const std::string& text, const std::string& name) {
+  check_characters(text, name);
   try {
     if (const auto second = second_document(text))
       fail(place_of(*second, name), "(document)", "found a second document, allowed one");
@@ -156,9 +173,11 @@ Tree read_tree(const std::filesystem::path& file) {
 Tree merged(const Tree& base, const Tree& over) {
   if (base.kind != Tree::Kind::kMap || over.kind != Tree::Kind::kMap) return over;
   Tree out = base;
+  std::map<std::string_view, std::size_t> place;
+  for (std::size_t i = 0; i < base.keys.size(); ++i) place[base.keys[i]] = i;
   for (std::size_t i = 0; i < over.keys.size(); ++i) {
-    if (Tree* found = find_mutable(out, over.keys[i])) {
-      *found = merged(*found, over.items[i]);
+    if (const auto it = place.find(over.keys[i]); it != place.end()) {
+      out.items[it->second] = merged(base.items[it->second], over.items[i]);
     } else {
       out.keys.push_back(over.keys[i]);
       out.items.push_back(over.items[i]);

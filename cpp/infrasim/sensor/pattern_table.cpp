@@ -11,6 +11,17 @@ namespace infrasim {
 namespace {
 
 constexpr double kPhaseSpan_s = 600;  // motors have run for up to this long when a run starts
+constexpr double kMostRows = 2e8;     // 4.8 GB
+
+void check_rows(const LidarConfig& lidar, int frames) {
+  double rows = 0;
+  for (const LidarUnit& unit : lidar.units)
+    rows += rays_per_s(unit.pattern) * kFramePeriod * frames;
+  if (rows > kMostRows)
+    throw ConfigError("frames: found " + std::to_string(frames) + " with about " +
+                      std::to_string(std::llround(rows)) + " rays in all, allowed at most " +
+                      std::to_string(std::llround(kMostRows)));
+}
 
 }  // namespace
 
@@ -25,6 +36,7 @@ double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t u
 
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed) {
+  check_rows(lidar, 1 + (last - 1 - first) / step);
   std::vector<double> rows;
   for (std::size_t u = 0; u < lidar.units.size(); ++u) {
     const LidarUnit& unit = lidar.units[u];

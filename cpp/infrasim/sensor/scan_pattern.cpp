@@ -16,6 +16,15 @@ double positive_fmod(double value, double period) {
   return r < 0 ? r + period : r;
 }
 
+/// How far a unit has turned at a column, in degrees from 0 to 360.
+double column_deg(const SpinningConfig& s, std::int64_t column) {
+  if (s.azimuth_step_deg)
+    return positive_fmod(static_cast<double>(column) * *s.azimuth_step_deg, 360);
+  const std::int64_t n = s.columns_per_turn->numerator;
+  return 360 * static_cast<double>(column % n * s.columns_per_turn->denominator % n) /
+         static_cast<double>(n);
+}
+
 /// Snell's law in vector form at a face with the given normal; mu = n_before / n_after.
 /// @throws ConfigError for total reflection
 Vec3 refract(Vec3 d, Vec3 normal, double mu) {
@@ -63,7 +72,7 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
   std::vector<double> elevations{0};
   if (config_.spinning) {
     elevations.clear();
-    groups_per_s_ = config_.spinning->rate_hz * 360 / config_.spinning->azimuth_step_deg;
+    groups_per_s_ = columns_per_s(*config_.spinning);
     for (const Channel& c : config_.spinning->channels.table) {
       elevations.push_back(c.elevation_deg);
       const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
@@ -119,8 +128,8 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
   const SpinningConfig& s = *config_.spinning;
   const Channel& c = s.channels.table[member];
   const double fire_time = c.fire_time_us * 1e-6;
-  const double turned_deg = positive_fmod(static_cast<double>(group) * s.azimuth_step_deg, 360) +
-                            360 * s.rate_hz * (fire_time + phase_s_) + c.azimuth_offset_deg;
+  const double turned_deg =
+      column_deg(s, group) + 360 * s.rate_hz * (fire_time + phase_s_) + c.azimuth_offset_deg;
   const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
   return {{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
            std::sin(elevation)},
@@ -192,8 +201,7 @@ void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_g
   const auto& m = pose_;
   std::size_t k = 0;
   for (std::int64_t group = first_group; group < last_group; ++group) {
-    const double turned = positive_fmod(static_cast<double>(group) * s.azimuth_step_deg, 360) +
-                          positive_fmod(360 * s.rate_hz * phase_s_, 360);
+    const double turned = column_deg(s, group) + positive_fmod(360 * s.rate_hz * phase_s_, 360);
     const auto ca = static_cast<float>(std::cos(-rad(turned)));
     const auto sa = static_cast<float>(std::sin(-rad(turned)));
     const auto time =
@@ -230,7 +238,8 @@ std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
 
 FieldOfView field_of_view(const ScanPattern& pattern) {
   FieldOfView fov{180, -180, 90, -90};
-  const RayRange rays = pattern.fired_between(0, pattern.cycle_s());
+  RayRange rays = pattern.fired_between(0, pattern.cycle_s());
+  if (pattern.spins()) rays.last = rays.first + pattern.group_size();  // columns differ in azimuth
   for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
     const double azimuth = deg(std::atan2(d.y, d.x)), elevation = deg(std::asin(d.z));
