@@ -2,11 +2,33 @@
 
 import errno
 import fcntl
+import itertools
 import os
+import platform
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_COUNT = itertools.count()
+
+
+def _beside(path: Path) -> Path:
+    """A hidden path that no other process and no other call has."""
+    return path.with_name(f"{_prefix(path)}{os.getpid()}.{next(_COUNT)}.tmp")
+
+
+def _prefix(path: Path) -> str:
+    return f".{path.name[:100]}.{platform.node()}."  # a system allows names of 255 bytes
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Removes the hidden folders of `new_folder` whose process, one of this machine, has died."""
+    prefix = _prefix(path)
+    for left in [p for p in path.parent.iterdir() if p.name.startswith(prefix)]:
+        pid = left.name.removeprefix(prefix).split(".")[0]
+        if pid.isdecimal() and not Path("/proc", pid).exists():
+            shutil.rmtree(left, ignore_errors=True)
 
 
 @contextmanager
@@ -16,7 +38,7 @@ def replacing(file: Path) -> Iterator[Path]:
     If the block raises, what it wrote goes and the file that was there stays; an error of the
     system, as of a full disk, names the file.
     """
-    beside = file.with_name(f".{file.name}.{os.getpid()}")
+    beside = _beside(file)
     try:
         with naming(file, beside):
             yield beside
@@ -37,17 +59,25 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """A hidden folder beside the path to write to; it takes the path when the block ends.
 
     If the block raises, what it wrote goes; an error of the system names the file or the folder.
-    Raises FileExistsError if the path is there already and not an empty folder.
+    Raises FileExistsError if the path is there already, or comes to be meanwhile, and is not an
+    empty folder.
     """
+    there = FileExistsError(f"{folder}: is there already, allowed a new or an empty folder")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise FileExistsError(f"{folder}: is there already, allowed a new or an empty folder")
+        raise there
     folder.parent.mkdir(parents=True, exist_ok=True)
-    beside = folder.with_name(f".{folder.name}.{os.getpid()}")
+    _remove_leftovers(folder)
+    beside = _beside(folder)
     beside.mkdir()
     try:
         with naming(folder, beside):
             yield beside
-            beside.replace(folder)
+            try:
+                beside.replace(folder)
+            except OSError as error:
+                if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
+                    raise there from error
+                raise
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
         raise

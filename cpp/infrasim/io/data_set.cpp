@@ -1,11 +1,5 @@
 #include "infrasim/io/data_set.h"
 
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <span>
 #include <sstream>
 
 #include "infrasim/core/errors.h"
@@ -32,37 +26,17 @@ void compare(const std::filesystem::path& file, const std::string& text) {
                 "', this run has '" + new_line.substr(0, 100) + "'");
 }
 
-/// A hidden name beside the file that no other process uses.
-std::filesystem::path process_file(const std::filesystem::path& file) {
-  return file.parent_path() / ("." + file.filename().string() + "." + std::to_string(::getpid()));
-}
-
 }  // namespace
 
 void create_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw IoError(folder.string() + ": can't be created: " + error.message());
-}
-
-void replace_file(const std::filesystem::path& file, const std::string& text) {
-  const auto mine = process_file(file);
-  write_file_atomically(mine, text);
-  if (std::rename(mine.c_str(), file.c_str()) == 0) return;
-  const int failed = errno;
-  ::unlink(mine.c_str());
-  throw IoError(file.string() + ": can't be written: " + std::strerror(failed));
+  remove_leftovers(folder);
 }
 
 void claim_file(const std::filesystem::path& file, const std::string& text) {
-  if (std::filesystem::exists(file)) return compare(file, text);
-  // A link fails where a rename would replace the file of a process that was first.
-  const auto mine = process_file(file);
-  write_file_atomically(mine, text);
-  const int failed = ::link(mine.c_str(), file.c_str()) == 0 ? 0 : errno;
-  ::unlink(mine.c_str());
-  if (failed == EEXIST) return compare(file, text);
-  if (failed != 0) throw IoError(file.string() + ": " + std::strerror(failed));
+  if (std::filesystem::exists(file) || !create_file_atomically(file, text)) compare(file, text);
 }
 
 }  // namespace infrasim

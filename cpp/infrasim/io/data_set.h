@@ -5,7 +5,7 @@
 
 namespace infrasim {
 
-/// Creates a folder and those above it.
+/// Creates a folder and those above it, and removes what runs that died left in it.
 /// @throws IoError
 void create_folder(const std::filesystem::path& folder);
 
@@ -13,9 +13,5 @@ void create_folder(const std::filesystem::path& folder);
 /// Safe against other processes that claim the same folder at the same time.
 /// @throws IoError if it can't be written, or is there with another text (names the first line)
 void claim_file(const std::filesystem::path& file, const std::string& text);
-
-/// Writes a file that several processes may write at the same time; the last one stays.
-/// @throws IoError
-void replace_file(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace infrasim

@@ -145,6 +145,7 @@ void create_frame_folders(const std::filesystem::path& lidar_folder, bool point_
     if (std::string(name) == "fields" && !point_fields) continue;
     create_folder(lidar_folder / "training" / name);
   }
+  create_folder(lidar_folder);
 }
 
 }  // namespace infrasim

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <set>
 
-#include "infrasim/io/data_set.h"
+#include "infrasim/io/atomic_file.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/pipeline/scheduler.h"
 
@@ -72,7 +72,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   }
   std::vector<SummaryRow> rows = summary.rows(scheduler.threads());
   if (!request.out.empty() && stop == 0)
-    replace_file(request.out / "summary.csv", summary_csv(rows));
+    write_file_atomically(request.out / "summary.csv", summary_csv(rows));
   return rows;
 }
 

@@ -1,0 +1,86 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/io/data_set.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::TestFolder;
+
+std::vector<std::string> names(const std::filesystem::path& folder) {
+  std::vector<std::string> found;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    found.push_back(entry.path().filename().string());
+  std::ranges::sort(found);
+  return found;
+}
+
+std::string host() {
+  std::array<char, 65> name{};
+  ::gethostname(name.data(), name.size() - 1);
+  return name.data();
+}
+
+TEST(atomic_file, of_many_writers_is_that_of_one_of_them) {
+  const TestFolder folder;
+  const auto file = folder.path() / "file";
+  {
+    std::vector<std::jthread> writers;
+    for (char c = 'a'; c < 'e'; ++c)
+      writers.emplace_back([&, c] {
+        for (int i = 0; i < 200; ++i) write_file_atomically(file, std::string(1000, c));
+      });
+  }
+  const std::string text = read_file(file);
+  EXPECT_EQ(text, std::string(1000, text.at(0)));
+  EXPECT_EQ(names(folder.path()), std::vector<std::string>{"file"});
+}
+
+TEST(atomic_file, that_is_there_is_not_created_anew) {
+  const TestFolder folder;
+  const auto file = folder.path() / std::string(250, 'n');
+  EXPECT_TRUE(create_file_atomically(file, "first"));
+  EXPECT_FALSE(create_file_atomically(file, "second"));
+  EXPECT_EQ(read_file(file), "first");
+  EXPECT_EQ(names(folder.path()), std::vector<std::string>{file.filename().string()});
+}
+
+TEST(atomic_file, claimed_at_once_belongs_to_all_that_say_the_same) {
+  const TestFolder folder;
+  const auto file = folder.path() / "file";
+  {
+    std::vector<std::jthread> claims;
+    for (int i = 0; i < 8; ++i)
+      claims.emplace_back([&] { EXPECT_NO_THROW(claim_file(file, "same\n")); });
+  }
+  EXPECT_THROW(claim_file(file, "other\n"), IoError);
+}
+
+TEST(atomic_file, leftovers_of_the_dead_go_and_those_of_others_stay) {
+  const TestFolder folder;
+  const std::string dead = "." + host() + ".2147483646.0.tmp";  // beyond the system's process ids
+  const std::string mine = "." + host() + "." + std::to_string(::getpid()) + ".0.tmp";
+  for (const std::string& name :
+       {".000001.bin" + dead, ".000001.bin" + mine, std::string(".a.other.2147483646.0.tmp"),
+        "a" + dead, std::string(".tmp"), std::string(".a.tmp"), std::string("000001.bin")})
+    folder.write(name, "x");
+  const std::string gone = ".000001.bin" + dead;
+  std::vector<std::string> stay = names(folder.path());
+  std::erase(stay, gone);
+  create_folder(folder.path());
+  EXPECT_EQ(names(folder.path()), stay);
+}
+
+}  // namespace
+}  // namespace infrasim
