@@ -1,5 +1,6 @@
 """Wrong input: exit 2, one line that says where, what was found and what is allowed; no output."""
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -266,7 +267,7 @@ WRONG_LIDARS = {
         "pattern.spinning.channels.count", ["none or several"]),
     "channels upside down": ("upper_deg: 0", "upper_deg: -30",
         "pattern.spinning.channels.upper_deg", ["not above lower_deg"]),
-    "two patterns": ("  spinning:", "  table: {file: a.npy, rays_per_s: 1}\n  spinning:",
+    "two patterns": ("  spinning:", "  table: {file: a.npy, rays_per_s: 10}\n  spinning:",
         "pattern.spinning", ["none or several"]),
     "blind everywhere": ("{max_range_m: 80,", "{max_range_m: 80, min_range_m: 80,",
         "returns.max_range_m", ["not above min_range_m"]),
@@ -274,6 +275,22 @@ WRONG_LIDARS = {
         "returns.max_range_m", ["'0'", "above 0"]),
     "sigma below 0": ("range_accuracy_m: 0.02", "range_accuracy_m: -0.02",
         "returns.range_accuracy_m", ["'-0.02'", "allowed 0 to 10"]),
+    "step of nothing": ("azimuth_step_deg: 2", "azimuth_step_deg: 1e-9",
+        "pattern.spinning.azimuth_step_deg", ["columns a second", "allowed 10 to 100000000"]),
+    "step below every number": ("azimuth_step_deg: 2", "azimuth_step_deg: 1e-300",
+        "pattern.spinning.azimuth_step_deg", ["columns a second", "allowed 10 to 100000000"]),
+    "turn of years": ("rate_hz: 10", "rate_hz: 1e-9",
+        "pattern.spinning.rate_hz", ["columns a second", "allowed 10 to 100000000"]),
+    "step and columns": ("azimuth_step_deg: 2", "azimuth_step_deg: 2, columns_per_turn: 180",
+        "pattern.spinning.columns_per_turn", ["both or neither"]),
+    "columns by zero": ("azimuth_step_deg: 2", "columns_per_turn: 180/0",
+        "pattern.spinning.columns_per_turn", ["'180/0'", "a fraction such as 8125/4"]),
+    "rays too few": ("  spinning: ", "  table: {file: a.csv, rays_per_s: 9}\n  #",
+        "pattern.table.rays_per_s", ["'9'", "allowed 10 to 100000000"]),
+    "preset that is a number": ("  equal:\n    returns: {max_range_m: 100}", "  equal: 5\n",
+        "presets.equal", ["'5'", "allowed a map"]),
+    "presets within a preset": ("  equal:\n", "  equal:\n    presets: {a: 1}\n",
+        "presets", ["unknown key"]),
     "phase that is no choice": ("model: Tiny", "random_phase: 1",
         "random_phase", ["'1'", "allowed true or false"]),
 }  # fmt: skip
@@ -283,11 +300,41 @@ WRONG_LIDARS = {
 def test_wrong_lidar(case: str, site: Site) -> None:
     old, new, key, words = WRONG_LIDARS[case]
     site.lidar.write_text(replaced(LIDAR, old, new)[0])
-    result = site.run()
+    preset = ["--preset", "equal"] if "preset" in case else []
+    result = site.run(*preset)
     assert_one_line(result, site, f"{site.lidar}:", f": {key}: ", *words)
     assert result.stderr.split(":")[1].isdigit()
     check = site.infrasim("check", site.lidar)
     assert (check.returncode, check.stderr) == (2, result.stderr)
+
+
+def test_presets_that_are_no_map(site: Site) -> None:
+    site.lidar.write_text(LIDAR[: LIDAR.index("presets:")] + "presets: 5\n")
+    assert_one_line(site.run(), site, f"{site.lidar}:6:10: presets: found '5', allowed a map")
+
+
+def test_check_reads_the_presets_that_were_not_asked_for_too(site: Site) -> None:
+    site.lidar.write_text(LIDAR.replace("{max_range_m: 100}", "{max_range_m: 0}"))
+    result = site.infrasim("check", site.lidar)
+    assert_one_line(result, site, f"{site.lidar}:8:", "returns.max_range_m: found '0'")
+    assert site.infrasim("check", site.lidar, "--preset", "datasheet").returncode == 0
+
+
+NUMBER = re.compile(r"(?<=[ \[])-?\d+(\.\d+)?(?=[\n,\]])")
+
+
+@pytest.mark.parametrize("kind", ["scene", "lidar"])
+def test_no_number_may_be_infinite_or_none(kind: str, site: Site) -> None:
+    """But for weather.visibility_m, which is .inf in clear air and is no number here."""
+    whole = site.infrasim("check", site.scene if kind == "scene" else site.lidar).stdout
+    file = site.folder / "whole.yaml"
+    file.write_text(whole)
+    assert site.infrasim("check", file).returncode == 0
+    for found in NUMBER.finditer(whole):
+        line = whole[: found.start()].count("\n") + 1
+        for value in (".nan", ".inf", "-.inf", "nan", "inf", "1e999"):
+            file.write_text(whole[: found.start()] + value + whole[found.end() :])
+            assert_one_line(site.infrasim("check", file), site, f"{file}:{line}:", f"'{value}'")
 
 
 def test_unknown_preset_lists_those_there_are(site: Site) -> None:
@@ -477,10 +524,17 @@ def test_vehicle_that_comes_again_after_a_gap(site: Site) -> None:
 @pytest.mark.parametrize(
     "frames",
     ["5", "a:b", "0:0", "3:1", "-1:2", "0:2:0", "0:2:-1", "0:2:1:1", "0:2x", "0.5:2", "0:1e3",
-     "0:21", "0:99999999999", "0:2\n"],
+     "0:21", "0:99999999999", "0:68719476736", "0:2\n"],
 )  # fmt: skip
 def test_wrong_frames(frames: str, site: Site) -> None:
-    assert_one_line(site.run(frames=frames), site, "--frames: found ", "allowed A:B")
+    assert_one_line(site.run(frames=frames), site, "--frames: found ", "allowed A:B", "B <= 20")
+
+
+def test_pattern_larger_than_memory(site: Site) -> None:
+    words = ["pattern", site.lidar, "--out", site.out, "--frames"]
+    assert_one_line(site.infrasim(*words, "0:360001"), site, "--frames: found", "B <= 360000")
+    site.lidar.write_text(LIDAR.replace("azimuth_step_deg: 2", "columns_per_turn: 2000000"))
+    assert_one_line(site.infrasim(*words, "0:360000:10"), site, "36000 with about", "rays in all")
 
 
 @pytest.mark.parametrize(
@@ -585,6 +639,38 @@ def test_file_that_is_no_configuration(
     assert_one_line(site.run(), site, str(file), *words)
 
 
+@pytest.mark.parametrize("kind", ["scene", "lidar"])
+@pytest.mark.parametrize("byte", [b"\x00", b"\x04", b"\x1b", b"\x7f", b"\xff"])
+def test_byte_that_is_no_text(byte: bytes, kind: str, site: Site) -> None:
+    """YAML's own reader ends at a 4, and replaces what is not UTF-8."""
+    file = site.scene if kind == "scene" else site.lidar
+    for place in (b"name: ", b"\n", b"{"):
+        old = file.read_bytes()
+        before, _, after = old.partition(place)
+        file.write_bytes(before + place + byte + after)
+        lines = (before + place).split(b"\n")
+        line, column = len(lines), len(lines[-1]) + 1
+        escaped = f"found the byte \\x{byte.hex()}, allowed text in UTF-8"
+        assert_one_line(site.run(), site, f"{file}:{line}:{column}: (document): {escaped}")
+        file.write_bytes(old)
+
+
+@pytest.mark.parametrize("kind", ["scene", "lidar"])
+def test_hundred_thousand_keys(kind: str, site: Site) -> None:
+    file = site.scene if kind == "scene" else site.lidar
+    text = file.read_text()
+    keys = "".join(f"key{i}: {i}\n" for i in range(100_000))
+    file.write_text(text + keys)
+    line = text.count("\n") + 1
+    assert_one_line(site.run(), site, f"{file}:{line}:", "key0: found an unknown key")
+    file.write_text(text + keys + "key77: 1\n")
+    assert_one_line(site.run(), site, f"{file}:{line + 100_000}:1: key77: found twice")
+    if kind == "lidar":
+        nested = "".join(f"    key{i}: {i}\n" for i in range(100_000))
+        file.write_text(text.replace("  equal:\n", "  equal:\n" + nested) + keys)
+        assert_one_line(site.run("--preset", "equal"), site, "key0: found an unknown key")
+
+
 @pytest.mark.parametrize("option", ["scene", "lidar"])
 def test_second_document_in_a_file_is_not_left_out_silently(option: str, site: Site) -> None:
     file = site.scene if option == "scene" else site.lidar
@@ -604,6 +690,9 @@ def test_message_is_printable_whatever_was_found(value: str, site: Site) -> None
     result = site.run()
     assert_one_line(result, site, "roads.0.centreline.0.line_m: found")
     assert result.stderr.rstrip("\n").isprintable()
+    assert "?" not in result.stderr
+    if value.startswith("\x1b"):
+        assert r"found '\x1b[31mred'" in result.stderr
 
 
 def test_aliases_that_grow_without_end(site: Site) -> None:
@@ -658,3 +747,39 @@ def test_messages_of_pattern_and_trajectories_are_one_line_too(site: Site) -> No
     site.lidar.write_text(LIDAR)
     result = site.infrasim("pattern", site.lidar, "--frames", "9", *out)
     assert_one_line(result, site, "--frames: found '9'")
+
+
+# Names of the catalogue
+
+
+def test_names_stand_for_the_files_of_the_catalogue(site: Site) -> None:
+    for kind, name in (("lidars", "livox_avia"), ("scenes", "curve")):
+        by_name = site.infrasim("check", name)
+        assert by_name.returncode == 0, by_name.stderr
+        assert by_name.stdout == site.infrasim("check", f"configs/{kind}/{name}.yaml").stdout
+    words = ["--set", "duration_s=1", "--set", "traffic.warm_up_s=1", "--frames", "0:1"]
+    out = site.folder / "by_name"
+    result = site.infrasim(
+        "run", "curve", "--lidar", "livox_avia", site.lidar, *words, "--out", out
+    )
+    assert result.returncode == 0, result.stderr
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["livox_avia", "tiny"]
+    assert site.infrasim("pattern", "livox_avia", "--out", site.folder / "a.npy").returncode == 0
+
+
+def test_unknown_name_lists_the_catalogue(site: Site) -> None:
+    run = ["run", site.scene, "--lidar"]
+    assert_one_line(site.infrasim(*run, "avia"), site, "found 'avia'", "livox_avia", "ruby_plus")
+    result = site.infrasim("run", "motorway", "--lidar", site.lidar)
+    assert_one_line(result, site, "found 'motorway'", "crossroad, curve, flat, highway")
+    assert "livox" not in result.stderr
+    result = site.infrasim("check", "motorway")
+    assert_one_line(result, site, "found 'motorway'", "livox_avia", "highway", "a path")
+
+
+def test_a_file_is_named_with_a_slash_or_an_ending(site: Site) -> None:
+    site.lidar.rename(site.folder / "livox_avia")
+    here = {"cwd": site.folder}
+    assert 'name: "tiny"' in site.infrasim("check", "./livox_avia", **here).stdout
+    assert 'name: "livox_avia"' in site.infrasim("check", "livox_avia", **here).stdout
+    assert site.infrasim("check", "scene.yaml", **here).returncode == 0

@@ -393,6 +393,35 @@ def test_signal_stops_after_the_frame_and_the_same_command_resumes(
     assert digests(out) == digests(undisturbed)
 
 
+def catches(process: int, number: int) -> bool:
+    """Whether a running process has a handler for the signal."""
+    status = Path(f"/proc/{process}/status").read_text()
+    mask = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "highway", "--lidar", "helios_16", "--frames", "0:1"],
+        ["check", "highway"],
+        ["trajectories", "highway", "--out", "/dev/null/nowhere"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_signal_before_the_first_frame(words: list[str], number: int, code: int) -> None:
+    long = ["--set", "traffic.warm_up_s=10000", "--set", "traffic.vehicles_per_km_lane=100"]
+    process = start([*words, *long])
+    while not catches(process.pid, number):
+        time.sleep(0.01)
+    time.sleep(0.3)  # in the warm-up, which takes many times as long
+    process.send_signal(number)
+    output, message = process.communicate(timeout=10)
+    assert (process.returncode, output) == (code, "")
+    assert message == f"stopped by signal {number}; the same command resumes\n"
+
+
 @pytest.mark.slow
 def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     infrasim: Infrasim,
@@ -400,7 +429,6 @@ def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     undisturbed: Path,
     digests: Digests,
     tmp_path: Path,
-    record_property: Callable[..., None],
 ) -> None:
     seed = int(os.environ.get("FAULTS_SEED", secrets.randbits(32)))
     print(f"FAULTS_SEED={seed}")
@@ -429,9 +457,55 @@ def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     print(f"{frames} of {2 * FRAMES} frames after {kills} kills")
     result = infrasim(*long_command(out))
     assert result.returncode == 0, result.stderr
-    left = temporary_files(out)
-    record_property("temporary_files_left", len(left))
-    print("temporary files left:", *(path.relative_to(out) for path in left))
-    assert not [path for path in left if "training" in path.parts]
-    mine = {k: v for k, v in digests(out).items() if not Path(k).name.startswith(".")}
-    assert mine == digests(undisturbed)
+    assert temporary_files(out) == []
+    assert digests(out) == digests(undisturbed)
+
+
+# Two runs at once
+
+
+def twins(out: Path, run_command: Words) -> list[subprocess.Popen[str]]:
+    words = [*run_command(*LIDARS, frames="0:40", threads=1, out=out), "--fields"]
+    return [start(words) for _ in range(2)]
+
+
+@pytest.fixture(scope="module")
+def lone(infrasim: Infrasim, run_command: Words, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("lone") / "out"
+    command = [*run_command(*LIDARS, frames="0:40", threads=1, out=out), "--fields"]
+    assert infrasim(*command).returncode == 0
+    return out
+
+
+@pytest.mark.parametrize("attempt", range(4))
+def test_two_equal_runs_at_once_fill_one_folder(
+    attempt: int, lone: Path, run_command: Words, digests: Digests, tmp_path: Path
+) -> None:
+    processes = twins(tmp_path / "out", run_command)
+    messages = [process.communicate(timeout=120)[1] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0], messages
+    assert digests(tmp_path / "out") == digests(lone)
+    assert temporary_files(tmp_path / "out") == []
+
+
+def test_a_run_goes_on_beside_one_that_is_killed(
+    lone: Path, run_command: Words, digests: Digests, infrasim: Infrasim, tmp_path: Path
+) -> None:
+    seed = int(os.environ.get("FAULTS_SEED", secrets.randbits(32)))
+    print(f"FAULTS_SEED={seed}")
+    moments = random.Random(seed)
+    for attempt in range(6):
+        out = tmp_path / str(attempt)
+        killed, other = twins(out, run_command)
+        if attempt % 2:
+            wait_for_frames(out, 1)
+        time.sleep(moments.uniform(0, 0.1))
+        killed.kill()
+        killed.communicate(timeout=60)
+        _, message = other.communicate(timeout=120)
+        assert other.returncode == 0, message
+        mine = {k: v for k, v in digests(out).items() if not Path(k).name.startswith(".")}
+        assert mine == digests(lone)
+        command = [*run_command(*LIDARS, frames="0:40", threads=1, out=out), "--fields"]
+        assert infrasim(*command).returncode == 0  # and what the killed one left is gone
+        assert digests(out) == digests(lone)

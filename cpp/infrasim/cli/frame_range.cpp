@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <vector>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/scene/trajectories.h"
 
 namespace infrasim::cli {
 
@@ -19,7 +21,7 @@ bool parse_whole(std::string_view text, T& value) {
 
 }  // namespace
 
-FrameRange parse_frames(const std::string& text) {
+FrameRange parse_frames(const std::string& text, double duration_s) {
   std::vector<std::string_view> parts;
   std::string_view rest = text;
   for (std::size_t colon = rest.find(':'); colon != std::string_view::npos;
@@ -32,9 +34,12 @@ FrameRange parse_frames(const std::string& text) {
   const bool valid = (parts.size() == 2 || parts.size() == 3) &&
                      parse_whole(parts[0], range.first) && parse_whole(parts[1], range.last) &&
                      (parts.size() == 2 || parse_whole(parts[2], range.step));
-  if (!valid || range.first < 0 || range.last <= range.first || range.step < 1)
+  const auto frames = static_cast<int>(std::llround(duration_s / kFramePeriod));
+  if (!valid || range.first < 0 || range.last <= range.first || range.step < 1 ||
+      range.last > frames)
     throw ConfigError("--frames: found '" + text +
-                      "', allowed A:B or A:B:STEP with 0 <= A < B and STEP from 1");
+                      "', allowed A:B or A:B:STEP with 0 <= A < B <= " + std::to_string(frames) +
+                      " and STEP from 1");
   return range;
 }
 

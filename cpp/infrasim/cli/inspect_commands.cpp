@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 
+#include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
 #include "infrasim/config/key_list.h"
@@ -24,20 +25,29 @@ struct CheckOptions {
   std::vector<std::string> assignments;
 };
 
+/// Reads every preset that was not asked for too, and traces every ray.
+LidarConfig checked_lidar(const std::filesystem::path& file,
+                          const std::optional<std::string>& preset) {
+  const LidarConfig lidar = read_lidar(file, preset.value_or("datasheet"));
+  fields_of_view(lidar);
+  if (!preset)
+    for (const std::string& name : preset_names(file)) fields_of_view(read_lidar(file, name));
+  return lidar;
+}
+
 void check_command(const CheckOptions& o) {
-  const config::Tree tree = config::read_tree(o.file);
+  const std::filesystem::path file = config_file(o.file, {"lidars", "scenes"});
+  const config::Tree tree = config::read_tree(file);
   if (tree.find("roads") == nullptr &&
       (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
        tree.find("presets") != nullptr)) {
     if (!o.assignments.empty())
       throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
-    const LidarConfig lidar = read_lidar(o.file, o.preset.value_or("datasheet"));
-    fields_of_view(lidar);  // every ray can be traced
-    std::fputs(dump_lidar(lidar).c_str(), stdout);
+    std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
     return;
   }
   if (o.preset) throw ConfigError("--preset: found a scene file, allowed for LiDARs only");
-  const SceneConfig scene = read_scene(o.file, o.assignments);
+  const SceneConfig scene = read_scene(file, o.assignments);
   build_world(scene);
   std::fputs(dump_scene(scene).c_str(), stdout);
 }
@@ -51,8 +61,8 @@ struct PatternOptions {
 };
 
 void pattern_command(const PatternOptions& o) {
-  const LidarConfig lidar = read_lidar(o.file, o.preset);
-  const FrameRange frames = parse_frames(o.frames);
+  const LidarConfig lidar = read_lidar(config_file(o.file, {"lidars"}), o.preset);
+  const FrameRange frames = parse_frames(o.frames, kLongestScene_s);
   const auto seed = o.seed ? std::optional(parse_seed(*o.seed)) : std::nullopt;
   const std::vector<double> rows =
       pattern_table(lidar, frames.first, frames.last, frames.step, seed);
@@ -67,7 +77,7 @@ struct TrajectoriesOptions {
 };
 
 void trajectories_command(const TrajectoriesOptions& o) {
-  const World world = build_world(read_scene(o.scene, o.assignments));
+  const World world = build_world(read_scene(config_file(o.scene, {"scenes"}), o.assignments));
   const std::string text = trajectories_csv(world.trajectories);
   write_file_atomically(o.out, text);
   std::printf("%d frames\n", world.trajectories.frames());
@@ -81,8 +91,9 @@ void add_check_command(CLI::App& app) {
       "Check a scene or LiDAR file and print it with every default.\nExample: infrasim "
       "check configs/scenes/highway.yaml");
   auto o = std::make_shared<CheckOptions>();
-  command->add_option("file", o->file, "scene or LiDAR file")->required();
-  command->add_option("--preset", o->preset, "preset of a LiDAR; else datasheet");
+  command->add_option("file", o->file, "scene or LiDAR: a file or a name")->required();
+  command->add_option("--preset", o->preset,
+                      "preset of a LiDAR; else all, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
   command->callback([o] { check_command(*o); });
 }
@@ -110,7 +121,7 @@ void add_pattern_command(CLI::App& app) {
       "Example: infrasim pattern configs/lidars/livox_avia.yaml --frames 0:40 --out "
       "avia.npy");
   auto o = std::make_shared<PatternOptions>();
-  command->add_option("lidar", o->file, "LiDAR file")->required();
+  command->add_option("lidar", o->file, "LiDAR: a file or a name")->required();
   command->add_option("--preset", o->preset, "preset of the LiDAR")->capture_default_str();
   command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
   command->add_option("--out", o->out, ".npy file")->required();
@@ -124,7 +135,7 @@ void add_trajectories_command(CLI::App& app) {
                          "Write the vehicles of a scene as .csv, 10 rows a second.\nExample: "
                          "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
   auto o = std::make_shared<TrajectoriesOptions>();
-  command->add_option("scene", o->scene, "scene file")->required();
+  command->add_option("scene", o->scene, "scene: a file or a name")->required();
   command->add_option("--out", o->out, ".csv file")->required();
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->callback([o] { trajectories_command(*o); });

@@ -6,6 +6,7 @@
 #include <exception>
 
 #include "infrasim/cli/commands.h"
+#include "infrasim/cli/signals.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/version.h"
 
@@ -50,10 +51,11 @@ int main(int argc, char** argv) {
   // Frames come and go by the megabyte: keep their pages instead of asking for new ones each time.
   mallopt(M_MMAP_THRESHOLD, 1 << 28);
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
+  infrasim::cli::hear_signals();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of its write
   CLI::App app(
-      "Simulates roadside LiDARs.\nExample: infrasim run configs/scenes/highway.yaml "
-      "--lidar configs/lidars/livox_avia.yaml --frames 0:10 --out data/highway",
+      "Simulates roadside LiDARs.\nExample: infrasim run highway "
+      "--lidar livox_avia --frames 0:10 --out data/highway",
       "infrasim");
   app.set_version_flag("--version", "infrasim " + std::string(infrasim::version()));
   app.require_subcommand(1);

@@ -2,14 +2,15 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <thread>
 
+#include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
+#include "infrasim/cli/signals.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/pipeline/run.h"
@@ -19,11 +20,6 @@
 namespace infrasim::cli {
 
 namespace {
-
-std::atomic<int> g_signal = 0;  // a handler can reach nothing else
-static_assert(std::atomic<int>::is_always_lock_free);
-
-void on_signal(int number) { g_signal = number; }
 
 struct RunOptions {
   std::string scene;
@@ -59,20 +55,23 @@ std::string path_of(const char* option, const std::optional<std::string>& value)
 
 RunRequest request_of(const RunOptions& o) {
   RunRequest request;
-  request.scene = read_scene(o.scene, assignments(o));
-  for (const std::string& file : o.lidars) request.lidars.push_back(read_lidar(file, o.preset));
+  request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o));
+  for (const std::string& word : o.lidars)
+    request.lidars.push_back(read_lidar(config_file(word, {"lidars"}), o.preset));
   request.preset = o.preset;
-  request.frames = parse_frames(o.frames);
+  request.frames = parse_frames(o.frames, request.scene.duration_s);
   request.out = path_of("--out", o.out);
   request.threads = o.threads;
   return request;
 }
 
-/// A bar on a terminal, at most ten times a second; nothing in a pipe.
+/// From the first frame on a signal lets the frames that are begun be finished. A bar on a
+/// terminal, at most ten times a second; nothing in a pipe.
 Progress progress_bar() {
-  if (::isatty(STDERR_FILENO) == 0) return [](int, int) {};
+  if (::isatty(STDERR_FILENO) == 0) return [](int, int) { finish_before_signals(); };
   using Clock = std::chrono::steady_clock;
   return [start = Clock::now(), last = Clock::time_point{}](int done, int total) mutable {
+    finish_before_signals();
     const auto now = Clock::now();
     if (done < total && now - last < std::chrono::milliseconds(100)) return;
     last = now;
@@ -99,14 +98,13 @@ int run_command(const RunOptions& o) {
   const std::string summary = path_of("--summary", o.summary);
   for (const std::string& line : weather_warnings(request.scene.weather, request.lidars))
     std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
-  std::signal(SIGINT, on_signal);
-  std::signal(SIGTERM, on_signal);
-  const std::vector<SummaryRow> rows = run(request, g_signal, progress_bar());
+  const std::vector<SummaryRow> rows = run(request, noted_signal(), progress_bar());
   print_table(rows);
   if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));
-  if (g_signal == 0) return 0;
-  std::fprintf(stderr, "stopped by signal %d; the same command resumes\n", g_signal.load());
-  return 128 + g_signal;
+  const int signal = noted_signal();
+  if (signal == 0) return 0;
+  say_stopped(signal);
+  return 128 + signal;
 }
 
 }  // namespace
@@ -114,12 +112,12 @@ int run_command(const RunOptions& o) {
 void add_run_command(CLI::App& app, CommandResult& result) {
   auto* command = app.add_subcommand(
       "run",
-      "Simulate frames of one scene for several LiDARs.\nExample: infrasim run "
-      "configs/scenes/highway.yaml --lidar configs/lidars/ruby_plus.yaml --preset paper "
-      "--frames 0:100 --out data/highway");
+      "Simulate frames of one scene for several LiDARs.\nExample: infrasim run highway "
+      "--lidar ruby_plus livox_avia --preset paper --frames 0:100 --out data/highway");
   auto o = std::make_shared<RunOptions>();
-  command->add_option("scene", o->scene, "scene file")->required();
-  command->add_option("--lidar", o->lidars, "LiDAR files")->required();
+  command->add_option("scene", o->scene, "scene: a file or a name, such as highway")->required();
+  command->add_option("--lidar", o->lidars, "LiDARs: files or names, such as livox_avia")
+      ->required();
   command->add_option("--preset", o->preset, "preset of the LiDARs")->capture_default_str();
   command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
   command->add_option("--out", o->out, "data set folder; without it nothing is written");

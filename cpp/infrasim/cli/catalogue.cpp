@@ -1,0 +1,48 @@
+#include "infrasim/cli/catalogue.h"
+
+#include <algorithm>
+#include <array>
+
+#include "infrasim/core/errors.h"
+
+namespace infrasim::cli {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Beside the program: in a Python package, an installation, a source tree; empty if nowhere.
+fs::path catalogue() {
+  std::error_code error;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
+  for (const char* place : {"../configs", "../share/infrasim/configs", "../../../configs"})
+    if (fs::is_directory(folder / place / "lidars", error))
+      return (folder / place).lexically_normal();
+  return {};
+}
+
+/// The catalogue's names of one kind, sorted.
+std::vector<std::string> names(const fs::path& folder) {
+  std::vector<std::string> found;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (entry.path().extension() == ".yaml") found.push_back(entry.path().stem().string());
+  std::ranges::sort(found);
+  return found;
+}
+
+}  // namespace
+
+fs::path config_file(const std::string& word, const std::vector<std::string>& kinds) {
+  if (word.find_first_of("/.") != std::string::npos) return word;
+  const fs::path folder = catalogue();
+  std::string known;
+  for (const std::string& kind : kinds)
+    for (const std::string& name : names(folder / kind)) {
+      if (name == word) return folder / kind / (name + ".yaml");
+      known += ", " + name;
+    }
+  throw ConfigError("(name): found '" + word + "', allowed a path with a '/' or '.'" + known);
+}
+
+}  // namespace infrasim::cli

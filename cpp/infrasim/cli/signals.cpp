@@ -1,0 +1,44 @@
+#include "infrasim/cli/signals.h"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <string_view>
+
+namespace infrasim::cli {
+
+namespace {
+
+std::atomic<int> g_signal = 0;  // a handler can reach nothing else
+std::atomic<bool> g_finish = false;
+static_assert(std::atomic<int>::is_always_lock_free);
+
+void on_signal(int number) {
+  if (g_finish && g_signal.exchange(number) == 0) return;
+  say_stopped(number);
+  ::_exit(128 + number);
+}
+
+void put(std::string_view text) {
+  // Where standard error is closed there is nobody to tell.
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
+}
+
+}  // namespace
+
+void hear_signals() {
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+}
+
+void finish_before_signals() { g_finish = true; }
+
+const std::atomic<int>& noted_signal() { return g_signal; }
+
+/// Safe in a handler: SIGINT is 2 and SIGTERM 15.
+void say_stopped(int signal) {
+  put(signal == SIGINT ? "stopped by signal 2" : "stopped by signal 15");
+  put("; the same command resumes\n");
+}
+
+}  // namespace infrasim::cli
