@@ -116,7 +116,12 @@ def simulate(
     for line in warnings(world, units):
         warn(line, stacklevel=2)
     count = threads or os.cpu_count() or 1
-    return FrameStream(world, units, list(frames), count)
+    numbers = []
+    for k in frames:  # one by one, as they may be more than memory holds
+        if not 0 <= k < world.frames:
+            raise ConfigError(f"frames: found {k}, allowed 0 to {world.frames - 1}")
+        numbers.append(k)
+    return FrameStream(world, units, numbers, count)
 
 
 def points(frame: Frame) -> Float32Array:

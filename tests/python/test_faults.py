@@ -85,6 +85,16 @@ def limited(size: int) -> Callable[[], None]:
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
+def test_memory_that_is_too_small_is_said(infrasim: Infrasim, tmp_path: Path) -> None:
+    words = ["pattern", "ruby_plus", "--frames", "0:200", "--out", tmp_path / "rays.npy"]
+    size = 600_000_000  # the rays alone are twice as much
+    result = infrasim(
+        *words, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size))
+    )
+    assert_one_line(result, "not enough memory")
+    assert list(tmp_path.iterdir()) == []
+
+
 def short(*lidars: str) -> list[str]:
     """A run whose trajectories.csv is small."""
     files = [f"configs/lidars/{name}.yaml" for name in lidars]

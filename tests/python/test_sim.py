@@ -87,6 +87,11 @@ def test_a_frame_beyond_the_scene_is_an_error(world: sim.World) -> None:
         frames(world, range(20, 21))
 
 
+def test_frames_beyond_every_scene_are_refused_at_once(world: sim.World) -> None:
+    with pytest.raises(sim.ConfigError, match=f"frames: found {world.frames}, allowed 0 to"):
+        sim.simulate(world, LIDARS[:1], range(2**36))
+
+
 def test_a_built_world_takes_no_further_settings(world: sim.World) -> None:
     with pytest.raises(ValueError, match="already built"):
         sim.simulate(world, [], [0], seed=1)

@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/signals.h"
@@ -73,6 +74,8 @@ int main(int argc, char** argv) {
     return code != 0 ? code : result.exit_code;
   } catch (const infrasim::ConfigError& e) {
     return complain(e.what(), kWrong);
+  } catch (const std::bad_alloc&) {
+    return complain("infrasim: found not enough memory, allowed fewer frames or rays", kFailed);
   } catch (const std::exception& e) {
     return complain(e.what(), kFailed);
   }
