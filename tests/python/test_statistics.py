@@ -347,7 +347,7 @@ def test_wrong_trajectories_are_named(tmp_path: Path, old: str, new: str, messag
 
 def test_an_id_may_be_high(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1), row(2**31 - 1, 60, 0)]}})
-    assert read_vehicles(read_data_set(folder), above_road=True).points.tolist() == [[1], [0]]
+    assert read_sightings(read_data_set(folder), above_road=True).points.tolist() == [[1], [0]]
 
 
 def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
