@@ -15,7 +15,7 @@ import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.kitti import FormatError, WorldPose
-from pyinfra.kitti.table import NamedRows, Rule, between, lines_of
+from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
@@ -23,7 +23,7 @@ _CHUNK = 20_000
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
 _RULES = (
     between(["s", "x", "y", "z"], -1e6, 1e6),
-    Rule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0 to 1000"),
+    ColumnRule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0 to 1000"),
 )
 
 

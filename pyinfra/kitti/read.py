@@ -19,8 +19,8 @@ from pyinfra.kitti.layout import (
 from pyinfra.kitti.table import (
     MOST_RADIANS,
     RADIANS,
+    ColumnRule,
     NamedRows,
-    Rule,
     between,
     lines_of,
 )
@@ -34,16 +34,16 @@ def _size(v: FloatArray) -> BoolArray:
     return np.asarray((v > _SHORTEST_M) & (v <= _LONGEST_M))
 
 
-def _place(columns: str) -> Rule:
+def _place(columns: str) -> ColumnRule:
     return between(columns.split(), -FARTHEST_M, FARTHEST_M)
 
 
-def _sides(columns: str) -> Rule:
-    return Rule(tuple(columns.split()), _size, f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}")
+def _sides(columns: str) -> ColumnRule:
+    return ColumnRule(tuple(columns.split()), _size, f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}")
 
 
-def _angle(column: str) -> Rule:
-    return Rule((column,), lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
+def _angle(column: str) -> ColumnRule:
+    return ColumnRule((column,), lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
 
 
 OBJECT_NUMBERS = tuple(name for name in OBJECT_COLUMNS if name != "class")
@@ -52,20 +52,20 @@ OBJECT_RULES = (
     *BOX_RULES,
     between(["speed"], 0, 1000),
     between(["id", "points", "points_in_box"], 0, _MOST, whole=True),
-    Rule(
+    ColumnRule(
         ("points_in_box",), lambda v, points: v <= points, "at most the points", beside=("points",)
     ),
-    Rule(
+    ColumnRule(
         ("distance",),
         lambda v, x, y: np.abs(v - np.hypot(x, y)) <= _ROUNDED_M,
         "the distance of x and y",
         beside=("x", "y"),
     ),
-    Rule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
+    ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
 )
 LABEL_RULES = (_sides("h w l"), _place("x y z"), _angle("rotation_y"))
 # A detector may be wild: of what it says only the sizes must be some.
-RESULT_RULES = (Rule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
+RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
 
 
 def read_points(file: Path) -> Float32Array:

@@ -16,7 +16,7 @@ RADIANS = "-2 pi to 2 pi, in radians"
 
 
 @dataclass(frozen=True)
-class Rule:
+class ColumnRule:
     """What each of some columns may hold."""
 
     columns: tuple[str, ...]
@@ -25,7 +25,7 @@ class Rule:
     beside: tuple[str, ...] = ()  # what it depends on
 
 
-def between(columns: Sequence[str], low: float, high: float, *, whole: bool = False) -> Rule:
+def between(columns: Sequence[str], low: float, high: float, *, whole: bool = False) -> ColumnRule:
     """Numbers from low to high."""
 
     def holds(v: FloatArray) -> BoolArray:
@@ -33,10 +33,10 @@ def between(columns: Sequence[str], low: float, high: float, *, whole: bool = Fa
         return np.asarray(inside & (v == np.floor(v)) if whole else inside)
 
     kind = "a whole number from " if whole else ""
-    return Rule(tuple(columns), holds, f"{kind}{low:.10g} to {high:.10g}")
+    return ColumnRule(tuple(columns), holds, f"{kind}{low:.10g} to {high:.10g}")
 
 
-def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[Rule]) -> bool:
+def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[ColumnRule]) -> bool:
     """Whether the rows (n, columns) keep all rules."""
     column = {name: values[:, i] for i, name in enumerate(columns)}
     return all(
@@ -96,12 +96,12 @@ class NamedRows:
         except ValueError:
             self._fail_at_word(cells)
         self.values: FloatArray = values
-        self.check([Rule(tuple(self.columns), np.isfinite, "a finite number")])
+        self.check([ColumnRule(tuple(self.columns), np.isfinite, "a finite number")])
 
     def __getitem__(self, column: str) -> FloatArray:
         return self.values[:, self.columns.index(column)]
 
-    def check(self, rules: Sequence[Rule], rows: BoolArray | None = None) -> None:
+    def check(self, rules: Sequence[ColumnRule], rows: BoolArray | None = None) -> None:
         """rows: (n,), those that the rules are for; all by default."""
         for rule in rules:
             for column in rule.columns:

@@ -217,7 +217,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "turn of 0": (
         "ego_pose",
         lambda rows: [rows[0] | {"rotation": [0] * 4}],
-        "rotation: found ..0",
+        r"rotation: found \[0",
     ),
     "token twice": ("sample_annotation", lambda rows: [*rows, rows[0]], r"token: found \w+ twice"),
     "vehicle twice": (
