@@ -201,9 +201,7 @@ def test_a_full_disk_is_named_with_the_file_by_every_command_of_pyinfra(
     words = {"gt": gt, "pred": pred, "data": gt.parent, "out": small_disk}
     assert cli.main([word.format(**words) for word in COMMANDS[name]]) == 1
     message = capsys.readouterr().err.splitlines()[-1]
-    assert re.match(
-        rf"pyinfra: {small_disk}/[\w./]+: (No space left on device|.*No space)", message
-    )
+    assert re.match(rf"pyinfra: {small_disk}/[\w./-]+: No space left on device", message)
     place = message.split(": ")[1]
     assert not any(part.startswith(".") for part in Path(place).parts), message
     assert Path(place).suffix or name == "nuscenes", message

@@ -385,6 +385,10 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
     rows = [row(1, 40, 9), row(2, 45, 4).replace("Car", "Pedestrian")]
     recording = write_folder(tmp_path / "recording", {"a": {0: rows}})
     (recording / "trajectories.csv").unlink()
+    with pytest.raises(FileNotFoundError, match=r"trajectories\.csv"):  # a run would have it
+        study.statistics([recording], patterns=False)
+    for file in (recording / "dataset.yaml", recording / "a/lidar.yaml"):
+        file.write_text(file.read_text().replace("preset: paper", "preset: recorded"))
     assert read_sightings(read_data_set(recording)).ids.tolist() == [1]
     tables = study.statistics([recording])
     assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
