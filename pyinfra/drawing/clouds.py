@@ -304,7 +304,7 @@ def _outline(road: pd.DataFrame) -> FloatArray:
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """A legend under the axes, of as many columns as the width of the figure has room for."""
     style: Any = {"handles": handles, "loc": "outside lower center", "frameon": False}
-    empty = Figure(figsize=figure.get_size_inches())
+    empty = Figure(figsize=(figure.get_figwidth(), figure.get_figheight()))
     for columns in range(len(handles), 0, -1):
         tried = empty.legend(ncols=columns, **style)
         if columns == 1 or tried.get_window_extent().width <= empty.bbox.width:
