@@ -43,12 +43,19 @@ def price_of(lidar: Path, preset: str) -> dict[str, Any]:
 
 
 def check_names(plan: Plan) -> None:
-    """Raises ConfigError if a LiDAR is not named as its file, by which its folder is found."""
+    """Raises ConfigError if a scene or LiDAR is not named as its file, as rows and folders are."""
+    for name in dict.fromkeys(cell.scene for cell in plan.cells):
+        check_name(plan.files["scenes", name], resolved(plan.files["scenes", name]))
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
         file = plan.files["lidars", name]
-        found = yaml.safe_load(resolved(file, preset))["name"]
-        if found != name:
-            raise ConfigError(f"{file}: name: found '{found}', allowed '{name}', as the file")
+        check_name(file, resolved(file, preset))
+
+
+def check_name(file: Path, text: str) -> None:
+    """Raises ConfigError if a resolved text is not named as the file."""
+    found = yaml.safe_load(text)["name"]
+    if found != file.stem:
+        raise ConfigError(f"{file}: name: found '{found}', allowed '{file.stem}', as the file")
 
 
 def digests(plan: Plan) -> pd.DataFrame:

@@ -30,6 +30,21 @@ class Wish:
     latency_ms: float = FRAME_MS  # of a frame, median, at most
 
 
+def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: float) -> Wish:
+    """Raises ValueError for a number that makes no sense, by its option of the command line."""
+    for key, value, least, top in (
+        ("--budget", budget_usd, 0, math.inf),
+        ("--min-ap", min_ap, 1, 100),
+        ("--range", range_m, 0, REGION_M),
+        ("--latency", latency_ms, 0, math.inf),
+    ):
+        if not least < value <= top:
+            text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
+            share = key == "--min-ap" and 0 < value <= 1
+            raise ValueError(f"{text}; AP is 0 to 100, not a share" if share else text)
+    return Wish(budget_usd, min_ap, range_m, latency_ms)
+
+
 @dataclass(frozen=True)
 class Option:
     """A finished cell.

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 
-from pyinfra.benchmark.options import Wish, read_options
+from pyinfra.benchmark.options import Wish, checked_wish, read_options
 from pyinfra.benchmark.recommend import recommend, told
-from pyinfra.benchmark.value import REGION_M
 from pyinfra.training.sources import TIERS
 
 
@@ -21,26 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
     parser.add_argument("results", type=Path, help="folder of `pyinfra benchmark`")
-    add_wish(parser)
-    parser.add_argument("--scene", default="", help="which of the scenes, if several were measured")
-    parser.add_argument(
-        "--preset",
-        default="",
-        help="default: that of the report, the nearest to LiDARs one can buy (datasheet, equal, "
-        "paper) that has two LiDARs or more",
-    )
-    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
-
-
-def add_wish(parser: argparse._ActionsContainer, *, budget: bool = True) -> None:
-    """Options that `wish_of` reads; budget: whether that one is needed."""
-    parser.add_argument(
-        "--budget",
-        type=float,
-        required=budget,
-        default=Wish.budget_usd,
-        help=f"USD for LiDAR and site{'' if budget else '; default: any'}",
-    )
+    parser.add_argument("--budget", type=float, required=True, help="USD for LiDAR and site")
     parser.add_argument(
         "--min-ap",
         type=float,
@@ -60,25 +39,18 @@ def add_wish(parser: argparse._ActionsContainer, *, budget: bool = True) -> None
         default=Wish.latency_ms,
         help=f"milliseconds a frame, median, at most; default: {Wish.latency_ms:g}, real time",
     )
-
-
-def wish_of(args: argparse.Namespace) -> Wish:
-    """Raises ValueError for a number that makes no sense."""
-    for key, value, least, top in (
-        ("--budget", args.budget, 0, math.inf),
-        ("--min-ap", args.min_ap, 1, 100),
-        ("--range", args.range, 0, REGION_M),
-        ("--latency", args.latency, 0, math.inf),
-    ):
-        if not least < value <= top:
-            text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
-            share = key == "--min-ap" and 0 < value <= 1
-            raise ValueError(f"{text}; AP is 0 to 100, not a share" if share else text)
-    return Wish(args.budget, args.min_ap, args.range, args.latency)
+    parser.add_argument("--scene", default="", help="which of the scenes, if several were measured")
+    parser.add_argument(
+        "--preset",
+        default="",
+        help="default: that of the report, the nearest to LiDARs one can buy (datasheet, equal, "
+        "paper) that has two LiDARs or more",
+    )
+    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
 
 
 def run(args: argparse.Namespace) -> int:
-    wish = wish_of(args)
+    wish = checked_wish(args.budget, args.min_ap, args.range, args.latency)
     options = read_options(args.results, args.tier, args.scene, args.preset, wish)
     first = options[0]
     print(

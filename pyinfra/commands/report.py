@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.commands.recommend import add_wish, wish_of
+from pyinfra.benchmark.options import Wish, checked_wish
 from pyinfra.report.contents import page
 from pyinfra.report.material import read_material
 from pyinfra.report.page import write_page
@@ -24,13 +24,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
     )
     parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
-    wish = parser.add_argument_group("of an own site's answer, as `pyinfra recommend` has them")
-    add_wish(wish, budget=False)
+    own = parser.add_argument_group("of an own site's answer, as `pyinfra recommend` has them")
+    own.add_argument("--budget", type=float, default=Wish.budget_usd, help="default: any price")
+    own.add_argument("--min-ap", type=float, default=Wish.min_ap)
+    own.add_argument("--range", type=float, default=Wish.range_m)
+    own.add_argument("--latency", type=float, default=Wish.latency_ms)
     parser.add_argument("--out", type=Path, default=Path("report.html"), help="HTML file to write")
 
 
 def run(args: argparse.Namespace) -> int:
-    material = read_material(args.results, args.data, args.runs, args.tier, wish_of(args))
+    wish = checked_wish(args.budget, args.min_ap, args.range, args.latency)
+    material = read_material(args.results, args.data, args.runs, args.tier, wish)
     args.out.parent.mkdir(parents=True, exist_ok=True)
     print(write_page(page(material), args.out))
     return 0

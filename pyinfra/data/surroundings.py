@@ -61,7 +61,7 @@ def read_surroundings(data_set: Path) -> Surroundings:
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
     buildings = [_building(own) for own in top.entries("buildings")]
     return Surroundings(
-        roads=tuple(regions.read_roads(roads)) if roads.is_file() else (),
+        roads=tuple(regions.read_roads(roads)) if lanes or roads.is_file() else (),
         lanes=lanes,
         buildings=np.array(buildings).reshape(-1, 7),
     )

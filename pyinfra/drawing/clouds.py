@@ -24,12 +24,10 @@ from PIL import Image
 
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
-from pyinfra.atomic import replacing
 from pyinfra.boxes import footprints
 from pyinfra.data import regions
 from pyinfra.data.data_set import FULL_CIRCLE_DEG
 from pyinfra.data.frames import PERIOD_S
-from pyinfra.kitti.csv_table import read_csv
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
@@ -132,8 +130,7 @@ def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
         figure.savefig(png, format="png", dpi=dpi)
         with Image.open(png) as image:
             few = image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE)
-    with replacing(file) as beside:
-        few.save(beside, format="png", optimize=True)
+    few.save(file, optimize=True)
 
 
 def picture(view: Snapshot) -> Figure:
@@ -288,7 +285,7 @@ def _palette() -> Image.Image:
 
 def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:
     """The evaluation region in the levelled LiDAR frame."""
-    roads = read_csv(data_set / "roads.csv")
+    roads = pd.read_csv(data_set / "roads.csv")
     x, y = roads["x"] - pose.x, roads["y"] - pose.y
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     return roads.assign(
@@ -307,8 +304,7 @@ def _outline(road: pd.DataFrame) -> FloatArray:
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """A legend under the axes, of as many columns as the width of the figure has room for."""
     style: Any = {"handles": handles, "loc": "outside lower center", "frameon": False}
-    width, height = figure.get_size_inches()
-    empty = Figure(figsize=(width, height))
+    empty = Figure(figsize=(figure.get_figwidth(), figure.get_figheight()))
     for columns in range(len(handles), 0, -1):
         tried = empty.legend(ncols=columns, **style)
         if columns == 1 or tried.get_window_extent().width <= empty.bbox.width:

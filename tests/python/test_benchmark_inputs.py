@@ -263,3 +263,13 @@ def test_what_can_not_be_is_said_before_anything_runs(
     changed(config, old, new)
     with pytest.raises(ConfigError, match=message):
         read_plan(config, "smoke")
+
+
+def test_a_scene_that_is_not_named_as_its_file_is_refused_before_anything_runs(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed(config.parent / "site.yaml", "name: site", "name: main street")
+    assert run(config) == 2
+    message = "site.yaml: name: found 'main street', allowed 'site', as the file"
+    assert message in capsys.readouterr().err
+    assert not (config.parent / "work").exists()

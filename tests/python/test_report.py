@@ -288,3 +288,82 @@ def test_the_papers_ap_is_complete() -> None:
     assert value["highway", "ruby_plus", "pv-rcnn"] == 93.29
     assert value["crossroad", "livox_avia", "pointpillars"] == 84.03
     assert value["curve", "helios_16", "pointrcnn"] == 16.40
+
+
+def own_site(folder: Path) -> Path:
+    """The tables of a benchmark of a site that is not of the paper."""
+    names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
+    more = ("quick_value.csv", "lidars.csv", "quick_claims.csv")
+    tables = {name: report_data.tables()[name].replace("highway", "bridge") for name in names}
+    tables |= {name: report_data.tables()[name].replace("highway", "bridge") for name in more}
+    return report_data.write(folder, tables)
+
+
+def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path) -> None:
+    text = Read(report(own_site(tmp_path / "results"))).text
+    answer = text[text.index("Bridge, preset paper, any price, AP 85 of all") :]
+    assert answer.index("no option meets this. The nearest is RoboSense Ruby Plus") < 150
+    assert "it needs --min-ap 46.2" in answer
+    assert "Prices are of LiDARs alone: computer, pole, installation, energy are missing" in answer
+    assert "Most accurate where it looks" not in text
+
+
+def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = own_site(tmp_path / "results")
+    text = Read(report(results, "--budget", 3000, "--min-ap", 40)).text
+    assert "at most 3,000 USD, AP 40 of all vehicles or more, 100 m either way" in text
+    assert "Livox Avia with PointPillars. AP of all vehicles 45.6 (no interval), 2,079 USD." in text
+    assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
+    assert cli.main(["report", str(results), "--min-ap", "0.85"]) == 2
+    assert "--min-ap: found 0.85, allowed above 1 to 100" in capsys.readouterr().err
+
+
+def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
+    page = Read(report(own_site(tmp_path / "results")))
+    assert not {"claims", "figure-hits"} & set(page.ids)
+    assert {"hits", "methods"} <= set(page.ids)
+    assert "the paper" not in page.text
+
+
+def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path) -> None:
+    results = own_site(tmp_path / "results")
+    for name, table in report_data.tables().items():
+        if (results / name).is_file() and "scene" in table:
+            both = pd.concat([pd.read_csv(results / name), table])
+            both.to_csv(results / name, index=False)
+    text = Read(report(results)).text
+    assert text.index("Bridge, preset paper") < text.index("Most accurate where it looks")
+    assert {"claims", "figure-hits"} <= set(Read(results.parent / "report.html").ids)
+
+
+def test_what_is_slower_than_its_lidar_is_said_to_be(tmp_path: Path) -> None:
+    cells = report_data.cells().assign(latency_p50_ms=544.0)
+    text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": cells}))).text
+    assert "544 ms a frame, not real time (100 ms), AP" in text
+
+
+def test_other_presets_are_under_a_section_of_that_name(tmp_path: Path) -> None:
+    tables = {
+        name: pd.concat([table, table.assign(preset="datasheet")])
+        for name, table in report_data.tables().items()
+        if name in ("quick.csv", "quick_value.csv")
+    }
+    file = report(report_data.write(tmp_path / "results", tables))
+    (title,) = re.findall(r'Others are under "([^"]+)"', Read(file).text)
+    titles = re.findall(r"<h2 id=[^>]*>([^<]+)</h2>", file.read_text())
+    assert title in titles
+
+
+def test_the_open_chart_of_prices_is_of_the_preset_of_its_text(tmp_path: Path) -> None:
+    value = report_data.value()
+    tables = {"quick_value.csv": pd.concat([value, value.assign(preset="datasheet")])}
+    html = report(report_data.write(tmp_path / "results", tables)).read_text()
+    section = html[html.index('<section id="value"') :]
+    assert "highway (datasheet)" in section[: section.index("<figure")]
+    figures = re.findall(r'(<details>.*?)?<figure id="figure-price-(\w+)"', section)
+    assert [(bool(folded), preset) for folded, preset in figures] == [
+        (False, "datasheet"),
+        (True, "paper"),
+    ]

@@ -81,6 +81,38 @@ def test_it_fits_every_screen(width: int, browser: Browser, pictured: Path) -> N
         assert not opened.scrolls_sideways()
 
 
+@pytest.mark.parametrize("width", [390, 1440])
+def test_links_of_the_contents_land_on_their_headings(
+    width: int, browser: Browser, pictured: Path
+) -> None:
+    with browser.open(pictured, width=width) as opened:
+        for link in opened.page.locator("nav a").all():
+            link.evaluate("link => { scrollTo(0, 0); link.click(); }")
+            opened.settle()
+            opened.settle()
+            target = link.get_attribute("href")
+            top = opened.page.evaluate(
+                f"document.querySelector('{target}').getBoundingClientRect().top"
+            )
+            left = "document.documentElement.scrollHeight - innerHeight - scrollY"
+            assert abs(top) < 2 or opened.page.evaluate(left) < 2, target
+
+
+def test_what_is_wider_than_a_phone_says_so(browser: Browser, pictured: Path) -> None:
+    hint = "part => getComputedStyle(part, '::before').content.includes('Scroll sideways')"
+    wide = "part => part.scrollWidth > part.clientWidth + 1"
+    counts = []
+    for width in (390, 1600):
+        with browser.open(pictured, width=width) as opened:
+            opened.page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+            opened.settle()
+            parts = opened.page.locator(".scroll, figure.wide .drawing").all()
+            shown = [bool(part.evaluate(hint)) for part in parts]
+            assert shown == [bool(part.evaluate(wide)) for part in parts]
+            counts.append(sum(shown))
+    assert counts[0] > counts[1]
+
+
 def test_tables_sort_both_ways_with_what_is_missing_last(browser: Browser, whole: Path) -> None:
     with browser.open(whole) as opened:
         opened.page.locator("#accuracy summary").click()

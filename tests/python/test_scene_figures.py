@@ -1,6 +1,7 @@
 """The plan of a scene, and the same vehicles as each LiDAR sees them."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ from PIL import Image
 
 from pyinfra import cli, kitti
 from pyinfra.data import frames, regions
+from pyinfra.drawing import clouds, pictures
 from pyinfra.drawing import cutouts as cutout_figures
-from pyinfra.drawing import pictures
 from pyinfra.drawing import scene as scene_figures
 from pyinfra.drawing.cutouts import DISTANCES_M
 from pyinfra.drawing.scene import Scene
@@ -66,6 +67,44 @@ def test_no_line_crosses_a_junction(data_sets: dict[str, Path]) -> None:
         if len(line.get_xdata()) == 201:  # the carriageways are 15 m wide
             x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
             assert not ((np.abs(x) < 7) & (np.abs(y) < 7)).any()
+
+
+def test_buildings_stand_on_the_plan_where_the_configuration_says(
+    data_sets: dict[str, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(data_sets["highway"], tmp_path / "own")
+    file = tmp_path / "own/dataset.yaml"
+    own = "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 90, base_m: 1}"
+    file.write_text(file.read_text().replace("buildings: []", f"buildings: [{own}]"))
+    scene = read(tmp_path / "own")
+    np.testing.assert_allclose(scene.around.buildings, [[10, 30, 3.5, 20, 8, 5, np.pi / 2]])
+    plan = scene_figures.plan([scene])
+    drawn = [p for p in plan.axes[0].patches if to_hex(p.get_facecolor()) == "#d0d0d0"]
+    corners = np.vstack([patch.get_xy()[:-1] for patch in drawn])
+    expected = [[6, 20], [6, 40], [14, 20], [14, 40]]
+    np.testing.assert_allclose(corners[np.lexsort(corners.T[::-1])], expected, atol=1e-9)
+    assert "building" in [text.get_text() for text in plan.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize("count", [1, 2, 15])
+def test_a_legend_is_no_wider_than_its_picture(data_sets: dict[str, Path], count: int) -> None:
+    scene = read(data_sets["highway"])
+    lidars = tuple(replace(scene.lidars[1], model=f"A LiDAR of number {i}") for i in range(count))
+    figure = scene_figures.plan([replace(scene, lidars=lidars)])
+    figure.draw_without_rendering()
+    found = figure.legends[0].get_window_extent()
+    assert found.x0 >= 0
+    assert found.x1 <= figure.bbox.width
+    assert found.y0 >= 0
+
+
+def test_the_legend_of_one_narrow_picture_has_rows(data_sets: dict[str, Path]) -> None:
+    folder = frames.lidar_folders(data_sets["highway"])[0]
+    figure = clouds.sheet([[clouds.read_snapshot(folder, 0)]])
+    figure.draw_without_rendering()
+    found = figure.legends[0].get_window_extent()
+    assert found.x0 >= 0
+    assert found.x1 <= figure.bbox.width
 
 
 def test_offset_curve_is_to_the_left() -> None:

@@ -348,3 +348,28 @@ def test_a_recording_has_every_frame_and_opens_for_this_machine_only(
     text = subprocess.run(read, capture_output=True, text=True, check=True).stdout
     for part in ("points", "vehicles", "predictions"):
         assert f"/world/made\\ up/{part}" in text
+
+
+def test_road_and_buildings_of_the_data_set_are_in_the_page(
+    infrasim: Callable[..., Any], run_command: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    data, out = tmp_path / "data", tmp_path / "view.html"
+    infrasim(*run_command("livox_avia", frames="0:1", out=data), check=True)
+    own = "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 0, base_m: 1}"
+    file = data / "dataset.yaml"
+    file.write_text(file.read_text().replace("buildings: []", f"buildings: [{own}]"))
+    assert cli.main(["view", str(data), "--out", str(out)]) == 0
+    around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
+    assert around["buildings"] == [[10, 30, 3.5, 20, 8, 5, 0]]
+    # The motorway lies along y = 0, with 21 m to either edge.
+    ends = sorted((line[:2], line[-3:-1]) for line in around["edge"])
+    assert ends == [([-100, y], [100, y]) for y in (-21, 21)]
+    assert len(around["dashed"]) == 6
+
+
+def test_a_recording_has_neither_road_nor_buildings(tmp_path: Path) -> None:
+    folder, out = lidar_folder(tmp_path / "data/one", frames=1), tmp_path / "view.html"
+    (tmp_path / "data/dataset.yaml").write_text("name: here\npreset: recorded\n")
+    assert cli.main(["view", str(folder), "--out", str(out)]) == 0
+    around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
+    assert around == {"edge": [], "solid": [], "dashed": [], "buildings": []}

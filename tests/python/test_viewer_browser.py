@@ -10,6 +10,7 @@ import pytest
 from browser import Browser, Opened
 from view_data import blob, view_frame
 
+from pyinfra.data.surroundings import read_surroundings
 from pyinfra.kitti import Labels
 from pyinfra.viewer.page import Views, fragment, library, page
 
@@ -17,6 +18,7 @@ STAGE = {"light": (0xF6, 0xF7, 0xF9), "dark": (0x10, 0x15, 0x1C)}
 HIT, MISSED, PREDICTED = (0x00, 0x72, 0xB2), (0x7A, 0x85, 0x91), (0xD5, 0x5E, 0x00)
 NAME_OF_FOCUS = """(e => e.getAttribute('aria-label') || e.labels[0]?.textContent || e.textContent)
     (document.activeElement)"""
+ROAD, BUILDING = (0x55, 0x60, 0x6C), (0x8A, 0x6D, 0x3B)
 INSIDE = np.s_[12:-12, 12:-12]  # of the ring of a picture that has the focus
 OVERLAYS = ".lv-reset, .lv-scale, .lv-tip"
 HOSTILE = "</script><script>document.title='taken'</script><img src=http://192.0.2.1/a.png>\"'"
@@ -318,3 +320,26 @@ def test_a_browser_without_webgl_is_told(browser: Browser, tmp_path: Path) -> No
 def centre(view: Opened) -> tuple[float, float]:
     box = view.page.locator("canvas").first.bounding_box()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_road_and_buildings_are_drawn_where_they_are(tmp_path: Path, browser: Browser) -> None:
+    """A road leads away below the sensor, a building stands to its left."""
+    (tmp_path / "roads.csv").write_text(
+        "road,s,x,y,z,heading,half_width\na,0,0,0,0,0,6\na,60,60,0,0,0,6\n"
+    )
+    (tmp_path / "dataset.yaml").write_text(
+        "roads: [{name: a, lanes: {each_way: 1, width_m: 3, median_m: 0}}]\n"
+        "buildings: [{x_m: 40, y_m: 20, base_m: 0, length_m: 20, width_m: 9, height_m: 8, "
+        "heading_deg: 0}]\n"
+    )
+    around = read_surroundings(tmp_path)
+    empty = {"a": [view_frame(blob(-200, 0))]}
+    file = tmp_path / "view.html"
+    file.write_text(page(empty, title="A site", around=around), encoding="utf-8")
+    with browser.open(file, width=800, height=600) as view:
+        image = picture(view)
+        assert count(image, ROAD) > 200
+        rows, columns = np.nonzero(np.abs(image.astype(int) - BUILDING).max(axis=2) < 12)
+        assert len(rows) > 60
+        assert columns.max() < image.shape[1] / 2
+        assert view.problems == []

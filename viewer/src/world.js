@@ -179,7 +179,7 @@ function surroundings(around) {
     const lines = emptyLines(kind === "dashed");
     if (kind === "buildings") drawBoxes(lines, around.buildings.map((box) => ({ box })), EDGES);
     else drawCurves(lines, around[kind]);
-    Object.assign(lines.material, { linewidth: kind === "edge" ? 1.6 : 1, dashSize: 3, gapSize: 6 });
+    Object.assign(lines.material, { linewidth: kind === "edge" || kind === "buildings" ? LINE_PX : 1, dashSize: 3, gapSize: 6 });
     return [kind, lines];
   }));
 }

@@ -97,7 +97,8 @@ def _grid(material: Material, rows: pd.DataFrame, paper: pd.Series) -> Table:
         printed = {d: float(paper.get((scene, lidar, d), np.nan)) for d in detectors}
         cells = [_ap(own, d, printed[d] if preset == "paper" else np.nan) for d in detectors]
         found.append([TableCell(material.names.label(lidar)), *cells])
-    versus = " Below: the interval, and the paper's AP." if preset == "paper" else ""
+    compared = preset == "paper" and scene in paper.index.get_level_values("scene")
+    versus = " Below: the interval, and the paper's AP." if compared else ""
     return Table(
         f"{scene.capitalize()}, preset {preset}.{versus}",
         [Column("LiDAR"), *(Column(detector(d), number=True) for d in detectors)],

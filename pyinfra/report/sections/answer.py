@@ -25,8 +25,7 @@ def section(material: Material) -> Section | None:
     done = material.results.done()
     if done.empty:
         return None
-    lead = ""
-    blocks: list[Block] = []
+    lead, blocks = "", list[Block]()
     own = [s for s in material.scenes() if s in set(done.scene) and s not in SCENES]
     if recommendation.can_answer(material):
         lead, blocks = _of_own(material, own)

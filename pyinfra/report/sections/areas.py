@@ -49,7 +49,7 @@ def section(material: Material) -> Section | None:
     lead = (
         "An area is 20 m of road, one every 5 m. It is of high quality if its AP is above 85, and "
         "undecided if the interval of its AP holds 85. Counted on vehicles that the LiDAR "
-        "captured (the paper's way), and on all vehicles, where every LiDAR has the same areas."
+        "captured, and on all vehicles, where every LiDAR has the same areas."
     )
     return Section(
         "areas", "High-quality areas", lead, [*blocks, _table(material, first_seed(areas))]

@@ -15,7 +15,7 @@ from pyinfra.simulator.catalogue import SCENES
 from pyinfra.statistics.selection import first_seed
 
 MEANING = {
-    "captured": "vehicles with at least one point of the LiDAR, as the paper has it",
+    "captured": "vehicles with at least one point of the LiDAR",
     "common": "vehicles in the view of all LiDARs",
     "all": "all visible vehicles of the region, the same for every LiDAR",
 }
