@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <variant>
 #include <vector>
 
 #include "infrasim/core/geometry.h"
@@ -82,5 +83,16 @@ struct BackgroundLearning {
   double range_margin_m = 0.3;    ///< closer than this before the background is still background
   double height_margin_m = 0.15;  ///< the same above a level surface
 };
+
+/// A background learnt from frames of a scene without vehicles.
+struct BackgroundFilter : BackgroundLearning {
+  int frames = 20;
+};
+
+/// Every filter, once. `Background` is how one is learnt in a scene, and what was learnt where
+/// points are filtered.
+template <class Background>
+using FilterOf = std::variant<CropBox, CropPolygon, CropRange, CropFieldOfView, GroundHeight,
+                              GroundPlane, GroundMorphological, Background>;
 
 }  // namespace infrasim
