@@ -148,9 +148,9 @@ TEST(trajectory_file, an_unknown_class_is_an_error_that_names_the_known_ones) {
 }
 
 TEST(trajectory_file, too_few_or_too_many_columns_are_an_error) {
-  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5\n", 2, "speed", "allowed 11");
-  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5,10,7\n", 2, "(row)", "more than 11");
-  expect_error("\n", 2, "t", "allowed");
+  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5\n", 2, "(row)", "allowed 11 columns");
+  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5,10,7\n", 2, "(row)", "allowed 11 columns");
+  expect_error("\n", 2, "(row)", "found '', allowed 11 columns");
 }
 
 TEST(trajectory_file, what_is_no_number_is_an_error) {
