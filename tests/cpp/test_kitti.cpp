@@ -232,6 +232,22 @@ TEST(frame_on_disk, that_is_missing_or_cut_off_is_an_error) {
                           "allowed 14 columns");
 }
 
+TEST(file_written_in_pieces, is_there_as_a_whole_or_not_at_all) {
+  const TestFolder folder;
+  const auto file = folder.path() / "a.txt";
+  {
+    AtomicFile left(file);
+    left.write("half");
+    EXPECT_FALSE(std::filesystem::exists(file));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  AtomicFile out(file);
+  out.write("one ");
+  out.write("two");
+  out.replace();
+  EXPECT_EQ(content(file), "one two");
+}
+
 TEST(file_written_at_once, replaces_the_old_one_and_leaves_nothing_else) {
   const TestFolder folder;
   write_file_atomically(folder.path() / "a.txt", "old");

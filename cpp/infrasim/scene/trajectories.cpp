@@ -52,25 +52,34 @@ ObjectState rounded(ObjectState state) {
   return state;
 }
 
-std::string trajectories_csv(const Trajectories& trajectories) {
-  std::string text = std::string(kHeader) + "\n";
+std::string TrajectoryText::header() { return std::string(kHeader) + "\n"; }
+
+std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
+  std::string text;
   std::array<char, 32> buffer{};
   const auto append = [&](auto value, char end) {
     text.append(buffer.data(),
                 std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
     text += end;
   };
-  for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
-    for (const ObjectState& s : trajectories.rows[k]) {
-      append(round_to(static_cast<double>(k) * kFramePeriod, 10), ',');
-      append(s.id, ',');
-      text += class_of(s.object_class).name;
-      text += ',';
-      for (const double v :
-           {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
-        append(v, ',');
-      append(s.speed_m_s, '\n');
-    }
+  const double t = round_to(instants_ * kFramePeriod, 10);
+  for (const ObjectState& s : states) {
+    append(t, ',');
+    append(s.id, ',');
+    text += class_of(s.object_class).name;
+    text += ',';
+    for (const double v : {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
+      append(v, ',');
+    append(s.speed_m_s, '\n');
+  }
+  ++instants_;
+  return text;
+}
+
+std::string trajectories_csv(const Trajectories& trajectories) {
+  std::string text = TrajectoryText::header();
+  TrajectoryText lines;
+  for (const auto& states : trajectories.rows) text += lines.rows(states);
   return text;
 }
 
