@@ -94,16 +94,21 @@ sanitize:
 	cmake --build --preset sanitize
 	ctest --preset sanitize --no-tests=error
 
+# Each target, and each reader of Python, for FUZZ_SECONDS; the shipped configurations are seeds.
 fuzz:
-	@scripts/setup.sh build fuzz
+	@scripts/setup.sh build detectors exchange test fuzz
+	@mkdir -p build
+	@$(call configure,dev)
+	cmake --build --preset dev --target _core
 	cmake --preset fuzz -DCMAKE_CXX_COMPILER=$$(command -v clang++-16 >/dev/null && echo clang++-16 || echo clang++-19)
 	cmake --build --preset fuzz
 	@mkdir -p build/fuzz/corpus
 	for name in $$(cd build/fuzz/tests/fuzz && find . -maxdepth 1 -name 'fuzz_*' -type f); do \
 		mkdir -p build/fuzz/corpus/$$name && \
 		build/fuzz/tests/fuzz/$$name -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ \
-			build/fuzz/corpus/$$name || exit 1; \
+			build/fuzz/corpus/$$name configs || exit 1; \
 	done
+	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py
 
 clean:
 	rm -rf build pyinfra/_core*.so

@@ -3,7 +3,12 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <array>
+#include <cctype>
+
 #include "bindings.h"
+#include "infrasim/config/filter_declarations.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
 #include "infrasim/io/atomic_file.h"
@@ -46,54 +51,66 @@ BackgroundModel learnt(const std::vector<py::array>& frames, const BackgroundLea
   return learn_background(clouds, learning);
 }
 
-std::vector<Vec2> outline(const std::vector<std::pair<double, double>>& corners) {
+/// What Python hands over for a parameter, where it is another type.
+const auto& from_python(const auto& value) { return value; }
+std::vector<Vec2> from_python(const std::vector<std::pair<double, double>>& corners) {
   std::vector<Vec2> out;
   for (const auto& [x, y] : corners) out.push_back({x, y});
   return out;
 }
+template <class T>
+using InPython = std::conditional_t<std::is_same_v<T, std::vector<Vec2>>,
+                                    std::vector<std::pair<double, double>>, T>;
 
-}  // namespace
+template <bool kWithDefault, class Filter, class Parameter>
+auto argument(const Filter& standard, const Parameter& parameter) {
+  if constexpr (kWithDefault)
+    return py::arg(parameter.name) = standard.*parameter.member;
+  else
+    return py::arg(parameter.name);
+}
 
-void bind_filters(py::module_& m) {
-  py::class_<CropBox>(m, "CropBox", "Keeps min_m <= point <= max_m, each (x, y, z) in metres.")
-      .def(py::init<std::array<double, 3>, std::array<double, 3>>(), py::arg("min_m"),
-           py::arg("max_m"));
-  py::class_<CropPolygon>(m, "CropPolygon", "Keeps points inside corners (x, y) in metres.")
-      .def(py::init([](const std::vector<std::pair<double, double>>& corners) {
-             return CropPolygon{outline(corners)};
-           }),
-           py::arg("outline_m"));
-  py::class_<CropRange>(m, "CropRange", "Keeps min_m <= slant range <= max_m.")
-      .def(py::init<double, double>(), py::arg("min_m"), py::arg("max_m"));
-  const CropFieldOfView view;
-  py::class_<CropFieldOfView>(m, "CropFieldOfView",
-                              "Keeps an interval of azimuth, from min towards +y up to max, and "
-                              "of elevation; degrees.")
-      .def(py::init<double, double, double, double>(),
-           py::arg("azimuth_min_deg") = view.azimuth_min_deg,
-           py::arg("azimuth_max_deg") = view.azimuth_max_deg,
-           py::arg("elevation_min_deg") = view.elevation_min_deg,
-           py::arg("elevation_max_deg") = view.elevation_max_deg);
-  py::class_<GroundHeight>(m, "GroundHeight", "Keeps z > z_m; knows no slope.")
-      .def(py::init<double>(), py::arg("z_m"));
-  const GroundPlane plane;
-  py::class_<GroundPlane>(m, "GroundPlane",
-                          "Removes what is within distance_m of the largest plane that is nearly "
-                          "level (PCL's RANSAC).")
-      .def(py::init<double, double>(), py::arg("distance_m") = plane.distance_m,
-           py::arg("max_tilt_deg") = plane.max_tilt_deg);
-  const GroundMorphological opening;
-  py::class_<GroundMorphological>(
-      m, "GroundMorphological",
-      "Removes roads, slopes and terrain: what is wider than window_m, and height_m above it.")
-      .def(py::init<double, double, double, double, double>(),
-           py::arg("window_m") = opening.window_m, py::arg("height_m") = opening.height_m,
-           py::arg("cell_m") = opening.cell_m,
-           py::arg("azimuth_cell_deg") = opening.azimuth_cell_deg,
-           py::arg("max_range_m") = opening.max_range_m);
-  py::class_<BackgroundModel>(m, "BackgroundModel",
-                              "The static scene as one fixed sensor sees it; as a filter step it "
-                              "removes that scene.")
+/// crop_box -> CropBox
+std::string class_name(std::string_view key) {
+  std::string name;
+  for (bool upper = true; const char c : key) {
+    if (c != '_') name += upper ? static_cast<char>(std::toupper(c)) : c;
+    upper = c == '_';
+  }
+  return name;
+}
+
+/// Makes a filter of what Python hands over for its parameters.
+template <class Filter, class... T, bool... kRequired>
+auto factory(const config::Parameter<Filter, T, kRequired>&... parameters) {
+  return [parameters...](const InPython<T>&... values) {
+    Filter filter;
+    ((filter.*parameters.member = from_python(values)), ...);
+    return filter;
+  };
+}
+
+/// Binds a filter as a class whose parameters are those of its declaration, in their order.
+template <class Filter, class... T, bool... kRequired, std::size_t... I>
+void bind_filter(
+    py::module_& m,
+    const config::FilterDeclaration<config::Parameter<Filter, T, kRequired>...>& declared,
+    std::index_sequence<I...>) {
+  // In Python, nothing with a default comes before what has none.
+  constexpr std::size_t kFirstDefault = std::max({kRequired ? I + 1 : 0 ...});
+  const auto make = std::apply([](const auto&... p) { return factory(p...); }, declared.parameters);
+  py::class_<Filter>(m, class_name(declared.key).c_str(), declared.docstring)
+      .def(py::init(make),
+           argument<(I >= kFirstDefault)>(Filter{}, std::get<I>(declared.parameters))...);
+}
+
+/// Binds a background as a model that is learnt from frames: their number is no parameter.
+template <class... T>
+void bind_background(
+    py::module_& m,
+    const config::FilterDeclaration<config::Parameter<BackgroundFilter, int, false>,
+                                    config::Parameter<BackgroundLearning, T, false>...>& declared) {
+  py::class_<BackgroundModel>(m, "BackgroundModel", declared.docstring)
       .def(
           "save",
           [](const BackgroundModel& model, const std::string& file) {
@@ -104,22 +121,33 @@ void bind_filters(py::module_& m) {
           "load",
           [](const std::string& file) { return background_from_bytes(read_file(file), file); },
           py::arg("file"), "Raises ConfigError for a file that is not a whole model.");
-  const BackgroundLearning learning;
-  m.def(
-      "learn_background",
-      [](const std::vector<py::array>& frames, double azimuth_cell_deg, double elevation_cell_deg,
-         double range_margin_m, double height_margin_m) {
-        return learnt(frames, {.azimuth_cell_deg = azimuth_cell_deg,
-                               .elevation_cell_deg = elevation_cell_deg,
-                               .range_margin_m = range_margin_m,
-                               .height_margin_m = height_margin_m});
+  std::apply(
+      [&](const auto&, const config::Parameter<BackgroundLearning, T, false>&... parameters) {
+        const auto learn = [parameters...](const std::vector<py::array>& frames, T... values) {
+          BackgroundLearning learning;
+          ((learning.*parameters.member = values), ...);
+          return learnt(frames, learning);
+        };
+        m.def("learn_background", learn, py::arg("frames"), py::kw_only(),
+              argument<true>(BackgroundLearning{}, parameters)...,
+              "A BackgroundModel from frames of one sensor in one place, each (n, 3) or (n, 4) "
+              "float32, levelled LiDAR frame. Raises ValueError.");
       },
-      py::arg("frames"), py::kw_only(), py::arg("azimuth_cell_deg") = learning.azimuth_cell_deg,
-      py::arg("elevation_cell_deg") = learning.elevation_cell_deg,
-      py::arg("range_margin_m") = learning.range_margin_m,
-      py::arg("height_margin_m") = learning.height_margin_m,
-      "A BackgroundModel from frames of one sensor in one place, each (n, 3) or (n, 4) float32, "
-      "levelled LiDAR frame. Raises ValueError.");
+      declared.parameters);
+}
+
+}  // namespace
+
+void bind_filters(py::module_& m) {
+  config::for_each_filter(
+      config::Of<FilterOf<BackgroundFilter>>{}, [&]<class Filter>(config::Of<Filter> filter) {
+        const auto declared = config::declaration(filter);
+        constexpr auto kParameters = std::tuple_size_v<decltype(declared.parameters)>;
+        if constexpr (std::is_same_v<Filter, BackgroundFilter>)
+          bind_background(m, declared);
+        else
+          bind_filter(m, declared, std::make_index_sequence<kParameters>());
+      });
   m.def("kept_rows", &kept_rows, py::arg("points"), py::arg("steps"),
         "(k,) int32, increasing: the rows of points, (n, 3) or (n, 4) float32, levelled LiDAR "
         "frame, that every step keeps; never rows that are not finite. Raises ValueError.");

@@ -7,8 +7,10 @@ a label, are those of its CustomDataset.
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
@@ -107,9 +109,10 @@ def _read_cloud(file: Path, columns: int, intensity_max: float | None) -> Points
     if file.suffix == ".bin":
         return read_bin(file, columns, intensity_max)
     try:
-        with file.open("rb") as stream:
-            points = np.lib.format.read_array(stream, allow_pickle=False)
-    except (ValueError, EOFError, MemoryError, OverflowError, RecursionError) as error:
+        with warnings.catch_warnings(action="ignore"):  # about headers of Python 2
+            # The file is as large as its header says before anything is allocated.
+            points = np.lib.format.open_memmap(file, mode="r")
+    except (ValueError, EOFError, MemoryError, OverflowError, RecursionError, TokenError) as error:
         raise FormatError(f"{file}: is no whole array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
         raise FormatError(

@@ -692,7 +692,15 @@ TEST(direction_table, in_another_layout_is_an_error) {
   expect(npy("<f8", "(2, 2)", "False", two_rows.substr(1)), "size");
   expect(npy("<f8", "(2, 2)", "False", two_rows + "x"), "size");
   expect(npy("<f8", "(99999999999999999999, 2)", "False", two_rows), "shape");
-  expect(npy("<f8", "(2, 2)", "False", two_rows).substr(0, 40), "truncated");
+  expect(npy("<f8", "(1152921504606846976, 2)", "False", two_rows), "another size");
+  expect(npy("<f8", "(-2, 2)", "False", two_rows), "shape (-2, 2)");
+  expect(npy("<f8", "(2, 2", "False", two_rows), "shape (2, 2");
+  expect(npy("<f8", "(2, 2)", "False", two_rows).substr(0, 40), "a part of one");
+  std::string without_shape = npy("<f8", "(2, 2)", "False", two_rows);
+  expect(without_shape.replace(without_shape.find("shape"), 5, "forms"), "found shape ,");
+  std::string other_version = npy("<f8", "(2, 2)", "False", two_rows);
+  other_version[6] = '\x09';
+  expect(other_version, "version 1 to 3");
   expect("azimuth_rad,elevation_rad\n", "NumPy");
   expect("", "NumPy");
   expect(npy("<f8", "(0, 2)", "False", ""), "at least one");

@@ -347,7 +347,6 @@ TEST(background, parameters_out_of_range_are_errors) {
   EXPECT_THROW(learn_background({}), std::invalid_argument);
   EXPECT_THROW(learn_background(frames, {.azimuth_cell_deg = 0}), std::invalid_argument);
   EXPECT_THROW(learn_background(frames, {.range_margin_m = -1}), std::invalid_argument);
-  EXPECT_THROW(learn_background(frames, {.far_share = 2}), std::invalid_argument);
 }
 
 }  // namespace

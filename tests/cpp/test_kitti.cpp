@@ -223,9 +223,29 @@ TEST(frame_on_disk, that_is_missing_or_cut_off_is_an_error) {
   create_frame_folders(folder.path(), false);
   error_of<IoError>([&] { read_counts(folder.path(), 0); });
   write_frame(folder.path(), 0, small_frame(), false, false);
-  folder.write("training/objects/000000.csv", "id,class\n7,Car,1,2\n");
-  EXPECT_NE(error_of<IoError>([&] { read_counts(folder.path(), 0); }).find("000000.csv"),
-            std::string::npos);
+  const auto file = folder.write("training/objects/000000.csv", "id,class\n7,Car,1,2\n");
+  testing::expect_message(error_of([&] { read_counts(folder.path(), 0); }), file, 1, "(header)",
+                          "found 'id,class', allowed 'id,class,x,y,z,");
+  const std::string text = objects_csv(small_frame().objects);
+  folder.write("training/objects/000000.csv", text.substr(0, text.size() - 20));
+  testing::expect_message(error_of([&] { read_counts(folder.path(), 0); }), file, 3, "(row)",
+                          "allowed 14 columns");
+}
+
+TEST(file_written_in_pieces, is_there_as_a_whole_or_not_at_all) {
+  const TestFolder folder;
+  const auto file = folder.path() / "a.txt";
+  {
+    AtomicFile left(file);
+    left.write("half");
+    EXPECT_FALSE(std::filesystem::exists(file));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  AtomicFile out(file);
+  out.write("one ");
+  out.write("two");
+  out.replace();
+  EXPECT_EQ(content(file), "one two");
 }
 
 TEST(file_written_at_once, replaces_the_old_one_and_leaves_nothing_else) {

@@ -97,6 +97,22 @@ TEST(trajectories, give_the_same_frames_from_their_file_as_from_the_traffic) {
   }
 }
 
+TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
+  const SceneConfig scene = road_with_traffic(15);
+  TrajectoryText lines;
+  std::string text = TrajectoryText::header();
+  for_each_instant(scene, [&](const auto& states) { text += lines.rows(states); });
+  EXPECT_EQ(text, trajectories_csv(build_world(scene).trajectories));
+  EXPECT_EQ(lines.instants(), 31);
+}
+
+TEST(trajectories, handed_over_one_by_one_need_a_scene_that_is_right_as_a_whole) {
+  SceneConfig scene = road_with_traffic(15);
+  scene.gantries.push_back({.road = "other", .s_m = 1, .place = {}});
+  EXPECT_NE(error_of([&] { for_each_instant(scene, [](const auto&) {}); }).find("'other'"),
+            std::string::npos);
+}
+
 TEST(trajectories, shorter_than_the_scene_are_an_error) {
   const TestFolder folder;
   SceneConfig scene = empty_road();
@@ -148,9 +164,15 @@ TEST(trajectory_file, an_unknown_class_is_an_error_that_names_the_known_ones) {
 }
 
 TEST(trajectory_file, too_few_or_too_many_columns_are_an_error) {
-  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5\n", 2, "speed", "allowed 11");
-  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5,10,7\n", 2, "(row)", "more than 11");
-  expect_error("\n", 2, "t", "allowed");
+  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5\n", 2, "(row)", "allowed 11 columns");
+  expect_error("0,1,Car,0,2,0.75,0.1,4.5,1.9,1.5,10,7\n", 2, "(row)", "allowed 11 columns");
+  expect_error("\n", 2, "(row)", "found '', allowed 11 columns");
+}
+
+TEST(trajectory_file, an_error_of_a_cell_names_its_column) {
+  const TestFolder folder;
+  const auto file = folder.write("file.csv", kHeader + row("0", 1, "east"));
+  EXPECT_TRUE(error_of([&] { read_trajectories(file); }).starts_with(file.string() + ":2:9: x: "));
 }
 
 TEST(trajectory_file, what_is_no_number_is_an_error) {

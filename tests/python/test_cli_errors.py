@@ -494,8 +494,8 @@ def test_the_trajectory_file_itself_is_right(site: Site) -> None:
         ("0.1,1,Car,11", "0.1,1,Ship,11", 4, "class", ["'Ship'", "allowed Car"]),
         ("0.1,1,Car,11", "0.1,1,Car,nan", 4, "x", ["'nan'", "allowed a number"]),
         ("0.1,1,Car,11", "0.1,1.5,Car,11", 4, "id", ["1.5", "whole"]),
-        ("0.1,1,Car,11,", "0.1,1,Car,", 4, "speed", ["no more columns"]),
-        ("12,2,0.8,0,4,2,1.6,10", "12,2,0.8,0,4,2,1.6,10,5", 6, "(row)", ["more than 11"]),
+        ("0.1,1,Car,11,", "0.1,1,Car,", 4, "(row)", ["allowed 11 columns"]),
+        ("12,2,0.8,0,4,2,1.6,10", "12,2,0.8,0,4,2,1.6,10,5", 6, "(row)", ["allowed 11 columns"]),
         ("t,id,class", "t,name,class", 1, "(header)", ["allowed 't,id,class"]),
     ],
 )

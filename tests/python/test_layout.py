@@ -18,12 +18,12 @@ SOURCES = ["*.h", "*.cpp"]
 # What a folder of the simulator may include besides itself.
 BELOW_PIPELINE = {
     "core": set[str](),
-    "config": {"core"},
-    "scene": {"config", "core"},
+    "io": {"core"},
+    "config": {"io", "core"},
+    "scene": {"config", "io", "core"},
     "sensor": {"scene", "config", "core"},
     "raycast": {"scene", "config", "core"},
     "filter": {"core"},
-    "io": {"core"},
 }
 MAY_INCLUDE = BELOW_PIPELINE | {
     "pipeline": set(BELOW_PIPELINE),

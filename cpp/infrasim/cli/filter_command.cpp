@@ -1,9 +1,11 @@
 #include <CLI/CLI.hpp>
+#include <array>
 #include <cstdio>
 #include <memory>
-#include <optional>
+#include <span>
 
 #include "infrasim/cli/commands.h"
+#include "infrasim/config/filter_declarations.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
 #include "infrasim/filter/filter.h"
@@ -14,15 +16,73 @@ namespace infrasim::cli {
 
 namespace {
 
+// Numbers of the command line become parameters, one after the other.
+void take(std::span<const double>& numbers, double& value) {
+  value = numbers.front();
+  numbers = numbers.subspan(1);
+}
+
+void take(std::span<const double>& numbers, std::array<double, 3>& values) {
+  for (double& value : values) take(numbers, value);
+}
+
+void take(std::span<const double>& numbers, std::vector<Vec2>& outline) {
+  if (numbers.size() % 2 != 0)
+    throw ConfigError("--crop-polygon: found " + std::to_string(numbers.size()) +
+                      " numbers, allowed an even count: x,y,x,y,...");
+  while (!numbers.empty()) {
+    Vec2& corner = outline.emplace_back();
+    take(numbers, corner.x);
+    take(numbers, corner.y);
+  }
+}
+
+/// A filter that numbers stand for: as many of its parameters, in order, as there are numbers.
+template <class Filter>
+FilterStep filter_of(std::span<const double> numbers) {
+  Filter filter;
+  const auto set = [&](auto& value) {
+    if (!numbers.empty()) take(numbers, value);
+  };
+  std::apply([&](const auto&... p) { (set(filter.*p.member), ...); },
+             config::declaration(config::Of<Filter>{}).parameters);
+  return filter;
+}
+
+struct FilterOption {
+  const char* name;
+  const char* help;
+  int numbers;  ///< at least; none makes it a flag
+  int most_numbers;
+  FilterStep (*filter)(std::span<const double> numbers);
+};
+
+/// In the order of --help and of the steps: what needs the ground before what removes it.
+constexpr std::array kFilterOptions{
+    FilterOption{"--crop-box", "xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6, filter_of<CropBox>},
+    FilterOption{"--crop-polygon", "x,y,x,y,... of an outline (m)", 6, 10000,
+                 filter_of<CropPolygon>},
+    FilterOption{"--range", "min,max (m)", 2, 2, filter_of<CropRange>},
+    FilterOption{"--fov", "azimuth min,max,elevation min,max (deg)", 4, 4,
+                 filter_of<CropFieldOfView>},
+    FilterOption{"--ground-morphological", "remove roads, slopes and terrain", 0, 0,
+                 filter_of<GroundMorphological>},
+    FilterOption{"--ground-plane", "remove what is this close to a plane (m)", 1, 1,
+                 filter_of<GroundPlane>},
+    FilterOption{"--below-z", "remove what is not above this height (m)", 1, 1,
+                 filter_of<GroundHeight>},
+};
+static_assert(kFilterOptions.size() + 1 == std::variant_size_v<FilterStep>,
+              "every filter but the background, which is learnt, has a row");
+
 struct FilterOptions {
   std::string in;
   std::string out;
   std::string encoding;
-  std::vector<double> crop_box, crop_polygon, range, field_of_view;
+  std::array<bool, kFilterOptions.size()> given{};
+  std::array<std::vector<double>, kFilterOptions.size()> numbers;
   std::vector<std::string> background;
   std::string save_background;
-  std::optional<double> below_z, ground_plane;
-  bool ground_morphological = false;
 };
 
 /// A saved model, or one learnt from frames of the sensor.
@@ -36,25 +96,11 @@ BackgroundModel background_of(const std::vector<std::string>& files) {
   return learn_background(frames);
 }
 
-/// In the order of --help: what needs the ground before what removes it.
 std::vector<FilterStep> steps_of(const FilterOptions& o) {
   std::vector<FilterStep> steps;
-  if (const auto& b = o.crop_box; !b.empty())
-    steps.emplace_back(CropBox{{b[0], b[1], b[2]}, {b[3], b[4], b[5]}});
-  if (const auto& p = o.crop_polygon; !p.empty()) {
-    if (p.size() % 2 != 0)
-      throw ConfigError("--crop-polygon: found " + std::to_string(p.size()) +
-                        " numbers, allowed an even count: x,y,x,y,...");
-    CropPolygon polygon;
-    for (std::size_t i = 0; i + 1 < p.size(); i += 2) polygon.outline_m.push_back({p[i], p[i + 1]});
-    steps.emplace_back(polygon);
-  }
-  if (!o.range.empty()) steps.emplace_back(CropRange{o.range[0], o.range[1]});
-  if (const auto& f = o.field_of_view; !f.empty())
-    steps.emplace_back(CropFieldOfView{f[0], f[1], f[2], f[3]});
-  if (o.ground_morphological) steps.emplace_back(GroundMorphological{});
-  if (o.ground_plane) steps.emplace_back(GroundPlane{.distance_m = *o.ground_plane});
-  if (o.below_z) steps.emplace_back(GroundHeight{*o.below_z});
+  for (std::size_t i = 0; i < kFilterOptions.size(); ++i)
+    if (o.given[i] || !o.numbers[i].empty())
+      steps.push_back(kFilterOptions[i].filter(o.numbers[i]));
   if (!o.background.empty()) {
     steps.emplace_back(background_of(o.background));
     if (!o.save_background.empty())
@@ -92,22 +138,17 @@ void add_filter_command(CLI::App& app) {
   auto o = std::make_shared<FilterOptions>();
   command->add_option("in", o->in, ".bin (KITTI) or .pcd file")->required();
   command->add_option("--out", o->out, ".bin or .pcd file")->required();
-  command->add_option("--crop-box", o->crop_box, "xmin,ymin,zmin,xmax,ymax,zmax (m)")
-      ->delimiter(',')
-      ->expected(6);
-  command->add_option("--crop-polygon", o->crop_polygon, "x,y,x,y,... of an outline (m)")
-      ->delimiter(',')
-      ->expected(6, 10000);
-  command->add_option("--range", o->range, "min,max (m)")->delimiter(',')->expected(2);
-  command->add_option("--fov", o->field_of_view, "azimuth min,max,elevation min,max (deg)")
-      ->delimiter(',')
-      ->expected(4);
-  auto* opening = command->add_flag("--ground-morphological", o->ground_morphological,
-                                    "remove roads, slopes and terrain");
+  for (std::size_t i = 0; i < kFilterOptions.size(); ++i) {
+    const FilterOption& row = kFilterOptions[i];
+    if (row.numbers == 0)
+      command->add_flag(row.name, o->given[i], row.help);
+    else
+      command->add_option(row.name, o->numbers[i], row.help)
+          ->delimiter(',')
+          ->expected(row.numbers, row.most_numbers);
+  }
   // Each needs the ground: after one, the other would take roofs for it.
-  command->add_option("--ground-plane", o->ground_plane, "remove what is this close to a plane (m)")
-      ->excludes(opening);
-  command->add_option("--below-z", o->below_z, "remove what is not above this height (m)");
+  command->get_option("--ground-plane")->excludes(command->get_option("--ground-morphological"));
   auto* background = command->add_option("--background", o->background,
                                          "a saved model, or frames of the sensor to learn from");
   command->add_option("--save-background", o->save_background, "write the learnt model")

@@ -1,22 +1,21 @@
 #include "infrasim/cli/frame_range.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <vector>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim::cli {
 
 namespace {
 
-/// The whole text as a number; nothing else.
-template <class T>
-bool parse_whole(std::string_view text, T& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size() && !text.empty();
+bool parse_whole(std::string_view text, int& value) {
+  const auto number = parse_number<int>(text);
+  value = number.value_or(0);
+  return number.has_value();
 }
 
 }  // namespace
@@ -44,10 +43,9 @@ FrameRange parse_frames(const std::string& text, double duration_s) {
 }
 
 std::uint64_t parse_seed(const std::string& text) {
-  std::uint64_t seed = 0;
-  if (!parse_whole(text, seed))
-    throw ConfigError("--seed: found '" + text + "', allowed a whole number from 0");
-  return seed;
+  const auto seed = parse_number<std::uint64_t>(text);
+  if (!seed) throw ConfigError("--seed: found '" + text + "', allowed a whole number from 0");
+  return *seed;
 }
 
 }  // namespace infrasim::cli

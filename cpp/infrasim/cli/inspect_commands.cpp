@@ -77,10 +77,15 @@ struct TrajectoriesOptions {
 };
 
 void trajectories_command(const TrajectoriesOptions& o) {
-  const World world = build_world(read_scene(config_file(o.scene, {"scenes"}), o.assignments));
-  const std::string text = trajectories_csv(world.trajectories);
-  write_file_atomically(o.out, text);
-  std::printf("%d frames\n", world.trajectories.frames());
+  const SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments);
+  const std::filesystem::path file = o.out;
+  remove_leftovers(file.parent_path().empty() ? "." : file.parent_path());
+  AtomicFile out(file);
+  out.write(TrajectoryText::header());
+  TrajectoryText lines;
+  for_each_instant(scene, [&](const auto& states) { out.write(lines.rows(states)); });
+  out.replace();
+  std::printf("%d frames\n", lines.instants() - 1);
 }
 
 }  // namespace

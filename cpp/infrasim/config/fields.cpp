@@ -4,6 +4,8 @@
 #include <cctype>
 #include <numeric>
 
+#include "infrasim/core/numbers.h"
+
 namespace infrasim::config {
 
 namespace {
@@ -40,10 +42,9 @@ bool parse_double(const std::string& text, double& value) {
     return true;
   }
   const bool plus = text.starts_with('+') && !text.starts_with("+-");
-  const char* begin = text.data() + (plus ? 1 : 0);
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(begin, end, value);
-  return error == std::errc{} && stop == end && !text.empty() && std::isfinite(value);
+  const auto number = parse_number<double>(std::string_view(text).substr(plus ? 1 : 0));
+  value = number.value_or(kInf);
+  return std::isfinite(value);
 }
 
 }  // namespace
@@ -130,10 +131,10 @@ void FieldReader::read(const Tree& tree, const std::string& key, int& value, con
 
 void FieldReader::read(const Tree& tree, const std::string& key, std::uint64_t& value,
                        const Rule& /*rule*/) {
-  const char* end = tree.scalar.data() + tree.scalar.size();
-  const auto [stop, error] = std::from_chars(tree.scalar.data(), end, value);
-  if (tree.kind != Tree::Kind::kScalar || error != std::errc{} || stop != end)
+  const auto number = parse_number<std::uint64_t>(tree.scalar);
+  if (tree.kind != Tree::Kind::kScalar || !number)
     fail(tree.place, key, found(tree) + ", allowed a whole number from 0");
+  value = *number;
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, bool& value,
@@ -166,9 +167,8 @@ void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value
   const std::string_view text = tree.scalar;
   const auto line = std::min(text.find('/'), text.size());
   const auto whole = [](std::string_view part, std::int64_t& number) {
-    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), number);
-    return error == std::errc{} && end == part.data() + part.size() && number > 0 &&
-           number <= 1'000'000'000;
+    number = parse_number<std::int64_t>(part).value_or(0);
+    return number > 0 && number <= 1'000'000'000;
   };
   Fraction read;
   if (tree.kind != Tree::Kind::kScalar || !whole(text.substr(0, line), read.numerator) ||

@@ -1,6 +1,7 @@
 #include "infrasim/config/scene_config.h"
 
 #include "infrasim/config/fields.h"
+#include "infrasim/config/filter_declarations.h"
 #include "infrasim/config/key_list.h"
 #include "infrasim/core/classes.h"
 
@@ -186,89 +187,65 @@ void visit(Fields& f, WeatherConfig& c) {
           positive(kInf));
 }
 
+/// A scene names each side of the box.
 template <class Fields>
 void visit(Fields& f, CropBox& c) {
   static constexpr std::array kMin{"x_min_m", "y_min_m", "z_min_m"};
   static constexpr std::array kMax{"x_max_m", "y_max_m", "z_max_m"};
+  const auto [min, max] = config::declaration(config::Of<CropBox>{}).parameters;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    f.field(kMin[axis], c.min_m[axis], "levelled LiDAR frame", required());
-    f.field(kMax[axis], c.max_m[axis], "levelled LiDAR frame", required());
+    f.field(kMin[axis], c.min_m[axis], min.doc, min.rule);
+    f.field(kMax[axis], c.max_m[axis], max.doc, max.rule);
     f.check(c.max_m[axis] > c.min_m[axis], kMax[axis], "found it not above its minimum");
   }
 }
 
 template <class Fields>
-void visit(Fields& f, CropPolygon& c) {
-  f.field("outline_m", c.outline_m, "corners, levelled LiDAR frame", required());
+void check(Fields& f, const CropPolygon& c) {
   f.check(c.outline_m.size() >= 3, "outline_m", "found fewer than 3 corners");
   f.check(signed_area(c.outline_m) != 0, "outline_m", "found no area, allowed an outline with one");
 }
 
 template <class Fields>
-void visit(Fields& f, CropRange& c) {
-  f.field("min_m", c.min_m, "slant range", between(0, 1e5));
-  f.field("max_m", c.max_m, "slant range", required(positive(1e5)));
+void check(Fields& f, const CropRange& c) {
   f.check(c.max_m > c.min_m, "max_m", "found it not above min_m, allowed above");
 }
 
 template <class Fields>
-void visit(Fields& f, CropFieldOfView& c) {
-  f.field("azimuth_min_deg", c.azimuth_min_deg, "from here towards +y", between(-180, 180));
-  f.field("azimuth_max_deg", c.azimuth_max_deg, "up to here", between(-180, 180));
-  f.field("elevation_min_deg", c.elevation_min_deg, "above the horizon", between(-90, 90));
-  f.field("elevation_max_deg", c.elevation_max_deg, "above the horizon", between(-90, 90));
+void check(Fields& f, const CropFieldOfView& c) {
   f.check(c.elevation_max_deg > c.elevation_min_deg, "elevation_max_deg",
           "found it not above elevation_min_deg, allowed above");
 }
 
 template <class Fields>
-void visit(Fields& f, GroundHeight& c) {
-  f.field("z_m", c.z_m, "levelled LiDAR frame; what is not above goes", required());
-}
-
-template <class Fields>
-void visit(Fields& f, GroundPlane& c) {
-  f.field("distance_m", c.distance_m, "half thickness", positive(10));
-  f.field("max_tilt_deg", c.max_tilt_deg, "from horizontal", positive(89.9));
-}
-
-template <class Fields>
-void visit(Fields& f, GroundMorphological& c) {
-  f.field("window_m", c.window_m, "what is wider is ground", between(1, 100));
-  f.field("height_m", c.height_m, "above the ground that goes too", positive(10));
-  f.field("cell_m", c.cell_m, "grid cell", between(0.05, 10));
-  f.field("azimuth_cell_deg", c.azimuth_cell_deg, "sectors in which gaps are filled",
-          between(0.05, 10));
-  f.field("max_range_m", c.max_range_m, "farther points are kept", positive(600));
+void check(Fields& f, const GroundMorphological& c) {
   f.check(c.window_m >= c.cell_m, "window_m", "found it below cell_m, allowed cell_m or more");
   f.check(c.max_range_m <= 2000 * c.cell_m, "max_range_m",
           "found more than 2000 cells of cell_m, allowed 2000");
 }
 
-template <class Fields>
-void visit(Fields& f, BackgroundFilter& c) {
-  BackgroundLearning& l = c.learning;
-  f.field("frames", c.frames, "frames without vehicles to learn from", between(1, 1000));
-  f.field("azimuth_cell_deg", l.azimuth_cell_deg, "cell of the model", between(0.05, 10));
-  f.field("elevation_cell_deg", l.elevation_cell_deg, "cell of the model", between(0.05, 10));
-  f.field("range_margin_m", l.range_margin_m, "in front of it that goes too", between(0, 10));
-  f.field("height_margin_m", l.height_margin_m, "above it that goes too", between(0, 10));
+template <class Fields, class Filter>
+  requires requires { config::declaration(config::Of<Filter>{}); }
+void visit(Fields& f, Filter& c) {
+  std::apply([&](const auto&... p) { (f.field(p.name, c.*p.member, p.doc, p.rule), ...); },
+             config::declaration(config::Of<Filter>{}).parameters);
+  if constexpr (requires { check(f, c); }) check(f, c);
 }
 
 template <class Fields>
 void visit(Fields& f, FilterConfig& c) {
-  f.field("crop_box", c.crop_box, "keep a box");
-  f.field("crop_polygon", c.crop_polygon, "keep an outline");
-  f.field("crop_range", c.crop_range, "keep ranges");
-  f.field("crop_field_of_view", c.crop_field_of_view, "keep angles");
-  f.field("ground_height", c.ground_height, "keep what is above a height");
-  f.field("ground_plane", c.ground_plane, "remove one plane");
-  f.field("ground_morphological", c.ground_morphological, "remove roads, slopes and terrain");
-  f.field("background", c.background, "remove what stands without vehicles too");
-  const int steps = c.crop_box.has_value() + c.crop_polygon.has_value() + c.crop_range.has_value() +
-                    c.crop_field_of_view.has_value() + c.ground_height.has_value() +
-                    c.ground_plane.has_value() + c.ground_morphological.has_value() +
-                    c.background.has_value();
+  int steps = 0;
+  config::for_each_filter(config::Of<decltype(c.step)>{},
+                          [&]<class Filter>(config::Of<Filter> filter) {
+                            std::optional<Filter> step;
+                            if constexpr (std::is_same_v<Fields, config::FieldWriter>)
+                              if (const auto* set = std::get_if<Filter>(&c.step)) step = *set;
+                            const auto declared = config::declaration(filter);
+                            f.field(declared.key, step, declared.doc);
+                            if (!step) return;
+                            c.step = *step;
+                            ++steps;
+                          });
   f.check(steps == 1, "crop_box", "found none or several steps, allowed one per entry");
 }
 

@@ -140,22 +140,9 @@ struct WeatherConfig {
   double visibility_m = kInf;
 };
 
-/// A background model learnt from frames of the scene without vehicles.
-struct BackgroundFilter {
-  int frames = 20;
-  BackgroundLearning learning;
-};
-
-/// One step that thins out the points of every frame; exactly one of its members is set.
+/// One step that thins out the points of every frame.
 struct FilterConfig {
-  std::optional<CropBox> crop_box;
-  std::optional<CropPolygon> crop_polygon;
-  std::optional<CropRange> crop_range;
-  std::optional<CropFieldOfView> crop_field_of_view;
-  std::optional<GroundHeight> ground_height;
-  std::optional<GroundPlane> ground_plane;
-  std::optional<GroundMorphological> ground_morphological;
-  std::optional<BackgroundFilter> background;
+  FilterOf<BackgroundFilter> step;
 };
 
 inline constexpr double kLongestScene_s = 36000;

@@ -4,13 +4,13 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <optional>
 #include <set>
 #include <sstream>
 
 #include "infrasim/core/files.h"
+#include "infrasim/core/numbers.h"
 
 namespace infrasim::config {
 
@@ -107,12 +107,11 @@ Tree* find_mutable(Tree& tree, std::string_view key) {
 /// The child that one step of a dotted path names; created in a map where it is missing.
 Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (tree.kind == Tree::Kind::kSequence) {
-    std::size_t index = 0;
-    const auto [end, error] = std::from_chars(step.data(), step.data() + step.size(), index);
-    if (error != std::errc{} || end != step.data() + step.size() || index >= tree.items.size())
+    const auto index = parse_number<std::size_t>(step);
+    if (!index || *index >= tree.items.size())
       fail({option}, step,
            "found no such list entry, allowed 0 to " + std::to_string(tree.items.size()) + " - 1");
-    return tree.items[index];
+    return tree.items[*index];
   }
   if (tree.kind == Tree::Kind::kScalar) fail({option}, step, "found a plain value on the way");
   tree.kind = Tree::Kind::kMap;

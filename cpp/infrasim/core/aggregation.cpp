@@ -1,6 +1,6 @@
 #include "infrasim/core/aggregation.h"
 
-#include <charconv>
+#include "infrasim/core/numbers.h"
 
 namespace infrasim {
 
@@ -9,11 +9,9 @@ std::optional<Aggregation> parse_aggregation(const std::string& word) {
   if (word == "instant") return Aggregation{word, 1};
   constexpr std::string_view kPrefix = "slices:";
   if (!word.starts_with(kPrefix)) return std::nullopt;
-  const char* end = word.data() + word.size();
-  int slices = 0;
-  const auto [stop, error] = std::from_chars(word.data() + kPrefix.size(), end, slices);
-  if (error != std::errc{} || stop != end || slices < 1 || slices > 1000) return std::nullopt;
-  return Aggregation{word, slices};
+  const auto slices = parse_number<int>(std::string_view(word).substr(kPrefix.size()));
+  if (!slices || *slices < 1 || *slices > 1000) return std::nullopt;
+  return Aggregation{word, *slices};
 }
 
 std::vector<WorldSlice> world_slices(const Aggregation& aggregation) {

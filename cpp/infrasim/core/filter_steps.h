@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <variant>
 #include <vector>
 
 #include "infrasim/core/geometry.h"
@@ -81,14 +82,17 @@ struct BackgroundLearning {
   double elevation_cell_deg = 0.2;
   double range_margin_m = 0.3;    ///< closer than this before the background is still background
   double height_margin_m = 0.15;  ///< the same above a level surface
-  /// A cell's background is the farthest of its returns but for this share: it is found even if
-  /// vehicles hide it in most frames (a queue at a red light), and stray echoes do not move it.
-  double far_share = 0.1;
-  /// There is a background if at least this share of a cell's returns agrees on it and the cell got
-  /// at least this share of the returns of the cells below it. Where beams see passing vehicles and
-  /// else nothing (the sky, ground out of reach) neither holds.
-  double agreeing_share = 0.2;
-  double seen_share = 0.5;
 };
+
+/// A background learnt from frames of a scene without vehicles.
+struct BackgroundFilter : BackgroundLearning {
+  int frames = 20;
+};
+
+/// Every filter, once. `Background` is how one is learnt in a scene, and what was learnt where
+/// points are filtered.
+template <class Background>
+using FilterOf = std::variant<CropBox, CropPolygon, CropRange, CropFieldOfView, GroundHeight,
+                              GroundPlane, GroundMorphological, Background>;
 
 }  // namespace infrasim

@@ -11,6 +11,15 @@ namespace infrasim {
 
 namespace {
 
+/// A cell's background is the farthest of its returns but for this share: it is found even if
+/// vehicles hide it in most frames (a queue at a red light), and stray echoes do not move it.
+constexpr double kFarShare = 0.1;
+/// There is a background if at least this share of a cell's returns agrees on it and the cell got
+/// at least this share of the returns of the cells below it. Where beams see passing vehicles and
+/// else nothing (the sky, ground out of reach) neither holds.
+constexpr double kAgreeingShare = 0.2;
+constexpr double kSeenShare = 0.5;
+
 struct Sample {
   float range;
   float z;
@@ -89,14 +98,14 @@ float quantile(std::span<Sample> samples, double share, float Sample::* value) {
 /// returns than its range does.
 void learn_cell(std::span<Sample> samples, const BackgroundLearning& learning, float& range_m,
                 float& height_m) {
-  const float range = quantile(samples, 1 - learning.far_share, &Sample::range);
-  const float z = quantile(samples, learning.far_share, &Sample::z);
+  const float range = quantile(samples, 1 - kFarShare, &Sample::range);
+  const float z = quantile(samples, kFarShare, &Sample::z);
   const auto at_range = std::ranges::count_if(
       samples, [&](const Sample& s) { return s.range >= range - learning.range_margin_m; });
   const auto at_height = std::ranges::count_if(
       samples, [&](const Sample& s) { return s.z <= z + learning.height_margin_m; });
   const bool level = z < 0 && at_height > at_range;
-  const double needed = learning.agreeing_share * static_cast<double>(samples.size());
+  const double needed = kAgreeingShare * static_cast<double>(samples.size());
   if (static_cast<double>(level ? at_height : at_range) < needed) return;
   range_m = range;
   if (level) height_m = z;
@@ -144,14 +153,10 @@ void fill_unseen(BackgroundModel& model) {
 
 BackgroundModel empty_background(const BackgroundLearning& learning) {
   const auto is_cell = [](double cell_deg) { return cell_deg >= 0.05 && cell_deg <= 10; };
-  const auto is_share = [](double share) { return share >= 0 && share <= 1; };
   if (!is_cell(learning.azimuth_cell_deg) || !is_cell(learning.elevation_cell_deg))
     throw std::invalid_argument("background: cells must lie in [0.05, 10] degrees");
   if (!(learning.range_margin_m >= 0 && learning.height_margin_m >= 0))
     throw std::invalid_argument("background: margins must not be negative");
-  if (!is_share(learning.far_share) || !is_share(learning.agreeing_share) ||
-      !is_share(learning.seen_share))
-    throw std::invalid_argument("background: shares must lie in [0, 1]");
   BackgroundModel model;
   model.azimuth_cells = static_cast<int>(std::lround(360 / learning.azimuth_cell_deg));
   model.elevation_cells = static_cast<int>(std::lround(180 / learning.elevation_cell_deg));
@@ -171,7 +176,7 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
   for (int c = 0; c < static_cast<int>(model.range_m.size()); ++c) {
     // Returns in few frames are those of passing vehicles, in front of nothing.
     const auto returns = static_cast<double>(cells.count(c));
-    if (returns > 0 && returns >= learning.seen_share * expected_count(model, cells, c))
+    if (returns > 0 && returns >= kSeenShare * expected_count(model, cells, c))
       learn_cell(cells.of(c), learning, model.range_m[c], model.height_m[c]);
   }
   add_margins(model, learning);

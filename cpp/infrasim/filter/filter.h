@@ -1,7 +1,6 @@
 #pragma once
 
 #include <span>
-#include <variant>
 #include <vector>
 
 #include "infrasim/filter/background.h"
@@ -10,8 +9,7 @@
 
 namespace infrasim {
 
-using FilterStep = std::variant<CropBox, CropPolygon, CropRange, CropFieldOfView, GroundHeight,
-                                GroundPlane, GroundMorphological, BackgroundModel>;
+using FilterStep = FilterOf<BackgroundModel>;
 
 /// Indices of the points that one step keeps, in increasing order; never NaN or infinite points.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstring>
 #include <string>
+#include <utility>
 
 #include "infrasim/core/errors.h"
 
@@ -52,50 +53,60 @@ pid_t writer_of(std::string_view name) {
   return name.ends_with("." + host()) ? pid : 0;
 }
 
-/// 0, or the errno of what failed.
-int write_all(const char* path, std::span<const std::byte> bytes) {
-  const int file = ::open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (file < 0) return errno;
-  int failed = 0;
-  while (!bytes.empty() && failed == 0) {
-    const ssize_t n = ::write(file, bytes.data(), bytes.size());
-    if (n > 0)
-      bytes = bytes.subspan(static_cast<std::size_t>(n));
-    else if (n == 0)
-      failed = ENOSPC;
-    else if (errno != EINTR)
-      failed = errno;
-  }
-  if (::close(file) != 0 && failed == 0) failed = errno;
-  return failed;
-}
-
 [[noreturn]] void fail(const std::filesystem::path& file, int error) {
   throw IoError(file.string() + ": can't be written: " + std::strerror(error));
 }
 
-/// @return the hidden file with these bytes, for this writer alone
-std::filesystem::path write_hidden(const std::filesystem::path& file,
-                                   std::span<const std::byte> bytes) {
-  std::filesystem::path hidden;
-  int failed = EEXIST;
-  while (failed == EEXIST) {  // left by a process that had this one's number
-    hidden = hidden_file(file);
-    failed = write_all(hidden.c_str(), bytes);
-  }
-  if (failed == 0) return hidden;
-  ::unlink(hidden.c_str());
-  fail(file, failed);
-}
-
 }  // namespace
 
+AtomicFile::AtomicFile(std::filesystem::path file) : file_(std::move(file)) {
+  do {
+    hidden_ = hidden_file(file_);
+    descriptor_ = ::open(hidden_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  } while (descriptor_ < 0 && errno == EEXIST);  // left by a process that had this one's number
+  if (descriptor_ < 0) fail(file_, errno);
+}
+
+AtomicFile::~AtomicFile() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+  ::unlink(hidden_.c_str());
+}
+
+void AtomicFile::write(std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(descriptor_, bytes.data(), bytes.size());
+    if (n > 0)
+      bytes = bytes.subspan(static_cast<std::size_t>(n));
+    else if (n == 0)
+      fail(file_, ENOSPC);
+    else if (errno != EINTR)
+      fail(file_, errno);
+  }
+}
+
+void AtomicFile::write(std::string_view text) { write(std::as_bytes(std::span(text))); }
+
+void AtomicFile::close() {
+  if (::close(std::exchange(descriptor_, -1)) != 0) fail(file_, errno);
+}
+
+void AtomicFile::replace() {
+  close();
+  if (std::rename(hidden_.c_str(), file_.c_str()) != 0) fail(file_, errno);
+}
+
+bool AtomicFile::create() {
+  close();
+  // A link fails where a rename would replace the file of a process that was first.
+  const int failed = ::link(hidden_.c_str(), file_.c_str()) == 0 ? 0 : errno;
+  if (failed != 0 && failed != EEXIST) fail(file_, failed);
+  return failed == 0;
+}
+
 void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes) {
-  const auto hidden = write_hidden(file, bytes);
-  if (std::rename(hidden.c_str(), file.c_str()) == 0) return;
-  const int failed = errno;
-  ::unlink(hidden.c_str());
-  fail(file, failed);
+  AtomicFile out(file);
+  out.write(bytes);
+  out.replace();
 }
 
 void write_file_atomically(const std::filesystem::path& file, std::string_view text) {
@@ -103,12 +114,9 @@ void write_file_atomically(const std::filesystem::path& file, std::string_view t
 }
 
 bool create_file_atomically(const std::filesystem::path& file, std::string_view text) {
-  // A link fails where a rename would replace the file of a process that was first.
-  const auto hidden = write_hidden(file, std::as_bytes(std::span(text)));
-  const int failed = ::link(hidden.c_str(), file.c_str()) == 0 ? 0 : errno;
-  ::unlink(hidden.c_str());
-  if (failed != 0 && failed != EEXIST) fail(file, failed);
-  return failed == 0;
+  AtomicFile out(file);
+  out.write(text);
+  return out.create();
 }
 
 void remove_leftovers(const std::filesystem::path& folder) {

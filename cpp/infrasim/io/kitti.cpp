@@ -6,11 +6,11 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <span>
 
 #include "infrasim/core/errors.h"
 #include "infrasim/io/atomic_file.h"
+#include "infrasim/io/csv.h"
 #include "infrasim/io/data_set.h"
 
 namespace infrasim {
@@ -18,6 +18,9 @@ namespace infrasim {
 static_assert(std::endian::native == std::endian::little, "the files are little-endian");
 
 namespace {
+
+constexpr char kObjectColumns[] =
+    "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility";
 
 template <class... Args>
 void append(std::string& text, const char* format, Args... args) {
@@ -58,8 +61,7 @@ std::string calib_text() {
 }
 
 std::string objects_csv(const std::vector<ObjectRecord>& objects) {
-  std::string text =
-      "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility\n";
+  std::string text = std::string(kObjectColumns) + "\n";
   for (const ObjectRecord& o : objects)
     append(text, "%d,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.6f,%.4f,%d,%d,%.4f,%.4f\n", o.id,
            std::string(class_of(o.object_class).name).c_str(), o.box.x, o.box.y, o.box.z, o.box.dx,
@@ -110,18 +112,15 @@ FrameCounts count(const Frame& frame) {
 
 FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
   FrameCounts counts;
+  const auto cloud = velodyne_file(lidar_folder, frame);
   std::error_code error;
-  counts.hits = std::filesystem::file_size(velodyne_file(lidar_folder, frame), error) / 16;
-  const auto file = lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv");
-  std::ifstream in(file);
-  std::string line;
-  if (error || !std::getline(in, line)) throw IoError(file.string() + ": can't be read");
-  for (; std::getline(in, line); ++counts.vehicles) {
-    std::size_t at = 0;
-    for (int column = 0; column < 10 && at != std::string::npos; ++column)
-      at = line.find(',', at == 0 && column == 0 ? 0 : at + 1);
-    if (at == std::string::npos) throw IoError(file.string() + ": has too few columns");
-    counts.vehicle_points += std::strtoul(line.c_str() + at + 1, nullptr, 10);
+  counts.hits = std::filesystem::file_size(cloud, error) / 16;
+  if (error) throw IoError(cloud.string() + ": can't be read");
+  CsvReader csv(lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv"),
+                kObjectColumns);
+  for (; csv.next_row(); ++counts.vehicles) {
+    for (int column = 0; column < 10; ++column) csv.cell();
+    counts.vehicle_points += static_cast<std::size_t>(csv.number("points", 0, 1e9));
   }
   return counts;
 }

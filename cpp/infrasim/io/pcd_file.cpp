@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/io/cloud_file.h"
 #include "infrasim/io/lzf.h"
 
@@ -59,12 +60,11 @@ class PcdReader {
   }
 
   std::size_t whole(const std::string& key, const std::string& word, std::size_t max) const {
-    std::size_t value = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc{} || end != word.data() + word.size() || value > max)
+    const auto value = parse_number<std::size_t>(word);
+    if (!value || *value > max)
       fail(key, "found '" + word.substr(0, 40) + "', allowed a whole number up to " +
                     std::to_string(max));
-    return value;
+    return *value;
   }
 
   void header_line() {
@@ -233,12 +233,9 @@ class PcdReader {
 
   template <class T>
   T number(const std::string& key, const std::string& word, const std::string& allowed) const {
-    T value{};
-    const char* end = word.data() + word.size();
-    const auto [stop, error] = std::from_chars(word.data(), end, value);
-    if (error != std::errc{} || stop != end)
-      fail(key, "found '" + word.substr(0, 40) + "', allowed " + allowed);
-    return value;
+    const auto value = parse_number<T>(word);
+    if (!value) fail(key, "found '" + word.substr(0, 40) + "', allowed " + allowed);
+    return *value;
   }
 
   template <class T>

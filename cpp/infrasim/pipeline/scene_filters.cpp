@@ -5,19 +5,16 @@ namespace infrasim {
 std::vector<FilterStep> make_filters(const std::vector<FilterConfig>& filters,
                                      const std::function<std::vector<float>(int)>& empty_frame) {
   std::vector<FilterStep> steps;
-  for (const FilterConfig& f : filters) {
-    if (f.crop_box) steps.emplace_back(*f.crop_box);
-    if (f.crop_polygon) steps.emplace_back(*f.crop_polygon);
-    if (f.crop_range) steps.emplace_back(*f.crop_range);
-    if (f.crop_field_of_view) steps.emplace_back(*f.crop_field_of_view);
-    if (f.ground_height) steps.emplace_back(*f.ground_height);
-    if (f.ground_plane) steps.emplace_back(*f.ground_plane);
-    if (f.ground_morphological) steps.emplace_back(*f.ground_morphological);
-    if (!f.background) continue;
-    std::vector<std::vector<float>> frames;
-    for (int k = 0; k < f.background->frames; ++k) frames.push_back(empty_frame(k));
-    steps.emplace_back(learn_background(frames, f.background->learning));
-  }
+  const auto add = [&]<class Filter>(const Filter& filter) {
+    if constexpr (std::is_same_v<Filter, BackgroundFilter>) {
+      std::vector<std::vector<float>> frames;
+      for (int k = 0; k < filter.frames; ++k) frames.push_back(empty_frame(k));
+      steps.emplace_back(learn_background(frames, filter));
+    } else {
+      steps.emplace_back(filter);
+    }
+  };
+  for (const FilterConfig& f : filters) std::visit(add, f.step);
   return steps;
 }
 

@@ -46,6 +46,14 @@ World build_world(const SceneConfig& scene) {
           std::move(meshes)};
 }
 
+void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
+  // What stands still is no part of the rows, but a scene is right as a whole or not at all.
+  build_static_mesh(scene, level_pose(scene.mounts.begin()->second));
+  static_cast<void>(EvaluationRegion(scene));
+  if (scene.traffic) return simulate_traffic(scene, take);
+  for (const auto& states : load_trajectories(scene).rows) take(states);
+}
+
 void check_frame(const World& world, int k) {
   if (k < 0 || k >= world.trajectories.frames())
     throw ConfigError("frames: found " + std::to_string(k) + ", allowed 0 to " +

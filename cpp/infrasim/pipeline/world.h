@@ -26,6 +26,10 @@ struct World {
 /// @throws ConfigError, IoError
 World build_world(const SceneConfig& scene);
 
+/// Hands over the vehicles of a scene, one instant after the other; simulated ones are not kept.
+/// @throws what build_world does
+void for_each_instant(const SceneConfig& scene, const TakeInstant& take);
+
 /// Index of a class in World::bodies.
 std::size_t body_index(Class object_class);
 

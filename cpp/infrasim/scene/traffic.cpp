@@ -355,15 +355,19 @@ class Traffic {
 
 }  // namespace
 
-Trajectories simulate_traffic(const SceneConfig& scene) {
+void simulate_traffic(const SceneConfig& scene, const TakeInstant& take) {
   Traffic traffic(scene);
   for (double t = 0; t < scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
-  Trajectories out;
   const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
   for (int k = 0; k <= frames; ++k) {
-    out.rows.push_back(traffic.states());
+    take(traffic.states());
     traffic.step();
   }
+}
+
+Trajectories simulate_traffic(const SceneConfig& scene) {
+  Trajectories out;
+  simulate_traffic(scene, [&](const auto& states) { out.rows.push_back(states); });
   return out;
 }
 

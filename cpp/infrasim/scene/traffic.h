@@ -9,8 +9,10 @@ namespace infrasim {
 /// Helbing 2000) and signals, from a warm start, for the scene's duration. The number of vehicles
 /// is held at the density: who leaves at the end of a lane is replaced by a new vehicle at an
 /// entry. Vehicles keep their lane and follow its centre by their own.
-/// @return rows every 0.1 s, rounded to the digits of the trajectory file
+/// @param take  is given the vehicles every 0.1 s, rounded to the digits of the trajectory file
 /// @throws ConfigError if the junctions do not fit the roads
+void simulate_traffic(const SceneConfig& scene, const TakeInstant& take);
+/// The same, all rows at once.
 Trajectories simulate_traffic(const SceneConfig& scene);
 
 }  // namespace infrasim

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <charconv>
 #include <map>
-#include <sstream>
 
 #include "infrasim/config/fields.h"
-#include "infrasim/core/files.h"
+#include "infrasim/io/csv.h"
 
 namespace infrasim {
 
@@ -53,25 +52,34 @@ ObjectState rounded(ObjectState state) {
   return state;
 }
 
-std::string trajectories_csv(const Trajectories& trajectories) {
-  std::string text = std::string(kHeader) + "\n";
+std::string TrajectoryText::header() { return std::string(kHeader) + "\n"; }
+
+std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
+  std::string text;
   std::array<char, 32> buffer{};
   const auto append = [&](auto value, char end) {
     text.append(buffer.data(),
                 std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
     text += end;
   };
-  for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
-    for (const ObjectState& s : trajectories.rows[k]) {
-      append(round_to(static_cast<double>(k) * kFramePeriod, 10), ',');
-      append(s.id, ',');
-      text += class_of(s.object_class).name;
-      text += ',';
-      for (const double v :
-           {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
-        append(v, ',');
-      append(s.speed_m_s, '\n');
-    }
+  const double t = round_to(instants_ * kFramePeriod, 10);
+  for (const ObjectState& s : states) {
+    append(t, ',');
+    append(s.id, ',');
+    text += class_of(s.object_class).name;
+    text += ',';
+    for (const double v : {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
+      append(v, ',');
+    append(s.speed_m_s, '\n');
+  }
+  ++instants_;
+  return text;
+}
+
+std::string trajectories_csv(const Trajectories& trajectories) {
+  std::string text = TrajectoryText::header();
+  TrajectoryText lines;
+  for (const auto& states : trajectories.rows) text += lines.rows(states);
   return text;
 }
 
@@ -80,85 +88,50 @@ namespace {
 /// Reads a trajectory file row by row and says what is wrong where.
 class TrajectoryReader {
  public:
-  explicit TrajectoryReader(const std::filesystem::path& file) : name_(file.string()) {}
+  explicit TrajectoryReader(const std::filesystem::path& file) : csv_(file, kHeader) {}
 
-  void header(std::string_view line) {
-    if (line != kHeader)
-      fail("(header)",
-           "found '" + std::string(line.substr(0, 80)) + "', allowed '" + kHeader + "'");
-  }
-
-  void row(std::string_view line) {
-    ++line_;
-    rest_ = line;
-    column_next_ = 1;
-    ended_ = false;
-    const double t = number("t", 0, 1e5);
-    ObjectState s;
-    const double id = number("id", 0, 2e9);
-    if (id != std::floor(id))
-      fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
-    s.id = static_cast<int>(id);
-    const std::string_view class_name = cell("class");
-    const ObjectClass* found = find_class(class_name);
-    if (found == nullptr)
-      fail("class", "found '" + std::string(class_name.substr(0, 40)) +
-                        "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
-    s.object_class = found->id;
-    s.box.x = number("x", -1e7, 1e7);
-    s.box.y = number("y", -1e7, 1e7);
-    s.box.z = number("z", -1e4, 1e5);
-    s.box.heading = number("heading", -2 * kPi, 2 * kPi);
-    s.box.dx = number("dx", 0.1, 50);
-    s.box.dy = number("dy", 0.1, 50);
-    s.box.dz = number("dz", 0.1, 50);
-    s.speed_m_s = number("speed", -100, 200);
-    if (!ended_) fail("(row)", "found more than 11 columns");
-    column_ = 1;
-    add(t, s);
-  }
-
-  Trajectories take() {
-    if (out_.rows.size() < 2) fail("t", "found fewer than two instants, allowed two or more");
+  Trajectories read() {
+    while (csv_.next_row()) row();
+    if (out_.rows.size() < 2)
+      csv_.fail_row("t", "found fewer than two instants, allowed two or more");
     return std::move(out_);
   }
 
  private:
-  [[noreturn]] void fail(const std::string& key, const std::string& what) const {
-    config::fail({name_, line_, column_}, key, what);
-  }
-
-  std::string_view cell(const char* key) {
-    if (ended_) fail(key, "found no more columns, allowed 11");
-    const auto comma = rest_.find(',');
-    const std::string_view text = rest_.substr(0, comma);
-    column_ = column_next_;
-    column_next_ += static_cast<int>(text.size()) + 1;
-    ended_ = comma == std::string_view::npos;
-    rest_ = ended_ ? std::string_view{} : rest_.substr(comma + 1);
-    return text;
-  }
-
-  double number(const char* key, double low, double high) {
-    const std::string_view text = cell(key);
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size() ||
-        !(value >= low && value <= high))
-      fail(key, "found '" + std::string(text.substr(0, 40)) + "', allowed a number from " +
-                    std::to_string(low) + " to " + std::to_string(high));
-    return value;
+  void row() {
+    const double t = csv_.number("t", 0, 1e5);
+    ObjectState s;
+    const double id = csv_.number("id", 0, 2e9);
+    if (id != std::floor(id))
+      csv_.fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
+    s.id = static_cast<int>(id);
+    const std::string_view class_name = csv_.cell();
+    const ObjectClass* found = find_class(class_name);
+    if (found == nullptr)
+      csv_.fail("class", "found '" + std::string(class_name.substr(0, 40)) +
+                             "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
+    s.object_class = found->id;
+    s.box.x = csv_.number("x", -1e7, 1e7);
+    s.box.y = csv_.number("y", -1e7, 1e7);
+    s.box.z = csv_.number("z", -1e4, 1e5);
+    s.box.heading = csv_.number("heading", -2 * kPi, 2 * kPi);
+    s.box.dx = csv_.number("dx", 0.1, 50);
+    s.box.dy = csv_.number("dy", 0.1, 50);
+    s.box.dz = csv_.number("dz", 0.1, 50);
+    s.speed_m_s = csv_.number("speed", -100, 200);
+    add(t, s);
   }
 
   void add(double t, const ObjectState& s) {
     const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
-      fail("t", "found a time that is not a multiple of 0.1 s");
-    if (step + 1 < out_.rows.size()) fail("t", "found a time before the row above");
-    if (out_.rows.empty() && step != 0) fail("t", "found a start after 0, allowed 0");
+      csv_.fail_row("t", "found a time that is not a multiple of 0.1 s");
+    if (step + 1 < out_.rows.size()) csv_.fail_row("t", "found a time before the row above");
+    if (out_.rows.empty() && step != 0) csv_.fail_row("t", "found a start after 0, allowed 0");
     out_.rows.resize(std::max(out_.rows.size(), step + 1));  // a moment without rows is empty
     auto& row = out_.rows.back();
-    if (!row.empty() && row.back().id >= s.id) fail("id", "found ids that do not increase");
+    if (!row.empty() && row.back().id >= s.id)
+      csv_.fail_row("id", "found ids that do not increase");
     check_motion(step, s);
     last_[s.id] = {step, s};
     row.push_back(s);
@@ -169,45 +142,26 @@ class TrajectoryReader {
     if (it == last_.end()) return;
     const auto& [last_step, before] = it->second;
     if (last_step + 1 != step)
-      fail("id",
-           "found vehicle " + std::to_string(s.id) + " again after a gap, allowed steps of 0.1 s");
+      csv_.fail_row("id", "found vehicle " + std::to_string(s.id) +
+                              " again after a gap, allowed steps of 0.1 s");
     const Box3d &a = before.box, &b = s.box;
     if (norm(Vec3{b.x - a.x, b.y - a.y, b.z - a.z}) > kMaxStep)
-      fail("x", "found a jump of more than 10 m in 0.1 s");
+      csv_.fail_row("x", "found a jump of more than 10 m in 0.1 s");
     if (std::abs(wrap_angle(b.heading - a.heading)) > kMaxTurn)
-      fail("heading", "found a turn of more than 60 degrees in 0.1 s");
+      csv_.fail_row("heading", "found a turn of more than 60 degrees in 0.1 s");
     if (a.dx != b.dx || a.dy != b.dy || a.dz != b.dz || before.object_class != s.object_class)
-      fail("dx", "found a vehicle that changes its size or class");
+      csv_.fail_row("dx", "found a vehicle that changes its size or class");
   }
 
-  std::string name_;
-  int line_ = 1;
-  int column_ = 1;
-  int column_next_ = 1;
-  bool ended_ = false;
-  std::string_view rest_;
+  CsvReader csv_;
   std::map<int, std::pair<std::size_t, ObjectState>> last_;
   Trajectories out_;
 };
 
 }  // namespace
 
-namespace {
-
-std::string_view without_return(const std::string& line) {
-  return std::string_view(line).substr(0, line.size() - (line.ends_with('\r') ? 1 : 0));
-}
-
-}  // namespace
-
 Trajectories read_trajectories(const std::filesystem::path& file) {
-  std::istringstream in(read_file(file));
-  TrajectoryReader reader(file);
-  std::string line;
-  std::getline(in, line);
-  reader.header(without_return(line));
-  while (std::getline(in, line)) reader.row(without_return(line));
-  return reader.take();
+  return TrajectoryReader(file).read();
 }
 
 }  // namespace infrasim

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -44,7 +45,25 @@ struct Trajectories {
 /// Rounds a state to the digits of the file, so that a run from the file equals the run itself.
 ObjectState rounded(ObjectState state);
 
-/// Columns t,id,class,x,y,z,heading,dx,dy,dz,speed; metres, radians, world frame, 10 Hz.
+/// Takes the states of one instant after the other.
+using TakeInstant = std::function<void(const std::vector<ObjectState>&)>;
+
+/// The text of trajectories.csv, one instant after the other: columns
+/// t,id,class,x,y,z,heading,dx,dy,dz,speed; metres, radians, world frame, 10 Hz.
+class TrajectoryText {
+ public:
+  /// The first line.
+  static std::string header();
+  /// The rows of the next instant.
+  std::string rows(const std::vector<ObjectState>& states);
+
+  int instants() const { return instants_; }
+
+ private:
+  int instants_ = 0;
+};
+
+/// The same as a whole.
 std::string trajectories_csv(const Trajectories& trajectories);
 
 /// @throws ConfigError with file and line: rows out of order, gaps, jumps, sizes that change

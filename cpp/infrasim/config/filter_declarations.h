@@ -1,0 +1,135 @@
+#pragma once
+
+#include <tuple>
+#include <type_traits>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/core/filter_steps.h"
+
+// What every filter is called and what its parameters are, once: the keys of a scene, the options
+// of `infrasim filter` and the classes of Python follow. A new filter is a struct and its place in
+// FilterOf (core/filter_steps.h), a declaration here, and its `keep` in filter/.
+
+namespace infrasim::config {
+
+/// A parameter of a filter: its name in scenes and in Python, and what a scene may set.
+template <class Filter, class T, bool kRequired>
+struct Parameter {
+  static constexpr bool required = kRequired;
+  const char* name;
+  T Filter::* member;
+  const char* doc;
+  Rule rule;
+};
+
+template <class Filter, class T>
+Parameter<Filter, T, false> optional(const char* name, T Filter::* member, const char* doc,
+                                     Rule rule) {
+  return {name, member, doc, rule};
+}
+
+template <class Filter, class T>
+Parameter<Filter, T, true> required(const char* name, T Filter::* member, const char* doc,
+                                    Rule rule = {}) {
+  return {name, member, doc, required(rule)};
+}
+
+template <class... Parameters>
+struct FilterDeclaration {
+  const char* key;        ///< of an entry of a scene's `filters`; CamelCase in Python
+  const char* doc;        ///< of that key
+  const char* docstring;  ///< of Python's class
+  std::tuple<Parameters...> parameters;
+};
+
+template <class... Parameters>
+FilterDeclaration<Parameters...> declare(const char* key, const char* doc, const char* docstring,
+                                         Parameters... parameters) {
+  return {key, doc, docstring, {parameters...}};
+}
+
+template <class Filter>
+using Of = std::type_identity<Filter>;
+
+/// Calls use(Of<Filter>) for every filter, in their order.
+template <class... Filters, class Use>
+void for_each_filter(Of<std::variant<Filters...>>, const Use& use) {
+  (use(Of<Filters>{}), ...);
+}
+
+inline auto declaration(Of<CropBox>) {
+  return declare("crop_box", "keep a box",
+                 "Keeps min_m <= point <= max_m, each (x, y, z) in metres.",
+                 required("min_m", &CropBox::min_m, "levelled LiDAR frame"),
+                 required("max_m", &CropBox::max_m, "levelled LiDAR frame"));
+}
+
+inline auto declaration(Of<CropPolygon>) {
+  return declare("crop_polygon", "keep an outline", "Keeps points inside corners (x, y) in metres.",
+                 required("outline_m", &CropPolygon::outline_m, "corners, levelled LiDAR frame"));
+}
+
+inline auto declaration(Of<CropRange>) {
+  return declare("crop_range", "keep ranges", "Keeps min_m <= slant range <= max_m.",
+                 optional("min_m", &CropRange::min_m, "slant range", between(0, 1e5)),
+                 required("max_m", &CropRange::max_m, "slant range", positive(1e5)));
+}
+
+inline auto declaration(Of<CropFieldOfView>) {
+  using Filter = CropFieldOfView;
+  const Rule turn = between(-180, 180), tilt = between(-90, 90);
+  return declare(
+      "crop_field_of_view", "keep angles",
+      "Keeps an interval of azimuth, from min towards +y up to max, and of elevation; degrees.",
+      optional("azimuth_min_deg", &Filter::azimuth_min_deg, "from here towards +y", turn),
+      optional("azimuth_max_deg", &Filter::azimuth_max_deg, "up to here", turn),
+      optional("elevation_min_deg", &Filter::elevation_min_deg, "above the horizon", tilt),
+      optional("elevation_max_deg", &Filter::elevation_max_deg, "above the horizon", tilt));
+}
+
+inline auto declaration(Of<GroundHeight>) {
+  return declare(
+      "ground_height", "keep what is above a height", "Keeps z > z_m; knows no slope.",
+      required("z_m", &GroundHeight::z_m, "levelled LiDAR frame; what is not above goes"));
+}
+
+inline auto declaration(Of<GroundPlane>) {
+  return declare(
+      "ground_plane", "remove one plane",
+      "Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC).",
+      optional("distance_m", &GroundPlane::distance_m, "half thickness", positive(10)),
+      optional("max_tilt_deg", &GroundPlane::max_tilt_deg, "from horizontal", positive(89.9)));
+}
+
+inline auto declaration(Of<GroundMorphological>) {
+  using Filter = GroundMorphological;
+  return declare(
+      "ground_morphological", "remove roads, slopes and terrain",
+      "Removes roads, slopes and terrain: what is wider than window_m, and height_m above it.",
+      optional("window_m", &Filter::window_m, "what is wider is ground", between(1, 100)),
+      optional("height_m", &Filter::height_m, "above the ground that goes too", positive(10)),
+      optional("cell_m", &Filter::cell_m, "grid cell", between(0.05, 10)),
+      optional("azimuth_cell_deg", &Filter::azimuth_cell_deg, "sectors in which gaps are filled",
+               between(0.05, 10)),
+      optional("max_range_m", &Filter::max_range_m, "farther points are kept", positive(600)));
+}
+
+/// In Python, and where points are filtered, it is a model that was learnt.
+inline auto declaration(Of<BackgroundFilter>) {
+  using Filter = BackgroundFilter;
+  return declare(
+      "background", "remove what stands without vehicles too",
+      "The static scene as one fixed sensor sees it; as a filter step it removes that scene.",
+      optional("frames", &Filter::frames, "frames without vehicles to learn from",
+               between(1, 1000)),
+      optional("azimuth_cell_deg", &Filter::azimuth_cell_deg, "cell of the model",
+               between(0.05, 10)),
+      optional("elevation_cell_deg", &Filter::elevation_cell_deg, "cell of the model",
+               between(0.05, 10)),
+      optional("range_margin_m", &Filter::range_margin_m, "in front of it that goes too",
+               between(0, 10)),
+      optional("height_margin_m", &Filter::height_margin_m, "above it that goes too",
+               between(0, 10)));
+}
+
+}  // namespace infrasim::config

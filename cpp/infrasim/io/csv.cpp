@@ -1,0 +1,78 @@
+#include "infrasim/io/csv.h"
+
+#include <algorithm>
+#include <cassert>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
+#include "infrasim/core/numbers.h"
+
+namespace infrasim {
+
+CsvReader::CsvReader(const std::filesystem::path& file, std::string_view header)
+    : name_(file.string()),
+      text_(read_file(file)),
+      rest_(text_),
+      columns_(std::ranges::count(header, ',') + 1) {
+  next_line();
+  if (row_ != header)
+    fail_row("(header)", "found '" + std::string(row_.substr(0, 80)) + "', allowed '" +
+                             std::string(header) + "'");
+}
+
+void CsvReader::next_line() {
+  ++line_;
+  cell_ = next_cell_ = 0;
+  const auto end = std::min(rest_.find('\n'), rest_.size());
+  row_ = rest_.substr(0, end);
+  rest_.remove_prefix(std::min(end + 1, rest_.size()));
+  if (row_.ends_with('\r')) row_.remove_suffix(1);
+}
+
+bool CsvReader::next_row() {
+  if (rest_.empty()) return false;
+  next_line();
+  if (const auto columns = std::ranges::count(row_, ',') + 1; columns != columns_)
+    fail_row("(row)", "found '" + std::string(row_.substr(0, 80)) + "', allowed " +
+                          std::to_string(columns_) + " columns");
+  return true;
+}
+
+std::string_view CsvReader::cell() {
+  assert(next_cell_ <= row_.size());
+  const auto end = std::min(row_.find(',', next_cell_), row_.size());
+  cell_ = next_cell_;
+  next_cell_ = end + 1;
+  return row_.substr(cell_, end - cell_);
+}
+
+double CsvReader::number(std::string_view key, double low, double high) {
+  const std::string_view text = cell();
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value >= low && *value <= high))
+    fail(key, "found '" + std::string(text.substr(0, 40)) + "', allowed a number from " +
+                  std::to_string(low) + " to " + std::to_string(high));
+  return *value;
+}
+
+double CsvReader::number_or(double blank, std::string_view key, double low, double high) {
+  const std::size_t before = next_cell_;
+  if (cell().empty()) return blank;
+  next_cell_ = before;
+  return number(key, low, high);
+}
+
+void CsvReader::fail(std::string_view key, const std::string& what) const {
+  fail_at(cell_, key, what);
+}
+
+void CsvReader::fail_row(std::string_view key, const std::string& what) const {
+  fail_at(0, key, what);
+}
+
+void CsvReader::fail_at(std::size_t place, std::string_view key, const std::string& what) const {
+  throw ConfigError(name_ + ":" + std::to_string(line_) + ":" + std::to_string(place + 1) + ": " +
+                    std::string(key) + ": " + what);
+}
+
+}  // namespace infrasim
