@@ -63,7 +63,8 @@ make_environment() {
   "$(find_python)" -m venv --clear .venv
   # The source tree is importable without installing the package.
   pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/infrasim.pth"
-  .venv/bin/python -m pip install -qq -c $constraints pip
+  # The system's pip does not read hashes of constraints: it gets those of pip alone, as requirements.
+  sed -n '/^pip==/,/[^\\]$/p' $constraints | .venv/bin/python -m pip install -qq -r /dev/stdin
   touch .venv/.setup
 }
 

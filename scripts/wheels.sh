@@ -29,7 +29,7 @@ wheel_of_trixie() {
   rm -rf $wheels/raw313
   .venv/bin/python -m pip --python "$(python_of_trixie)" wheel -qq . --no-deps -w $wheels/raw313 \
     --build-constraint scripts/constraints.txt
-  .venv/bin/python scripts/wheel.py $wheels/raw313/*.whl $wheels
+  .venv/bin/python scripts/bundle.py $wheels/raw313/*.whl $wheels
 }
 
 # try_wheel SUITE TAG: installs the wheel with that tag in a fresh environment of the root, and runs it.
