@@ -11,7 +11,7 @@ configure = cmake --preset $(1) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset debian13 test lint stubs reference docs viewer bench wheel sanitize fuzz clean
+.PHONY: setup build demo dataset debian13 test lint stubs reference docs viewer bench wheel wheels hashes sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -34,8 +34,12 @@ demo: build
 dataset: build
 	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
 
-# As root on Debian 12; 5 GB in build/debian13.
-debian13: build
+# A wheel for each Python, each tried in a Debian with that Python alone. As root on Debian 12; 2 GB in build/roots.
+wheels: build wheel
+	scripts/wheels.sh
+
+# The C++ tests and, with the wheel, the Python tests. As root on Debian 12; 15 GB in build/roots.
+debian13: wheels
 	scripts/debian13.sh
 
 test: build
@@ -75,18 +79,15 @@ bench: build
 	@scripts/setup.sh bench
 	$(PYTHON) benchmarks/run.py
 
-# The wheel works in a clean environment, away from the source tree.
+# One wheel, which brings its libraries.
 wheel:
+	@scripts/setup.sh build wheel
+	scripts/wheel.sh
+
+# SHA-256 of every pin of scripts/constraints.txt, after one changed.
+hashes:
 	@scripts/setup.sh build
-	rm -rf build/wheel build/wheel-env
-	$(PYTHON) -m pip wheel -qq . --no-deps -w build/wheel --build-constraint scripts/constraints.txt
-	$(PYTHON) -m venv build/wheel-env
-	build/wheel-env/bin/pip install -qq -c scripts/constraints.txt build/wheel/*.whl
-	cd / && $(CURDIR)/build/wheel-env/bin/infrasim --version
-	cd / && $(CURDIR)/build/wheel-env/bin/python -c \
-		"import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
-	cd / && $(CURDIR)/build/wheel-env/bin/python -c "from pyinfra.viewer.page import library; library()"
-	ls build/wheel-env/lib/python3*/site-packages/pyinfra/configs
+	$(PYTHON) scripts/hashes.py
 
 sanitize:
 	@scripts/setup.sh build

@@ -59,11 +59,19 @@ pip_install() {
   .venv/bin/python -m pip install -qq -c $constraints --build-constraint $constraints "$@"
 }
 
+# PyTorch's build for a CPU, where pip is set up with an index or a folder that has it; PyPI has only
+# the one with CUDA, which pip would choose for its hash.
+install_torch_for_cpu() {
+  pip_install "$(sed -n 's/^\(torch==[0-9.]*\) .*/\1+cpu/p' $constraints)" 2>/dev/null ||
+    echo "setup: pip finds no PyTorch for a CPU; PyPI's brings CUDA"
+}
+
 make_environment() {
   "$(find_python)" -m venv --clear .venv
   # The source tree is importable without installing the package.
   pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/infrasim.pth"
-  .venv/bin/python -m pip install -qq -c $constraints pip
+  # The system's pip does not read hashes of constraints: it gets those of pip alone, as requirements.
+  sed -n '/^pip==/,/[^\\]$/p' $constraints | .venv/bin/python -m pip install -qq -r /dev/stdin
   touch .venv/.setup
 }
 
@@ -83,6 +91,7 @@ install_python_packages() {
     wanted=$(requirements "$group")
     if [[ $wanted ]]; then
       echo "setup: installing the Python packages of '$group'"
+      [[ $wanted != *torch* ]] || install_torch_for_cpu
       pip_install -r /dev/stdin <<<"$wanted"
     fi
     echo "$state" >".venv/.setup-$group"

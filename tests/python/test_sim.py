@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import BINARY
 
 from pyinfra import sim
 
@@ -25,7 +26,7 @@ def frames(world: sim.World, numbers: range, threads: int = 2) -> list[list[sim.
 
 
 def test_binding_and_binary_give_equal_bytes(world: sim.World, tmp_path: Path) -> None:
-    command = [ROOT / "build/dev/cpp/infrasim", "run", SCENE, "--lidar", *LIDARS]
+    command = [BINARY, "run", SCENE, "--lidar", *LIDARS]
     command += ["--frames", "4:7", "--seed", "3", "--fields", "--out", tmp_path / "data"]
     for key, value in SHORT.items():
         command += ["--set", f"{key}={value}"]
@@ -142,7 +143,7 @@ def test_filters_keep_what_the_binary_keeps(world: sim.World, tmp_path: Path) ->
     found = sim.filtered(clouds[0], *steps)
     words = ["--range", "2,60", "--ground-plane", "0.3", "--background"]
     words += [str(tmp_path / f"{i}.bin") for i in range(len(clouds))]
-    binary = [ROOT / "build/dev/cpp/infrasim", "filter", tmp_path / "0.bin", *words]
+    binary = [BINARY, "filter", tmp_path / "0.bin", *words]
     subprocess.run([*binary, "--out", tmp_path / "out.bin"], check=True, capture_output=True)
     assert found.tobytes() == (tmp_path / "out.bin").read_bytes()
     assert 0 < len(found) < len(clouds[0])

@@ -1,0 +1,68 @@
+"""Writes the SHA-256 of what PyPI has for each pin of scripts/constraints.txt: `make hashes`.
+
+For x86-64 Linux and each Python that the package runs on; an index or a folder that this machine's
+pip is set up with (for a CPU build of PyTorch) counts as well.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+CONSTRAINTS = Path(__file__).with_name("constraints.txt")
+PYTHONS = ["3.11", "3.12", "3.13"]
+
+
+def normal(name: str, version: str) -> str:
+    """A pin as PyPI compares it: `mujoco-lidar==0.3.5`; a build's `+cpu` does not count."""
+    return re.sub(r"[-_.]+", "-", name).lower() + "==" + version.partition("+")[0]
+
+
+def found(pins: list[str], python: str, environment: dict[str, str]) -> dict[str, str]:
+    """The SHA-256 of the file that pip would install for each pin, by the pin."""
+    with TemporaryDirectory() as folder:
+        names, report = Path(folder, "pins.txt"), Path(folder, "report.json")
+        names.write_text("\n".join(pins))
+        words = ["install", "--dry-run", "--quiet", "--ignore-installed", "--no-deps"]
+        words += ["--python-version", python, "--target", folder]
+        words += ["--report", str(report), "-r", str(names)]
+        subprocess.run([sys.executable, "-m", "pip", *words], check=True, env=environment)
+        items = json.loads(report.read_text())["install"]
+    return {
+        normal(item["metadata"]["name"], item["metadata"]["version"]): item["download_info"][
+            "archive_info"
+        ]["hashes"]["sha256"]
+        for item in items
+    }
+
+
+def all_found(pins: list[str]) -> dict[str, set[str]]:
+    """The same for every Python, from PyPI alone and with what this machine adds to it."""
+    added = {"PIP_FIND_LINKS", "PIP_EXTRA_INDEX_URL"}
+    alone = {key: value for key, value in os.environ.items() if key not in added}
+    hashes = defaultdict[str, set[str]](set)
+    for environment in (dict(os.environ), alone | {"PIP_CONFIG_FILE": os.devnull}):
+        for python in PYTHONS:
+            for pin, file in found(pins, python, environment).items():
+                hashes[pin].add(file)
+    return hashes
+
+
+def main() -> None:
+    lines = CONSTRAINTS.read_text().splitlines()
+    comment = [line for line in lines if line.startswith("#")]
+    pins = [line.split()[0] for line in lines if "==" in line]
+    hashes = all_found(pins)
+    entries = [
+        [pin, *(f"    --hash=sha256:{file}" for file in sorted(hashes[normal(*pin.split("=="))]))]
+        for pin in pins
+    ]
+    CONSTRAINTS.write_text("\n".join([*comment, *map(" \\\n".join, entries)]) + "\n")
+
+
+if __name__ == "__main__":
+    main()

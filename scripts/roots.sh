@@ -1,0 +1,28 @@
+# For scripts that try the project in a Debian of its own, as root on Debian 12 with debootstrap.
+
+# make_root FOLDER SUITE PACKAGE...: a minimal Debian with these packages.
+make_root() {
+  local root=$1 suite=$2
+  [[ ! -d $root ]] || return 0
+  rm -rf "$root.part"
+  mkdir -p "$(dirname "$root")"
+  debootstrap --variant=minbase --include="$(IFS=,; echo "ca-certificates,${*:3}")" "$suite" "$root.part" \
+    >"$root.log"
+  # What this machine trusts besides Debian's certificates, for one behind a proxy.
+  mkdir -p "$root.part/usr/local/share/ca-certificates"
+  cp -r /usr/local/share/ca-certificates/. "$root.part/usr/local/share/ca-certificates"
+  chroot "$root.part" update-ca-certificates >>"$root.log" 2>&1
+  # Nothing in there needs to survive a power cut.
+  echo force-unsafe-io >"$root.part/etc/dpkg/dpkg.cfg.d/unsafe-io"
+  mv "$root.part" "$root"
+}
+
+# inside ROOT FOLDER COMMAND...: in that folder of the root; mounts end with the command.
+inside() {
+  local root
+  root=$(realpath "$1")
+  unshare --mount --pid --fork --mount-proc="$root/proc" \
+    chroot "$root" env -i HOME=/root LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
+    PATH=/usr/sbin:/usr/bin:/sbin:/bin PIP_CERT=/etc/ssl/certs/ca-certificates.crt \
+    bash -c 'cd "$1" && shift && "$@"' - "${@:2}"
+}
