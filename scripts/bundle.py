@@ -1,4 +1,6 @@
-"""Puts the system's libraries, and the licences of all that is in it, into a wheel: scripts/bundle.py RAW.whl FOLDER.
+"""Puts the system's libraries, and the licences of all that is in it, into a wheel.
+
+    scripts/bundle.py RAW.whl FOLDER
 
 auditwheel copies the libraries and lists the packages of Debian that they come from; the copyright
 file of each, and of those whose headers are compiled in, lies in the wheel under `licenses`.
