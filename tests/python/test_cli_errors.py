@@ -530,6 +530,12 @@ def test_wrong_frames(frames: str, site: Site) -> None:
     assert_one_line(site.run(frames=frames), site, "--frames: found ", "allowed A:B", "B <= 20")
 
 
+def test_step_of_frames_beyond_the_scene(site: Site) -> None:
+    result = site.run(frames="1:3:2147483647")
+    assert result.returncode == 0, result.stderr
+    assert [p.name for p in site.out.glob("tiny/training/velodyne/*")] == ["000001.bin"]
+
+
 def test_pattern_larger_than_memory(site: Site) -> None:
     words = ["pattern", site.lidar, "--out", site.out, "--frames"]
     assert_one_line(site.infrasim(*words, "0:360001"), site, "--frames: found", "B <= 360000")
