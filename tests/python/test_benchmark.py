@@ -482,5 +482,5 @@ def test_rows_of_two_processes_are_all_there(tmp_path: Path) -> None:
     )
     both = [subprocess.Popen([sys.executable, "-c", code, name]) for name in "ab"]
     assert [process.wait(60) for process in both] == [0, 0]
-    table = store.read(tmp_path / "t.csv")
+    table = store.read(tmp_path / "t.csv", ["who"])
     assert sorted(zip(table.who, table.i, strict=True)) == [(w, i) for w in "ab" for i in range(20)]
