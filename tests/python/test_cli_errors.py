@@ -421,7 +421,7 @@ def test_wrong_channel_table(
     old: str, new: str, line: int, key: str, words: list[str], site: Site
 ) -> None:
     file = with_channels(site, replaced(CHANNELS, old, new)[0])
-    assert_one_line(site.run(), site, f"{file}:{line}:1: {key}: ", "found", "allowed", *words)
+    assert_one_line(site.run(), site, f"{file}:{line}:", f": {key}: found ", "allowed", *words)
 
 
 def test_channel_table_without_rows(site: Site) -> None:

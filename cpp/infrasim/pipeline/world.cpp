@@ -51,7 +51,8 @@ void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
   build_static_mesh(scene, level_pose(scene.mounts.begin()->second));
   static_cast<void>(EvaluationRegion(scene));
   if (scene.traffic) return simulate_traffic(scene, take);
-  for (const auto& states : load_trajectories(scene).rows) take(states);
+  const Trajectories recorded = load_trajectories(scene);
+  for (const auto& states : recorded.rows) take(states);
 }
 
 void check_frame(const World& world, int k) {
