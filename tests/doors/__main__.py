@@ -3,7 +3,8 @@
     .venv/bin/python tests/doors --out out/doors.csv
     .venv/bin/python tests/doors --checkout ../before --doors 9 11 --mutants 200
 
-Prints a line a try and writes them as CSV. Exit code 1 if one is open.
+Prints a line a try and writes them as CSV, below those of other versions. Exit code 1 if one is
+open.
 """
 
 from __future__ import annotations
@@ -30,6 +31,20 @@ def all_findings(site: Site, doors: list[int], mutants: int, seed: int) -> Itera
         yield from files(site, mutants, seed)
 
 
+def write(file: Path, version: str, found: list[Finding]) -> None:
+    """The findings, below those of other versions that the file has."""
+    rows = []
+    if file.is_file():
+        with file.open(newline="") as stream:
+            rows = [row for row in csv.DictReader(stream) if row["version"] != version]
+    rows += [{"version": version, **asdict(finding)} for finding in found]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, ["version", *(f.name for f in fields(Finding))])
+        writer.writeheader()
+        writer.writerows(rows)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     here = Path(__file__).resolve().parents[2]
@@ -46,18 +61,13 @@ def main() -> int:
     found = []
     with tempfile.TemporaryDirectory(prefix="doors_") as folder:
         site = build(Checkout(args.checkout.resolve()), Path(folder))
+        version = site.checkout.pyinfra("--version").out.split()[-1]
         for finding in all_findings(site, args.doors, args.mutants, args.seed):
-            print(
-                f"{finding.door:3} {'shut' if finding.shut else 'OPEN'}  {finding.tried}: {finding.found}",
-                flush=True,
-            )
+            state = "shut" if finding.shut else "OPEN"
+            print(f"{finding.door:3} {state}  {finding.tried}: {finding.found}", flush=True)
             found.append(finding)
     if args.out:
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        with args.out.open("w", newline="") as stream:
-            writer = csv.DictWriter(stream, [f.name for f in fields(Finding)])
-            writer.writeheader()
-            writer.writerows(asdict(f) for f in found)
+        write(args.out, version, found)
     return 0 if all(f.shut for f in found) else 1
 
 

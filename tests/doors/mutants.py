@@ -98,7 +98,7 @@ def files(site: Site, count: int, seed: int) -> Iterator[Finding]:
 
 def worker(site: Site, words: list[str]) -> list[dict]:
     python = site.checkout.root / ".venv/bin/python"
-    code = f"import sys, runpy; sys.argv = {words!r}; runpy.run_path({words[0]!r}, run_name='__main__')"
+    code = f"import sys, runpy; sys.argv = {words!r}; runpy.run_path(sys.argv[0], None, '__main__')"
     done = subprocess.run(
         [python, "-c", code], cwd=site.checkout.root, capture_output=True, text=True
     )
