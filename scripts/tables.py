@@ -19,6 +19,7 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+SHOWN = 90  # letters of a finding
 PRESETS = ("paper", "equal", "datasheet")
 DETECTORS = {
     "background": "Background",
@@ -239,6 +240,25 @@ def with_interval_of_ap(value: float, low: float, high: float) -> str:
     return f"{value:.1f}" if math.isnan(low) else f"{value:.1f} [{low:.1f}, {high:.1f}]"
 
 
+def doors() -> str:
+    """What is wrong, and what 0.2.0 and the latest version made of it; crashes are bold."""
+    table = results("doors")
+    versions = list(dict.fromkeys(table.version))
+    before, now = (table[table.version == v].set_index(["door", "tried"]) for v in versions)
+    rows = []
+    for key, row in now.iterrows():
+        was = before.loc[key] if key in before.index else None
+        rows.append([str(key[0]), key[1], "" if was is None else told(was), told(row)])
+    return markdown(["door", "tried", "0.2.0", "now"], rows)
+
+
+def told(row: pd.Series) -> str:
+    """A finding in a cell of a table."""
+    text = re.sub(r"[|<>`*]", " ", str(row.found))
+    short = text if len(text) <= SHOWN else text[:SHOWN].rsplit(" ", 1)[0] + " ..."
+    return short if row.shut else f"**open**: {short}"
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -249,6 +269,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "claims on the curve, paper": partial(of_a_scene, "curve", "paper", FOUR),
     "claims on the highway, equal": partial(of_a_scene, "highway", "equal", TWO),
     "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
+    "doors": doors,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 
