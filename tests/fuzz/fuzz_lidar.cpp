@@ -36,7 +36,8 @@ void read(const std::string& text) {
   fuzz::is_done([&] { preset_names(file); });
   for (const char* preset : {"datasheet", "paper"}) {
     const auto dumped = dump(file, preset);
-    if (!dumped || dumped->starts_with("bundle") || dumped->find("price_usd") == std::string::npos) continue;
+    if (!dumped || dumped->starts_with("bundle") || dumped->find("price_usd") == std::string::npos)
+      continue;
     fuzz::require(dump(folder.write("again.yaml", *dumped), preset) == dumped);
   }
 }
