@@ -1,6 +1,6 @@
 """Do the bindings give the frames of the binary? scripts/wheels.sh asks it of a wheel.
 
-    python same_frames.py CONFIGS DATA      (a data set of the motorway, with the presets' default)
+python same_frames.py CONFIGS DATA      (a data set of the motorway, with the presets' default)
 """
 
 import sys
