@@ -8,7 +8,7 @@ rm -rf build/wheel "$try"
 .venv/bin/python -m pip wheel -qq . --no-deps -w build/wheel/raw --build-constraint scripts/constraints.txt
 wheel=$PWD/$(.venv/bin/python scripts/bundle.py build/wheel/raw/*.whl build/wheel)
 .venv/bin/python -m venv --without-pip "$try"
-.venv/bin/python -m pip --python "$try/bin/python" install -qq -c scripts/constraints.txt \
+.venv/bin/python -m pip --python "$try/bin/python" install -qq --no-compile -c scripts/constraints.txt \
   "infrasim @ file://$wheel#sha256=$(sha256sum "$wheel" | cut -c1-64)"
 
 cd /

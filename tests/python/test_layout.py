@@ -206,3 +206,12 @@ def test_hooks_and_environment_have_the_same_versions() -> None:
     hooks = re.findall(r'"([\w-]+==[\w.]+)"', (ROOT / ".pre-commit-config.yaml").read_text())
     assert hooks
     assert set(hooks) <= set((ROOT / "scripts/constraints.txt").read_text().split())
+
+
+def test_every_version_of_the_environment_has_a_hash() -> None:
+    """pip then refuses a package without one, and a file that is not the one that was tested."""
+    text = (ROOT / "scripts/constraints.txt").read_text().replace("\\\n", "")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    hashed = re.compile(r"[\w.-]+==[\w.]+(\s+--hash=sha256:[0-9a-f]{64})+")
+    assert lines
+    assert [line for line in lines if not hashed.fullmatch(line)] == []
