@@ -98,9 +98,6 @@ sanitize:
 # Each target, and each reader of Python, for FUZZ_SECONDS; the shipped configurations are seeds.
 fuzz:
 	@scripts/setup.sh build detectors exchange test fuzz
-	@mkdir -p build
-	@$(call configure,dev)
-	cmake --build --preset dev --target _core
 	cmake --preset fuzz -DCMAKE_CXX_COMPILER=$$(command -v clang++-16 >/dev/null && echo clang++-16 || echo clang++-19)
 	cmake --build --preset fuzz
 	@mkdir -p build/fuzz/corpus
