@@ -24,6 +24,7 @@ from PIL import Image
 
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
+from pyinfra.atomic import replacing
 from pyinfra.boxes import footprints
 from pyinfra.data import regions
 from pyinfra.data.data_set import FULL_CIRCLE_DEG
@@ -130,7 +131,8 @@ def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
         figure.savefig(png, format="png", dpi=dpi)
         with Image.open(png) as image:
             few = image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE)
-    few.save(file, optimize=True)
+    with replacing(file) as beside:
+        few.save(beside, format="png", optimize=True)
 
 
 def picture(view: Snapshot) -> Figure:

@@ -414,11 +414,14 @@ def catches(process: int, number: int) -> bool:
     [
         ["run", "highway", "--lidar", "helios_16", "--frames", "0:1"],
         ["check", "highway"],
-        ["trajectories", "highway", "--out", "/dev/null/nowhere"],
+        ["trajectories", "highway", "--out", "trajectories.csv"],
     ],
     ids=lambda words: words[0],
 )
-def test_signal_before_the_first_frame(words: list[str], number: int, code: int) -> None:
+def test_signal_before_the_first_frame(
+    words: list[str], number: int, code: int, tmp_path: Path
+) -> None:
+    words = [str(tmp_path / w) if w.endswith(".csv") else w for w in words]
     long = ["--set", "traffic.warm_up_s=10000", "--set", "traffic.vehicles_per_km_lane=100"]
     process = start([*words, *long])
     while not catches(process.pid, number):
@@ -428,6 +431,7 @@ def test_signal_before_the_first_frame(words: list[str], number: int, code: int)
     output, message = process.communicate(timeout=10)
     assert (process.returncode, output) == (code, "")
     assert message == f"stopped by signal {number}; the same command resumes\n"
+    assert not (tmp_path / "trajectories.csv").exists()
 
 
 @pytest.mark.slow
