@@ -22,7 +22,8 @@ inside() {
   local root
   root=$(realpath "$1")
   unshare --mount --pid --fork --mount-proc="$root/proc" \
-    chroot "$root" env -i HOME=/root LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
+    sh -c 'mkdir -p "$1/dev/shm" "$1/dev/pts" && mount -t tmpfs shm "$1/dev/shm" &&
+      mount -t devpts -o newinstance,ptmxmode=0666 pts "$1/dev/pts" && exec chroot "$@"' - "$root" env -i HOME=/root LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
     PATH=/usr/sbin:/usr/bin:/sbin:/bin PIP_CERT=/etc/ssl/certs/ca-certificates.crt \
     bash -c 'cd "$1" && shift && "$@"' - "${@:2}"
 }
