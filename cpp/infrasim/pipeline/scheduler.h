@@ -80,11 +80,18 @@ class Scheduler {
   void start(std::size_t threads) {
     const std::lock_guard lock(mutex_);  // none ends before all are counted
     threads_.reserve(threads);
-    try {
-      while (threads_.size() < threads) threads_.emplace_back([this] { compute_all(); });
-    } catch (const std::system_error&) {  // those that run do the work
-    }
+    while (threads_.size() < threads && start_one()) continue;
     working_ = threads_.size();
+  }
+
+  /// False where there are no more threads: those that run do the work.
+  bool start_one() {
+    try {
+      threads_.emplace_back([this] { compute_all(); });
+      return true;
+    } catch (const std::system_error&) {
+      return false;
+    }
   }
 
   void compute_all() {
