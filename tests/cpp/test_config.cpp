@@ -370,8 +370,8 @@ TEST(dump, of_each_committed_lidar_and_preset_reads_back_to_the_same_lidar) {
 }
 
 TEST(dump, keeps_any_text_of_a_name) {
-  for (const char* name : {"a: b", "a # no comment", "a\\", "a\"", "a'", "null", "true", "007", "1e5",
-                           "ü", "x "}) {
+  for (const char* name :
+       {"a: b", "a # no comment", "a\\", "a\"", "a'", "null", "true", "007", "1e5", "ü", "x "}) {
     SCOPED_TRACE(name);
     SceneConfig scene = testing::empty_road();
     scene.name = name;

@@ -204,7 +204,8 @@ void visit(Fields& f, LidarFile& c) {
   f.field("name", c.name, "name, and folder of its frames", required());
   f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && config::begins_as_name(c.name),
           "name",
-          "found '" + c.name + "', allowed a name that can be a folder and a word of a table, and " +
+          "found '" + c.name +
+              "', allowed a name that can be a folder and a word of a table, and " +
               "begins with a letter, a digit or _");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
