@@ -43,6 +43,11 @@ from pyinfra.exchange.road_level import (
 )
 from pyinfra.kitti import FormatError
 
+# What NumPy raises for a header that is none: its words are evaluated as Python's.
+_UNREADABLE = (
+    *(ValueError, TypeError, EOFError, MemoryError, OverflowError, RecursionError, TokenError),
+)
+
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """At road level, see road_level. Raises ValueError if the frames have no vehicle."""
@@ -112,7 +117,7 @@ def _read_cloud(file: Path, columns: int, intensity_max: float | None) -> Points
         with warnings.catch_warnings(action="ignore"):  # about headers of Python 2
             # The file is as large as its header says before anything is allocated.
             points = np.lib.format.open_memmap(file, mode="r")
-    except (ValueError, EOFError, MemoryError, OverflowError, RecursionError, TokenError) as error:
+    except _UNREADABLE as error:
         raise FormatError(f"{file}: is no whole array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
         raise FormatError(

@@ -279,6 +279,17 @@ def truncated(folder: Path) -> None:
     file.write_bytes(file.read_bytes()[:-20])
 
 
+def header(before: bytes, after: bytes) -> Callable[[Path], object]:
+    """Words of the header become others of the same length."""
+
+    def change(folder: Path) -> None:
+        file = folder / "points/000005.npy"
+        assert before in file.read_bytes()
+        file.write_bytes(file.read_bytes().replace(before, after))
+
+    return change
+
+
 def with_pickle(folder: Path) -> None:
     bad = np.array([{"a": 1}], dtype=object)
     np.save(folder / "points/000005.npy", bad, allow_pickle=True)
@@ -321,6 +332,13 @@ def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
 WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     "truncated": (truncated, 1, ["points/000005.npy", "is no whole array"]),
     "pickle": (with_pickle, 1, ["points/000005.npy", "is no whole array"]),
+    "more rows than bytes": (
+        header(b"(10, 4), }      ", b"(99999999, 4), }"),
+        1,
+        ["points/000005.npy", "is no whole"],
+    ),
+    "keys of two kinds": (header(b"'shape'", b"1234567"), 1, ["points/000005.npy", "is no whole"]),
+    "open bracket": (header(b"'shape'", b"((((((("), 1, ["points/000005.npy", "is no whole"]),
     "columns": (narrow, 1, ["found (9, 3) float32, allowed (n, 4 or more)"]),
     "far": (far, 1, ["000005.npy: point 2: y: found 3e+38, allowed -10000 to 10000"]),
     "bytes": (odd_bin, 1, ["000005.bin", "found 28 bytes, allowed a multiple of 16"]),
