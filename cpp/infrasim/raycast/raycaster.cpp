@@ -56,19 +56,7 @@ SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh) {
   return handle;
 }
 
-RTCQuaternionDecomposition decomposition(const Box3d& box, double heading) {
-  RTCQuaternionDecomposition q;
-  rtcInitQuaternionDecomposition(&q);
-  rtcQuaternionDecompositionSetScale(&q, static_cast<float>(box.dx), static_cast<float>(box.dy),
-                                     static_cast<float>(box.dz));
-  rtcQuaternionDecompositionSetQuaternion(&q, static_cast<float>(std::cos(heading / 2)), 0, 0,
-                                          static_cast<float>(std::sin(heading / 2)));
-  rtcQuaternionDecompositionSetTranslation(&q, static_cast<float>(box.x), static_cast<float>(box.y),
-                                           static_cast<float>(box.z));
-  return q;
-}
-
-/// One packet of rays. What Embree leaves as it is (origins, masks, flags) is set once.
+/// One packet of rays. What Embree leaves as it is (masks, flags, the nearest range) is set once.
 struct Packet {
   alignas(64) std::array<int, kWidth> valid{};
   RTCRayHit16 rh{};
@@ -77,36 +65,50 @@ struct Packet {
     for (unsigned& mask : rh.ray.mask) mask = 0xFFFFFFFFU;
   }
 
-  /// Rays from the origin; lanes from `count` on are masked off.
-  void fill(const RayBatch& rays, const std::uint32_t* order, std::size_t count, float time_scale) {
-    for (std::size_t i = 0; i < kWidth; ++i) {
-      const std::uint32_t k = order[i < count ? i : 0];
-      valid[i] = i < count ? -1 : 0;
-      set(i, rays.dx[k], rays.dy[k], rays.dz[k], rays.max_range,
-          std::clamp(rays.time[k] * time_scale, 0.0F, 1.0F));
-    }
-  }
-
-  void set(std::size_t i, float dx, float dy, float dz, float tfar, float time) {
-    rh.ray.dir_x[i] = dx;
-    rh.ray.dir_y[i] = dy;
-    rh.ray.dir_z[i] = dz;
+  void set(std::size_t i, const BodyMotion::UnitRay& ray, float tfar) {
+    rh.ray.org_x[i] = ray.x;
+    rh.ray.org_y[i] = ray.y;
+    rh.ray.org_z[i] = ray.z;
+    rh.ray.dir_x[i] = ray.dx;
+    rh.ray.dir_y[i] = ray.dy;
+    rh.ray.dir_z[i] = ray.dz;
     rh.ray.tfar[i] = tfar;
-    rh.ray.time[i] = time;
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-    rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
 
-  void set_origin(float x, float y, float z) {
-    for (std::size_t i = 0; i < kWidth; ++i) {
-      rh.ray.org_x[i] = x;
-      rh.ray.org_y[i] = y;
-      rh.ray.org_z[i] = z;
-    }
+  /// Lanes from `count` on are masked off.
+  void intersect(RTCScene scene, std::size_t count) {
+    for (std::size_t i = 0; i < kWidth; ++i) valid[i] = i < count ? -1 : 0;
+    intersect16(valid.data(), scene, rh);
   }
 
-  void intersect(RTCScene scene) { intersect16(valid.data(), scene, rh); }
+  bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
 };
+
+/// Embree's manual asks for flushed denormals in every thread that casts.
+void flush_denormals() {
+  _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
+  _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+}
+
+/// Calls `work` with each packet's part of an order.
+template <class Work>
+void for_each_packet(std::span<const std::uint32_t> order, const Work& work) {
+  for (std::size_t first = 0; first < order.size(); first += kWidth)
+    work(order.subspan(first, std::min(kWidth, order.size() - first)));
+}
+
+void clear(std::size_t n, HitBatch& hits) {
+  hits.resize(n);
+  std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
+  std::ranges::fill(hits.object, -1);
+}
+
+float cos_incidence(const RayBatch& rays, std::uint32_t k, float nx, float ny, float nz) {
+  const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
+  const float ahead = std::abs(nx * rays.dx[k] + ny * rays.dy[k] + nz * rays.dz[k]);
+  return length > 0 ? std::min(1.0F, ahead / length) : 0.0F;
+}
 
 }  // namespace
 
@@ -136,98 +138,44 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
 
 MeshLibrary::~MeshLibrary() = default;
 
-/// What takes a direction to the unit box of a body, at mid-frame.
-struct BodyTransform {
-  float cos_heading, sin_heading, inv_dx, inv_dy, inv_dz;
-};
-
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;
-  SceneHandle scene;
   std::vector<MovingBody> moving;
-  std::vector<BodyTransform> transforms;
+  std::vector<BodyMotion> motions;
+  BodyIndex index;
   float time_scale = 1;
   float top = 0;
   Packet packet;
   RayBatch probe;  ///< rays of a visibility test
   HitBatch probe_hits;
 
-  explicit Impl(const MeshLibrary::Impl& l) : library(l), scene(new_scene(l.device)) {}
+  explicit Impl(const MeshLibrary::Impl& l) : library(l) {}
 
-  void attach(RTCScene instanced, unsigned id, const MovingBody* motion) {
-    RTCGeometry instance = rtcNewGeometry(library.device, RTC_GEOMETRY_TYPE_INSTANCE);
-    rtcSetGeometryInstancedScene(instance, instanced);
-    if (motion != nullptr) {
-      const double turn = wrap_angle(motion->to.heading - motion->from.heading);
-      const auto q0 = decomposition(motion->from, motion->from.heading);
-      const auto q1 = decomposition(motion->to, motion->from.heading + turn);
-      rtcSetGeometryTimeStepCount(instance, 2);
-      rtcSetGeometryTransformQuaternion(instance, 0, &q0);
-      rtcSetGeometryTransformQuaternion(instance, 1, &q1);
-    }
-    rtcCommitGeometry(instance);
-    rtcAttachGeometryByID(scene.get(), instance, id);
-    rtcReleaseGeometry(instance);
-  }
+  RTCScene background() const { return library.bodies.back().get(); }
 
-  void unpack(const std::uint32_t* order, std::size_t count, const RayBatch& rays, HitBatch& hits,
-              bool incidence) const {
-    const RTCHit16& hit = packet.rh.hit;
-    for (std::size_t i = 0; i < count; ++i) {
+  /// Casts one packet at one body and keeps what is nearer than the hits so far.
+  void cast_body(std::size_t body, const RayBatch& rays, std::span<const std::uint32_t> order,
+                 HitBatch& hits, bool incidence) {
+    const BodyMotion& motion = motions[body];
+    std::array<BodyMotion::UnitRay, kWidth> unit;
+    for (std::size_t i = 0; i < order.size(); ++i) {
       const std::uint32_t k = order[i];
-      if (hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-      hits.range[k] = packet.rh.ray.tfar[i];
-      const std::size_t instance = hit.instID[0][i];
-      const bool background = instance == moving.size();
-      hits.object[k] = background ? -1 : static_cast<std::int32_t>(instance);
-      hits.class_id[k] = background ? library.background_class[hit.primID[i]] : 0;
-      if (!incidence) continue;
-      hits.cos_incidence[k] = cos_incidence(i, background ? nullptr : &transforms[instance],
-                                            rays.dx[k], rays.dy[k], rays.dz[k]);
+      const float share = std::clamp(rays.time[k] * time_scale, 0.0F, 1.0F);
+      unit[i] = motion.to_unit(rays.dx[k], rays.dy[k], rays.dz[k], share);
+      packet.set(i, unit[i], std::min(hits.range[k], rays.max_range));
     }
-  }
-
-  /// Embree's normal stands in the body's unit box and is not of unit length.
-  float cos_incidence(std::size_t i, const BodyTransform* body, float dx, float dy,
-                      float dz) const {
+    packet.intersect(library.bodies[moving[body].body].get(), order.size());
     const RTCHit16& hit = packet.rh.hit;
-    float nx = hit.Ng_x[i], ny = hit.Ng_y[i], nz = hit.Ng_z[i];
-    if (body != nullptr) {
-      nx *= body->inv_dx;
-      ny *= body->inv_dy;
-      nz *= body->inv_dz;
-      const float x = body->cos_heading * dx + body->sin_heading * dy;
-      dy = -body->sin_heading * dx + body->cos_heading * dy;
-      dx = x;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      const std::uint32_t k = order[i];
+      if (!packet.hit(i) || !(packet.rh.ray.tfar[i] < hits.range[k])) continue;
+      hits.range[k] = packet.rh.ray.tfar[i];
+      hits.object[k] = static_cast<std::int32_t>(body);
+      hits.class_id[k] = 0;
+      if (incidence)
+        hits.cos_incidence[k] =
+            motion.cos_incidence(unit[i], hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
     }
-    const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
-    return length > 0 ? std::min(1.0F, std::abs(nx * dx + ny * dy + nz * dz) / length) : 0.0F;
-  }
-
-  /// Which of the probe's rays hit the body with nothing else around, at mid-frame.
-  std::vector<bool> hits_alone(const MovingBody& body, const Box3d& box) {
-    const RTCScene alone = library.bodies[body.body].get();
-    const double c = std::cos(box.heading), s = std::sin(box.heading);
-    const auto to_unit = [&](double x, double y, double z) {
-      return std::array{static_cast<float>((c * x + s * y) / box.dx),
-                        static_cast<float>((-s * x + c * y) / box.dy),
-                        static_cast<float>(z / box.dz)};
-    };
-    const auto o = to_unit(-box.x, -box.y, -box.z);
-    std::vector<bool> out(probe.size());
-    packet.set_origin(o[0], o[1], o[2]);
-    for (std::size_t first = 0; first < probe.size(); first += kWidth) {
-      for (std::size_t i = 0; i < kWidth; ++i) {
-        const auto d = to_unit(probe.dx[first + i], probe.dy[first + i], probe.dz[first + i]);
-        packet.valid[i] = -1;
-        packet.set(i, d[0], d[1], d[2], probe.max_range, 0);
-      }
-      packet.intersect(alone);
-      for (std::size_t i = 0; i < kWidth; ++i)
-        out[first + i] = packet.rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
-    }
-    packet.set_origin(0, 0, 0);
-    return out;
   }
 
   /// Rays at the cell centres of the box's angular rectangle.
@@ -259,48 +207,68 @@ struct Raycaster::Impl {
   }
 };
 
-Raycaster::Raycaster(const MeshLibrary& library) : impl_(std::make_unique<Impl>(*library.impl_)) {}
+Raycaster::Raycaster(const MeshLibrary& library) : impl_(std::make_unique<Impl>(*library.impl_)) {
+  set_bodies({}, 1);
+}
 
 Raycaster::~Raycaster() = default;
 
 void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) {
   Impl& m = *impl_;
   m.moving.assign(bodies.begin(), bodies.end());
+  m.motions.assign(bodies.begin(), bodies.end());
+  m.index.set(bodies);
   m.time_scale = static_cast<float>(1 / period_s);
-  m.transforms.clear();
   m.top = m.library.top;
-  m.scene = new_scene(m.library.device);
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const MovingBody& b = bodies[i];
-    m.attach(m.library.bodies[b.body].get(), static_cast<unsigned>(i), &b);
+  for (const MovingBody& b : bodies)
     m.top = std::max(m.top, static_cast<float>(std::max(b.from.z, b.to.z) + b.from.dz / 2));
-    const double heading = b.from.heading + wrap_angle(b.to.heading - b.from.heading) / 2;
-    m.transforms.push_back({static_cast<float>(std::cos(heading)),
-                            static_cast<float>(std::sin(heading)),
-                            static_cast<float>(1 / b.from.dx), static_cast<float>(1 / b.from.dy),
-                            static_cast<float>(1 / b.from.dz)});
-  }
-  m.attach(m.library.bodies.back().get(), static_cast<unsigned>(bodies.size()), nullptr);
-  rtcCommitScene(m.scene.get());
 }
 
 float Raycaster::top() const { return impl_->top; }
 
+const BodyIndex& Raycaster::bodies() const { return impl_->index; }
+
 void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                      bool incidence) {
-  // Embree's manual asks for flushed denormals in every thread that casts.
-  _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
-  _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+  cast_background(rays, order, hits, incidence);
+  cast_bodies(rays, order, hits, incidence);
+}
+
+void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint32_t> order,
+                                HitBatch& hits, bool incidence) {
+  flush_denormals();
   Impl& m = *impl_;
-  hits.resize(rays.size());
-  std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
-  std::ranges::fill(hits.object, -1);
-  for (std::size_t first = 0; first < order.size(); first += kWidth) {
-    const std::size_t count = std::min(kWidth, order.size() - first);
-    m.packet.fill(rays, order.data() + first, count, m.time_scale);
-    m.packet.intersect(m.scene.get());
-    m.unpack(order.data() + first, count, rays, hits, incidence);
-  }
+  clear(rays.size(), hits);
+  for_each_packet(order, [&](std::span<const std::uint32_t> part) {
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const std::uint32_t k = part[i];
+      m.packet.set(i, {0, 0, 0, rays.dx[k], rays.dy[k], rays.dz[k]}, rays.max_range);
+    }
+    m.packet.intersect(m.background(), part.size());
+    const RTCHit16& hit = m.packet.rh.hit;
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      if (!m.packet.hit(i)) continue;
+      const std::uint32_t k = part[i];
+      hits.range[k] = m.packet.rh.ray.tfar[i];
+      hits.class_id[k] = m.library.background_class[hit.primID[i]];
+      if (incidence)
+        hits.cos_incidence[k] = cos_incidence(rays, k, hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
+    }
+  });
+}
+
+void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
+                            HitBatch& hits, bool incidence) {
+  flush_denormals();
+  Impl& m = *impl_;
+  for_each_packet(order, [&](std::span<const std::uint32_t> part) {
+    ViewBounds view;
+    for (const std::uint32_t k : part) view.add(rays.dx[k], rays.dy[k], rays.dz[k]);
+    m.index.for_each_in(view, [&](std::size_t body) {
+      m.cast_body(body, rays, part, hits, incidence);
+      return true;
+    });
+  });
 }
 
 double Raycaster::visibility(std::size_t index) {
@@ -310,22 +278,15 @@ double Raycaster::visibility(std::size_t index) {
     return order;
   }();
   Impl& m = *impl_;
-  const MovingBody& body = m.moving[index];
-  Box3d box = body.from;
-  box.x = (body.from.x + body.to.x) / 2;
-  box.y = (body.from.y + body.to.y) / 2;
-  box.z = (body.from.z + body.to.z) / 2;
-  box.heading += wrap_angle(body.to.heading - body.from.heading) / 2;
-  m.aim_probe(box);
-  const std::vector<bool> alone = m.hits_alone(body, box);
+  m.aim_probe(box_at(m.moving[index], 0.5));
+  clear(m.probe.size(), m.probe_hits);
+  for_each_packet(kOrder, [&](std::span<const std::uint32_t> part) {
+    m.cast_body(index, m.probe, part, m.probe_hits, false);
+  });
+  const auto alone = std::ranges::count(m.probe_hits.object, static_cast<std::int32_t>(index));
   cast(m.probe, kOrder, m.probe_hits, false);
-  int could = 0, reached = 0;
-  for (std::size_t i = 0; i < alone.size(); ++i) {
-    if (!alone[i]) continue;
-    ++could;
-    reached += m.probe_hits.object[i] == static_cast<std::int32_t>(index);
-  }
-  return could == 0 ? 0 : static_cast<double>(reached) / could;
+  const auto first = std::ranges::count(m.probe_hits.object, static_cast<std::int32_t>(index));
+  return alone == 0 ? 0 : static_cast<double>(first) / static_cast<double>(alone);
 }
 
 }  // namespace infrasim

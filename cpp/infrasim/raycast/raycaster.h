@@ -6,15 +6,9 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/rays.h"
 #include "infrasim/core/triangle_mesh.h"
+#include "infrasim/raycast/moving_bodies.h"
 
 namespace infrasim {
-
-/// A body of the library, scaled to its box and moving over one frame; levelled frame.
-struct MovingBody {
-  int body = 0;
-  Box3d from;
-  Box3d to;
-};
 
 /// Meshes that do not change during a run; shared by the raycasters of all threads.
 class MeshLibrary {
@@ -41,18 +35,29 @@ class Raycaster {
   Raycaster(const Raycaster&) = delete;
   Raycaster& operator=(const Raycaster&) = delete;
 
-  /// Sets the moving bodies: position linear in time, heading the short way, over `period_s`.
-  /// @throws std::runtime_error if Embree fails to build the scene
+  /// Sets the moving bodies of a frame of `period_s`.
   void set_bodies(std::span<const MovingBody> bodies, double period_s);
 
   /// Highest z of everything in the scene, levelled frame; -inf for an empty one.
   float top() const;
 
+  /// Where bodies can be met during the frame.
+  const BodyIndex& bodies() const;
+
   /// Nearest hit of each ray that `order` names, every ray at its own time; packets of 16 in that
-  /// order. The others are misses. The hits do not depend on the order.
+  /// order. The others are misses. The hits do not depend on the order; of equal ones the
+  /// background's counts, then that of the lowest index.
   /// @param incidence fill hits.cos_incidence too
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);
+
+  /// The same with the background alone.
+  void cast_background(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
+                       bool incidence = true);
+
+  /// Replaces the hits of the rays that `order` names where a body is nearer.
+  void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
+                   bool incidence = true);
 
   /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the
   /// share that reach it first; 0 if none hits it alone.

@@ -1,0 +1,111 @@
+#include "infrasim/raycast/moving_bodies.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kMargin_m = 0.02;      // of the swept box, beyond any rounding
+constexpr float kMarginOfView = 1e-5F;  // of bearing and sine: more than a float's last digits
+
+/// A box around all that the body sweeps, along its heading at mid-frame. Corners that turn between
+/// the ends leave their chord by no more than the sagitta.
+Box3d swept(const MovingBody& body) {
+  Box3d box = box_at(body, 0.5);
+  const Vec2 axis = heading_vector(box.heading);
+  double front = 0, side = 0;
+  for (const Box3d& end : {body.from, body.to})
+    for (const Vec2& corner : footprint(end)) {
+      const Vec2 d = corner - Vec2{box.x, box.y};
+      front = std::max(front, std::abs(dot(axis, d)));
+      side = std::max(side, std::abs(cross(axis, d)));
+    }
+  const double turn = std::abs(wrap_angle(body.to.heading - body.from.heading));
+  const double margin = kMargin_m + std::hypot(box.dx, box.dy) / 2 * (1 - std::cos(turn / 2));
+  box.dx = 2 * (front + margin);
+  box.dy = 2 * (side + margin);
+  box.dz += std::abs(body.to.z - body.from.z) + 2 * kMargin_m;
+  return box;
+}
+
+/// Horizontal distance from the origin to the nearest point of a footprint.
+double nearest(const Box3d& box) {
+  const Vec2 axis = heading_vector(box.heading), centre{box.x, box.y};
+  return std::hypot(std::max(0.0, std::abs(dot(axis, centre)) - box.dx / 2),
+                    std::max(0.0, std::abs(cross(axis, centre)) - box.dy / 2));
+}
+
+double sine(double z, double distance) { return z == 0 ? 0 : z / std::hypot(z, distance); }
+
+float bearing_of(double azimuth) {
+  return bearing(static_cast<float>(std::cos(azimuth)), static_cast<float>(std::sin(azimuth)));
+}
+
+/// Where a box is seen; the second part is empty unless it stands behind, across 180 degrees.
+std::array<ViewBounds, 2> view_of(const Box3d& box) {
+  const double near = nearest(box), centre = std::atan2(box.y, box.x);
+  double left = 0, right = 0, far = 0;
+  for (const Vec2& corner : footprint(box)) {
+    const double azimuth = wrap_angle(std::atan2(corner.y, corner.x) - centre);
+    left = std::min(left, azimuth);
+    right = std::max(right, azimuth);
+    far = std::max(far, norm(corner));
+  }
+  const double bottom = box.z - box.dz / 2, top = box.z + box.dz / 2;
+  ViewBounds view;
+  view.low = static_cast<float>(sine(bottom, bottom < 0 ? near : far)) - kMarginOfView;
+  view.high = static_cast<float>(sine(top, top > 0 ? near : far)) + kMarginOfView;
+  view.left = -2;
+  view.right = 2;
+  if (near == 0) return {view, {}};  // around the sensor
+  const double from = centre + left, to = centre + right;
+  if (from >= -kPi && to <= kPi) {
+    view.left = bearing_of(from) - kMarginOfView;
+    view.right = bearing_of(to) + kMarginOfView;
+    return {view, {}};
+  }
+  ViewBounds other = view;
+  view.left = bearing_of(wrap_angle(from)) - kMarginOfView;
+  other.right = bearing_of(wrap_angle(to)) + kMarginOfView;
+  return {view, other};
+}
+
+}  // namespace
+
+Box3d box_at(const MovingBody& body, double share) {
+  Box3d box = body.from;
+  box.x += share * (body.to.x - body.from.x);
+  box.y += share * (body.to.y - body.from.y);
+  box.z += share * (body.to.z - body.from.z);
+  box.heading += share * wrap_angle(body.to.heading - body.from.heading);
+  return box;
+}
+
+BodyMotion::BodyMotion(const MovingBody& body)
+    : x_(static_cast<float>(body.from.x)),
+      y_(static_cast<float>(body.from.y)),
+      z_(static_cast<float>(body.from.z)),
+      travel_x_(static_cast<float>(body.to.x - body.from.x)),
+      travel_y_(static_cast<float>(body.to.y - body.from.y)),
+      travel_z_(static_cast<float>(body.to.z - body.from.z)),
+      heading_(static_cast<float>(body.from.heading)),
+      turn_(static_cast<float>(wrap_angle(body.to.heading - body.from.heading))),
+      cos_(static_cast<float>(std::cos(body.from.heading))),
+      sin_(static_cast<float>(std::sin(body.from.heading))),
+      inv_dx_(static_cast<float>(1 / body.from.dx)),
+      inv_dy_(static_cast<float>(1 / body.from.dy)),
+      inv_dz_(static_cast<float>(1 / body.from.dz)) {}
+
+void BodyIndex::set(std::span<const MovingBody> bodies) {
+  bounds_.clear();
+  words_ = (bodies.size() + 63) / 64;
+  bins_.assign(kBins * words_, 0);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    bounds_.push_back(view_of(swept(bodies[i])));
+    for (const ViewBounds& part : bounds_.back())
+      if (part.left <= part.right)
+        for (std::size_t b = bin(part.left); b <= bin(part.right); ++b)
+          bins_[b * words_ + i / 64] |= std::uint64_t{1} << (i % 64);
+  }
+}
+
+}  // namespace infrasim

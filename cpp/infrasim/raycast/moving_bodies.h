@@ -1,0 +1,104 @@
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "infrasim/core/geometry.h"
+#include "infrasim/raycast/view_bounds.h"
+
+namespace infrasim {
+
+/// A body of the library, scaled to its box and moving over one frame: position linear in time,
+/// heading the short way; levelled frame.
+struct MovingBody {
+  int body = 0;
+  Box3d from;
+  Box3d to;
+};
+
+/// The box of a moving body at a share of the frame.
+Box3d box_at(const MovingBody& body, double share);
+
+/// Takes rays from the origin to the unit box of a moving body, each at its own time. Lengths along
+/// a ray stay what they are.
+class BodyMotion {
+ public:
+  explicit BodyMotion(const MovingBody& body);
+
+  struct UnitRay {
+    float x, y, z;     ///< origin
+    float dx, dy, dz;  ///< not of unit length
+  };
+  /// @param share of the frame at which the ray is fired, [0, 1]
+  UnitRay to_unit(float dx, float dy, float dz, float share) const {
+    float c = cos_, s = sin_;
+    if (turn_ != 0) {
+      c = std::cos(heading_ + share * turn_);
+      s = std::sin(heading_ + share * turn_);
+    }
+    const float px = x_ + share * travel_x_, py = y_ + share * travel_y_;
+    return {-(c * px + s * py) * inv_dx_, (s * px - c * py) * inv_dy_,
+            -(z_ + share * travel_z_) * inv_dz_, (c * dx + s * dy) * inv_dx_,
+            (c * dy - s * dx) * inv_dy_, dz * inv_dz_};
+  }
+
+  /// Cosine between a ray of the unit box and a surface there, by its normal of any length.
+  float cos_incidence(const UnitRay& ray, float nx, float ny, float nz) const {
+    const float ahead = std::abs(nx * ray.dx + ny * ray.dy + nz * ray.dz);
+    nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
+    const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
+    return length > 0 ? std::min(1.0F, ahead / length) : 0.0F;
+  }
+
+ private:
+  float x_, y_, z_, travel_x_, travel_y_, travel_z_;
+  float heading_, turn_, cos_, sin_;
+  float inv_dx_, inv_dy_, inv_dz_;
+};
+
+/// Finds the bodies that a view can meet at any time of the frame.
+class BodyIndex {
+ public:
+  BodyIndex() { set({}); }
+  void set(std::span<const MovingBody> bodies);
+
+  /// Calls `visit` with the index of each body that the view may meet, in increasing order, until
+  /// it returns false. No body that a ray of the view hits is left out.
+  template <class Visit>
+  void for_each_in(const ViewBounds& view, const Visit& visit) const {
+    if (bounds_.empty() || view.left > view.right) return;
+    const std::size_t first = bin(view.left), last = bin(view.right);
+    for (std::size_t w = 0; w < words_; ++w) {
+      std::uint64_t near = 0;
+      for (std::size_t b = first; b <= last; ++b) near |= bins_[b * words_ + w];
+      for (; near != 0; near &= near - 1) {
+        const std::size_t i = 64 * w + static_cast<std::size_t>(std::countr_zero(near));
+        if (meets(i, view) && !visit(i)) return;
+      }
+    }
+  }
+  bool any_in(const ViewBounds& view) const {
+    bool found = false;
+    for_each_in(view, [&](std::size_t) { return !(found = true); });
+    return found;
+  }
+
+ private:
+  static constexpr std::size_t kBins = 128;  // of bearing
+  static std::size_t bin(float bearing) {
+    return static_cast<std::size_t>(
+        std::clamp((bearing + 2) * (kBins / 4.0F), 0.0F, static_cast<float>(kBins - 1)));
+  }
+  bool meets(std::size_t i, const ViewBounds& view) const {
+    return bounds_[i][0].meets(view) || bounds_[i][1].meets(view);
+  }
+
+  std::vector<std::array<ViewBounds, 2>> bounds_;  ///< two for a body behind, on both sides of 180
+  std::size_t words_ = 0;
+  std::vector<std::uint64_t> bins_;  ///< a bit for each body in each bin
+};
+
+}  // namespace infrasim
