@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <numeric>
 #include <string>
 #include <vector>
@@ -168,6 +169,49 @@ TEST(spinning_pattern, of_a_fraction_repeats_after_as_many_turns_as_its_denomina
     EXPECT_EQ(pattern.ray(column + 8125LL * 1'000'000).direction.y, d.y);
   }
   EXPECT_NE(pattern.ray(8125 / 4).direction.y, pattern.ray(0).direction.y);
+}
+
+PatternConfig in_columns(Fraction columns_per_turn) {
+  PatternConfig config = vlp16();
+  config.spinning->azimuth_step_deg.reset();
+  config.spinning->columns_per_turn = columns_per_turn;
+  return config;
+}
+
+TEST(scan_pattern, repeats_its_directions_bit_for_bit_after_as_many_groups_as_it_says) {
+  const Mat3 pose = rotation(0.4, -0.2, 0.1);
+  for (const auto& [config, repeats] :
+       {std::pair{in_columns({1800, 1}), 1800}, std::pair{in_columns({8125, 4}), 8125},
+        std::pair{five_directions(), 5}}) {
+    SCOPED_TRACE(repeats);
+    const ScanPattern pattern(config, 512.3456, pose, 0);
+    ASSERT_EQ(pattern.repeats_after(), repeats);
+    const std::int64_t rays = repeats * pattern.group_size();
+    RayBatch first, later;
+    pattern.generate({0, rays}, 0, first);
+    for (const std::int64_t turns : {1, 7, 4999}) {
+      pattern.generate({turns * rays, (turns + 1) * rays}, 0, later);
+      EXPECT_TRUE(first.dx == later.dx && first.dy == later.dy && first.dz == later.dz) << turns;
+    }
+  }
+}
+
+TEST(scan_pattern, of_wedges_or_of_a_step_never_repeats) {
+  EXPECT_EQ(ScanPattern(avia(), 0, kLevel, 0).repeats_after(), 0);
+  EXPECT_EQ(ScanPattern(vlp16(), 0, kLevel, 0).repeats_after(), 0);
+}
+
+TEST(scan_pattern, of_every_spinning_lidar_that_ships_repeats) {
+  int spinning_units = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(configs() / "lidars")) {
+    if (entry.path().extension() != ".yaml" || entry.path().stem() == "livox_mid_360") continue;
+    for (const LidarUnit& unit : read_lidar(entry.path(), "datasheet").units) {
+      if (!unit.pattern.spinning) continue;
+      ++spinning_units;
+      EXPECT_GT(ScanPattern(unit.pattern, 0, kLevel, 0).repeats_after(), 0) << entry.path();
+    }
+  }
+  EXPECT_EQ(spinning_units, 9);
 }
 
 TEST(scan_pattern, runs_on_from_frame_to_frame) {

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -157,7 +158,8 @@ def test_rate_times_columns_times_channels_is_the_points_per_second(
         pattern = unit["pattern"]
         if "spinning" in pattern:
             s = pattern["spinning"]
-            total += len(s["channels"]["table"]) * s["rate_hz"] * 360 / s["azimuth_step_deg"]
+            columns = float(Fraction(s["columns_per_turn"]))
+            total += len(s["channels"]["table"]) * s["rate_hz"] * columns
         elif "wedges" in pattern:
             total += len(pattern["wedges"]["laser_offsets"]) * pattern["wedges"]["steps_per_s"]
         else:

@@ -116,6 +116,12 @@ double ScanPattern::cycle_s() const {
   return 1;
 }
 
+std::int64_t ScanPattern::repeats_after() const {
+  if (config_.table) return static_cast<std::int64_t>(config_.table->directions.size());
+  const bool exact = config_.spinning && config_.spinning->columns_per_turn;
+  return exact ? config_.spinning->columns_per_turn->numerator : 0;
+}
+
 Ray ScanPattern::ray(std::int64_t index) const {
   const std::int64_t group = index / group_size_;
   const int member = static_cast<int>(index % group_size_);

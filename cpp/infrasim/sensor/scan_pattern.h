@@ -37,6 +37,10 @@ class ScanPattern {
   bool spins() const;
   double cycle_s() const;  ///< in which it looks everywhere; 1 s for wedges, which never repeat
 
+  /// Groups after which `generate` gives the same directions again, bit for bit; 0 if never: of
+  /// wedges, and of columns that are a step apart whose turns are not counted in whole columns.
+  std::int64_t repeats_after() const;
+
   /// Whole groups that start in [from, to) seconds.
   RayRange fired_between(double from_s, double to_s) const;
 
