@@ -30,16 +30,13 @@ HitBatch hits_at(double range, std::size_t n, double cos_incidence = 1) {
   return hits;
 }
 
-/// The returns of many hits alike, without those that the caller leaves out.
+/// The returns of many hits alike.
 ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance = 0.1F,
                     const WeatherConfig& weather = {}, std::size_t n = kDraws) {
   const ReturnModel model(config, weather);
   const Rng rng = Rng::of(1, "lidar").at(0);
-  HitBatch hits = hits_at(range, n);
-  for (std::size_t i = 0; i < n; ++i)
-    if (model.loses_at_random() && model.lost_at_random(rng, i)) hits.range[i] = HUGE_VALF;
   ReturnBatch out;
-  model.apply(rng, 0, hits, std::vector<float>(n, reflectance), out);
+  model.apply(rng, 0, hits_at(range, n), std::vector<float>(n, reflectance), out);
   return out;
 }
 

@@ -23,7 +23,7 @@ FOUR = ["helios_16", "livox_avia", "pandar_64", "ruby_plus"]
 FRAMES = range(4)
 SUMMARY = (
     "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
-    "vehicle_points_per_frame,seconds,mrays_per_s"
+    "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s"
 )
 FIELDS = np.dtype([("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")])
 OBJECTS = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"

@@ -226,7 +226,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (folder / "summary.csv").write_text(
         "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
-        "vehicle_points_per_frame,seconds,mrays_per_s\npole,none,3,100,10.0,1.0,3.0,0.1,1.0\n"
+        "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s\n"
+        "pole,none,3,100,10.0,1.0,3.0,20,0.1,1.0\n"
     )
     for name in ("detectors/pointpillars.yaml", "benchmarks/paper.yaml"):
         (folder / Path(name).name).write_bytes((CONFIGS / name).read_bytes())

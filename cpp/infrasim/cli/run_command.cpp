@@ -29,6 +29,7 @@ struct RunOptions {
   std::optional<std::string> out, summary, aggregation, detail, labels, seed;
   std::vector<std::string> assignments;
   bool fields = false;
+  bool cast_all = false;
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 };
 
@@ -62,6 +63,7 @@ RunRequest request_of(const RunOptions& o) {
   request.frames = parse_frames(o.frames, request.scene.duration_s);
   request.out = path_of("--out", o.out);
   request.threads = o.threads;
+  request.cast_all = o.cast_all;
   return request;
 }
 
@@ -130,6 +132,8 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");
   command->add_option("--labels", o->labels, "objects that get a label: hit or all");
   command->add_flag("--fields", o->fields, "write time, ring, class and object of every point");
+  command->add_flag("--cast-all", o->cast_all,
+                    "cast what stands still in every frame: the same frames, slower");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->callback([o, &result] { result.exit_code = run_command(*o); });
 }

@@ -21,6 +21,13 @@ void look_up_reflectance(const HitBatch& hits, std::span<const float> paint,
                                  : background_reflectance(static_cast<Class>(hits.class_id[i]));
 }
 
+/// The first group after a part of the frame that is worked on at once.
+std::int64_t part_end(const Emitter& emitter, std::int64_t first, std::int64_t last) {
+  if (emitter.layer) return emitter.layer->part_end(first, last);
+  const int group = emitter.pattern.group_size();
+  return std::min(last, first + std::max(4, kChunkRays / group / 4 * 4));
+}
+
 std::span<const std::uint32_t> tile_order(Emitter& emitter, std::int64_t groups) {
   auto& order = emitter.tile_orders[groups];
   if (order.empty()) order = emitter.pattern.tile_order(static_cast<int>(groups));
@@ -45,46 +52,67 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
           beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
           static_cast<float>(config.returns.max_range_m),
           Rng::of(scene.seed, stream_name(lidar, unit)),
+          {},
           {}};
 }
 
-void Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles, Emitter& emitter,
-                  FrameBuilder& out) {
+std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
+                         Emitter& emitter, FrameBuilder& out) {
   const RayRange frame = emitter.rays(k), range = emitter.rays(k, slice.from, slice.to);
   const Rng rng = emitter.stream.at(static_cast<std::uint64_t>(k) + 1);
-  const int group = emitter.pattern.group_size();
-  const std::int64_t chunk = group * std::max(4, kChunkRays / group / 4 * 4);
-  for (std::int64_t first = range.first; first < range.last; first += chunk) {
-    const RayRange part{first, std::min(first + chunk, range.last)};
-    const auto first_in_frame = static_cast<std::uint64_t>(part.first - frame.first);
+  const int size = emitter.pattern.group_size();
+  const std::int64_t last = range.last / size;
+  std::size_t cast = 0;
+  for (std::int64_t first = range.first / size, end = 0; first < last; first = end) {
+    end = part_end(emitter, first, last);
+    const RayRange part{first * size, end * size};
     emitter.pattern.generate(part, k * kFramePeriod, rays_);
     rays_.max_range = emitter.max_range;
-    select(emitter, rng, first_in_frame, part.size() / group);
-    cast_rays(emitter, vehicles.reflectance);
-    emitter.returns.apply(rng, first_in_frame, hits_, reflectance_, returns_);
+    cast += cast_part(part, emitter, vehicles.reflectance);
+    emitter.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits_,
+                          reflectance_, returns_);
     collect(vehicles.moving, out);
   }
+  return cast;
 }
 
-/// Names the rays worth casting, near ones together: not those that look over everything there
-/// is, nor those whose return is lost whatever they hit.
-void Caster::select(Emitter& emitter, const Rng& rng, std::uint64_t first, std::int64_t groups) {
+std::size_t Caster::cast_part(RayRange part, Emitter& emitter, std::span<const float> paint) {
+  const int size = emitter.pattern.group_size();
+  const std::int64_t first = part.first / size, last = part.last / size;
+  const bool reflectance = emitter.returns.needs_reflectance();
+  if (emitter.beam) {
+    select(emitter, last - first);
+    cast_beams(*emitter.beam, paint);
+    return sub_rays_.size();
+  }
+  if (emitter.layer) {
+    cast_moving(*emitter.layer, first, last, reflectance);
+  } else {
+    cast_all(emitter, last - first, reflectance);
+  }
+  if (reflectance) look_up_reflectance(hits_, paint, reflectance_);
+  return selected_.size();
+}
+
+/// Names the rays worth casting, near ones together: not those that look over everything there is.
+void Caster::select(Emitter& emitter, std::int64_t groups) {
   const float level = emitter.beam ? emitter.beam->highest_dz() : 0;
   const float highest_dz = raycaster_.top() < 0 ? level : 1;
-  const ReturnModel& returns = emitter.returns;
   selected_.clear();
-  for (const std::uint32_t i : tile_order(emitter, groups)) {
-    if (rays_.dz[i] > highest_dz) continue;
-    if (returns.loses_at_random() && returns.lost_at_random(rng, first + i)) continue;
-    selected_.push_back(i);
-  }
+  for (const std::uint32_t i : tile_order(emitter, groups))
+    if (rays_.dz[i] <= highest_dz) selected_.push_back(i);
 }
 
-void Caster::cast_rays(const Emitter& emitter, std::span<const float> paint) {
-  if (emitter.beam) return cast_beams(*emitter.beam, paint);
-  const bool reflectance = emitter.returns.needs_reflectance();
-  raycaster_.cast(rays_, selected_, hits_, reflectance);
-  if (reflectance) look_up_reflectance(hits_, paint, reflectance_);
+void Caster::cast_all(Emitter& emitter, std::int64_t groups, bool incidence) {
+  select(emitter, groups);
+  raycaster_.cast(rays_, selected_, hits_, incidence);
+}
+
+void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last,
+                         bool incidence) {
+  layer.hits(first, last, incidence, hits_);
+  layer.select(first, last, raycaster_.bodies(), selected_);
+  raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
 }
 
 void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "infrasim/core/aggregation.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/sensor/beam.h"
@@ -26,6 +28,7 @@ struct Emitter {
   float max_range;
   Rng stream;                                                      ///< of its random numbers
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
+  std::shared_ptr<const StaticLayer> layer;                        ///< null: all rays are cast
 
   /// Rays that are fired within a share of frame k.
   RayRange rays(int k, double from = 0, double to = 1) const;
@@ -44,12 +47,16 @@ class Caster {
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles those that the raycaster has
-  void cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles, Emitter& emitter,
-            FrameBuilder& out);
+  /// @return how many rays were cast for them: fewer where a static layer answers, more where beams
+  ///         are wider than a ray
+  std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles, Emitter& emitter,
+                   FrameBuilder& out);
 
  private:
-  void select(Emitter& emitter, const Rng& rng, std::uint64_t first, std::int64_t groups);
-  void cast_rays(const Emitter& emitter, std::span<const float> paint);
+  std::size_t cast_part(RayRange part, Emitter& emitter, std::span<const float> paint);
+  void select(Emitter& emitter, std::int64_t groups);
+  void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
+  void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
   void cast_beams(const Beam& beam, std::span<const float> paint);
   void collect(std::span<const MovingObject> objects, FrameBuilder& out) const;
 

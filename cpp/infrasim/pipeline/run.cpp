@@ -47,8 +47,8 @@ std::vector<FrameTally> do_frame(const RunRequest& request, FrameSimulator& simu
     if (wanted[i] && !request.out.empty())
       write_frame(folder, k, frames[i], request.scene.labels == LabelRule::kAll,
                   request.scene.point_fields);
-    tallies.push_back(
-        {wanted[i] ? count(frames[i]) : read_counts(folder, k), frames[i].rays, frames[i].seconds});
+    tallies.push_back({wanted[i] ? count(frames[i]) : read_counts(folder, k), frames[i].rays,
+                       frames[i].rays_cast, frames[i].seconds});
   }
   return tallies;
 }
@@ -64,7 +64,11 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   const auto total = frames.size();
   Scheduler<std::vector<FrameTally>> scheduler(
       world, request.lidars,
-      {.frames = frames, .threads = request.threads, .ahead = total, .stop = &stop},
+      {.frames = frames,
+       .threads = request.threads,
+       .ahead = total,
+       .stop = &stop,
+       .cast_all = request.cast_all},
       [&](FrameSimulator& simulator, int k) { return do_frame(request, simulator, k); });
   Summary summary(request.lidars);
   for (int done = 1; const auto frame = scheduler.next(); ++done) {

@@ -27,6 +27,7 @@ struct RunRequest {
   FrameRange frames;
   std::filesystem::path out;  ///< empty: nothing is written
   int threads = 1;
+  bool cast_all = false;  ///< what stands still too, in every frame; the frames are the same
 };
 
 /// Called after each frame, in their order, with the number done and the number in all.

@@ -27,6 +27,7 @@ struct Schedule {
   int threads = 1;
   std::size_t ahead = 1;                   ///< most frames under way or waiting to be taken
   const std::atomic<int>* stop = nullptr;  ///< no frame is started any more once it is not 0
+  bool cast_all = false;                   ///< cast what stands still in every frame, too
 };
 
 /// Computes frames on threads of its own, each frame whole on one of them with its own simulator,
@@ -44,7 +45,8 @@ class Scheduler {
       : world_(world),
         lidars_(std::move(lidars)),
         schedule_(std::move(schedule)),
-        work_(std::move(work)) {
+        work_(std::move(work)),
+        layers_(schedule_.cast_all ? StaticLayers{} : make_static_layers(world_, lidars_)) {
     const int threads = schedule_.threads;
     if (threads < 1 || threads > kMostThreads)
       throw ConfigError("threads: found " + std::to_string(threads) + ", allowed 1 to " +
@@ -96,7 +98,7 @@ class Scheduler {
 
   void compute_all() {
     try {
-      FrameSimulator simulator(world_, lidars_);
+      FrameSimulator simulator(world_, lidars_, layers_);
       while (const auto index = claim()) compute(simulator, *index);
     } catch (...) {
       fail(0);
@@ -107,7 +109,7 @@ class Scheduler {
   }
 
   void compute_here() {
-    if (!own_simulator_) own_simulator_.emplace(world_, lidars_);
+    if (!own_simulator_) own_simulator_.emplace(world_, lidars_, layers_);
     if (const auto index = claim()) compute(*own_simulator_, *index);
   }
 
@@ -146,6 +148,7 @@ class Scheduler {
   const std::vector<LidarConfig> lidars_;
   const Schedule schedule_;
   const Work work_;
+  const StaticLayers layers_;
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -18,7 +18,13 @@ struct Lidar {
   std::vector<Emitter> emitters;
   double reach = 0;
   FrameBuilder builder;
+  std::size_t rays_cast = 0;  ///< of the frame under way
   std::vector<FilterStep> filters;
+
+  void start() {
+    builder.start();
+    rays_cast = 0;
+  }
 };
 
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
@@ -51,14 +57,17 @@ struct FrameSimulator::Impl {
   Caster caster;
   FrameVehicles vehicles;
 
-  Impl(const World& w, std::span<const LidarConfig> configs)
+  Impl(const World& w, std::span<const LidarConfig> configs, const StaticLayers& layers)
       : world(w),
         slices(world_slices(w.scene.aggregation)),
         raycaster(*w.meshes),
         caster(raycaster) {
     for (const LidarConfig& config : configs) {
-      lidars.push_back(make_lidar(world.scene, config));
-      reach = std::max(reach, lidars.back().reach);
+      Lidar& lidar = lidars.emplace_back(make_lidar(world.scene, config));
+      reach = std::max(reach, lidar.reach);
+      if (layers.empty()) continue;
+      for (std::size_t i = 0; i < lidar.emitters.size(); ++i)
+        lidar.emitters[i].layer = layers[lidars.size() - 1][i];
     }
     for (Lidar& lidar : lidars)
       lidar.filters =
@@ -69,17 +78,19 @@ struct FrameSimulator::Impl {
   std::vector<float> empty_frame(int k, Lidar& lidar) {
     vehicles = {};
     raycaster.set_bodies({}, kFramePeriod);
-    lidar.builder.start();
+    lidar.start();
     cast_slice(k, WorldSlice{}, lidar);
     return {lidar.builder.xyz().begin(), lidar.builder.xyz().end()};
   }
 
   void cast_slice(int k, const WorldSlice& slice, Lidar& lidar) {
-    for (Emitter& emitter : lidar.emitters) caster.cast(k, slice, vehicles, emitter, lidar.builder);
+    for (Emitter& emitter : lidar.emitters)
+      lidar.rays_cast += caster.cast(k, slice, vehicles, emitter, lidar.builder);
   }
 
   Frame finish(Lidar& lidar) const {
     Frame frame;
+    frame.rays_cast = lidar.rays_cast;
     std::vector<PointCount> counts;
     if (!lidar.filters.empty()) lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz()));
     frame.cloud = lidar.builder.take(vehicles.boxes, counts);
@@ -95,8 +106,24 @@ struct FrameSimulator::Impl {
   }
 };
 
-FrameSimulator::FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
-    : impl_(std::make_unique<Impl>(world, lidars)) {}
+StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars) {
+  Raycaster raycaster(*world.meshes);
+  StaticLayers layers;
+  for (const LidarConfig& config : lidars) {
+    auto& units = layers.emplace_back();
+    for (const Emitter& emitter : make_lidar(world.scene, config).emitters) {
+      const bool repeats = emitter.pattern.repeats_after() > 0 && !emitter.beam;
+      units.push_back(repeats ? std::make_shared<const StaticLayer>(emitter.pattern,
+                                                                    emitter.max_range, raycaster)
+                              : nullptr);
+    }
+  }
+  return layers;
+}
+
+FrameSimulator::FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
+                               const StaticLayers& layers)
+    : impl_(std::make_unique<Impl>(world, lidars, layers)) {}
 FrameSimulator::~FrameSimulator() = default;
 FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 
@@ -107,17 +134,24 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
   for (std::size_t i = 0; i < wanted.size(); ++i)
     if (wanted[i]) asked.push_back(i);
 
-  if (!asked.empty()) m.vehicles = set_vehicles(m.world, k, m.reach, m.raycaster);
+  double shared = 0;
+  const auto place = [&](const auto& work) {
+    if (!asked.empty()) shared += timed(work);
+  };
+  place([&] { m.vehicles = set_vehicles(m.world, k, m.reach, m.raycaster); });
   std::vector<double> seconds(m.lidars.size());
-  for (const std::size_t i : asked) m.lidars[i].builder.start();
+  for (const std::size_t i : asked) m.lidars[i].start();
   for (const WorldSlice& slice : m.slices) {
-    if (slice.frozen && !asked.empty())
-      freeze_vehicles(m.world, m.vehicles, slice.middle(), m.raycaster);
+    if (slice.frozen)
+      place([&] { freeze_vehicles(m.world, m.vehicles, slice.middle(), m.raycaster); });
     for (const std::size_t i : asked)
       seconds[i] += timed([&] { m.cast_slice(k, slice, m.lidars[i]); });
   }
   std::vector<Frame> frames(m.lidars.size());
-  for (const std::size_t i : asked) seconds[i] += timed([&] { frames[i] = m.finish(m.lidars[i]); });
+  for (const std::size_t i : asked) {
+    seconds[i] += timed([&] { frames[i] = m.finish(m.lidars[i]); });
+    seconds[i] += shared / static_cast<double>(asked.size());
+  }
   for (std::size_t i = 0; i < frames.size(); ++i) {
     frames[i].seconds = seconds[i];
     for (const Emitter& emitter : m.lidars[i].emitters)

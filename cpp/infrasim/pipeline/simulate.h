@@ -7,14 +7,24 @@
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/frame.h"
+#include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/world.h"
 
 namespace infrasim {
 
+/// Of each LiDAR, the static layer of each unit; null where the pattern never repeats or a beam is
+/// wider than a ray. Shared by the simulators of all threads. No entry at all: all rays are cast.
+using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
+StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars);
+
 /// Computes frames of several LiDARs at one mount. For one thread at a time.
 class FrameSimulator {
  public:
-  FrameSimulator(const World& world, std::span<const LidarConfig> lidars);
+  FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
+      : FrameSimulator(world, lidars, make_static_layers(world, lidars)) {}
+  /// @param layers of these LiDARs in this world; frames are the same with any and with none
+  FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
+                 const StaticLayers& layers);
   ~FrameSimulator();
   FrameSimulator(FrameSimulator&&) noexcept;
 

@@ -5,7 +5,7 @@
 
 namespace infrasim {
 
-Summary::Summary(const std::vector<LidarConfig>& lidars) {
+Summary::Summary(const std::vector<LidarConfig>& lidars) : computed_(lidars.size()) {
   for (const LidarConfig& lidar : lidars) {
     SummaryRow& row = sums_.emplace_back();
     row.lidar = lidar.name;
@@ -24,13 +24,18 @@ void Summary::add(const std::vector<FrameTally>& tallies) {
     row.vehicles_per_frame += static_cast<double>(tally.counts.vehicles);
     row.vehicle_points_per_frame += static_cast<double>(tally.counts.vehicle_points);
     row.seconds += tally.seconds;
-    if (tally.seconds > 0) row.mrays_per_s += rays * 1e-6;
+    if (tally.seconds == 0) continue;
+    ++computed_[i];
+    row.rays_cast_per_frame += static_cast<double>(tally.rays_cast);
+    row.mrays_per_s += rays * 1e-6;
   }
 }
 
 std::vector<SummaryRow> Summary::rows(int threads) const {
   std::vector<SummaryRow> rows = sums_;
-  for (SummaryRow& row : rows) {
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    SummaryRow& row = rows[i];
+    row.rays_cast_per_frame /= std::max(1, computed_[i]);
     const double frames = std::max(1, row.frames);
     row.rays_per_frame /= frames;
     row.hits_per_frame /= frames;
@@ -45,11 +50,11 @@ std::vector<SummaryRow> Summary::rows(int threads) const {
 std::string summary_csv(const std::vector<SummaryRow>& rows) {
   std::ostringstream text;
   text << "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
-          "vehicle_points_per_frame,seconds,mrays_per_s\n";
+          "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s\n";
   for (const SummaryRow& r : rows)
     text << r.lidar << ',' << r.preset << ',' << r.frames << ',' << r.rays_per_frame << ','
          << r.hits_per_frame << ',' << r.vehicles_per_frame << ',' << r.vehicle_points_per_frame
-         << ',' << r.seconds << ',' << r.mrays_per_s << '\n';
+         << ',' << r.rays_cast_per_frame << ',' << r.seconds << ',' << r.mrays_per_s << '\n';
   return text.str();
 }
 

@@ -17,14 +17,17 @@ struct SummaryRow {
   double hits_per_frame = 0;
   double vehicles_per_frame = 0;
   double vehicle_points_per_frame = 0;
-  double seconds = 0;      ///< from rays to columns, summed over threads and divided by them
-  double mrays_per_s = 0;  ///< millions of rays cast per such second
+  double rays_cast_per_frame = 0;  ///< over the frames that were not on disk already
+  double seconds =
+      0;  ///< from vehicles and rays to columns, summed over threads and divided by them
+  double mrays_per_s = 0;  ///< millions of rays answered per such second
 };
 
 /// What one frame of one LiDAR adds to its row.
 struct FrameTally {
   FrameCounts counts;
   std::size_t rays = 0;
+  std::size_t rays_cast = 0;
   double seconds = 0;  ///< 0 if the frame was on disk already
 };
 
@@ -39,7 +42,8 @@ class Summary {
   std::vector<SummaryRow> rows(int threads) const;
 
  private:
-  std::vector<SummaryRow> sums_;  ///< mrays_per_s: millions of rays cast
+  std::vector<int> computed_;     ///< frames of each LiDAR that were not on disk already
+  std::vector<SummaryRow> sums_;  ///< mrays_per_s: millions of rays answered
 };
 
 std::string summary_csv(const std::vector<SummaryRow>& rows);

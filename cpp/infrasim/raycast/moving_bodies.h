@@ -40,9 +40,9 @@ class BodyMotion {
       s = std::sin(heading_ + share * turn_);
     }
     const float px = x_ + share * travel_x_, py = y_ + share * travel_y_;
-    return {-(c * px + s * py) * inv_dx_, (s * px - c * py) * inv_dy_,
+    return {-(c * px + s * py) * inv_dx_,        (s * px - c * py) * inv_dy_,
             -(z_ + share * travel_z_) * inv_dz_, (c * dx + s * dy) * inv_dx_,
-            (c * dy - s * dx) * inv_dy_, dz * inv_dz_};
+            (c * dy - s * dx) * inv_dy_,         dz * inv_dz_};
   }
 
   /// Cosine between a ray of the unit box and a surface there, by its normal of any length.

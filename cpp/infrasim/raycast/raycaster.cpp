@@ -216,12 +216,14 @@ Raycaster::~Raycaster() = default;
 void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) {
   Impl& m = *impl_;
   m.moving.assign(bodies.begin(), bodies.end());
-  m.motions.assign(bodies.begin(), bodies.end());
+  m.motions.clear();
   m.index.set(bodies);
   m.time_scale = static_cast<float>(1 / period_s);
   m.top = m.library.top;
-  for (const MovingBody& b : bodies)
+  for (const MovingBody& b : bodies) {
+    m.motions.emplace_back(b);
     m.top = std::max(m.top, static_cast<float>(std::max(b.from.z, b.to.z) + b.from.dz / 2));
+  }
 }
 
 float Raycaster::top() const { return impl_->top; }

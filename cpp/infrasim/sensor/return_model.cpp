@@ -25,8 +25,8 @@ double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather)
     : config_(config), extinction_per_m_(extinction(weather)) {}
 
-bool ReturnModel::lost_at_random(const Rng& rng, std::uint64_t ray) const {
-  return rng.at(ray).uniform(kLoss) < config_.drop_off->general_rate;
+bool ReturnModel::lost_at_random(const Rng& draw) const {
+  return draw.uniform(kLoss) < config_.drop_off->general_rate;
 }
 
 bool ReturnModel::dropped_when_faint(const Rng& draw, double intensity) const {
@@ -52,6 +52,7 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     float range = hits.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
     const auto draw = [&] { return rng.at(first_ray + i); };
+    if (config_.drop_off && lost_at_random(draw())) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];

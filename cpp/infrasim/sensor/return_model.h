@@ -32,7 +32,6 @@ class ReturnModel {
  public:
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
 
-  /// Hits of rays that are lost at random must have been left out by the caller.
   /// @param rng         stream of this unit and frame; ray i of the frame draws from rng.at(i)
   /// @param first_ray   number of the batch's first ray within the frame
   /// @param reflectance of each hit, [0, 1]; like the hits' incidence, read only if
@@ -40,14 +39,10 @@ class ReturnModel {
   void apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
              const std::vector<float>& reflectance, ReturnBatch& out) const;
 
-  /// Rays whose return is lost whatever they hit (the random part of the drop-off), so that nobody
-  /// need cast them.
-  bool loses_at_random() const { return config_.drop_off.has_value(); }
-  bool lost_at_random(const Rng& rng, std::uint64_t ray) const;
-
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
  private:
+  bool lost_at_random(const Rng& draw) const;
   bool dropped_when_faint(const Rng& draw, double intensity) const;
   double snr(double range, double reflected) const;
 

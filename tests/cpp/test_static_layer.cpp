@@ -1,0 +1,108 @@
+#include "infrasim/pipeline/static_layer.h"
+
+#include <gtest/gtest.h>
+
+#include "infrasim/pipeline/simulate.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using namespace testing;
+
+World shipped_world(const std::string& scene, const std::vector<std::string>& assignments = {}) {
+  std::vector<std::string> all{"duration_s=5", "traffic.warm_up_s=20"};
+  all.insert(all.end(), assignments.begin(), assignments.end());
+  return build_world(read_scene(configs() / "scenes" / (scene + ".yaml"), all));
+}
+
+void expect_same(const Frame& a, const Frame& b) {
+  expect_equal(a.cloud, b.cloud);
+  ASSERT_EQ(a.objects.size(), b.objects.size());
+  for (std::size_t i = 0; i < a.objects.size(); ++i) {
+    EXPECT_EQ(a.objects[i].id, b.objects[i].id);
+    EXPECT_EQ(a.objects[i].points, b.objects[i].points);
+    EXPECT_EQ(a.objects[i].points_in_box, b.objects[i].points_in_box);
+    EXPECT_EQ(a.objects[i].visibility, b.objects[i].visibility);
+  }
+}
+
+/// Frames with the layer are those of casting all. @return points on vehicles
+int expect_same_as_casting_all(const World& world, const LidarConfig& lidar) {
+  SCOPED_TRACE(world.scene.name + ", " + lidar.name + ", " + lidar.preset);
+  FrameSimulator layered(world, std::array{lidar}), all(world, std::array{lidar}, {});
+  int points = 0;
+  for (const int k : {0, 1, 2, 3, 17, 40}) {
+    const Frame a = layered.simulate(k, {true})[0], b = all.simulate(k, {true})[0];
+    expect_same(a, b);
+    for (const ObjectRecord& o : a.objects) points += o.points;
+  }
+  return points;
+}
+
+TEST(static_layer, gives_the_frames_of_casting_all) {
+  for (const char* scene : {"highway", "crossroad", "curve"}) {
+    const World world = shipped_world(scene);
+    for (const char* preset : {"paper", "equal", "datasheet"})
+      for (const char* name : {"ruby_plus", "pandar_64"})
+        EXPECT_GT(
+            expect_same_as_casting_all(
+                world, read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), preset)),
+            1000);
+  }
+}
+
+TEST(static_layer, of_a_pattern_that_repeats_after_four_turns_gives_the_frames_of_casting_all) {
+  const LidarConfig hdl = read_lidar(configs() / "lidars/velodyne_hdl_64e.yaml", "datasheet");
+  const World world = shipped_world("crossroad");
+  const auto layers = make_static_layers(world, std::array{hdl});
+  EXPECT_EQ(layers[0][0]->groups(), 8125);
+  expect_same_as_casting_all(world, hdl);
+}
+
+TEST(static_layer, of_slices_gives_the_frames_of_casting_all) {
+  const LidarConfig ruby = read_lidar(configs() / "lidars/ruby_plus.yaml", "equal");
+  expect_same_as_casting_all(shipped_world("highway", {"aggregation=slices:7"}), ruby);
+  expect_same_as_casting_all(shipped_world("highway", {"aggregation=instant"}), ruby);
+}
+
+TEST(static_layer, of_odd_numbers_of_columns_and_rings_gives_the_frames_of_casting_all) {
+  PatternConfig pattern = spinning(7, -25, -1, 1);
+  pattern.spinning->azimuth_step_deg.reset();
+  pattern.spinning->columns_per_turn = Fraction{1001, 3};
+  expect_same_as_casting_all(shipped_world("highway"), plain_lidar("odd", pattern));
+}
+
+TEST(static_layer, of_a_table_gives_the_frames_of_casting_all) {
+  PatternConfig pattern;
+  pattern.table.emplace().rays_per_s = 50'003;
+  for (int i = 0; i < 12'345; ++i)
+    pattern.table->directions.push_back({std::fmod(0.37 * i, 6.28), -0.3 + 0.0241 * (i % 13)});
+  EXPECT_GT(expect_same_as_casting_all(shipped_world("highway"), plain_lidar("table", pattern)),
+            100);
+}
+
+TEST(static_layer, is_left_out_where_the_pattern_never_repeats) {
+  const World world = shipped_world("highway");
+  const auto layers = make_static_layers(
+      world, std::array{read_lidar(configs() / "lidars/livox_avia.yaml", "equal"),
+                        plain_lidar("by_step", spinning(4, -20, -2, 0.7))});
+  EXPECT_EQ(layers[0][0], nullptr);
+  EXPECT_EQ(layers[1][0], nullptr);
+}
+
+TEST(static_layer, of_each_shipped_lidar_takes_less_than_10_mb) {
+  const World world = shipped_world("flat");
+  for (const auto& entry : std::filesystem::directory_iterator(configs() / "lidars")) {
+    if (entry.path().extension() != ".yaml" || entry.path().stem() == "livox_mid_360") continue;
+    const LidarConfig lidar = read_lidar(entry.path(), "datasheet");
+    const StaticLayers layers = make_static_layers(world, std::array{lidar});
+    std::size_t bytes = 0;
+    for (const auto& layer : layers[0])
+      bytes += layer ? layer->bytes() : 0;
+    EXPECT_LT(bytes, 10e6) << lidar.name;
+  }
+}
+
+}  // namespace
+}  // namespace infrasim
