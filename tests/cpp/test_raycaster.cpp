@@ -341,17 +341,43 @@ TEST(raycaster, incidence_follows_a_body_that_turns) {
                 std::cos(rad(30 + 5 * u)), std::abs(u - 0.5) * rad(5) + 1e-4);
 }
 
-TEST(raycaster, top_is_that_of_the_highest_thing) {
-  const MeshLibrary library(wall(10, -5, 5), bodies(Detail::kBox));
+TEST(raycaster, nothing_is_hit_above_the_horizon) {
+  std::mt19937 random(23);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  int above = 0;
+  for (int scene = 0; scene < 10; ++scene) {
+    const World world = random_world(random);
+    const MeshLibrary library(world.background, world.meshes);
+    Raycaster raycaster(library);
+    raycaster.set_bodies(world.moving, kPeriod);
+    std::vector<Vec3> directions;
+    std::vector<double> times;
+    for (int i = 0; i < 4000; ++i) {
+      directions.push_back(
+          direction(2 * kPi * (uniform(random) - 0.5), 1.2 * uniform(random) - 0.2));
+      times.push_back(kPeriod * uniform(random));
+    }
+    const RayBatch rays = ray_batch(directions, times);
+    const HitBatch hits = cast(raycaster, rays);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      if (raycaster.horizon().covers(rays.dx[i], rays.dy[i], rays.dz[i])) continue;
+      ++above;
+      EXPECT_TRUE(std::isinf(hits.range[i])) << scene << " " << i;
+    }
+  }
+  EXPECT_GT(above, 10000);
+}
+
+TEST(raycaster, horizon_is_level_where_nothing_rises) {
+  const MeshLibrary library(triangles({{{{-90, -90, -5}, {90, -90, -5}, {0, 90, -5}}}}),
+                            bodies(Detail::kBox));
   Raycaster raycaster(library);
-  raycaster.set_bodies({}, kPeriod);
-  EXPECT_FLOAT_EQ(raycaster.top(), 50);
-  raycaster.set_bodies(std::vector{still({20, 0, 60, 4, 2, 2, 0})}, kPeriod);
-  EXPECT_FLOAT_EQ(raycaster.top(), 61);
-  const MeshLibrary nothing({}, bodies(Detail::kBox));
-  Raycaster empty(nothing);
-  empty.set_bodies({}, kPeriod);
-  EXPECT_TRUE(std::isinf(empty.top()) && empty.top() < 0);
+  EXPECT_TRUE(raycaster.horizon().covers(1, 0, 0));
+  EXPECT_FALSE(raycaster.horizon().covers(1, 0, 0.001F));
+  EXPECT_TRUE(raycaster.horizon().covers(1, 0, 0.001F, 0.002F));
+  raycaster.set_bodies(std::vector{still({20, 0, 1, 4, 2, 2, 0})}, kPeriod);
+  EXPECT_TRUE(raycaster.horizon().covers(1, 0, 0.1F));
+  EXPECT_FALSE(raycaster.horizon().covers(-1, 0, 0.1F));
 }
 
 TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {

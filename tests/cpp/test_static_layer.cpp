@@ -98,8 +98,7 @@ TEST(static_layer, of_each_shipped_lidar_takes_less_than_10_mb) {
     const LidarConfig lidar = read_lidar(entry.path(), "datasheet");
     const StaticLayers layers = make_static_layers(world, std::array{lidar});
     std::size_t bytes = 0;
-    for (const auto& layer : layers[0])
-      bytes += layer ? layer->bytes() : 0;
+    for (const auto& layer : layers[0]) bytes += layer ? layer->bytes() : 0;
     EXPECT_LT(bytes, 10e6) << lidar.name;
   }
 }

@@ -43,6 +43,11 @@ class Rng {
     return static_cast<double>(bits(j) >> 11) * 0x1p-53;
   }
 
+  /// Draw j, uniform in (0, 1), both ends excluded.
+  constexpr double open_uniform(unsigned j) const {
+    return (static_cast<double>(bits(j) >> 12) + 0.5) * 0x1p-52;
+  }
+
   /// Draw j of a standard normal (Box-Muller); uses the uniform draws j and j + 1.
   double normal(unsigned j) const {
     const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform(j)));

@@ -96,11 +96,11 @@ std::size_t Caster::cast_part(RayRange part, Emitter& emitter, std::span<const f
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
 void Caster::select(Emitter& emitter, std::int64_t groups) {
-  const float level = emitter.beam ? emitter.beam->highest_dz() : 0;
-  const float highest_dz = raycaster_.top() < 0 ? level : 1;
+  const float spread = emitter.beam ? emitter.beam->half_width() : 0;
   selected_.clear();
   for (const std::uint32_t i : tile_order(emitter, groups))
-    if (rays_.dz[i] <= highest_dz) selected_.push_back(i);
+    if (raycaster_.horizon().covers(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread))
+      selected_.push_back(i);
 }
 
 void Caster::cast_all(Emitter& emitter, std::int64_t groups, bool incidence) {

@@ -4,8 +4,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kMargin_m = 0.02;      // of the swept box, beyond any rounding
-constexpr float kMarginOfView = 1e-5F;  // of bearing and sine: more than a float's last digits
+constexpr double kMargin_m = 0.02;  // of the swept box, beyond any rounding
 
 /// A box around all that the body sweeps, along its heading at mid-frame. Corners that turn between
 /// the ends leave their chord by no more than the sagitta.
@@ -25,48 +24,6 @@ Box3d swept(const MovingBody& body) {
   box.dy = 2 * (side + margin);
   box.dz += std::abs(body.to.z - body.from.z) + 2 * kMargin_m;
   return box;
-}
-
-/// Horizontal distance from the origin to the nearest point of a footprint.
-double nearest(const Box3d& box) {
-  const Vec2 axis = heading_vector(box.heading), centre{box.x, box.y};
-  return std::hypot(std::max(0.0, std::abs(dot(axis, centre)) - box.dx / 2),
-                    std::max(0.0, std::abs(cross(axis, centre)) - box.dy / 2));
-}
-
-double sine(double z, double distance) { return z == 0 ? 0 : z / std::hypot(z, distance); }
-
-float bearing_of(double azimuth) {
-  return bearing(static_cast<float>(std::cos(azimuth)), static_cast<float>(std::sin(azimuth)));
-}
-
-/// Where a box is seen; the second part is empty unless it stands behind, across 180 degrees.
-std::array<ViewBounds, 2> view_of(const Box3d& box) {
-  const double near = nearest(box), centre = std::atan2(box.y, box.x);
-  double left = 0, right = 0, far = 0;
-  for (const Vec2& corner : footprint(box)) {
-    const double azimuth = wrap_angle(std::atan2(corner.y, corner.x) - centre);
-    left = std::min(left, azimuth);
-    right = std::max(right, azimuth);
-    far = std::max(far, norm(corner));
-  }
-  const double bottom = box.z - box.dz / 2, top = box.z + box.dz / 2;
-  ViewBounds view;
-  view.low = static_cast<float>(sine(bottom, bottom < 0 ? near : far)) - kMarginOfView;
-  view.high = static_cast<float>(sine(top, top > 0 ? near : far)) + kMarginOfView;
-  view.left = -2;
-  view.right = 2;
-  if (near == 0) return {view, {}};  // around the sensor
-  const double from = centre + left, to = centre + right;
-  if (from >= -kPi && to <= kPi) {
-    view.left = bearing_of(from) - kMarginOfView;
-    view.right = bearing_of(to) + kMarginOfView;
-    return {view, {}};
-  }
-  ViewBounds other = view;
-  view.left = bearing_of(wrap_angle(from)) - kMarginOfView;
-  other.right = bearing_of(wrap_angle(to)) + kMarginOfView;
-  return {view, other};
 }
 
 }  // namespace
@@ -100,9 +57,10 @@ void BodyIndex::set(std::span<const MovingBody> bodies) {
   words_ = (bodies.size() + 63) / 64;
   bins_.assign(kBins * words_, 0);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    bounds_.push_back(view_of(swept(bodies[i])));
+    const Box3d box = swept(bodies[i]);
+    bounds_.push_back(view_of(footprint(box), box.z - box.dz / 2, box.z + box.dz / 2));
     for (const ViewBounds& part : bounds_.back())
-      if (part.left <= part.right)
+      if (!part.empty())
         for (std::size_t b = bin(part.left); b <= bin(part.right); ++b)
           bins_[b * words_ + i / 64] |= std::uint64_t{1} << (i % 64);
   }

@@ -80,6 +80,9 @@ class BodyIndex {
       }
     }
   }
+  /// Where each body is seen; two parts for one that stands across 180 degrees.
+  std::span<const std::array<ViewBounds, 2>> views() const { return bounds_; }
+
   bool any_in(const ViewBounds& view) const {
     bool found = false;
     for_each_in(view, [&](std::size_t) { return !(found = true); });
@@ -96,7 +99,7 @@ class BodyIndex {
     return bounds_[i][0].meets(view) || bounds_[i][1].meets(view);
   }
 
-  std::vector<std::array<ViewBounds, 2>> bounds_;  ///< two for a body behind, on both sides of 180
+  std::vector<std::array<ViewBounds, 2>> bounds_;
   std::size_t words_ = 0;
   std::vector<std::uint64_t> bins_;  ///< a bit for each body in each bin
 };

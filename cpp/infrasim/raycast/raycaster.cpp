@@ -104,6 +104,22 @@ void clear(std::size_t n, HitBatch& hits) {
   std::ranges::fill(hits.object, -1);
 }
 
+Horizon horizon_of(const TriangleMesh& mesh) {
+  Horizon horizon;
+  for (const auto& triangle : mesh.triangles) {
+    std::array<Vec2, 3> outline;
+    double top = -kInf;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto& vertex = mesh.vertices[triangle[i]];
+      outline[i] = {vertex[0], vertex[1]};
+      top = std::max<double>(top, vertex[2]);
+    }
+    if (top > 0)
+      for (const ViewBounds& view : view_of(outline, top, top)) horizon.add(view);
+  }
+  return horizon;
+}
+
 float cos_incidence(const RayBatch& rays, std::uint32_t k, float nx, float ny, float nz) {
   const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
   const float ahead = std::abs(nx * rays.dx[k] + ny * rays.dy[k] + nz * rays.dz[k]);
@@ -114,7 +130,7 @@ float cos_incidence(const RayBatch& rays, std::uint32_t k, float nx, float ny, f
 
 struct MeshLibrary::Impl {
   RTCDevice device = nullptr;
-  float top = -std::numeric_limits<float>::infinity();  ///< highest z of the background
+  Horizon horizon;  ///< of the background
   std::vector<std::uint16_t> background_class;
   std::vector<SceneHandle> bodies;  ///< the background last
 
@@ -131,7 +147,7 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
   if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
   rtcSetDeviceErrorFunction(impl_->device, on_error, nullptr);
   impl_->background_class = background.class_id;
-  for (const auto& vertex : background.vertices) impl_->top = std::max(impl_->top, vertex[2]);
+  impl_->horizon = horizon_of(background);
   for (const TriangleMesh& body : bodies) impl_->bodies.push_back(mesh_scene(impl_->device, body));
   impl_->bodies.push_back(mesh_scene(impl_->device, background));
 }
@@ -144,7 +160,7 @@ struct Raycaster::Impl {
   std::vector<BodyMotion> motions;
   BodyIndex index;
   float time_scale = 1;
-  float top = 0;
+  Horizon horizon;
   Packet packet;
   RayBatch probe;  ///< rays of a visibility test
   HitBatch probe_hits;
@@ -219,14 +235,13 @@ void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) 
   m.motions.clear();
   m.index.set(bodies);
   m.time_scale = static_cast<float>(1 / period_s);
-  m.top = m.library.top;
-  for (const MovingBody& b : bodies) {
-    m.motions.emplace_back(b);
-    m.top = std::max(m.top, static_cast<float>(std::max(b.from.z, b.to.z) + b.from.dz / 2));
-  }
+  m.horizon = m.library.horizon;
+  for (const MovingBody& b : bodies) m.motions.emplace_back(b);
+  for (const auto& views : m.index.views())
+    for (const ViewBounds& view : views) m.horizon.add(view);
 }
 
-float Raycaster::top() const { return impl_->top; }
+const Horizon& Raycaster::horizon() const { return impl_->horizon; }
 
 const BodyIndex& Raycaster::bodies() const { return impl_->index; }
 

@@ -38,8 +38,8 @@ class Raycaster {
   /// Sets the moving bodies of a frame of `period_s`.
   void set_bodies(std::span<const MovingBody> bodies, double period_s);
 
-  /// Highest z of everything in the scene, levelled frame; -inf for an empty one.
-  float top() const;
+  /// How high anything in the scene is seen.
+  const Horizon& horizon() const;
 
   /// Where bodies can be met during the frame.
   const BodyIndex& bodies() const;

@@ -1,8 +1,12 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <span>
+
+#include "infrasim/core/geometry.h"
 
 namespace infrasim {
 
@@ -31,6 +35,33 @@ struct ViewBounds {
   bool meets(const ViewBounds& o) const {
     return left <= o.right && o.left <= right && low <= o.high && o.low <= high;
   }
+  bool empty() const { return left > right; }
+};
+
+/// Where an upright prism is seen, with a margin for rounding; the second part is empty unless it
+/// stands across 180 degrees.
+/// @param outline convex, in either sense
+std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, double top);
+
+/// The highest sine of elevation at which anything is seen, by bearing; 0 where nothing rises.
+class Horizon {
+ public:
+  /// Raises it to all that is in the view.
+  void add(const ViewBounds& view);
+  /// False for directions that look over everything.
+  /// @param spread sine by which rays nearby may look lower
+  bool covers(float dx, float dy, float dz, float spread = 0) const {
+    // Close to the zenith what is near in angle may be far in bearing.
+    return dz - spread <= (dz > 0.9F ? highest_ : sines_[bin(bearing(dx, dy))]);
+  }
+
+ private:
+  static constexpr int kBins = 256;
+  static std::size_t bin(float bearing) {
+    return static_cast<std::size_t>(std::clamp((bearing + 2) * (kBins / 4.0F), 0.0F, kBins - 1.0F));
+  }
+  std::array<float, kBins> sines_{};
+  float highest_ = 0;
 };
 
 }  // namespace infrasim

@@ -18,8 +18,8 @@ class Beam {
 
   int sub_rays() const { return static_cast<int>(offsets_.size()); }
 
-  /// Sine of the highest elevation of a ray of which a sub-ray is level or below.
-  float highest_dz() const { return offsets_.back(); }
+  /// Tangent of the angle between a ray and its outermost sub-rays.
+  float half_width() const { return offsets_.back(); }
 
   /// Sub-rays of the selected rays, side by side; the middle of them is the ray itself.
   void expand(const RayBatch& rays, std::span<const std::uint32_t> selected,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/core/normal.h"
+
 namespace infrasim {
 
 namespace {
@@ -16,9 +18,7 @@ double extinction(const WeatherConfig& weather) {
   return rain + std::log(20.0) / weather.visibility_m;
 }
 
-constexpr double kCertain = 8.5;  // from here on the next function is 1 to the last digit
-
-double normal_cdf(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
+constexpr double kCertain = 8.5;  // from here on Phi is 1 to the last digit
 
 }  // namespace
 
@@ -58,16 +58,17 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
       intensity = reflectance[i] * hits.cos_incidence[i];
       const double ratio = snr(range, intensity);
       const double margin = config_.detection->steepness * (ratio - 1);
-      if (margin < kCertain && draw().uniform(kDetection) >= normal_cdf(margin)) continue;
+      // Detected with probability Phi(margin).
+      if (margin < kCertain && normal_quantile(draw().open_uniform(kDetection)) >= margin) continue;
       sigma *= std::clamp(1 / std::sqrt(2 * ratio), 0.25, 1.0);
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
     if (config_.drop_off && dropped_when_faint(draw(), intensity)) continue;
     if (sigma > 0)
-      range = std::max(0.0F, range + static_cast<float>(sigma * draw().normal(kNoise)));
+      range += static_cast<float>(sigma * normal_quantile(draw().open_uniform(kNoise)));
     out.ray[n] = static_cast<std::uint32_t>(i);
-    out.range[n] = range;
+    out.range[n] = std::max(0.0F, range);
     out.intensity[n++] = static_cast<float>(std::min(1.0, intensity));
   }
   out.resize(n);

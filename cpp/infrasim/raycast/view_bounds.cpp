@@ -1,0 +1,62 @@
+#include "infrasim/raycast/view_bounds.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr float kMargin = 1e-5F;  // of bearing and sine: more than a float's last digits
+
+/// Horizontal distance from the origin to a convex outline; 0 inside.
+double nearest(std::span<const Vec2> outline) {
+  double distance = kInf;
+  bool left = false, right = false;  // sides of the edges on which the origin lies
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const Vec2 a = outline[i], ab = outline[(i + 1) % outline.size()] - a;
+    const double length_squared = dot(ab, ab), side = cross(a, ab);
+    const double u = length_squared > 0 ? std::clamp(-dot(a, ab) / length_squared, 0.0, 1.0) : 0;
+    distance = std::min(distance, norm(a + u * ab));
+    (side > 0 ? left : right) = true;
+  }
+  return left != right ? 0 : distance;
+}
+
+double sine(double z, double distance) { return z == 0 ? 0 : z / std::hypot(z, distance); }
+
+float bearing_of(double azimuth) {
+  return bearing(static_cast<float>(std::cos(azimuth)), static_cast<float>(std::sin(azimuth)));
+}
+
+}  // namespace
+
+std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, double top) {
+  const double near = nearest(outline), start = std::atan2(outline[0].y, outline[0].x);
+  double from = start, to = start, far = 0;
+  for (const Vec2& corner : outline) {
+    const double azimuth = start + wrap_angle(std::atan2(corner.y, corner.x) - start);
+    from = std::min(from, azimuth);
+    to = std::max(to, azimuth);
+    far = std::max(far, norm(corner));
+  }
+  ViewBounds view;
+  view.low = static_cast<float>(sine(bottom, bottom < 0 ? near : far)) - kMargin;
+  view.high = static_cast<float>(sine(top, top > 0 ? near : far)) + kMargin;
+  view.left = -2;
+  view.right = 2;
+  if (near == 0) return {view, {}};  // around the sensor
+  const bool behind = from < -kPi || to > kPi;
+  ViewBounds other = behind ? view : ViewBounds{};
+  view.left = bearing_of(behind ? wrap_angle(from) : from) - kMargin;
+  (behind ? other : view).right = bearing_of(behind ? wrap_angle(to) : to) + kMargin;
+  return {view, other};
+}
+
+void Horizon::add(const ViewBounds& view) {
+  if (view.empty() || view.high <= 0) return;
+  highest_ = std::max(highest_, view.high);
+  // One more bin on both sides, for rays nearby.
+  const std::size_t first = bin(view.left), last = bin(view.right);
+  for (std::size_t b = first + kBins - 1; b <= last + kBins + 1; ++b)
+    sines_[b % kBins] = std::max(sines_[b % kBins], view.high);
+}
+
+}  // namespace infrasim
