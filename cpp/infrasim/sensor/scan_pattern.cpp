@@ -25,34 +25,58 @@ double column_deg(const SpinningConfig& s, std::int64_t column) {
          static_cast<double>(n);
 }
 
-/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after.
-/// @throws ConfigError for total reflection
-Vec3 refract(Vec3 d, Vec3 normal, double mu) {
-  const double c = dot(d, normal), cos_squared = 1 - mu * mu * (1 - c * c);
-  if (cos_squared < 0)
-    throw ConfigError(
-        "pattern.wedges.wedges: found light that is reflected and does not leave a wedge, allowed "
-        "smaller angle_deg, refractive_index or laser_offsets");
-  return mu * d + (std::sqrt(cos_squared) - mu * c) * normal;
+/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. What is
+/// reflected totally becomes NaN.
+void refract(Vec3 normal, double mu, Light& light) {
+  for (std::size_t i = 0; i < light.x.size(); ++i) {
+    const double c = light.x[i] * normal.x + light.y[i] * normal.y + light.z[i] * normal.z;
+    const double turn = std::sqrt(1 - mu * mu * (1 - c * c)) - mu * c;
+    light.x[i] = mu * light.x[i] + turn * normal.x;
+    light.y[i] = mu * light.y[i] + turn * normal.y;
+    light.z[i] = mu * light.z[i] + turn * normal.z;
+  }
+}
+
+/// The same at a face across x.
+void refract_flat(double mu, Light& light) {
+  for (std::size_t i = 0; i < light.x.size(); ++i) {
+    light.x[i] = std::sqrt(1 - mu * mu * (1 - light.x[i] * light.x[i]));
+    light.y[i] *= mu;
+    light.z[i] *= mu;
+  }
 }
 
 /// Light through one wedge whose tilted face has the given normal.
-Vec3 through(const WedgeConfig& wedge, Vec3 tilted, Vec3 d) {
-  const Vec3 flat{1, 0, 0};
+void pass(const WedgeConfig& wedge, Vec3 tilted, Light& light) {
   const double n = wedge.refractive_index;
-  const bool tilted_first = wedge.faces == Faces::kTiltedFirst;
-  return refract(refract(d, tilted_first ? tilted : flat, 1 / n), tilted_first ? flat : tilted, n);
+  if (wedge.faces == Faces::kTiltedFirst) {
+    refract(tilted, 1 / n, light);
+    refract_flat(n, light);
+  } else {
+    refract_flat(1 / n, light);
+    refract(tilted, n, light);
+  }
 }
 
-/// Normals of the tilted faces at one time.
-void turn_wedges(const std::vector<WedgeConfig>& wedges, double time_s,
-                 std::vector<Vec3>& normals) {
-  normals.clear();
+/// @throws ConfigError for total reflection
+void check_left(const Light& light) {
+  if (std::ranges::any_of(light.x, [](double x) { return std::isnan(x); }))
+    throw ConfigError(
+        "pattern.wedges.wedges: found light that is reflected and does not leave a wedge, allowed "
+        "smaller angle_deg, refractive_index or laser_offsets");
+}
+
+/// The light of all lasers after the wedges at one time.
+/// @throws ConfigError for total reflection
+void trace(const std::vector<WedgeConfig>& wedges, const Light& lasers, double time_s,
+           Light& light) {
+  light = lasers;
   for (const WedgeConfig& wedge : wedges) {
     const double phi = 2 * kPi * std::fmod(wedge.rpm / 60 * time_s, 1.0) + rad(wedge.phase_deg);
     const double a = rad(wedge.angle_deg);
-    normals.push_back({std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)});
+    pass(wedge, {std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)}, light);
   }
+  check_left(light);
 }
 
 /// Rank of each elevation, 0 for the lowest; equal ones by their place.
@@ -87,7 +111,9 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
     groups_per_s_ = config_.wedges->steps_per_s;
     for (const double offset : elevations) {
       const double e = std::atan(offset / config_.wedges->focal_length);
-      laser_directions_.push_back({std::cos(e), 0, std::sin(e)});
+      lasers_of_step_.x.push_back(std::cos(e));
+      lasers_of_step_.y.push_back(0);
+      lasers_of_step_.z.push_back(std::sin(e));
     }
   } else {
     groups_per_s_ = config_.table->rays_per_s;
@@ -147,12 +173,10 @@ double ScanPattern::optical_time(std::int64_t group) const {
 }
 
 Ray ScanPattern::wedges_ray(std::int64_t group, int member) const {
-  std::vector<Vec3> normals;
-  turn_wedges(config_.wedges->wedges, optical_time(group), normals);
-  Vec3 d = laser_directions_[static_cast<std::size_t>(member)];
-  for (std::size_t w = 0; w < normals.size(); ++w)
-    d = through(config_.wedges->wedges[w], normals[w], d);
-  return {d, static_cast<double>(group) / groups_per_s_};
+  Light light;
+  trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), light);
+  const auto i = static_cast<std::size_t>(member);
+  return {{light.x[i], light.y[i], light.z[i]}, static_cast<double>(group) / groups_per_s_};
 }
 
 Ray ScanPattern::table_ray(std::int64_t group) const {
@@ -187,17 +211,13 @@ void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
 
 void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
                                  RayBatch& rays) const {
-  const std::vector<WedgeConfig>& wedges = config_.wedges->wedges;
-  std::vector<Vec3> normals;
+  Light light;
   std::size_t k = 0;
   for (std::int64_t group = first_group; group < last_group; ++group) {
-    turn_wedges(wedges, optical_time(group), normals);
+    trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), light);
     const double time = static_cast<double>(group) / groups_per_s_ - start_s;
-    for (int i = 0; i < group_size_; ++i, ++k) {
-      Vec3 d = laser_directions_[static_cast<std::size_t>(i)];
-      for (std::size_t w = 0; w < wedges.size(); ++w) d = through(wedges[w], normals[w], d);
-      put(k, d, time, i, rays);
-    }
+    for (std::size_t i = 0; i < light.x.size(); ++i, ++k)
+      put(k, {light.x[i], light.y[i], light.z[i]}, time, static_cast<int>(i), rays);
   }
 }
 

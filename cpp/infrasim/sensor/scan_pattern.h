@@ -22,6 +22,11 @@ struct Ray {
   double time_s = 0;
 };
 
+/// Light of all lasers of a step, a column per component, so that loops over them become vectors.
+struct Light {
+  std::vector<double> x, y, z;
+};
+
 /// Directions and times of one optical unit. Rays are fired in groups (a column of channels, the
 /// lasers of one step, one row of a table), numbered for ever from the start of the run: a pattern
 /// never restarts at a frame.
@@ -76,8 +81,8 @@ class ScanPattern {
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
-  std::vector<Laser> lasers_;           ///< of a spinning unit
-  std::vector<Vec3> laser_directions_;  ///< before the wedges
+  std::vector<Laser> lasers_;  ///< of a spinning unit
+  Light lasers_of_step_;       ///< before the wedges
 };
 
 /// Extent of a pattern in its own frame.
