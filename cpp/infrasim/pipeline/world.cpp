@@ -65,7 +65,7 @@ TriangleMesh frozen_mesh(const World& world, int k, double share) {
   check_frame(world, k);
   TriangleMesh mesh = world.background;
   for (const MovingObject& o : world.trajectories.in_frame(k)) {
-    const Box3d box = world.level.to_level(o.at(share));
+    const Box3d box = world.level.to_level(body_box(o.at(share)));
     const TriangleMesh& body = world.bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
     const double c = std::cos(box.heading), s = std::sin(box.heading);
