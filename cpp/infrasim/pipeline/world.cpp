@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/scene/sensor_rules.h"
+#include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/vehicle_body.h"
 
@@ -31,16 +33,19 @@ std::size_t body_index(Class object_class) {
 }
 
 World build_world(const SceneConfig& scene) {
+  check_site(scene);
   const LevelPose level = level_pose(scene.mounts.begin()->second);
   TriangleMesh background = build_static_mesh(scene, level);
   std::vector<TriangleMesh> bodies;
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  Trajectories trajectories = load_trajectories(scene);
+  check_sensor_is_free(scene, trajectories);
   return {scene,
           level,
           EvaluationRegion(scene),
-          load_trajectories(scene),
+          std::move(trajectories),
           std::move(background),
           std::move(bodies),
           std::move(meshes)};
@@ -48,8 +53,7 @@ World build_world(const SceneConfig& scene) {
 
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
   // What stands still is no part of the rows, but a scene is right as a whole or not at all.
-  build_static_mesh(scene, level_pose(scene.mounts.begin()->second));
-  static_cast<void>(EvaluationRegion(scene));
+  check_site(scene);
   if (scene.traffic) return simulate_traffic(scene, take);
   const Trajectories recorded = load_trajectories(scene);
   for (const auto& states : recorded.rows) take(states);
