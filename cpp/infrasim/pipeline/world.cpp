@@ -12,6 +12,8 @@ namespace infrasim {
 
 namespace {
 
+constexpr double kChecked_s = 60;  // of simulated traffic
+
 Trajectories load_trajectories(const SceneConfig& scene) {
   if (scene.traffic) return simulate_traffic(scene);
   const std::filesystem::path file = scene.folder / scene.trajectories;
@@ -57,6 +59,13 @@ void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
   if (scene.traffic) return simulate_traffic(scene, take);
   const Trajectories recorded = load_trajectories(scene);
   for (const auto& states : recorded.rows) take(states);
+}
+
+std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
+  if (scene.traffic) scene.duration_s = kChecked_s;
+  OverlapSearch search;
+  for_each_instant(scene, [&](const auto& states) { search.take(states); });
+  return search.found();
 }
 
 void check_frame(const World& world, int k) {
