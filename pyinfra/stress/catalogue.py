@@ -120,7 +120,7 @@ STRESSORS = {
         Stressor(
             "vehicle_class",
             "name",
-            (OWN, "Truck", "Bus", "Motorcycle", "Cyclist"),
+            (OWN, "Truck", "Bus", "Motorcycle"),
             world=worlds.one_class,
             needs=TRAFFIC,
         ),

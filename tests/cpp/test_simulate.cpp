@@ -5,12 +5,15 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "infrasim/pipeline/run.h"
 #include "infrasim/pipeline/simulate.h"
+#include "infrasim/pipeline/vehicles.h"
+#include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/beam.h"
 #include "small_scenes.h"
 
@@ -440,7 +443,7 @@ LidarConfig wide_beam_lidar(double elevation_deg, double pitch_deg = 0) {
 
 TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
   SceneConfig scene = empty_road();
-  scene.ground.push_back(ground_at(0));
+  scene.ground.push_back(ground_at(-0.001));
   const Frame f = frame(world_with(scene, {}), wide_beam_lidar(-20));
   ASSERT_EQ(f.cloud.size(), 720U);
   const double middle = 6 / std::sin(rad(20));
@@ -491,6 +494,74 @@ TEST(beam, straight_down_is_at_the_sensors_height) {
   }
 }
 
+// --- ties ---
+
+/// Rays at places around the bottoms of two cars and where they touch, many of them exactly there.
+RayBatch rays_at_seams(const World& world, const std::vector<ObjectState>& cars) {
+  std::vector<Vec3> targets;
+  for (const ObjectState& car : cars)
+    for (int i = -40; i <= 40; ++i)
+      for (const double height : {-0.5, -0.4995, 0.25, 0.5})
+        for (const Vec2 share : {Vec2{0.5, i / 80.0}, Vec2{-0.5, i / 80.0}, Vec2{i / 80.0, 0.5},
+                                 Vec2{i / 80.0, -0.5}}) {
+          const Box3d& b = car.box;
+          const Vec2 along = heading_vector(b.heading), left = heading_vector(b.heading + kPi / 2);
+          const Vec2 p = Vec2{b.x, b.y} + share.x * b.dx * along + share.y * b.dy * left;
+          targets.push_back(world.level.to_level(Vec3{p.x, p.y, b.z + height * b.dz}));
+        }
+  RayBatch rays;
+  rays.resize(targets.size());
+  rays.max_range = 200;
+  for (std::size_t i = 0; i < targets.size(); ++i)
+    set_direction(rays, i, 1 / norm(targets[i]) * targets[i]);
+  return rays;
+}
+
+TEST(hits, on_vehicles_that_touch_and_stand_on_the_road_do_not_depend_on_the_order_of_rays) {
+  const std::vector cars{car_on_road(1, 12, -1.8, 0), car_on_road(2, 16.5, -1.8, 0),
+                         car_on_road(3, 12, -3.7, 0), car_on_road(4, 16.5, -3.7, 0)};
+  const World world = world_with(empty_road(), cars);
+  Raycaster raycaster(*world.meshes);
+  set_vehicles(world, 0, 200, raycaster);
+  const RayBatch rays = rays_at_seams(world, cars);
+  std::vector<std::uint32_t> order = every(rays);
+  HitBatch in_order, shuffled;
+  raycaster.cast(rays, order, in_order);
+  EXPECT_GT(std::ranges::count(in_order.object, 0), 100);
+  EXPECT_GT(std::ranges::count(in_order.object, -1), 100);
+  std::mt19937 random(1);
+  for (int round = 0; round < 20; ++round) {
+    std::ranges::shuffle(order, random);
+    raycaster.cast(rays, order, shuffled);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      ASSERT_EQ(shuffled.range[i], in_order.range[i]) << "ray " << i;
+      ASSERT_EQ(shuffled.object[i], in_order.object[i]) << "ray " << i;
+      ASSERT_EQ(shuffled.class_id[i], in_order.class_id[i]) << "ray " << i;
+    }
+  }
+}
+
+TEST(hits, at_a_vehicles_foot_are_those_on_the_road_alone_and_on_vehicles_alone) {
+  const std::vector cars{car_on_road(1, 12, -1.8, 0), car_on_road(2, 16.5, -1.8, 0)};
+  const World both = world_with(empty_road(), cars), road = world_with(empty_road(), {});
+  const MeshLibrary nothing({}, both.bodies);
+  Raycaster together(*both.meshes), on_road(*road.meshes), on_vehicles(nothing);
+  set_vehicles(both, 0, 200, together);
+  set_vehicles(road, 0, 200, on_road);
+  set_vehicles(both, 0, 200, on_vehicles);
+  const RayBatch rays = rays_at_seams(both, cars);
+  HitBatch all, still, moving;
+  together.cast(rays, every(rays), all);
+  on_road.cast(rays, every(rays), still);
+  on_vehicles.cast(rays, every(rays), moving);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    ASSERT_TRUE(still.range[i] != moving.range[i] || std::isinf(still.range[i])) << "tie " << i;
+    const bool vehicle = moving.range[i] < still.range[i];
+    ASSERT_EQ(all.range[i], vehicle ? moving.range[i] : still.range[i]) << "ray " << i;
+    ASSERT_EQ(all.object[i], vehicle ? moving.object[i] : -1) << "ray " << i;
+  }
+}
+
 // --- meshes -----------------------------------------------------------------------------------
 
 TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
@@ -501,7 +572,7 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   const std::size_t background = world.background.vertices.size();
   ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
-  const Box3d box = world.level.to_level(world.trajectories.in_frame(2).front().at(0.25));
+  const Box3d box = world.level.to_level(body_box(world.trajectories.in_frame(2).front().at(0.25)));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)
     EXPECT_LT(
         distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1], mesh.vertices[i][2]}),

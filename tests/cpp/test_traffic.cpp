@@ -9,6 +9,7 @@
 
 #include "infrasim/core/geometry.h"
 #include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/traffic.h"
 #include "small_scenes.h"
@@ -57,25 +58,15 @@ Flow flow(const Trajectories& t, int from_s, int to_s) {
   return out;
 }
 
-bool overlap(const Box3d& a, const Box3d& b) {
-  if (std::hypot(a.x - b.x, a.y - b.y) > (a.dx + a.dy + b.dx + b.dy) / 2) return false;
-  return footprints_overlap(footprint(a), footprint(b));
+void expect_no_overlaps(const SceneConfig& scene) {
+  OverlapSearch search;
+  simulate_traffic(scene, [&](const auto& states) { search.take(states); });
+  for (const Overlap& o : search.found())
+    ADD_FAILURE() << "vehicles " << o.first_id << " and " << o.second_id << " at " << o.time_s
+                  << " s, x " << o.place.x << ", y " << o.place.y;
 }
 
-void expect_no_overlaps(const Trajectories& t) {
-  int overlaps = 0;
-  for (std::size_t k = 0; k < t.rows.size(); k += 5) {
-    const auto& row = t.rows[k];
-    for (std::size_t i = 0; i < row.size(); ++i)
-      for (std::size_t j = i + 1; j < row.size(); ++j)
-        if (overlap(row[i].box, row[j].box) && ++overlaps <= 5)
-          ADD_FAILURE() << "vehicles " << row[i].id << " and " << row[j].id << " at row " << k
-                        << ", x " << row[i].box.x << ", y " << row[i].box.y;
-  }
-  EXPECT_EQ(overlaps, 0);
-}
-
-TEST_P(committed_traffic, no_two_vehicles_are_in_one_place) { expect_no_overlaps(trajectories); }
+TEST_P(committed_traffic, no_two_vehicles_are_in_one_place) { expect_no_overlaps(scene); }
 
 /// Footprints of the buildings and of the gantries' legs, which stand 0.5 m off the carriageway.
 std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
@@ -252,7 +243,35 @@ TEST(crossroad, has_queues_before_its_signals) {
 TEST(crossroad, no_turning_truck_swings_into_the_lane_beside_it) {
   SceneConfig scene = committed("crossroad", 280);
   scene.seed = 10;
-  expect_no_overlaps(simulate_traffic(scene));
+  expect_no_overlaps(scene);
+}
+
+SceneConfig committed_with(const std::string& name, const std::vector<std::string>& assignments) {
+  return read_scene(configs() / "scenes" / (name + ".yaml"), assignments);
+}
+
+// Two buses side by side in the bend shared a place, at 460 s.
+TEST(traffic, long_vehicles_side_by_side_in_a_bend_stay_in_their_lanes) {
+  expect_no_overlaps(committed_with("curve", {"traffic.class_shares={Bus: 1}"}));
+}
+
+// A truck of less than 6 m turned right into one that went straight on beside it, at 244 s.
+TEST(crossroad, long_vehicles_turn_where_they_stay_in_their_lanes) {
+  expect_no_overlaps(committed_with("crossroad", {"traffic.class_shares={Truck: 0.5, Bus: 0.5}"}));
+}
+
+TEST(traffic, as_dense_as_is_allowed_starts_without_overlaps) {
+  for (const char* name : {"highway", "crossroad", "curve"})
+    expect_no_overlaps(
+        committed_with(name, {"traffic.class_shares={Bus: 1}", "traffic.vehicles_per_km_lane=80",
+                              "traffic.warm_up_s=0", "duration_s=30"}));
+}
+
+TEST(traffic, that_is_fast_sees_a_queue_from_far_enough_to_stop) {
+  expect_no_overlaps(
+      committed_with("crossroad", {"traffic.speed.mean_km_h=200", "traffic.speed.std_km_h=50",
+                                   "roads.0.centreline.0.line_m=2000", "roads.0.start.x_m=-1700",
+                                   "traffic.vehicles_per_km_lane=5", "duration_s=200"}));
 }
 
 TEST(crossroad, no_vehicle_stands_on_the_junction) {

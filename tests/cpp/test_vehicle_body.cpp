@@ -24,6 +24,15 @@ void for_each_body(const Check& check) {
     }
 }
 
+TEST(vehicle_body, stands_a_millimetre_above_the_bottom_of_its_vehicles_box_and_inside_of_it) {
+  const Box3d box{10, 20, 3, 4.5, 1.9, 1.5, 0.3}, body = body_box(box);
+  EXPECT_NEAR(body.z - body.dz / 2, box.z - box.dz / 2 + 0.001, 1e-12);
+  EXPECT_NEAR(body.z + body.dz / 2, box.z + box.dz / 2, 1e-12);
+  EXPECT_NEAR(body.dx, box.dx - 0.001, 1e-12);
+  EXPECT_NEAR(body.dy, box.dy - 0.001, 1e-12);
+  EXPECT_TRUE(body.x == box.x && body.y == box.y && body.heading == box.heading);
+}
+
 TEST(vehicle_body, fills_its_box_and_touches_all_six_faces) {
   for_each_body([](const TriangleMesh& mesh, Detail) {
     std::array<float, 3> low{1, 1, 1}, high{-1, -1, -1};

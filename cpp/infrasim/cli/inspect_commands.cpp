@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -7,6 +8,7 @@
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
+#include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
@@ -23,6 +25,7 @@ struct CheckOptions {
   std::string file;
   std::optional<std::string> preset;
   std::vector<std::string> assignments;
+  bool traffic = false;
 };
 
 /// Reads every preset that was not asked for too, and traces every ray.
@@ -35,6 +38,21 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
   return lidar;
 }
 
+/// @throws ConfigError that names the first of them
+void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) {
+  const std::vector<Overlap> overlaps = traffic_overlaps(scene);
+  if (overlaps.empty()) return;
+  const Overlap& first = overlaps.front();
+  const auto n = [](double v) { return config::number_text(std::round(v * 100) / 100); };
+  const std::string others =
+      overlaps.size() == 1 ? "" : " (" + std::to_string(overlaps.size()) + " pairs in all)";
+  throw ConfigError((scene.traffic ? file : scene.folder / scene.trajectories).string() +
+                    ": (vehicles): found " + std::to_string(first.first_id) + " and " +
+                    std::to_string(first.second_id) + " in one place at " + n(first.time_s) +
+                    " s, x " + n(first.place.x) + ", y " + n(first.place.y) + others +
+                    ", allowed vehicles apart");
+}
+
 void check_command(const CheckOptions& o) {
   const std::filesystem::path file = config_file(o.file, {"lidars", "scenes"});
   const config::Tree tree = config::read_tree(file);
@@ -43,12 +61,14 @@ void check_command(const CheckOptions& o) {
        tree.find("presets") != nullptr)) {
     if (!o.assignments.empty())
       throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
+    if (o.traffic) throw ConfigError("--traffic: found a LiDAR file, allowed for scenes only");
     std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
     return;
   }
   if (o.preset) throw ConfigError("--preset: found a scene file, allowed for LiDARs only");
   const SceneConfig scene = read_scene(file, o.assignments);
   build_world(scene);
+  if (o.traffic) check_traffic(file, scene);
   std::fputs(dump_scene(scene).c_str(), stdout);
 }
 
@@ -100,6 +120,9 @@ void add_check_command(CLI::App& app) {
   command->add_option("--preset", o->preset,
                       "preset of a LiDAR; else all, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
+  command->add_flag(
+      "--traffic", o->traffic,
+      "also look for vehicles in one place: a minute of traffic, or all trajectories");
   command->callback([o] { check_command(*o); });
 }
 

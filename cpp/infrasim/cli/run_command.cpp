@@ -95,12 +95,16 @@ void print_table(const std::vector<SummaryRow>& rows) {
                 r.vehicles_per_frame, r.vehicle_points_per_frame, r.seconds, r.mrays_per_s);
 }
 
+void warn(const std::string& line) {
+  std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
+}
+
 int run_command(const RunOptions& o) {
   const RunRequest request = request_of(o);
   const std::string summary = path_of("--summary", o.summary);
   for (const std::string& line : weather_warnings(request.scene.weather, request.lidars))
-    std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
-  const std::vector<SummaryRow> rows = run(request, noted_signal(), progress_bar());
+    warn(line);
+  const std::vector<SummaryRow> rows = run(request, noted_signal(), progress_bar(), warn);
   print_table(rows);
   if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));
   const int signal = noted_signal();

@@ -19,6 +19,8 @@ namespace {
 // A frame is a tenth of a second: at least one ray, and no more than memory holds.
 constexpr double kFewestPerSecond = 10;
 constexpr double kMostRaysPerSecond = 1e8;
+// Each ray is traced through each wedge, about 0.1 us; a Horizon has 720,000 passages.
+constexpr double kMostPassagesPerSecond = 1e7;
 
 }  // namespace
 
@@ -90,6 +92,12 @@ void visit(Fields& f, WedgesConfig& c) {
   f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
   f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
   f.field("wedges", c.wedges, "prisms, as the light goes", at_least_one());
+  const double passages = c.steps_per_s * static_cast<double>(c.laser_offsets.size()) *
+                          static_cast<double>(c.wedges.size());
+  f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
+          "found " + config::number_text(passages) +
+              " passages of light through wedges a second (steps, lasers and wedges), allowed " +
+              config::number_text(kMostPassagesPerSecond));
 }
 
 template <class Fields>
@@ -134,7 +142,7 @@ void visit(Fields& f, BeamConfig& c) {
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c) {
   f.field("min_range_m", c.min_range_m, "blind zone", between(0, 1000));
-  f.field("max_range_m", c.max_range_m, "no return beyond", required(positive(5000)));
+  f.field("max_range_m", c.max_range_m, "no return beyond", required(positive(kLongestRange_m)));
   f.field("range_accuracy_m", c.range_accuracy_m,
           "1 sigma of the faintest returns; bright ones have less", between(0, 10));
   f.field("drop_off", c.drop_off, "random loss of points, as CARLA has it");

@@ -95,6 +95,8 @@ struct BeamConfig {
   int sub_rays = 5;
 };
 
+inline constexpr double kLongestRange_m = 5000;  ///< of any LiDAR
+
 struct ReturnsConfig {
   double min_range_m = 0;
   double max_range_m = 100;

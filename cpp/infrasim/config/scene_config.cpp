@@ -122,7 +122,7 @@ void visit(Fields& f, GantryConfig& c) {
   f.here(c.place);
   f.field("road", c.road, "name of its road", required());
   f.field("s_m", c.s_m, "station of the centreline", required(between(0, 1e5)));
-  f.field("clearance_m", c.clearance_m, "free height above the road", between(4.5, 30));
+  f.field("clearance_m", c.clearance_m, "free height above the road", between(kClearance_m, 30));
 }
 
 template <class Fields>
@@ -160,18 +160,29 @@ void visit(Fields& f, TrafficConfig& c) {
     rule.max = 1;
     return rule;
   }());
-  double sum = 0;
+  double sum = 0, sum_of_lengths = 0;
   for (const auto& [name, share] : c.class_shares) {
-    f.check(find_class(name) != nullptr, "class_shares",
-            "found unknown class '" + name +
-                "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
+    const ObjectClass* object_class = find_class(name);
+    f.check(object_class != nullptr, "class_shares",
+            "found unknown class '" + name + "', allowed Car, Van, Truck, Bus, Motorcycle");
+    f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
+            "found " + name +
+                ", which has no speed and way of its own in traffic, allowed Car, Van, Truck, Bus, "
+                "Motorcycle; trajectories may have all");
     sum += share;
+    if (object_class != nullptr) sum_of_lengths += share * object_class->length_m.mean;
   }
   f.check(sum > 0, "class_shares", "found a sum of 0, allowed above 0");
+  const double most = std::floor(1000 / (sum_of_lengths / sum + kStandstillGap_m));
+  f.check(!(c.vehicles_per_km_lane > most), "vehicles_per_km_lane",
+          "found " + config::number_text(c.vehicles_per_km_lane) + ", allowed up to " +
+              config::number_text(most) + ", vehicles of these classes with " +
+              config::number_text(kStandstillGap_m) + " m between them");
 }
 
 template <class Fields>
 void visit(Fields& f, MountConfig& c) {
+  f.here(c.place);
   f.field("x_m", c.x_m, "world x", required());
   f.field("y_m", c.y_m, "world y", required());
   f.field("z_m", c.z_m, "world z", required(between(-1e3, 1e4)));

@@ -117,6 +117,8 @@ struct SpeedConfig {
   double std_km_h = 3;
 };
 
+inline constexpr double kStandstillGap_m = 2;  ///< between vehicles that queue
+
 struct TrafficConfig {
   double vehicles_per_km_lane = 12;
   SpeedConfig speed;
@@ -133,6 +135,7 @@ struct MountConfig {
   double yaw_deg = 0;
   double pitch_deg = 0;  ///< positive looks down
   double roll_deg = 0;
+  config::Place place = {};
 };
 
 struct WeatherConfig {
@@ -146,6 +149,7 @@ struct FilterConfig {
 };
 
 inline constexpr double kLongestScene_s = 36000;
+inline constexpr double kClearance_m = 4.5;  ///< of free height over a road: trucks have up to 4.4
 
 struct SceneConfig {
   std::string name;

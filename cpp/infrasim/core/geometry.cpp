@@ -15,10 +15,10 @@ std::array<Vec2, 4> footprint(const Box3d& box) {
 namespace {
 
 /// True if a line along an edge of `a` has all of `b` on its outer side.
-bool separated_by_edge(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b) {
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Vec2 from = a[i];
-    const Vec2 edge = a[(i + 1) % 4] - from;
+bool separated_by_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const Vec2 from = a[i], edge = a[(i + 1) % a.size()] - from;
+    if (edge.x == 0 && edge.y == 0) continue;
     if (std::ranges::all_of(b, [&](Vec2 p) { return cross(edge, p - from) <= 0; })) return true;
   }
   return false;
@@ -33,8 +33,16 @@ double signed_area(std::span<const Vec2> outline) {
   return twice / 2;
 }
 
-bool footprints_overlap(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b) {
+bool footprints_overlap(std::span<const Vec2> a, std::span<const Vec2> b) {
   return !separated_by_edge(a, b) && !separated_by_edge(b, a);
+}
+
+bool covers(std::span<const Vec2> outline, Vec2 point) {
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const Vec2 from = outline[i];
+    if (cross(outline[(i + 1) % outline.size()] - from, point - from) < 0) return false;
+  }
+  return true;
 }
 
 }  // namespace infrasim

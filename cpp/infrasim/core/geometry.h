@@ -84,7 +84,10 @@ std::array<Vec2, 4> footprint(const Box3d& box);
 /// Of an outline, not closed; positive if counter-clockwise.
 double signed_area(std::span<const Vec2> outline);
 
-/// True if the footprints share an area (touching does not count).
-bool footprints_overlap(const std::array<Vec2, 4>& a, const std::array<Vec2, 4>& b);
+/// True if the convex outlines, counter-clockwise, share an area (touching does not count).
+bool footprints_overlap(std::span<const Vec2> a, std::span<const Vec2> b);
+
+/// True if the point lies inside the convex outline, counter-clockwise, or on its edge.
+bool covers(std::span<const Vec2> outline, Vec2 point);
 
 }  // namespace infrasim

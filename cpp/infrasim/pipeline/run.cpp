@@ -53,10 +53,22 @@ std::vector<FrameTally> do_frame(const RunRequest& request, FrameSimulator& simu
   return tallies;
 }
 
+constexpr int kFramesToSeeOne = 10;
+
+/// Vehicles are wanted, but none of a LiDAR's frames so far has a point on one.
+void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>& rows,
+                         const Warn& warn) {
+  if (scene.traffic && scene.traffic->vehicles_per_km_lane == 0) return;
+  for (const SummaryRow& row : rows)
+    if (row.vehicle_points_per_frame == 0)
+      warn("no-vehicle-points: " + row.lidar + ": found no point on a vehicle in the first " +
+           std::to_string(row.frames) + " frames, allowed a mount that looks at the traffic");
+}
+
 }  // namespace
 
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,
-                            const Progress& progress) {
+                            const Progress& progress, const Warn& warn) {
   check(request);
   const World world = build_world(request.scene);
   if (!request.out.empty()) open_run_folder(request, world);
@@ -73,6 +85,8 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   Summary summary(request.lidars);
   for (int done = 1; const auto frame = scheduler.next(); ++done) {
     summary.add(frame->second);
+    if (done == std::min<int>(kFramesToSeeOne, static_cast<int>(total)))
+      warn_of_no_vehicles(request.scene, summary.rows(1), warn);
     progress(done, static_cast<int>(total));
   }
   std::vector<SummaryRow> rows = summary.rows(scheduler.threads());

@@ -33,12 +33,15 @@ struct RunRequest {
 /// Called after each frame, in their order, with the number done and the number in all.
 using Progress = std::function<void(int, int)>;
 
+/// Called with a line that says what a user should know.
+using Warn = std::function<void(const std::string&)>;
+
 /// Simulates the frames that are not on disk yet, several at a time. Stops after the current
-/// frames when `stop` becomes non-zero.
+/// frames when `stop` becomes non-zero. Warns of LiDARs that see no vehicle in the first 10 frames.
 /// @return one row per LiDAR over all frames of the request that exist by then
 /// @throws ConfigError if the request does not fit the scene
 /// @throws IoError if a file can't be written, or the folder holds another configuration
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,
-                            const Progress& progress);
+                            const Progress& progress, const Warn& warn);
 
 }  // namespace infrasim

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "infrasim/core/rng.h"
+#include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/reflectance.h"
 
 namespace infrasim {
@@ -26,7 +27,8 @@ FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& r
     if (!reachable(o, box, reach)) continue;
     out.moving.push_back(o);
     out.bodies.push_back({static_cast<int>(body_index(o.object_class)),
-                          world.level.to_level(o.from), world.level.to_level(o.to)});
+                          world.level.to_level(body_box(o.from)),
+                          world.level.to_level(body_box(o.to))});
     out.boxes.push_back(box);
     out.reflectance.push_back(paint_reflectance(paint.at(static_cast<std::uint64_t>(o.id) + 1)));
   }
@@ -43,7 +45,7 @@ void freeze_vehicles(const World& world, const FrameVehicles& vehicles, double s
                      Raycaster& raycaster) {
   std::vector<MovingBody> bodies = vehicles.bodies;
   for (std::size_t i = 0; i < bodies.size(); ++i)
-    bodies[i].from = bodies[i].to = world.level.to_level(vehicles.moving[i].at(share));
+    bodies[i].from = bodies[i].to = world.level.to_level(body_box(vehicles.moving[i].at(share)));
   raycaster.set_bodies(bodies, kFramePeriod);
 }
 

@@ -3,12 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/scene/sensor_rules.h"
+#include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/vehicle_body.h"
 
 namespace infrasim {
 
 namespace {
+
+constexpr double kChecked_s = 60;  // of simulated traffic
 
 Trajectories load_trajectories(const SceneConfig& scene) {
   if (scene.traffic) return simulate_traffic(scene);
@@ -31,16 +35,19 @@ std::size_t body_index(Class object_class) {
 }
 
 World build_world(const SceneConfig& scene) {
+  check_site(scene);
   const LevelPose level = level_pose(scene.mounts.begin()->second);
   TriangleMesh background = build_static_mesh(scene, level);
   std::vector<TriangleMesh> bodies;
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  Trajectories trajectories = load_trajectories(scene);
+  check_sensor_is_free(scene, trajectories);
   return {scene,
           level,
           EvaluationRegion(scene),
-          load_trajectories(scene),
+          std::move(trajectories),
           std::move(background),
           std::move(bodies),
           std::move(meshes)};
@@ -48,11 +55,17 @@ World build_world(const SceneConfig& scene) {
 
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
   // What stands still is no part of the rows, but a scene is right as a whole or not at all.
-  build_static_mesh(scene, level_pose(scene.mounts.begin()->second));
-  static_cast<void>(EvaluationRegion(scene));
+  check_site(scene);
   if (scene.traffic) return simulate_traffic(scene, take);
   const Trajectories recorded = load_trajectories(scene);
   for (const auto& states : recorded.rows) take(states);
+}
+
+std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
+  if (scene.traffic) scene.duration_s = kChecked_s;
+  OverlapSearch search;
+  for_each_instant(scene, [&](const auto& states) { search.take(states); });
+  return search.found();
 }
 
 void check_frame(const World& world, int k) {
@@ -65,7 +78,7 @@ TriangleMesh frozen_mesh(const World& world, int k, double share) {
   check_frame(world, k);
   TriangleMesh mesh = world.background;
   for (const MovingObject& o : world.trajectories.in_frame(k)) {
-    const Box3d box = world.level.to_level(o.at(share));
+    const Box3d box = world.level.to_level(body_box(o.at(share)));
     const TriangleMesh& body = world.bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
     const double c = std::cos(box.heading), s = std::sin(box.heading);

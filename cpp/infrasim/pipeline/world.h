@@ -6,6 +6,7 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/triangle_mesh.h"
 #include "infrasim/raycast/raycaster.h"
+#include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/trajectories.h"
@@ -29,6 +30,11 @@ World build_world(const SceneConfig& scene);
 /// Hands over the vehicles of a scene, one instant after the other; simulated ones are not kept.
 /// @throws what build_world does
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take);
+
+/// Vehicles that are in one place within a minute of a scene's traffic, or at any time of its
+/// recorded trajectories.
+/// @throws what build_world does
+std::vector<Overlap> traffic_overlaps(SceneConfig scene);
 
 /// Index of a class in World::bodies.
 std::size_t body_index(Class object_class);

@@ -61,9 +61,19 @@ Curve Curve::reversed() const {
   return Curve(std::move(samples));
 }
 
+double Curve::tightest_radius() const {
+  double radius = kInf;
+  for (std::size_t i = 0; i + 1 < samples_.size(); ++i) {
+    const double turned = std::abs(wrap_angle(samples_[i + 1].heading - samples_[i].heading));
+    if (turned > 1e-9) radius = std::min(radius, (s_[i + 1] - s_[i]) / turned);
+  }
+  return radius;
+}
+
 namespace {
 
-constexpr double kArcStep = 0.5;
+/// Length of an arc's chords, at most 0.8 mm off it: 0.5 m at a radius of 40 m or less.
+double arc_step(double radius) { return 0.5 * std::sqrt(std::max(1.0, radius / 40)); }
 
 void append_line(std::vector<CurvePoint>& samples, double length) {
   const CurvePoint from = samples.back();
@@ -74,7 +84,8 @@ void append_arc(std::vector<CurvePoint>& samples, double radius, double angle) {
   const CurvePoint from = samples.back();
   const double side = angle > 0 ? 1 : -1;
   const Vec2 centre = from.position + side * radius * heading_vector(from.heading + kPi / 2);
-  const int steps = std::max(1, static_cast<int>(std::ceil(std::abs(angle) * radius / kArcStep)));
+  const int steps =
+      std::max(1, static_cast<int>(std::ceil(std::abs(angle) * radius / arc_step(radius))));
   for (int i = 1; i <= steps; ++i) {
     const double heading = from.heading + angle * i / steps;
     samples.push_back({centre - side * radius * heading_vector(heading + kPi / 2), heading});

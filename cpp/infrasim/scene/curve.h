@@ -31,6 +31,8 @@ class Curve {
   /// Every sample moved to the left.
   Curve offset(double left_m) const;
   Curve reversed() const;
+  /// Radius of the tightest bend; infinite for a straight curve.
+  double tightest_radius() const;
 
  private:
   std::size_t segment_at(double s) const;
@@ -39,7 +41,7 @@ class Curve {
   std::vector<double> s_;
 };
 
-/// Centreline of a road; arcs are sampled every 0.5 m.
+/// Centreline of a road; arcs are sampled every 0.5 m, wide ones less often.
 Curve centreline(const RoadConfig& road);
 
 /// Smooth turn from one directed point to another (cubic Bezier, near a circle for a right angle).

@@ -1,7 +1,8 @@
 #include "infrasim/scene/lane_network.h"
 
 #include <algorithm>
-#include <optional>
+
+#include "infrasim/config/fields.h"
 
 namespace infrasim {
 
@@ -13,17 +14,16 @@ double carriageway_half_width(const LanesConfig& lanes) {
   return lanes_half_width(lanes) + lanes.shoulder_m;
 }
 
+double outer_half_width(const LanesConfig& lanes) {
+  return carriageway_half_width(lanes) + lanes.sidewalk_m;
+}
+
 namespace {
 
-constexpr double kStopLineGap = 3;          // between the crossing road's edge and the stop line
-constexpr double kLateralAcceleration = 2;  // m/s2 that drivers accept in a turn
-
-/// The part of a road that a junction takes.
-struct Cut {
-  int junction = 0;
-  double from = 0;
-  double to = 0;
-};
+constexpr double kStopLineGap = 3;             // between the crossing road's edge and the stop line
+constexpr double kLateralAcceleration = 2;     // m/s2 that drivers accept in a turn
+constexpr double kSharpestCrossing = kPi / 4;  // between two roads: a sharper turn is none
+constexpr double kMostBend = kPi / 6;          // of a road within its junction
 
 /// One direction of a road at a junction: lane indices, inner lane first.
 struct Arm {
@@ -35,7 +35,7 @@ struct Arm {
 struct RoadLine {
   const RoadConfig* config = nullptr;
   Curve curve;
-  std::optional<Cut> cut;
+  std::optional<JunctionCut> cut;
 };
 
 std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
@@ -51,21 +51,76 @@ std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
   return std::nullopt;
 }
 
+/// Half the length that a crossing road's width, footways included, takes of a road.
+double half_crossing(const LanesConfig& own, const LanesConfig& other, double angle) {
+  const double across = outer_half_width(other);
+  const double along = carriageway_half_width(own) * std::abs(std::cos(angle));
+  return (across + along) / std::abs(std::sin(angle));
+}
+
+/// Angle between two lines, from 0 to a right one.
+double between_lines(double heading_a, double heading_b) {
+  const double angle = std::abs(wrap_angle(heading_a - heading_b));
+  return std::min(angle, kPi - angle);
+}
+
+std::string degrees_text(double angle) {
+  return config::number_text(std::round(10 * deg(angle)) / 10) + " degrees";
+}
+
+void check_heights(const JunctionConfig& junction, const RoadConfig& a, const RoadConfig& b) {
+  if (a.elevation_m != b.elevation_m)
+    config::fail(junction.place, "roads",
+                 "found '" + a.name + "' at " + config::number_text(a.elevation_m) + " m and '" +
+                     b.name + "' at " + config::number_text(b.elevation_m) +
+                     " m, allowed roads at one height");
+}
+
+/// Straight on is nearly straight, and every other way out is a turn to the left or right.
+void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadLine& b) {
+  for (const RoadLine* road : {&a, &b}) {
+    const double in = road->curve.at(road->cut->from).heading;
+    const double bend = std::abs(wrap_angle(road->curve.at(road->cut->to).heading - in));
+    if (bend > kMostBend)
+      config::fail(junction.place, "roads",
+                   "found '" + road->config->name + "' to bend by " + degrees_text(bend) +
+                       " in it, allowed up to " + degrees_text(kMostBend));
+  }
+  for (const double s : {a.cut->from, a.cut->to})
+    for (const double t : {b.cut->from, b.cut->to}) {
+      const double angle = between_lines(a.curve.at(s).heading, b.curve.at(t).heading);
+      if (angle <= kSharpestCrossing)
+        config::fail(junction.place, "roads",
+                     "found arms at " + degrees_text(angle) + " to each other, allowed above " +
+                         degrees_text(kSharpestCrossing));
+    }
+}
+
 void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
   const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
   RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];
   RoadLine& b = roads[road_index(scene, junction.roads[1], junction.place, "roads")];
   const auto point = crossing(a.curve, b.curve);
-  if (&a == &b || !point) config::fail(junction.place, "roads", "found roads that do not cross");
+  if (&a == &b || !point)
+    config::fail(junction.place, "roads", "found roads that do not cross, allowed two that do");
+  check_heights(junction, *a.config, *b.config);
+  const std::array stations{a.curve.project(*point), b.curve.project(*point)};
+  const double angle =
+      between_lines(a.curve.at(stations[0]).heading, b.curve.at(stations[1]).heading);
   for (auto* road : {&a, &b}) {
     const LanesConfig& other = (road == &a ? b : a).config->lanes;
-    const double half = carriageway_half_width(other) + other.sidewalk_m + kStopLineGap;
-    const double s = road->curve.project(*point);
-    if (road->cut) config::fail(junction.place, "roads", "found a second junction on a road");
+    const double half =
+        half_crossing(road->config->lanes, other, std::max(angle, kSharpestCrossing)) +
+        kStopLineGap;
+    const double s = stations[road == &a ? 0 : 1];
+    if (road->cut)
+      config::fail(junction.place, "roads", "found a second junction on a road, allowed one");
     if (s < half + 10 || s > road->curve.length() - half - 10)
-      config::fail(junction.place, "roads", "found a junction within 10 m of a road's end");
-    road->cut = Cut{index, s - half, s + half};
+      config::fail(junction.place, "roads",
+                   "found a junction within 10 m of a road's end, allowed further in");
+    road->cut = JunctionCut{index, s - half, s + half};
   }
+  check_angles(junction, a, b);
 }
 
 int add_lane(LaneNetwork& network, const RoadConfig& road, Curve curve) {
@@ -152,6 +207,7 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
 
   LaneNetwork network;
   network.junctions = scene.junctions;
+  for (const RoadLine& road : roads) network.cuts.push_back(road.cut);
   std::vector<std::vector<Arm>> arms(scene.junctions.size());
   for (const RoadLine& road : roads) {
     add_direction(network, road, road.curve, false, arms);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "infrasim/scene/curve.h"
@@ -22,17 +23,27 @@ struct Lane {
   std::vector<int> next;  ///< lanes that follow
 };
 
+/// The part of a road that a junction takes, by stations of its centreline.
+struct JunctionCut {
+  int junction = 0;
+  double from = 0;
+  double to = 0;
+};
+
 struct LaneNetwork {
   std::vector<Lane> lanes;
-  std::vector<int> approach_junctions;  ///< of each signal, one per arm of a junction
+  std::vector<std::optional<JunctionCut>> cuts;  ///< of each road
+  std::vector<int> approach_junctions;           ///< of each signal, one per arm of a junction
   std::vector<JunctionConfig> junctions;
 };
 
-/// Distance from the centreline to the outer edge of the lanes, or of the shoulder.
+/// Distance from the centreline to the outer edge of the lanes, of the shoulder, or of the footway.
 double lanes_half_width(const LanesConfig& lanes);
 double carriageway_half_width(const LanesConfig& lanes);
+double outer_half_width(const LanesConfig& lanes);
 
-/// @throws ConfigError if a junction names an unknown road, roads that do not cross, or one twice
+/// @throws ConfigError if a junction names an unknown road, or joins roads that do not cross, lie
+/// at different heights, or meet at an angle that traffic can't drive
 LaneNetwork build_lane_network(const SceneConfig& scene);
 
 }  // namespace infrasim

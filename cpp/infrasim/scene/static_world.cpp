@@ -9,17 +9,10 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kSidewalkDrop = 0.01;  // m under the road, so that crossing roads stay on top
-constexpr double kLegWidth = 0.4;       // m, of a gantry
-constexpr double kBeamHeight = 1.0;     // m, of a gantry
-constexpr double kLegGap = 0.5;         // m between the carriageway and a gantry's leg
-
-/// A box that stands on the ground or hangs over it.
-struct Upright {
-  Box3d box;
-  config::Place place;
-  bool hangs = false;
-};
+constexpr double kLegWidth = 0.4;    // m, of a gantry
+constexpr double kBeamHeight = 1.0;  // m, of a gantry
+constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's leg
+constexpr double kPiece = 2;         // m, of a barrier
 
 class MeshBuilder {
  public:
@@ -85,8 +78,7 @@ const RoadConfig& road_named(const SceneConfig& scene, const std::string& name,
 void add_road(MeshBuilder& mesh, const RoadConfig& road) {
   const Curve curve = centreline(road);
   const double z = road.elevation_m;
-  const double edge = carriageway_half_width(road.lanes);
-  const double outer = edge + road.lanes.sidewalk_m;
+  const double edge = carriageway_half_width(road.lanes), outer = outer_half_width(road.lanes);
   mesh.strip(curve, edge, z, -edge, z, Class::kRoad);
   for (const double side : {1.0, -1.0}) {
     if (road.lanes.sidewalk_m > 0)
@@ -110,66 +102,6 @@ void add_barrier(MeshBuilder& mesh, const SceneConfig& scene, const BarrierConfi
   mesh.strip(curve, left, high, right, high, Class::kStructure);
 }
 
-std::vector<Upright> uprights(const SceneConfig& scene) {
-  std::vector<Upright> out;
-  for (const BuildingConfig& b : scene.buildings)
-    out.push_back({{b.x_m, b.y_m, b.base_m + b.height_m / 2, b.length_m, b.width_m, b.height_m,
-                    rad(b.heading_deg)},
-                   b.place});
-  for (const GantryConfig& g : scene.gantries) {
-    const RoadConfig& road = road_named(scene, g.road, g.place);
-    const Curve curve = centreline(road);
-    if (g.s_m > curve.length()) config::fail(g.place, "s_m", "found it beyond the road's end");
-    const CurvePoint foot = curve.at(g.s_m);
-    const double leg = carriageway_half_width(road.lanes) + kLegGap;
-    const double z = road.elevation_m;
-    for (const double side : {leg, -leg}) {
-      const Vec2 p = foot.position + side * heading_vector(foot.heading + kPi / 2);
-      out.push_back(
-          {{p.x, p.y, z + g.clearance_m / 2, kLegWidth, kLegWidth, g.clearance_m, foot.heading},
-           g.place});
-    }
-    out.push_back({{foot.position.x, foot.position.y, z + g.clearance_m + kBeamHeight / 2,
-                    kLegWidth, 2 * leg + kLegWidth, kBeamHeight, foot.heading},
-                   g.place,
-                   true});
-  }
-  return out;
-}
-
-constexpr double kStep = 2;  // m, of the cells that checks cut lanes and barriers into
-
-/// True if the box reaches into the width of a lane anywhere along it.
-bool stands_on_lane(const Box3d& box, const LaneNetwork& network) {
-  const auto standing = footprint(box);
-  for (const Lane& lane : network.lanes)
-    for (double s = 0; s < lane.curve.length(); s += kStep) {
-      const CurvePoint p = lane.curve.at(std::min(s + kStep / 2, lane.curve.length()));
-      const double apart = norm(p.position - Vec2{box.x, box.y});
-      if (apart > (box.dx + box.dy + kStep + lane.width_m) / 2) continue;
-      const Box3d cell{p.position.x, p.position.y, 0, kStep, lane.width_m, 0, p.heading};
-      if (footprints_overlap(standing, footprint(cell))) return true;
-    }
-  return false;
-}
-
-void check_barrier(const SceneConfig& scene, const LaneNetwork& network,
-                   const BarrierConfig& barrier) {
-  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
-  const Curve line = centreline(road);
-  const double to = std::min(barrier.to_m, line.length());
-  if (barrier.from_m >= to)
-    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end");
-  for (double s = barrier.from_m; s < to; s += kStep) {
-    const CurvePoint p = line.at(std::min(s + kStep / 2, to));
-    const Vec2 centre = p.position + barrier.offset_m * heading_vector(p.heading + kPi / 2);
-    const double length = std::min(kStep, to - s);
-    if (stands_on_lane({centre.x, centre.y, 0, length, barrier.width_m, 0, p.heading}, network))
-      config::fail(barrier.place, "offset_m",
-                   "found a barrier on a lane, allowed the median or outside the lanes");
-  }
-}
-
 }  // namespace
 
 Vec3 LevelPose::to_level(Vec3 world) const {
@@ -187,21 +119,59 @@ LevelPose level_pose(const MountConfig& mount) {
   return {{mount.x_m, mount.y_m, mount.z_m}, rad(mount.yaw_deg)};
 }
 
+std::vector<Upright> uprights(const SceneConfig& scene) {
+  std::vector<Upright> out;
+  for (const BuildingConfig& b : scene.buildings)
+    out.push_back({{b.x_m, b.y_m, b.base_m + b.height_m / 2, b.length_m, b.width_m, b.height_m,
+                    rad(b.heading_deg)},
+                   b.place,
+                   "x_m",
+                   "a building"});
+  for (const GantryConfig& g : scene.gantries) {
+    const RoadConfig& road = road_named(scene, g.road, g.place);
+    const Curve curve = centreline(road);
+    if (g.s_m > curve.length())
+      config::fail(g.place, "s_m", "found it beyond the road's end, allowed up to it");
+    const CurvePoint foot = curve.at(g.s_m);
+    const double leg = carriageway_half_width(road.lanes) + kLegGap;
+    const double z = road.elevation_m;
+    const auto add = [&](double left, double base, double width, double height) {
+      const Vec2 p = foot.position + left * heading_vector(foot.heading + kPi / 2);
+      out.push_back({{p.x, p.y, base + height / 2, kLegWidth, width, height, foot.heading},
+                     g.place,
+                     "s_m",
+                     "a gantry"});
+    };
+    for (const double side : {leg, -leg}) add(side, z, kLegWidth, g.clearance_m);
+    add(0, z + g.clearance_m, 2 * leg + kLegWidth, kBeamHeight);
+  }
+  return out;
+}
+
+std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier) {
+  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
+  const Curve line = centreline(road);
+  const double to = std::min(barrier.to_m, line.length());
+  if (barrier.from_m >= to)
+    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+  std::vector<Box3d> out;
+  for (double s = barrier.from_m; s < to; s += kPiece) {
+    const double length = std::min(kPiece, to - s);
+    const CurvePoint p = line.at(s + length / 2);
+    const Vec2 centre = p.position + barrier.offset_m * heading_vector(p.heading + kPi / 2);
+    out.push_back({centre.x, centre.y, road.elevation_m + barrier.height_m / 2, length,
+                   barrier.width_m, barrier.height_m, p.heading});
+  }
+  return out;
+}
+
 TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level) {
-  const LaneNetwork network = build_lane_network(scene);
   MeshBuilder mesh(level);
   for (const RoadConfig& road : scene.roads) add_road(mesh, road);
   for (const GroundConfig& ground : scene.ground)
     mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
-  for (const BarrierConfig& barrier : scene.barriers) {
-    check_barrier(scene, network, barrier);
-    add_barrier(mesh, scene, barrier);
-  }
-  for (const Upright& upright : uprights(scene)) {
-    if (!upright.hangs && stands_on_lane(upright.box, network))
-      config::fail(upright.place, "x_m", "found it on a lane, allowed beside the lanes");
-    mesh.box(upright.box, Class::kStructure);
-  }
+  for (const BarrierConfig& barrier : scene.barriers) add_barrier(mesh, scene, barrier);
+  for (const Upright& upright : uprights(scene)) mesh.box(upright.box, Class::kStructure);
   return mesh.take();
 }
 

@@ -16,8 +16,27 @@ struct LevelPose {
 
 LevelPose level_pose(const MountConfig& mount);
 
+inline constexpr double kSidewalkDrop =
+    0.01;  ///< m below the road, so that crossing roads are on top
+
+/// A box that stands on the ground or hangs over it.
+struct Upright {
+  Box3d box;
+  config::Place place;
+  const char* key;   ///< that says where along its road or in the world it is
+  const char* kind;  ///< in words
+};
+
+/// Buildings, and the legs and beams of gantries.
+/// @throws ConfigError for a gantry of an unknown road or beyond its end
+std::vector<Upright> uprights(const SceneConfig& scene);
+
+/// A barrier as boxes of up to 2 m.
+/// @throws ConfigError for an unknown road, or a start beyond its end
+std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier);
+
 /// Everything that stands still, as triangles in the levelled frame.
-/// @throws ConfigError if something stands on a lane or names an unknown road
+/// @throws ConfigError if something names an unknown road
 TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level);
 
 }  // namespace infrasim

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 
+#include "infrasim/config/fields.h"
 #include "infrasim/core/rng.h"
 
 namespace infrasim {
@@ -14,11 +15,9 @@ constexpr double kAcceleration = 1.5;    // m/s2
 constexpr double kBraking = 2.0;         // m/s2, comfortable
 constexpr double kHardestBraking = 8.0;  // m/s2
 constexpr double kTimeGap = 1.2;         // s
-constexpr double kStandstillGap = 2.0;   // m
 constexpr double kCommitBraking = 3.0;   // m/s2: who would need more at a red signal drives on
-constexpr double kLookahead = 100;       // m
+constexpr double kLookahead = 100;       // m at least; to a comfortable stop for who is faster
 constexpr double kTailClear = 10;        // m into a junction until a turning tail frees the lane
-constexpr double kLongestTurner = 6;     // m; longer vehicles go straight on
 constexpr double kMaxLateral = 0.3;      // m, constant offset of a driver from the lane's centre
 
 struct Vehicle {
@@ -29,11 +28,24 @@ struct Vehicle {
   double lateral = 0;
   double turn_choice = 0;  ///< uniform draw
   int lane = 0;
+  int last_lane = -1;
   int next_lane = -1;
   double s = 0;
   double speed = 0;
   bool committed = false;  ///< past the point where it could still stop at its signal
 };
+
+/// From the middle of a vehicle to each of the two points that follow its path. So far apart, a
+/// vehicle in a bend reaches as far inwards with its side as outwards with its corners.
+double half_base(const Vehicle& v) { return v.dx / std::sqrt(8.0); }
+
+/// How far a vehicle reaches beside its path in a bend, driving `outwards` metres outside of it.
+double reach(const Vehicle& v, double radius, double outwards) {
+  if (std::isinf(radius)) return v.dy / 2 + std::abs(outwards);
+  const double a = std::min(half_base(v), radius);
+  const double middle = std::sqrt(radius * radius - a * a) + outwards;
+  return std::max(std::hypot(middle + v.dy / 2, v.dx / 2) - radius, radius - middle + v.dy / 2);
+}
 
 /// What limits a driver: free distance ahead of the bumper and the speed at its end.
 struct Leader {
@@ -41,13 +53,15 @@ struct Leader {
   double speed = 0;
 };
 
+double lookahead(double speed) { return std::max(kLookahead, speed * speed / (2 * kBraking)); }
+
 double idm_acceleration(double speed, double desired, const Leader& leader) {
   const double ratio = speed / desired;
   double acceleration = 1 - ratio * ratio * ratio * ratio;
-  if (leader.gap < kLookahead) {
+  if (leader.gap < lookahead(speed)) {
     const double closing =
         speed * (speed - leader.speed) / (2 * std::sqrt(kAcceleration * kBraking));
-    const double wanted = kStandstillGap + std::max(0.0, speed * kTimeGap + closing);
+    const double wanted = kStandstillGap_m + std::max(0.0, speed * kTimeGap + closing);
     const double squeeze = wanted / std::max(leader.gap, 0.1);
     acceleration -= squeeze * squeeze;
   }
@@ -73,8 +87,15 @@ class Traffic {
         signals_(network_.junctions.size()) {
     for (std::size_t a = 0; a < network_.approach_junctions.size(); ++a)
       signals_[network_.approach_junctions[a]].approaches.push_back(static_cast<int>(a));
-    for (std::size_t i = 0; i < network_.lanes.size(); ++i)
-      if (network_.lanes[i].entry) entries_.push_back(static_cast<int>(i));
+    for (std::size_t i = 0; i < network_.lanes.size(); ++i) {
+      const Lane& lane = network_.lanes[i];
+      if (lane.entry) entries_.push_back(static_cast<int>(i));
+      narrowest_m_ = std::min(narrowest_m_, lane.width_m);
+      if (lane.turn == Turn::kStraight)
+        tightest_radius_ = std::min(tightest_radius_, lane.curve.tightest_radius());
+    }
+    for (const auto& [name, share] : config_.class_shares)
+      if (share > 0) check_fits(*find_class(name));
     fill();
   }
 
@@ -108,7 +129,8 @@ class Traffic {
 
   // --- population -------------------------------------------------------------------------
 
-  /// Vehicles over the lanes that have no junction ahead or behind, evenly at the density.
+  /// Vehicles over the lanes outside junctions, evenly at the density, but for those that stand
+  /// further back for the length of who is ahead; who has no room waits for an entry.
   void fill() {
     for (std::size_t i = 0; i < network_.lanes.size(); ++i) {
       const Lane& lane = network_.lanes[i];
@@ -120,10 +142,26 @@ class Traffic {
       for (int k = count - 1; k >= 0; --k) {
         Vehicle v = new_vehicle(static_cast<int>(i));
         v.s = length * (k + 0.5) / count;
-        v.speed = v.desired_speed / 2;
-        lanes_[i].push_back(v);
+        if (!lanes_[i].empty())
+          v.s = std::min(v.s, lanes_[i].back().s - spacing(v, lanes_[i].back()));
+        v.speed = speed_at_start(v, v.desired_speed / 2);
+        if (v.s < v.dx / 2)
+          ++waiting_;
+        else
+          lanes_[i].push_back(v);
       }
     }
+  }
+
+  /// As wished, if the vehicle can stop at the signal ahead.
+  double speed_at_start(const Vehicle& v, double wish) const {
+    if (lane_of(v).approach < 0) return wish;
+    return std::min(wish, std::sqrt(2 * kBraking * std::max(0.0, to_stop_line(v))));
+  }
+
+  /// Between the centres of two that stand one behind the other.
+  static double spacing(const Vehicle& v, const Vehicle& ahead) {
+    return (v.dx + ahead.dx) / 2 + kStandstillGap_m;
   }
 
   Vehicle new_vehicle(int lane) {
@@ -144,8 +182,32 @@ class Traffic {
     const double room =
         std::clamp((network_.lanes[lane].width_m - v.dy) / 2 - 0.25, 0.0, kMaxLateral);
     v.lateral = room * (2 * rng.uniform(9) - 1);
+    fit_lanes(v);
     v.turn_choice = rng.uniform(10);
     return v;
+  }
+
+  void check_fits(const ObjectClass& row) const {
+    Vehicle v;
+    v.dx = row.length_m.mean;
+    v.dy = row.width_m.mean;
+    if (reach(v, tightest_radius_, 0) <= narrowest_m_ / 2) return;
+    const auto metres = [](double m) { return config::number_text(std::round(100 * m) / 100); };
+    config::fail(config_.place, "class_shares",
+                 "found " + std::string(row.name) +
+                     ", allowed vehicles that stay in the narrowest "
+                     "lane, " +
+                     metres(narrowest_m_) + " m, round the tightest bend, " +
+                     metres(tightest_radius_) + " m");
+  }
+
+  /// Narrower, and nearer to the lane's centre, where the scene's tightest bend would else take it
+  /// out of its lane, and there is no room beside another long one.
+  void fit_lanes(Vehicle& v) const {
+    const double beside = reach(v, tightest_radius_, 0) - v.dy / 2;
+    v.dy = std::min(v.dy, narrowest_m_ - 2 * beside);
+    const double free = narrowest_m_ / 2 - v.dy / 2 - beside;
+    v.lateral = std::clamp(v.lateral, -free, free);
   }
 
   const ObjectClass& draw_class(double u) const {
@@ -165,12 +227,12 @@ class Traffic {
           entries_[rng_.at(1'000'000'001ULL + spawn_draws_++).bits(0) % entries_.size()];
       Vehicle v = new_vehicle(lane);
       v.s = v.dx / 2;
-      v.speed = v.desired_speed;
+      v.speed = speed_at_start(v, v.desired_speed);
       if (!lanes_[lane].empty()) {
         const Vehicle& ahead = lanes_[lane].back();
         const double gap = ahead.s - ahead.dx / 2 - v.dx;
         v.speed = std::min(v.speed, ahead.speed);
-        if (gap < kStandstillGap + kTimeGap * v.speed) {
+        if (gap < kStandstillGap_m + kTimeGap * v.speed) {
           --next_id_;
           continue;
         }
@@ -196,13 +258,19 @@ class Traffic {
       const Turn turn = network_.lanes[next].turn;
       // A turn leaves from one of the lanes only, so its share of that lane is larger.
       const double lanes = static_cast<double>(lanes_per_approach(lane.approach));
-      if (v.dx > kLongestTurner) break;
+      if (!stays_in_lane(v, network_.lanes[next])) continue;
       if (turn == Turn::kLeft && v.turn_choice < junction.left_share * lanes) return next;
       if (turn == Turn::kRight && v.turn_choice > 1 - junction.right_share * lanes) return next;
     }
     for (const int next : lane.next)
       if (network_.lanes[next].turn == Turn::kStraight) return next;
     return lane.next.front();
+  }
+
+  /// On a turn that it takes, a vehicle leaves the lanes beside it free.
+  static bool stays_in_lane(const Vehicle& v, const Lane& turn) {
+    const double outwards = turn.turn == Turn::kRight ? v.lateral : -v.lateral;
+    return reach(v, turn.curve.tightest_radius(), outwards) <= turn.width_m / 2;
   }
 
   long lanes_per_approach(int approach) const {
@@ -239,7 +307,7 @@ class Traffic {
     for (const int next : network_.lanes[lane].next)
       for (const Vehicle& other : lanes_[next])
         if (other.s - other.dx / 2 < kTailClear) consider(other, to_end + other.s);
-    for (int next = v.next_lane; next >= 0 && to_end < kLookahead;) {
+    for (int next = v.next_lane; next >= 0 && to_end < lookahead(v.speed);) {
       if (!lanes_[next].empty()) {
         consider(lanes_[next].back(), to_end + lanes_[next].back().s);
         break;
@@ -266,7 +334,7 @@ class Traffic {
   Leader red_signal(const Vehicle& v) const {
     const int approach = lane_of(v).approach;
     if (approach < 0 || v.committed || is_green(approach)) return {};
-    return {to_stop_line(v) + kStandstillGap - 0.5, 0};
+    return {to_stop_line(v) + kStandstillGap_m - 0.5, 0};
   }
 
   void advance(Vehicle& v, double acceleration) {
@@ -288,6 +356,7 @@ class Traffic {
           continue;
         }
         v.s -= length;
+        v.last_lane = v.lane;
         v.lane = v.next_lane;
         v.next_lane = -1;
         if (network_.lanes[v.lane].junction < 0) v.committed = false;
@@ -331,13 +400,24 @@ class Traffic {
     return true;
   }
 
-  ObjectState state(const Vehicle& v) const {
+  /// The path of a vehicle at a station of its lane, or beyond its ends.
+  Vec2 on_path(const Vehicle& v, double s) const {
     const Lane& lane = lane_of(v);
-    const CurvePoint p = lane.curve.at(v.s);
-    const Vec2 xy = p.position + v.lateral * heading_vector(p.heading + kPi / 2);
+    const double length = lane.curve.length();
+    const int next = v.next_lane < 0 && lane.next.size() == 1 ? lane.next.front() : v.next_lane;
+    if (s > length && next >= 0) return network_.lanes[next].curve.at(s - length).position;
+    if (s >= 0 || v.last_lane < 0) return lane.curve.at(s).position;
+    const Curve& before = network_.lanes[v.last_lane].curve;
+    return before.at(before.length() + s).position;
+  }
+
+  ObjectState state(const Vehicle& v) const {
+    const Vec2 rear = on_path(v, v.s - half_base(v)), front = on_path(v, v.s + half_base(v));
+    const double heading = std::atan2(front.y - rear.y, front.x - rear.x);
+    const Vec2 xy = 0.5 * (rear + front) + v.lateral * heading_vector(heading + kPi / 2);
     return rounded({v.id,
                     v.object_class->id,
-                    {xy.x, xy.y, lane.elevation_m + v.dz / 2, v.dx, v.dy, v.dz, p.heading},
+                    {xy.x, xy.y, lane_of(v).elevation_m + v.dz / 2, v.dx, v.dy, v.dz, heading},
                     v.speed});
   }
 
@@ -347,6 +427,8 @@ class Traffic {
   std::vector<Queue> lanes_;
   std::vector<Signal> signals_;
   std::vector<int> entries_;
+  double tightest_radius_ = kInf;  ///< m, of the lanes, turns at junctions left out
+  double narrowest_m_ = kInf;      ///< width of a lane
   double density_carry_ = 0;
   std::size_t waiting_ = 0;
   std::uint64_t spawn_draws_ = 0;

@@ -8,9 +8,10 @@ namespace infrasim {
 /// Drives vehicles over the lanes of a scene with the Intelligent Driver Model (Treiber, Hennecke,
 /// Helbing 2000) and signals, from a warm start, for the scene's duration. The number of vehicles
 /// is held at the density: who leaves at the end of a lane is replaced by a new vehicle at an
-/// entry. Vehicles keep their lane and follow its centre by their own.
+/// entry. Vehicles keep their lane: two points of each follow it, so that long ones stay within it
+/// round a bend, and those that would not stay within a turn go straight on.
 /// @param take  is given the vehicles every 0.1 s, rounded to the digits of the trajectory file
-/// @throws ConfigError if the junctions do not fit the roads
+/// @throws ConfigError if the junctions do not fit the roads, or vehicles of a class the lanes
 void simulate_traffic(const SceneConfig& scene, const TakeInstant& take);
 /// The same, all rows at once.
 Trajectories simulate_traffic(const SceneConfig& scene);

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <span>
-
-#include "infrasim/core/geometry.h"
-
 namespace infrasim {
 
 namespace {
+
+constexpr double kBodyGap = 0.001;  // m of a box that its body leaves free, along each axis
 
 /// A cross-section of a body: place along the length, width and height as shares of the box.
 struct Station {
@@ -164,6 +163,15 @@ TriangleMesh build_vehicle_body(Class object_class, Detail detail) {
   const Station& front = profile.stations.back();
   loft.add(front.x, rounded_half(half_corners(profile, front), corner));
   return loft.close();
+}
+
+Box3d body_box(const Box3d& vehicle) {
+  Box3d box = vehicle;
+  box.dx -= kBodyGap;
+  box.dy -= kBodyGap;
+  box.dz -= kBodyGap;
+  box.z += kBodyGap / 2;
+  return box;
 }
 
 }  // namespace infrasim

@@ -2,6 +2,7 @@
 
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/classes.h"
+#include "infrasim/core/geometry.h"
 #include "infrasim/core/triangle_mesh.h"
 
 namespace infrasim {
@@ -10,5 +11,10 @@ namespace infrasim {
 /// instance scales it to its box, which therefore encloses the mesh by construction.
 /// Triangles: box 12, low about 100, mid about 600, fine about 6,000 (a reference only).
 TriangleMesh build_vehicle_body(Class object_class, Detail detail);
+
+/// The box that a vehicle's body fills: 0.5 mm inside its own at the sides and 1 mm above its
+/// bottom. So no face of a body lies in the road, or in that of a vehicle that touches it, where
+/// the order of rays would say which one is hit.
+Box3d body_box(const Box3d& vehicle);
 
 }  // namespace infrasim

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "infrasim/core/geometry.h"
+
+namespace infrasim {
+
+/// Finds which of many small outlines may meet another one: each is listed in every square of the
+/// plane that its bounds touch.
+class OutlineIndex {
+ public:
+  void add(std::span<const Vec2> outline, std::size_t number) {
+    for_each_square(outline, [&](std::uint64_t key) {
+      squares_[key].push_back(number);
+      return false;
+    });
+  }
+
+  /// True if `meets(number)` is for an outline in one of the squares; asks again for one that is
+  /// in several.
+  template <class Meets>
+  bool any_near(std::span<const Vec2> outline, const Meets& meets) const {
+    return for_each_square(outline, [&](std::uint64_t key) {
+      const auto found = squares_.find(key);
+      return found != squares_.end() && std::ranges::any_of(found->second, meets);
+    });
+  }
+
+ private:
+  static constexpr double kSquare = 8;  // m
+
+  /// True as soon as `stop(key)` is.
+  template <class Stop>
+  static bool for_each_square(std::span<const Vec2> outline, const Stop& stop) {
+    const auto [left, right] = std::ranges::minmax(outline, {}, &Vec2::x);
+    const auto [down, up] = std::ranges::minmax(outline, {}, &Vec2::y);
+    for (std::int64_t i = square(left.x); i <= square(right.x); ++i)
+      for (std::int64_t j = square(down.y); j <= square(up.y); ++j)
+        if (stop(static_cast<std::uint64_t>(i) << 32 ^ static_cast<std::uint32_t>(j))) return true;
+    return false;
+  }
+  static std::int64_t square(double metres) {
+    return static_cast<std::int64_t>(std::floor(metres / kSquare));
+  }
+
+  std::unordered_map<std::uint64_t, std::vector<std::size_t>> squares_;
+};
+
+}  // namespace infrasim

@@ -1,0 +1,79 @@
+#include "infrasim/scene/overlaps.h"
+
+#include <algorithm>
+#include <array>
+
+namespace infrasim {
+
+namespace {
+
+/// A vehicle by what the sweep looks at.
+struct Extent {
+  int id = 0;
+  Box3d box;
+  std::array<Vec2, 4> outline;
+  Vec2 low, high;
+};
+
+Extent extent(int id, Box3d box) {
+  box.dx -= kTouch_m;
+  box.dy -= kTouch_m;
+  Extent out{id, box, footprint(box), {}, {}};
+  const auto [left, right] = std::ranges::minmax(out.outline, {}, &Vec2::x);
+  const auto [down, up] = std::ranges::minmax(out.outline, {}, &Vec2::y);
+  out.low = {left.x, down.y};
+  out.high = {right.x, up.y};
+  return out;
+}
+
+bool overlap(const Extent& a, const Extent& b) {
+  if (a.high.x <= b.low.x || b.high.x <= a.low.x) return false;
+  if (a.high.y <= b.low.y || b.high.y <= a.low.y) return false;
+  if (std::abs(a.box.z - b.box.z) >= (a.box.dz + b.box.dz) / 2 - kTouch_m) return false;
+  return footprints_overlap(a.outline, b.outline);
+}
+
+/// The axis along which the vehicles are spread further, so that few stand beside each other on it.
+double Vec2::* longer_axis(const std::vector<Extent>& extents) {
+  const auto spread = [&](double Vec2::* axis) {
+    const auto at = [&](const Extent& e) { return e.low.*axis; };
+    const auto [first, last] = std::ranges::minmax(extents, {}, at);
+    return at(last) - at(first);
+  };
+  return extents.empty() || spread(&Vec2::x) >= spread(&Vec2::y) ? &Vec2::x : &Vec2::y;
+}
+
+}  // namespace
+
+void OverlapSearch::take(const std::vector<ObjectState>& states) {
+  window_.rows.push_back(states);
+  if (window_.rows.size() > 2) window_.rows.erase(window_.rows.begin());
+  const double time_s = instants_++ * kFramePeriod;
+  std::vector<std::pair<int, Box3d>> boxes;
+  if (window_.rows.size() == 2) {
+    for (const MovingObject& o : window_.in_frame(0)) boxes.emplace_back(o.id, o.at(0.5));
+    look(boxes, time_s - kFramePeriod / 2);
+    boxes.clear();
+  }
+  for (const ObjectState& s : states) boxes.emplace_back(s.id, s.box);
+  look(boxes, time_s);
+}
+
+void OverlapSearch::look(const std::vector<std::pair<int, Box3d>>& boxes, double time_s) {
+  std::vector<Extent> extents;
+  for (const auto& [id, box] : boxes) extents.push_back(extent(id, box));
+  const auto axis = longer_axis(extents);
+  std::ranges::sort(extents, {}, [&](const Extent& e) { return e.low.*axis; });
+  for (std::size_t i = 0; i < extents.size(); ++i)
+    for (std::size_t j = i + 1; j < extents.size(); ++j) {
+      const Extent &a = extents[i], &b = extents[j];
+      if (b.low.*axis >= a.high.*axis) break;
+      if (!overlap(a, b)) continue;
+      const auto ids = std::minmax(a.id, b.id);
+      if (pairs_.insert(ids).second)
+        found_.push_back(
+            {ids.first, ids.second, time_s, {(a.box.x + b.box.x) / 2, (a.box.y + b.box.y) / 2}});
+    }
+}
+
+}  // namespace infrasim

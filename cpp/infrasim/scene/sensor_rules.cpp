@@ -1,0 +1,153 @@
+#include "infrasim/scene/sensor_rules.h"
+
+#include <algorithm>
+#include <optional>
+#include <string>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/static_world.h"
+
+namespace infrasim {
+
+namespace {
+
+using config::number_text;
+
+struct Sensor {
+  Vec2 foot;
+  double z = 0;
+};
+
+double distance(std::span<const Vec2> outline, Vec2 point) {
+  if (covers(outline, point)) return 0;
+  double nearest = kInf;
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const Vec2 from = outline[i], edge = outline[(i + 1) % outline.size()] - from;
+    const double u = std::clamp(dot(point - from, edge) / dot(edge, edge), 0.0, 1.0);
+    nearest = std::min(nearest, norm(point - (from + u * edge)));
+  }
+  return nearest;
+}
+
+/// From the line to the point; infinite beyond its ends.
+double distance_beside(const Curve& line, Vec2 point) {
+  const double s = line.project(point);
+  const CurvePoint p = line.at(s);
+  const Vec2 away = point - p.position;
+  const bool at_end = s <= 0 || s >= line.length();
+  const bool beyond = at_end && std::abs(dot(away, heading_vector(p.heading))) > 1e-6;
+  return beyond ? kInf : norm(away);
+}
+
+double distance_to_surfaces(const SceneConfig& scene, const Sensor& sensor) {
+  double nearest = kInf;
+  const auto meet = [&](double beside, double z) {
+    nearest = std::min(nearest, std::hypot(std::max(0.0, beside), sensor.z - z));
+  };
+  for (const RoadConfig& road : scene.roads) {
+    const Curve line = centreline(road);
+    const double from_line = norm(sensor.foot - line.at(line.project(sensor.foot)).position);
+    meet(from_line - outer_half_width(road.lanes), road.elevation_m);
+  }
+  for (const GroundConfig& ground : scene.ground)
+    meet(distance(ground.outline_m, sensor.foot), ground.elevation_m);
+  return nearest;
+}
+
+/// Height of a road's embankment or cutting over a point that is inside of it, `beside` metres
+/// outside the road's edge.
+std::optional<double> slope_over(const RoadConfig& road, double beside, double z) {
+  if (!road.embankment) return std::nullopt;
+  const double top = road.elevation_m, foot = road.embankment->foot_elevation_m;
+  const double run = road.embankment->run_per_rise * std::abs(top - foot);
+  if (beside >= run || z < std::min(top, foot)) return std::nullopt;
+  const double surface = beside <= 0 ? top : top + (foot - top) * beside / run;
+  return z <= surface ? std::optional(surface) : std::nullopt;
+}
+
+/// Height of what the sensor is below; nothing if that is a bridge, or if it stands beside all of
+/// it and higher than the lowest.
+std::optional<double> ground_over(const SceneConfig& scene, const Sensor& sensor) {
+  double lowest = kInf, over = kInf, under = -kInf;
+  const auto meet = [&](bool here, double z) {
+    lowest = std::min(lowest, z);
+    if (here && z < sensor.z) under = std::max(under, z);
+    if (here && z >= sensor.z) over = std::min(over, z);
+  };
+  for (const RoadConfig& road : scene.roads) {
+    const double beside =
+        distance_beside(centreline(road), sensor.foot) - outer_half_width(road.lanes);
+    meet(beside <= 0, road.elevation_m);
+    if (const auto slope = slope_over(road, beside, sensor.z)) return slope;
+  }
+  for (const GroundConfig& ground : scene.ground)
+    meet(covers(ground.outline_m, sensor.foot), ground.elevation_m);
+  const bool bridge = std::isfinite(under) && over - under >= kClearance_m;
+  if (std::isfinite(over) && !bridge) return over;
+  return sensor.z <= lowest ? std::optional(lowest) : std::nullopt;
+}
+
+bool holds(const Box3d& box, const Sensor& sensor) {
+  return std::abs(sensor.z - box.z) <= box.dz / 2 && covers(footprint(box), sensor.foot);
+}
+
+/// In words; empty if nothing does.
+std::string what_holds(const SceneConfig& scene, const Sensor& sensor) {
+  for (const Upright& upright : uprights(scene))
+    if (holds(upright.box, sensor)) return upright.kind;
+  for (const BarrierConfig& barrier : scene.barriers)
+    for (const Box3d& piece : barrier_pieces(scene, barrier))
+      if (holds(piece, sensor)) return "a barrier of '" + barrier.road + "'";
+  return "";
+}
+
+/// The lane whose vehicles need the space; the line between two lanes is in neither's way.
+std::optional<Lane> lane_around(const SceneConfig& scene, const Sensor& sensor) {
+  for (const Lane& lane : build_lane_network(scene).lanes) {
+    const bool in_height =
+        sensor.z > lane.elevation_m && sensor.z < lane.elevation_m + kClearance_m;
+    if (in_height && distance_beside(lane.curve, sensor.foot) < lane.width_m / 2) return lane;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+void check_sensor(const SceneConfig& scene) {
+  for (const auto& [name, mount] : scene.mounts) {
+    const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m};
+    const auto fail = [&](const char* key, const std::string& what) {
+      config::fail(mount.place, "mounts." + name + "." + key, what);
+    };
+    const std::string found = "found " + number_text(mount.z_m);
+    if (const double away = distance_to_surfaces(scene, sensor); away > kLongestRange_m)
+      fail("x_m", "found it " + number_text(std::round(away)) +
+                      " m from every road and ground, allowed up to " +
+                      number_text(kLongestRange_m) + ", where rays end");
+    if (const auto over = ground_over(scene, sensor))
+      fail("z_m", found + " below the ground or a road at " + number_text(*over) +
+                      " m, allowed above, or under a bridge of " + number_text(kClearance_m) +
+                      " m");
+    if (const std::string what = what_holds(scene, sensor); !what.empty())
+      fail("x_m", "found it inside " + what + ", allowed outside");
+    if (const auto lane = lane_around(scene, sensor))
+      fail("z_m", found + " in the way of the vehicles of a lane at " +
+                      number_text(lane->elevation_m) + ", allowed from " +
+                      number_text(lane->elevation_m + kClearance_m) + " on, or beside the lanes");
+  }
+}
+
+void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajectories) {
+  for (const auto& [name, mount] : scene.mounts)
+    for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
+      for (const ObjectState& s : trajectories.rows[k])
+        if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
+          config::fail(mount.place, "mounts." + name + ".x_m",
+                       "found it inside vehicle " + std::to_string(s.id) + " at " +
+                           number_text(static_cast<double>(k) / 10) +
+                           " s, allowed outside the ways of vehicles");
+}
+
+}  // namespace infrasim

@@ -1,0 +1,280 @@
+#include "infrasim/scene/site_rules.h"
+
+#include <algorithm>
+#include <array>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/outline_index.h"
+#include "infrasim/scene/sensor_rules.h"
+#include "infrasim/scene/static_world.h"
+
+namespace infrasim {
+
+namespace {
+
+using config::number_text;
+
+constexpr double kStep = 2;            // m, length of the strips that roads and lanes are cut into
+constexpr double kApart = 0.01;        // m between two roads, else they abut
+constexpr double kLeastDepth = 0.001;  // m from a road down to the ground
+constexpr int kSlopeSteps = 16;        // that a slope is looked at in
+constexpr double kMostRoad = 100'000;  // m: rays end at 5 km, and vehicles take time everywhere
+constexpr double kMostVehicles = 5'000;  // of traffic: a gigabyte of trajectories in 500 s
+
+std::string at_text(Vec2 p) {
+  const auto n = [](double v) { return number_text(std::round(v * 10) / 10); };
+  return "x " + n(p.x) + ", y " + n(p.y);
+}
+
+/// A piece of a road, lane or slope between two stations of its line.
+struct Strip {
+  std::array<Vec2, 4> outline;  ///< counter-clockwise
+  double from = 0;
+  double to = 0;
+  std::size_t of = 0;  ///< road or lane
+
+  Vec2 middle() const { return 0.5 * (outline[0] + outline[2]); }
+};
+
+/// The surface between two lines beside a curve; `longer` metres are added at both of its ends.
+std::vector<Strip> cut_into_strips(const Curve& curve, double left_m, double right_m,
+                                   std::size_t of, double longer = 0) {
+  std::vector<Strip> out;
+  const double length = curve.length();
+  const auto side = [&](double s, double offset, double beyond) {
+    const CurvePoint p = curve.at(s);
+    return p.position + offset * heading_vector(p.heading + kPi / 2) +
+           beyond * heading_vector(p.heading);
+  };
+  const auto n = static_cast<int>(std::max(1.0, std::ceil(length / kStep)));
+  for (int i = 0; i < n; ++i) {
+    const double from = length * i / n, to = length * (i + 1) / n;
+    const double before = i == 0 ? -longer : 0, after = i + 1 == n ? longer : 0;
+    out.push_back({{side(from, right_m, before), side(to, right_m, after), side(to, left_m, after),
+                    side(from, left_m, before)},
+                   from,
+                   to,
+                   of});
+  }
+  return out;
+}
+
+/// The first strip of an index that an outline meets, and that is `wanted`.
+template <class Wanted>
+const Strip* first_met(const OutlineIndex& index, const std::vector<Strip>& strips,
+                       std::span<const Vec2> outline, const Wanted& wanted) {
+  const Strip* met = nullptr;
+  index.any_near(outline, [&](std::size_t i) {
+    if (!wanted(strips[i]) || !footprints_overlap(outline, strips[i].outline)) return false;
+    met = &strips[i];
+    return true;
+  });
+  return met;
+}
+
+class Site {
+ public:
+  explicit Site(const SceneConfig& scene) : scene_(scene) {
+    check_size();
+    network_ = build_lane_network(scene);
+    check_number_of_vehicles();
+    for (std::size_t i = 0; i < scene.roads.size(); ++i) {
+      const double half = carriageway_half_width(scene.roads[i].lanes);
+      add(cut_into_strips(lines_[i], half, -half, i), roads_, roads_index_);
+    }
+    for (std::size_t i = 0; i < network_.lanes.size(); ++i) {
+      const double half = network_.lanes[i].width_m / 2;
+      add(cut_into_strips(network_.lanes[i].curve, half, -half, i), lanes_, lanes_index_);
+    }
+  }
+
+  void check() const {
+    for (std::size_t i = 0; i < lines_.size(); ++i) check_road_meets_none(i);
+    for (const GroundConfig& ground : scene_.ground) check_ground(ground);
+    for (std::size_t i = 0; i < lines_.size(); ++i) check_slopes(i);
+    for (const BarrierConfig& barrier : scene_.barriers) check_barrier(barrier);
+    for (const Upright& upright : uprights(scene_)) check_upright(upright);
+  }
+
+ private:
+  static void add(const std::vector<Strip>& more, std::vector<Strip>& strips, OutlineIndex& index) {
+    for (const Strip& strip : more) {
+      index.add(strip.outline, strips.size());
+      strips.push_back(strip);
+    }
+  }
+
+  // --- size -------------------------------------------------------------------------------------
+
+  void check_size() {
+    double length = 0;
+    for (const RoadConfig& road : scene_.roads) {
+      for (const CentrelinePiece& piece : road.centreline)
+        length += piece.line_m + piece.radius_m * rad(std::abs(piece.turn_deg));
+      if (length > kMostRoad)
+        config::fail(road.place, "centreline",
+                     "found " + number_text(std::round(length)) +
+                         " m of roads up to this one, allowed " + number_text(kMostRoad) +
+                         ", as rays end at " + number_text(kLongestRange_m));
+      lines_.push_back(centreline(road));
+    }
+  }
+
+  void check_number_of_vehicles() const {
+    if (!scene_.traffic) return;
+    double length = 0;
+    for (const Lane& lane : network_.lanes)
+      if (lane.junction < 0) length += lane.curve.length();
+    const double vehicles = scene_.traffic->vehicles_per_km_lane * length / 1000;
+    if (vehicles > kMostVehicles)
+      config::fail(scene_.traffic->place, "vehicles_per_km_lane",
+                   "found " + number_text(std::round(vehicles)) +
+                       " vehicles on the scene's lanes, allowed " + number_text(kMostVehicles));
+  }
+
+  // --- roads ------------------------------------------------------------------------------------
+
+  void check_road_meets_none(std::size_t i) const {
+    const RoadConfig& road = scene_.roads[i];
+    const double half = carriageway_half_width(road.lanes);
+    const auto wide = cut_into_strips(lines_[i], half + kApart, -half - kApart, i, kApart);
+    for (const Strip& strip : wide)
+      if (const Strip* met =
+              first_met(roads_index_, roads_, strip.outline, [&](const Strip& other) {
+                return other.of < i && are_on_one_level(i, other.of) &&
+                       !share_a_junction(strip, other);
+              }))
+        fail_meeting(road, *met, strip.middle());
+    for (const Strip& strip : cut_into_strips(lines_[i], half - kApart, kApart - half, i))
+      if (first_met(roads_index_, roads_, strip.outline, [&](const Strip& other) {
+            return other.of == i && other.from > strip.to + kStep / 2;
+          }) != nullptr)
+        config::fail(road.place, "centreline",
+                     "found it to cross itself near " + at_text(strip.middle()) +
+                         ", allowed a road that does not");
+    check_ends_apart(road, wide);
+  }
+
+  void check_ends_apart(const RoadConfig& road, const std::vector<Strip>& wide) const {
+    if (wide.size() > 3 && footprints_overlap(wide.front().outline, wide.back().outline))
+      config::fail(road.place, "centreline",
+                   "found it to end where it starts, near " + at_text(wide.front().middle()) +
+                       ", allowed a road with two ends");
+  }
+
+  bool are_on_one_level(std::size_t a, std::size_t b) const {
+    return std::abs(scene_.roads[a].elevation_m - scene_.roads[b].elevation_m) < kClearance_m;
+  }
+
+  bool share_a_junction(const Strip& a, const Strip& b) const {
+    const auto &cut_a = network_.cuts[a.of], &cut_b = network_.cuts[b.of];
+    const auto within = [](const JunctionCut& cut, const Strip& strip) {
+      const double middle = (strip.from + strip.to) / 2;
+      return middle > cut.from && middle < cut.to;
+    };
+    return cut_a && cut_b && cut_a->junction == cut_b->junction && within(*cut_a, a) &&
+           within(*cut_b, b);
+  }
+
+  [[noreturn]] void fail_meeting(const RoadConfig& road, const Strip& met, Vec2 place) const {
+    const RoadConfig& other = scene_.roads[met.of];
+    const double apart = std::abs(road.elevation_m - other.elevation_m);
+    const std::string where = "found it on '" + other.name + "' near " + at_text(place);
+    if (apart > 0)
+      config::fail(road.place, "elevation_m",
+                   where + " with " + number_text(apart) + " m of height between, allowed " +
+                       number_text(kClearance_m) + " or more");
+    config::fail(road.place, "centreline",
+                 where + " without a junction of both, allowed one, " + number_text(kClearance_m) +
+                     " m of height between, or " + number_text(kApart) + " m beside it");
+  }
+
+  // --- ground -----------------------------------------------------------------------------------
+
+  void check_ground(const GroundConfig& ground) const {
+    for (std::size_t i = 0; i < lines_.size(); ++i) {
+      const RoadConfig& road = scene_.roads[i];
+      const double lowest = road.elevation_m - (road.lanes.sidewalk_m > 0 ? kSidewalkDrop : 0);
+      if (ground.elevation_m <= lowest - kLeastDepth) continue;
+      if (ground.elevation_m >= road.elevation_m + kClearance_m) continue;
+      const double half = outer_half_width(road.lanes);
+      for (const Strip& strip : cut_into_strips(lines_[i], half, -half, i))
+        if (footprints_overlap(strip.outline, ground.outline_m))
+          config::fail(ground.place, "elevation_m",
+                       "found " + number_text(ground.elevation_m) + " on '" + road.name +
+                           "' near " + at_text(strip.middle()) + ", allowed up to " +
+                           number_text(lowest - kLeastDepth) + ", or from " +
+                           number_text(road.elevation_m + kClearance_m) + " above it");
+    }
+  }
+
+  /// A slope is looked at in narrow strips, each with its own heights.
+  void check_slopes(std::size_t i) const {
+    const RoadConfig& road = scene_.roads[i];
+    if (!road.embankment) return;
+    const double outer = outer_half_width(road.lanes), z = road.elevation_m;
+    const double foot = road.embankment->foot_elevation_m;
+    const double run = road.embankment->run_per_rise * std::abs(z - foot) / kSlopeSteps;
+    for (const double side : {1.0, -1.0})
+      for (int step = 0; step < kSlopeSteps; ++step) {
+        const double a = side * (outer + run * step), b = side * (outer + run * (step + 1));
+        const double from = z + (foot - z) * step / kSlopeSteps;
+        const double to = z + (foot - z) * (step + 1) / kSlopeSteps;
+        for (const Strip& strip : cut_into_strips(lines_[i], std::max(a, b), std::min(a, b), i))
+          check_slope(road, strip, std::min(from, to), std::max(from, to));
+      }
+  }
+
+  void check_slope(const RoadConfig& road, const Strip& slope, double low, double high) const {
+    const Strip* met = first_met(roads_index_, roads_, slope.outline, [&](const Strip& strip) {
+      const double level = scene_.roads[strip.of].elevation_m;
+      return high > level && low < level + kClearance_m;
+    });
+    if (met != nullptr)
+      config::fail(road.place, "embankment",
+                   "found its slope on '" + scene_.roads[met->of].name + "' near " +
+                       at_text(met->middle()) + ", allowed below roads and beside them");
+  }
+
+  // --- what stands there ------------------------------------------------------------------------
+
+  /// True if the box is in the space over a lane that vehicles need.
+  bool stands_on_lane(const Box3d& box) const {
+    const double low = box.z - box.dz / 2, high = box.z + box.dz / 2;
+    return first_met(lanes_index_, lanes_, footprint(box), [&](const Strip& strip) {
+             const double level = network_.lanes[strip.of].elevation_m;
+             return high > level && low < level + kClearance_m;
+           }) != nullptr;
+  }
+
+  void check_barrier(const BarrierConfig& barrier) const {
+    for (const Box3d& piece : barrier_pieces(scene_, barrier))
+      if (stands_on_lane(piece))
+        config::fail(barrier.place, "offset_m",
+                     "found a barrier on a lane, allowed the median or outside the lanes");
+  }
+
+  void check_upright(const Upright& upright) const {
+    if (stands_on_lane(upright.box))
+      config::fail(upright.place, upright.key,
+                   "found it on a lane, allowed beside the lanes or " + number_text(kClearance_m) +
+                       " m above them");
+  }
+
+  const SceneConfig& scene_;
+  LaneNetwork network_;
+  std::vector<Curve> lines_;  ///< of the roads
+  std::vector<Strip> roads_, lanes_;
+  OutlineIndex roads_index_, lanes_index_;
+};
+
+}  // namespace
+
+void check_site(const SceneConfig& scene) {
+  Site(scene).check();
+  check_sensor(scene);
+}
+
+}  // namespace infrasim

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "infrasim/config/scene_config.h"
+
+// What a site can be. Rules about one key stand where the key is read; these are about two things
+// that can't both be as they are.
+
+namespace infrasim {
+
+/// @throws ConfigError, with the place of what is wrong, for roads that meet on one level without a
+/// junction, ground or a slope on a road, something that stands on a lane, more road or vehicles
+/// than a site has, and a sensor where none can be (sensor_rules.h)
+void check_site(const SceneConfig& scene);
+
+}  // namespace infrasim

@@ -1,0 +1,373 @@
+"""Sites that cannot be, and the nearest ones that can, as changes of one town.
+
+    .venv/bin/python tests/python/impossible_sites.py --out results/impossible_sites.csv
+
+writes what `infrasim check` says of each, with a minute of traffic for those that can be. Exit code
+1 if one is judged wrongly.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+TOWN = """\
+name: town
+duration_s: 1
+mounts:
+  pole: {x_m: -25, y_m: -12, z_m: 6}
+roads:
+  - name: main
+    start: {x_m: -200, y_m: 0}
+    centreline:
+      - {line_m: 400}
+    lanes: {each_way: 2, width_m: 3.5, shoulder_m: 0.5, sidewalk_m: 2.5}
+  - name: side
+    start: {x_m: 0, y_m: -200, heading_deg: 90}
+    centreline:
+      - {line_m: 400}
+    lanes: {each_way: 2, width_m: 3.5, shoulder_m: 0.5, sidewalk_m: 2.5}
+ground:
+  - {elevation_m: -0.05, outline_m: [[-300, -300], [300, -300], [300, 300], [-300, 300]]}
+buildings:
+  - {x_m: 60, y_m: 40, length_m: 30, width_m: 20, height_m: 15}
+barriers:
+  - {road: main, offset_m: 11, from_m: 20, to_m: 120}
+gantries:
+  - {road: main, s_m: 60}
+junctions:
+  - roads: [main, side]
+traffic:
+  vehicles_per_km_lane: 15
+  speed: {mean_km_h: 40}
+  warm_up_s: 1
+  class_shares: {Car: 0.9, Bus: 0.1}
+"""
+POLE = "pole: {x_m: -25, y_m: -12, z_m: 6}"
+SIDE = "start: {x_m: 0, y_m: -200, heading_deg: 90}"
+LANES = "lanes: {each_way: 2, width_m: 3.5, shoulder_m: 0.5, sidewalk_m: 2.5}"
+SIDE_LINE = f"- {{line_m: 400}}\n    {LANES}\nground:"
+GROUND = "elevation_m: -0.05"
+HOUSE = "x_m: 60, y_m: 40, length_m: 30, width_m: 20, height_m: 15"
+JUNCTION = "junctions:\n  - roads: [main, side]\n"
+NO_JUNCTION = (JUNCTION, "")
+SHARES = "{Car: 0.9, Bus: 0.1}"
+
+Edit = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Site:
+    """Changes of the town; `key` and `words` stand in the message, empty if it can be."""
+
+    name: str
+    edits: tuple[Edit, ...]
+    key: str = ""
+    words: tuple[str, ...] = ()
+    at: str = ""  # what stands on the line that the message names
+
+    @property
+    def text(self) -> str:
+        text = TOWN
+        for old, new in self.edits:
+            if text.count(old) != 1:
+                raise ValueError(f"{self.name}: found '{old}' {text.count(old)} times, allowed 1")
+            text = text.replace(old, new)
+        return text
+
+    @property
+    def line(self) -> int:
+        lines = [i for i, line in enumerate(self.text.splitlines(), 1) if self.at in line]
+        if len(lines) != 1:
+            raise ValueError(f"{self.name}: found '{self.at}' on {len(lines)} lines, allowed 1")
+        return lines[0]
+
+
+def pole(x: float, y: float, z: float) -> Edit:
+    return POLE, f"pole: {{x_m: {x:.9g}, y_m: {y:.9g}, z_m: {z:.9g}}}"
+
+
+def pieces(*of_a_line: str) -> str:
+    """Of a centreline."""
+    return "\n      ".join(f"- {{{piece}}}" for piece in of_a_line)
+
+
+def side_line(line: str, more: str = "") -> Edit:
+    """The side road's centreline, and keys below it."""
+    return SIDE_LINE, f"{line}\n{more}    {LANES}\nground:"
+
+
+def side_keys(keys: str) -> Edit:
+    return side_line("- {line_m: 400}", f"    {keys}\n")
+
+
+def road(x: float, y: float, heading: float, *of_its_line: str) -> Edit:
+    """A third road."""
+    lines = f"      {pieces(*of_its_line)}\n"
+    start = f"start: {{x_m: {x:.9g}, y_m: {y:.9g}, heading_deg: {heading:.9g}}}"
+    text = f"  - name: third\n    {start}\n    centreline:\n{lines}    lanes: {{each_way: 1}}\n"
+    return "ground:\n", text + "ground:\n"
+
+
+def house(x: float, y: float, more: str, *, base: float = 0) -> Edit:
+    return HOUSE, f"x_m: {x:.9g}, y_m: {y:.9g}, {more}, base_m: {base:.9g}"
+
+
+def more_ground(elevation: float) -> Edit:
+    """A deck over a part of the main road."""
+    outline = "[[-100, -30], [-80, -30], [-80, 30], [-100, 30]]"
+    return "buildings:\n", (
+        f"  - {{elevation_m: {elevation:.9g}, outline_m: {outline}}}\nbuildings:\n"
+    )
+
+
+def side_start(x: float, y: float, heading: float) -> Edit:
+    return SIDE, f"start: {{x_m: {x:.9g}, y_m: {y:.9g}, heading_deg: {heading:.9g}}}"
+
+
+EMBANKED = "elevation_m: 6\n    embankment: {foot_elevation_m: -0.05}"
+NORTH = side_start(0, 60, 90)  # ends away from the main road
+NORTH_LINE = "- {line_m: 200}"
+SMALL = "length_m: 1, width_m: 1, height_m: 3"
+
+ROADS = (
+    Site("roads that cross without a junction", (NO_JUNCTION,), "centreline", ("main", "junction"),
+         "name: side"),
+    Site("a road that ends on another", (NO_JUNCTION, side_line("- {line_m: 196}")),
+         "centreline", ("'main'", "without a junction"), "name: side"),
+    Site("a road that ends at another's edge", (NO_JUNCTION, side_line("- {line_m: 192.5}")),
+         "centreline", ("'main'", "without a junction"), "name: side"),
+    Site("a road that goes on as another", (road(200, 0, 0, "line_m: 50"),),
+         "centreline", ("'main'",), "name: third"),
+    Site("a road beside another, on its lanes", (road(50, 9, 0, "line_m: 100"),),
+         "centreline", ("'main'",), "name: third"),
+    Site("a road beside another, edge to edge", (road(50, 11, 0, "line_m: 100"),),
+         "centreline", ("'main'", "0.01 m beside"), "name: third"),
+    Site("a second crossing beside the junction",
+         (side_line(pieces("line_m: 230", "radius_m: 40, turn_deg: -180", "line_m: 90")),),
+         "centreline", ("'main'", "x 8"), "name: side"),
+    Site("a third road through the junction", (road(-100, -100, 45, "line_m: 280"),),
+         "centreline", ("without a junction",), "name: third"),
+    Site("a road that crosses itself",
+         (road(-250, 150, 0, "line_m: 100", "radius_m: 40, turn_deg: 270", "line_m: 100"),),
+         "centreline", ("cross itself",), "name: third"),
+    Site("a ring that ends where it starts", (road(100, 150, 0, "radius_m: 40, turn_deg: 360"),),
+         "centreline", ("end where it starts",), "name: third"),
+    Site("a bridge of 3 m", (NO_JUNCTION, side_keys("elevation_m: 3")),
+         "elevation_m", ("with 3 m of height", "4.5"), "name: side"),
+    Site("a bridge of 4.49 m", (NO_JUNCTION, side_keys("elevation_m: 4.49")),
+         "elevation_m", ("with 4.49 m",), "name: side"),
+    Site("a tunnel of 1 m", (NO_JUNCTION, side_keys("elevation_m: -1"),
+         (GROUND, "elevation_m: -5")), "elevation_m", ("with 1 m",), "name: side"),
+    Site("a bend tighter than the road is wide",
+         (side_line(pieces("line_m: 250", "radius_m: 9, turn_deg: 90")),),
+         "roads.1.centreline", ("radius_m of 9",), "{line_m: 250}"),
+    Site("628 km of road", (road(0, 1000, 0, "radius_m: 100000, turn_deg: 360"),),
+         "centreline", ("m of roads", "100000"), "name: third"),
+    Site("more vehicles than memory", (road(0, 1000, 0, "line_m: 90000"),
+         ("vehicles_per_km_lane: 15", "vehicles_per_km_lane: 70")), "vehicles_per_km_lane",
+         ("vehicles on the scene's lanes", "5000"), "vehicles_per_km_lane"),
+)  # fmt: skip
+JUNCTIONS = (
+    Site("a junction of two heights", (side_keys("elevation_m: 6"),), "roads",
+         ("'main' at 0 m and 'side' at 6 m", "one height"), "roads: [main"),
+    Site("a junction with a step of 5 cm", (side_keys("elevation_m: 0.05"),), "roads",
+         ("0.05", "one height"), "roads: [main"),
+    Site("a junction at 30 degrees", (side_start(-173.205, -100, 30),), "roads",
+         ("30 degrees", "above 45"), "roads: [main"),
+    Site("a junction at 45 degrees", (side_start(-141.421, -141.421, 45),), "roads",
+         ("45 degrees", "above 45"), "roads: [main"),
+    Site("a junction at 140 degrees", (side_start(153.209, -128.558, 140),), "roads",
+         ("40 degrees", "above 45"), "roads: [main"),
+    Site("a bend in a junction",
+         (side_line(pieces("line_m: 194", "radius_m: 14, turn_deg: 50", "line_m: 100")),),
+         "roads", ("'side' to bend by",), "roads: [main"),
+    Site("a junction of roads that do not cross", (side_start(250, -200, 90),), "roads",
+         ("do not cross",), "roads: [main"),
+    Site("a junction at a road's end", (side_start(0, -20, 90),), "roads",
+         ("within 10 m of a road's end",), "roads: [main"),
+    Site("two junctions on a road", (road(100, -200, 90, "line_m: 400"),
+         (JUNCTION, JUNCTION + "  - roads: [main, third]\n")), "roads",
+         ("second junction",), "roads: [main, third]"),
+)  # fmt: skip
+GROUNDS = (
+    Site("ground at the roads' height", ((GROUND, "elevation_m: 0"),), "elevation_m",
+         ("found 0 on 'main'", "-0.011"), "outline_m"),
+    Site("ground at the footways' height", ((GROUND, "elevation_m: -0.01"),), "elevation_m",
+         ("found -0.01 on 'main'", "-0.011"), "outline_m"),
+    Site("ground over the roads", ((GROUND, "elevation_m: 1"), pole(-25, -12, 7)), "elevation_m",
+         ("found 1 on 'main'",), "outline_m"),
+    Site("a deck 4.4 m over a road", (more_ground(4.4),), "elevation_m",
+         ("found 4.4 on 'main'", "4.5"), "elevation_m: 4.4"),
+    Site("a bridge's embankment on the road below", (NO_JUNCTION, side_keys(EMBANKED)),
+         "embankment", ("slope on 'main'",), "name: side"),
+    Site("a cutting's slope over a crossing road",
+         (side_keys("embankment: {foot_elevation_m: 5}"),), "embankment", ("slope on 'main'",),
+         "name: side"),
+)  # fmt: skip
+STANDING = (
+    Site("a house on a lane", (house(-60, 8, "length_m: 9, width_m: 9, height_m: 9"),), "x_m",
+         ("on a lane",), "length_m: 9"),
+    Site("a post where vehicles turn", (house(-7.5, -7.5, SMALL),), "x_m", ("on a lane",),
+         "length_m: 1"),
+    Site("a house 4 m over a lane", (house(-60, 5, SMALL, base=4),), "x_m",
+         ("on a lane", "4.5 m above"), "length_m: 1"),
+    Site("a barrier on a lane", (("offset_m: 11", "offset_m: 5"),), "offset_m", ("on a lane",),
+         "offset_m: 5"),
+    Site("a barrier through the junction",
+         (("offset_m: 11, from_m: 20, to_m: 120", "offset_m: 0, width_m: 0.1"),), "offset_m",
+         ("on a lane",), "offset_m: 0"),
+    Site("a gantry's leg in the junction", (("s_m: 60", "s_m: 195"),), "s_m", ("on a lane",),
+         "s_m: 195"),
+    Site("a gantry beyond its road", (("s_m: 60", "s_m: 401"),), "s_m", ("beyond",), "s_m: 401"),
+)  # fmt: skip
+SENSORS = (
+    Site("a sensor in the ground", (pole(-25, -12, -1),), "mounts.pole.z_m",
+         ("found -1 below the ground", "-0.05"), "pole:"),
+    Site("a sensor on the ground", (pole(-25, -12, -0.05),), "mounts.pole.z_m",
+         ("found -0.05 below",), "pole:"),
+    Site("a sensor between road and ground", (pole(-100, 0, -0.02),), "mounts.pole.z_m",
+         ("below the ground or a road at 0 m",), "pole:"),
+    Site("a sensor beside all ground, and below it", (pole(-400, 0, -3),), "mounts.pole.z_m",
+         ("found -3 below",), "pole:"),
+    Site("a sensor in an embankment", (NO_JUNCTION, NORTH,
+         side_line(NORTH_LINE, f"    {EMBANKED}\n"), pole(12, 160, 3)),
+         "mounts.pole.z_m", ("found 3 below", "4.6"), "pole:"),
+    Site("a sensor in a bridge of 4 m", (NO_JUNCTION, NORTH,
+         side_line(NORTH_LINE, "    elevation_m: 4\n"), pole(0, 160, 2)), "mounts.pole.z_m",
+         ("found 2 below", "bridge of 4.5"), "pole:"),
+    Site("a sensor in a house", (pole(60, 40, 6),), "mounts.pole.x_m", ("inside a building",),
+         "pole:"),
+    Site("a sensor on the wall of a house", (pole(45, 40, 6),), "mounts.pole.x_m",
+         ("inside a building",), "pole:"),
+    Site("a sensor in a barrier", (pole(-100, 11, 0.4),), "mounts.pole.x_m",
+         ("inside a barrier of 'main'",), "pole:"),
+    Site("a sensor in a gantry's leg", (pole(-140, 8, 3),), "mounts.pole.x_m",
+         ("inside a gantry",), "pole:"),
+    Site("a sensor in a gantry's beam", (pole(-140, 2, 6.5),), "mounts.pole.x_m",
+         ("inside a gantry",), "pole:"),
+    Site("a sensor on a lane", (pole(-25, -5.25, 2),), "mounts.pole.z_m",
+         ("in the way of the vehicles", "from 4.5 on"), "pole:"),
+    Site("a sensor where trucks pass", (pole(-25, -5.25, 4.4),), "mounts.pole.z_m",
+         ("in the way of the vehicles",), "pole:"),
+    Site("a sensor where vehicles turn", (pole(-7.5, -7.5, 3),), "mounts.pole.z_m",
+         ("in the way of the vehicles",), "pole:"),
+    Site("a sensor out of the world", (pole(1e9, -12, 6),), "mounts.pole.x_m",
+         ("from every road and ground", "5000"), "pole:"),
+    Site("a sensor 6 km away", (pole(-6300, -12, 6),), "mounts.pole.x_m", ("6000 m",), "pole:"),
+    Site("a sensor 9 km up", (pole(-25, -12, 9000),), "mounts.pole.x_m", ("9000 m",), "pole:"),
+)  # fmt: skip
+TRAFFIC = (
+    Site("pedestrians in lanes", ((SHARES, "{Car: 0.9, Pedestrian: 0.1}"),),
+         "traffic.class_shares", ("found Pedestrian", "no speed and way of its own"), "Pedestrian"),
+    Site("cyclists in lanes", ((SHARES, "{Cyclist: 1}"),), "traffic.class_shares",
+         ("found Cyclist", "allowed Car"), "Cyclist"),
+    Site("buses wider than a lane", ((SHARES, "{Bus: 1}"), road(50, 150, 0, "line_m: 50"),
+         ("lanes: {each_way: 1}", "lanes: {each_way: 1, width_m: 2.9}")),
+         "class_shares", ("found Bus", "2.9 m"), "vehicles_per_km_lane"),
+    Site("buses in a bend that they can't drive", (road(50, 150, 0, "radius_m: 8, turn_deg: 90"),),
+         "class_shares", ("found Bus", "6.25 m"), "vehicles_per_km_lane"),
+    Site("more buses than fit", ((SHARES, "{Bus: 1}"),
+         ("vehicles_per_km_lane: 15", "vehicles_per_km_lane: 81")),
+         "traffic.vehicles_per_km_lane", ("found 81, allowed up to 80",), "vehicles_per_km_lane"),
+)  # fmt: skip
+IMPOSSIBLE = (*ROADS, *JUNCTIONS, *GROUNDS, *STANDING, *SENSORS, *TRAFFIC)
+
+POSSIBLE = (
+    Site("the town itself", ()),
+    Site("a bridge of 4.5 m", (NO_JUNCTION, side_keys("elevation_m: 4.5"))),
+    Site("a road that ends 2 cm before another", (NO_JUNCTION, side_line("- {line_m: 192.48}"))),
+    Site("a road 3 cm beside another", (road(50, 11.03, 0, "line_m: 100"),)),
+    Site("a U of a road", (road(-250, 150, 0, "line_m: 50", "radius_m: 4, turn_deg: 180",
+         "line_m: 50"), (SHARES, "{Car: 1}"))),
+    Site("three quarters of a ring", (road(100, 150, 0, "radius_m: 40, turn_deg: 350"),)),
+    Site("90 km of road with few vehicles", (road(0, 1000, 0, "line_m: 90000"),)),
+    Site("a junction at 46 degrees", (side_start(-138.932, -143.868, 46),
+         house(60, 100, SMALL))),
+    Site("a wide bend in a junction",
+         (side_line(pieces("line_m: 150", "radius_m: 200, turn_deg: 20", "line_m: 150")),)),
+    Site("ground 1 mm below the footways", ((GROUND, "elevation_m: -0.011"),)),
+    Site("a deck 4.5 m over a road", (more_ground(4.5),)),
+    Site("a junction on an embankment",
+         (side_keys("embankment: {foot_elevation_m: -3}"), (GROUND, "elevation_m: -3"))),
+    Site("a house 10 cm beside the lanes", (house(-60, 7.6, SMALL),)),
+    Site("a house 4.5 m over the lanes", (house(-60, 5, SMALL, base=4.5),)),
+    Site("a barrier 10 cm beside the lanes", (("offset_m: 11", "offset_m: 7.25"),)),
+    Site("a gantry just before the junction", (("s_m: 60", "s_m: 185"),)),
+    Site("a sensor 1 cm over the ground", (pole(-25, -12, -0.04),)),
+    Site("a sensor between the two directions", (pole(-100, 0, 1),)),
+    Site("a sensor over a lane", (pole(-25, -5.25, 4.5),)),
+    Site("a sensor at a lane's edge", (pole(-25, -7.01, 2),)),
+    Site("a sensor on a roof", (pole(60, 40, 15.01),)),
+    Site("a sensor 1 cm before a wall", (pole(44.99, 40, 6),)),
+    Site("a sensor under a bridge", (NO_JUNCTION, side_keys("elevation_m: 4.5"), pole(0, -30, 2))),
+    Site("a sensor over a gantry", (pole(-140, 2, 7.01),)),
+    Site("a sensor 4 km away", (pole(-4300, -12, 6),)),
+    Site("no cyclists in lanes", ((SHARES, "{Car: 1, Cyclist: 0}"),)),
+    Site("as many buses as fit", ((SHARES, "{Bus: 1}"),
+         ("vehicles_per_km_lane: 15", "vehicles_per_km_lane: 80"))),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What `infrasim check` says of a site."""
+
+    refused: bool
+    message: str  # without the path of the file
+
+    def is_right_for(self, site: Site) -> bool:
+        if not site.key:
+            return not self.refused and not self.message
+        words = (f": {site.key}: found ", ", allowed ", *site.words)
+        placed = self.message.startswith(f"{site.line}:")
+        return self.refused and placed and all(word in self.message for word in words)
+
+
+def judged(binary: Path, site: Site) -> Verdict:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.yaml"
+        file.write_text(site.text)
+        command = [binary, "check", file, *([] if site.key else ["--traffic"])]
+        result = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    message = result.stderr.strip().removeprefix(f"{file}:")
+    return Verdict(result.returncode == 2, message)
+
+
+def rows(binary: Path) -> Iterator[tuple[str, str, str, str]]:
+    for sites, expected in ((IMPOSSIBLE, "refused"), (POSSIBLE, "allowed")):
+        for site in sites:
+            verdict = judged(binary, site)
+            yield (
+                site.name,
+                expected,
+                ("wrong", "right")[verdict.is_right_for(site)],
+                verdict.message,
+            )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
+    parser.add_argument("--binary", type=Path, default=Path(sys.executable).with_name("infrasim"))
+    parser.add_argument("--out", type=Path, required=True, help="CSV")
+    args = parser.parse_args()
+    found = list(rows(args.binary))
+    with args.out.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["site", "expected", "judged", "message"])
+        writer.writerows(found)
+    for name, _, judgement, message in found:
+        if judgement == "wrong":
+            print(f"{name}: {message or 'allowed'}")
+    print(f"{sum(row[2] == 'right' for row in found)} of {len(found)} sites judged right")
+    return int(any(row[2] == "wrong" for row in found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
