@@ -47,7 +47,9 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
   const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
                     rotation(rad(config.yaw_deg), rad(config.pitch_deg), 0);
   const auto& beam = config.returns.beam;
-  return {ScanPattern(config.pattern, start_phase_s(scene.seed, lidar, unit), pose, first_ring),
+  return {ScanPattern(config.pattern,
+                      start_phase_s(scene.seed, scene.mounts.begin()->first, lidar, unit), pose,
+                      first_ring),
           ReturnModel(config.returns, scene.weather),
           beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
           static_cast<float>(config.returns.max_range_m),
