@@ -64,6 +64,13 @@ void bind_simulation(py::module_& m) {
       .def(
           "dump", [](const World& w) { return dump_scene(w.scene); },
           "Every key with its value, as YAML.")
+      .def(
+          "label_time",
+          [](const World& w, const std::string& preset) {
+            return enum_names(
+                LabelTime{})[static_cast<std::size_t>(label_time_of(w.scene, preset))];
+          },
+          py::arg("preset"), "frame or scan: when the labels of frames of a preset hold.")
       .def_property_readonly(
           "frames", [](const World& w) { return w.trajectories.frames(); },
           "Frames of 0.1 s in the scene's duration.")

@@ -792,6 +792,17 @@ TEST(lidar_file, with_the_key_of_the_version_before_is_told_the_new_one) {
                      "pattern.spinning");
 }
 
+TEST(scene, labels_as_the_preset_does_unless_it_says_otherwise) {
+  SceneConfig scene;
+  EXPECT_EQ(label_time_of(scene, "paper"), LabelTime::kFrame);
+  EXPECT_EQ(label_time_of(scene, "equal"), LabelTime::kFrame);
+  EXPECT_EQ(label_time_of(scene, "datasheet"), LabelTime::kScan);
+  EXPECT_EQ(label_time_of(scene, "an_own_one"), LabelTime::kScan);
+  scene.label_time = LabelTime::kFrame;
+  EXPECT_EQ(label_time_of(scene, "datasheet"), LabelTime::kFrame);
+  EXPECT_NE(dump_scene(scene).find("\nlabel_time: frame\n"), std::string::npos);
+}
+
 TEST(bundle, of_one_unit_that_is_not_turned_is_dumped_as_that_unit) {
   const TestFolder folder;
   const auto part = folder.write("part.yaml", kLidar);
