@@ -50,7 +50,8 @@ Points, boxes and objects are in the levelled LiDAR frame: origin at the sensor,
 mount's yaw, metres. `lidar.yaml` has the poses to the world and to the tilted sensor. A box is
 x y z dx dy dz heading, centre first; in `label_2` it is in KITTI's camera frame (x right, y down,
 z forward; rotation_y = -heading - pi/2; the location is the bottom centre) and the 2-D box is a
-stand-in. Each ray was cast at its own firing time. Labels are of `label_time: {label_time}`: {label_text}.
+stand-in. Each ray was cast at its own firing time. With `label_time: {label_time}` a label shows
+{label_text}.
 `objects/` has both poses.
 
 ## Known limits
@@ -74,8 +75,8 @@ PRESETS = {
     "range noise, beam width.",
 }
 LABEL_TIMES = {
-    "frame": "boxes show the\nmiddle of the frame, and a moving vehicle's points lie partly outside",
-    "scan": "boxes show the\nvehicle at the mean time of its points",
+    "frame": "the vehicle in the middle of the frame: when it moves, points lie partly outside",
+    "scan": "the vehicle at the mean time of its points",
 }
 COLUMNS = ("rays", "hits", "vehicles", "vehicle_points")
 

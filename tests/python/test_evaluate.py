@@ -39,10 +39,11 @@ def run(tmp_path: Path) -> Callable[..., Evaluation]:
     """Evaluates predictions of the frames of one LiDAR on a straight road."""
 
     def call(frames: list, found: list[Found], name: str = "vehicle", **settings) -> Evaluation:
-        write_roads(tmp_path)
         label_time = str(settings.pop("label_time", "frame"))
-        gt = write_lidar(tmp_path / f"lidar_{label_time}", frames, label_time=label_time)
-        pred = write_predictions(tmp_path / f"pred_{label_time}", found, name)
+        data = tmp_path / label_time
+        gt = write_lidar(data / "lidar", frames, label_time=label_time)
+        write_roads(data)
+        pred = write_predictions(data / "pred", found, name)
         return evaluate(gt, pred, Settings(**{"ground_truths": SETS} | settings))
 
     return call
