@@ -179,7 +179,7 @@ void pipeline(benchmark::State& state, const std::vector<std::string>& names,
     for (int k = 0; k < kFrames; ++k)
       for (const Frame& frame : simulator.simulate(k, wanted)) {
         if (format) {
-          benchmark::DoNotOptimize(label_text(frame.objects, false));
+          benchmark::DoNotOptimize(label_text(frame.objects, false, LabelTime::kScan));
           benchmark::DoNotOptimize(objects_csv(frame.objects));
           benchmark::DoNotOptimize(fields_bytes(frame.cloud));
           benchmark::DoNotOptimize(velodyne_bytes(frame.cloud));

@@ -166,7 +166,7 @@ def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tu
     (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
     for k in range(frames):
         truth, found, scores = frame(random)
-        lines = [",".join(kitti.OBJECT_COLUMNS)]
+        lines = [",".join(kitti.FRAME_COLUMNS)]
         for i, box in enumerate(truth):
             numbers = ",".join(f"{value:.4f}" for value in box)
             points = int(random.integers(0, 50))

@@ -19,6 +19,8 @@ struct ObjectRow {
   double x, y, z, dx, dy, dz, heading, speed;
   std::int32_t points, points_in_box;
   double distance, visibility;
+  double scan_x, scan_y, scan_z, scan_heading, scan_time_s;
+  std::int32_t points_in_scan_box;
 };
 
 py::array object_rows(const Frame& frame) {
@@ -26,13 +28,17 @@ py::array object_rows(const Frame& frame) {
   auto out = rows.mutable_unchecked<1>();
   for (std::size_t i = 0; i < frame.objects.size(); ++i) {
     const ObjectRecord& o = frame.objects[i];
+    const Box3d &b = o.box, &s = o.scan_box;
     out(static_cast<py::ssize_t>(i)) = {o.id,          static_cast<std::uint16_t>(o.object_class),
-                                        o.box.x,       o.box.y,
-                                        o.box.z,       o.box.dx,
-                                        o.box.dy,      o.box.dz,
-                                        o.box.heading, o.speed_m_s,
+                                        b.x,           b.y,
+                                        b.z,           b.dx,
+                                        b.dy,          b.dz,
+                                        b.heading,     o.speed_m_s,
                                         o.points,      o.points_in_box,
-                                        o.distance,    o.visibility};
+                                        o.distance,    o.visibility,
+                                        s.x,           s.y,
+                                        s.z,           s.heading,
+                                        o.scan_time_s, o.points_in_scan_box};
   }
   return rows;
 }
@@ -58,7 +64,8 @@ auto column(std::vector<T> PointCloud::* member) {
 
 void bind_frames(py::module_& m) {
   PYBIND11_NUMPY_DTYPE(ObjectRow, id, class_id, x, y, z, dx, dy, dz, heading, speed, points,
-                       points_in_box, distance, visibility);
+                       points_in_box, distance, visibility, scan_x, scan_y, scan_z, scan_heading,
+                       scan_time_s, points_in_scan_box);
   py::class_<Frame, std::shared_ptr<Frame>>(
       m, "Frame", "What one LiDAR gives for one frame; columns are read-only views.")
       .def_property_readonly(
@@ -78,7 +85,8 @@ void bind_frames(py::module_& m) {
                              "(n,) int32, -1 for background.")
       .def_property_readonly(
           "objects", &object_rows,
-          "(k,) structured: every vehicle in reach, box at mid-frame, levelled LiDAR frame.")
+          "(k,) structured: every vehicle in reach, box at mid-frame and pose when it was scanned, "
+          "levelled LiDAR frame.")
       .def_readonly("rays", &Frame::rays, "Rays fired in this frame.")
       .def_readonly("seconds", &Frame::seconds, "Time from rays to columns.")
       .def("__len__", [](const Frame& f) { return f.cloud.size(); });

@@ -15,14 +15,15 @@ namespace py = pybind11;
 namespace {
 
 py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int last_frame,
-                                 int step, std::optional<std::uint64_t> seed) {
+                                 int step, std::optional<std::uint64_t> seed,
+                                 const std::string& mount) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
     throw ConfigError("frames: found " + std::to_string(first_frame) + ":" +
                       std::to_string(last_frame) + ":" + std::to_string(step) +
                       ", allowed A:B:STEP with 0 <= A < B and STEP from 1");
   const std::vector<double> rows = [&] {
     const py::gil_scoped_release release;
-    return pattern_table(lidar, first_frame, last_frame, step, seed);
+    return pattern_table(lidar, first_frame, last_frame, step, seed, mount);
   }();
   return py::array_t<double>({static_cast<py::ssize_t>(rows.size() / 3), py::ssize_t{3}},
                              rows.data());
@@ -50,9 +51,9 @@ void bind_simulation(py::module_& m) {
       .def_readonly("preset", &LidarConfig::preset)
       .def("dump", &dump_lidar, "Every key with its value, as YAML.")
       .def("pattern", &pattern_rays, py::arg("first_frame"), py::arg("last_frame"), py::arg("step"),
-           py::arg("seed") = py::none(),
+           py::arg("seed") = py::none(), py::arg("mount") = kUsualMount,
            "(n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, "
-           "sensor frame; phase 0 unless a seed is given.");
+           "sensor frame; free motors start as if locked unless a seed is given.");
 
   py::class_<World>(m, "World", "A scene made ready.")
       .def(py::init([](const std::string& file, const std::vector<std::string>& set) {
@@ -63,6 +64,13 @@ void bind_simulation(py::module_& m) {
       .def(
           "dump", [](const World& w) { return dump_scene(w.scene); },
           "Every key with its value, as YAML.")
+      .def(
+          "label_time",
+          [](const World& w, const std::string& preset) {
+            return enum_names(
+                LabelTime{})[static_cast<std::size_t>(label_time_of(w.scene, preset))];
+          },
+          py::arg("preset"), "frame or scan: when the labels of frames of a preset hold.")
       .def_property_readonly(
           "frames", [](const World& w) { return w.trajectories.frames(); },
           "Frames of 0.1 s in the scene's duration.")

@@ -90,7 +90,7 @@ class Frame:
     @property
     def objects(self) -> numpy.ndarray:
         """
-        (k,) structured: every vehicle in reach, box at mid-frame, levelled LiDAR frame.
+        (k,) structured: every vehicle in reach, box at mid-frame and pose when it was scanned, levelled LiDAR frame.
         """
     @property
     def rays(self) -> int:
@@ -127,9 +127,9 @@ class Lidar:
         """
         Every key with its value, as YAML.
         """
-    def pattern(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex, seed: typing.SupportsInt | typing.SupportsIndex | None = None) -> numpy.typing.NDArray[numpy.float64]:
+    def pattern(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex, seed: typing.SupportsInt | typing.SupportsIndex | None = None, mount: str = 'pole') -> numpy.typing.NDArray[numpy.float64]:
         """
-        (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame; phase 0 unless a seed is given.
+        (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame; free motors start as if locked unless a seed is given.
         """
     @property
     def name(self) -> str:
@@ -146,6 +146,10 @@ class World:
     def dump(self) -> str:
         """
         Every key with its value, as YAML.
+        """
+    def label_time(self, preset: str) -> str:
+        """
+        frame or scan: when the labels of frames of a preset hold.
         """
     def mesh(self, frame: typing.SupportsInt | typing.SupportsIndex, share: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """

@@ -30,6 +30,7 @@ from pyinfra._core import (
     warnings,
 )
 from pyinfra.arrays import Float32Array, FloatArray, Points
+from pyinfra.kitti import LabelTime
 
 __all__ = [
     "BackgroundModel",
@@ -48,6 +49,7 @@ __all__ = [
     "World",
     "filtered",
     "kept_rows",
+    "label_time",
     "learn_background",
     "load_lidar",
     "load_scene",
@@ -86,6 +88,14 @@ def load_scene(
 def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
     """One preset of a LiDAR file. Raises ConfigError and IoError."""
     return Lidar(str(file), preset)
+
+
+def label_time(scene: World, lidar: Lidar) -> LabelTime:
+    """When the labels of a LiDAR's frames hold: the scene's, or that of the LiDAR's preset.
+
+    `frame`: columns x y z heading of `Frame.objects`; `scan`: scan_x scan_y scan_z scan_heading.
+    """
+    return "scan" if scene.label_time(lidar.preset) == "scan" else "frame"
 
 
 def simulate(
@@ -140,14 +150,20 @@ def filtered(points: Points, *steps: Filter) -> Float32Array:
 
 
 def scan_pattern(
-    lidar: Lidar | str | Path, frames: range, *, preset: str = "datasheet", seed: int | None = None
+    lidar: Lidar | str | Path,
+    frames: range,
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    mount: str = "pole",
 ) -> FloatArray:
     """Azimuth, elevation (rad) and time (s) of every ray: (n, 3) float64, column by column.
 
-    Sensor frame; time since the start of the run; phase 0 unless a seed is given.
+    Sensor frame; time since the start of the run. Free motors start as if they were locked, or
+    with a seed as its runs have them at the mount.
     """
     unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
-    return unit.pattern(frames.start, frames.stop, frames.step, seed)
+    return unit.pattern(frames.start, frames.stop, frames.step, seed, mount)
 
 
 def _yaml(value: object) -> str:

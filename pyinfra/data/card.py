@@ -50,17 +50,17 @@ Points, boxes and objects are in the levelled LiDAR frame: origin at the sensor,
 mount's yaw, metres. `lidar.yaml` has the poses to the world and to the tilted sensor. A box is
 x y z dx dy dz heading, centre first; in `label_2` it is in KITTI's camera frame (x right, y down,
 z forward; rotation_y = -heading - pi/2; the location is the bottom centre) and the 2-D box is a
-stand-in. Boxes are those of the middle of the frame, while each ray was cast at its own firing
-time: a moving vehicle's points lie partly outside its box.
+stand-in. Each ray was cast at its own firing time. With `label_time: {label_time}` a label shows
+{label_text}.
+`objects/` has both poses.
 
 ## Known limits
 - Vehicles are lofted bodies that reach down to the road; those longer than 6 m do not turn at a
   junction, and traffic keeps its lanes. No pedestrians, no vegetation.
 - One echo a ray; no back-scatter from rain and fog, no wet-road mirror, no interference.
 - Intensity is a model, not a calibrated reflectance.
-- One seed: one traffic and one motor phase of each spinning LiDAR. How many points leave a
-  mid-frame box depends on that phase, for the 128 lines 32 or 49 % with two seeds. Compare several
-  seeds before reading anything into it.
+- One seed: one traffic. Motors of spinning LiDARs are locked to the clock, with the seam behind
+  their view; how many points leave a mid-frame box depends on where the seam is.
 - A LiDAR's range and drop-off are those of its preset and decide comparisons at a distance.
 - Visibility is unknown (-1) outside the evaluation region (`region_half_length_m`).
 
@@ -73,6 +73,10 @@ PRESETS = {
     "equal": "Evenly spaced channels, one range of 260 m and no drop-off for all.",
     "datasheet": "The vendors' channels, firing times and ranges, detection by received power,\n"
     "range noise, beam width.",
+}
+LABEL_TIMES = {
+    "frame": "the vehicle in the middle of the frame: when it moves, points lie partly outside",
+    "scan": "the vehicle at the mean time of its points",
 }
 COLUMNS = ("rays", "hits", "vehicles", "vehicle_points")
 
@@ -99,6 +103,8 @@ def data_card(sets: Sequence[DataSet], summaries: Sequence[pd.DataFrame]) -> str
         version=first.version,
         seeds=", ".join(sorted({str(data.seed) for data in sets})),
         aggregation=first.aggregation,
+        label_time=first.label_time,
+        label_text=LABEL_TIMES[first.label_time],
     )
 
 

@@ -35,6 +35,10 @@ class DataSet:
         return tuple(lidar.name for lidar in self.lidars)
 
     @property
+    def label_time(self) -> kitti.LabelTime:
+        return self.lidars[0].label_time
+
+    @property
     def period_s(self) -> float:
         return self.lidars[0].period_s
 
@@ -67,6 +71,9 @@ def read_data_set(folder: Path) -> DataSet:
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
+    own_time, label_time = top.maybe("label_time"), lidars[0].label_time
+    if own_time is not None and own_time.text() != label_time:
+        own_time.fail(f"found '{own_time.text()}', allowed '{label_time}' of the LiDARs")
     return DataSet(
         folder=folder,
         scene=top.at("name").text(),
@@ -83,9 +90,9 @@ def read_data_set(folder: Path) -> DataSet:
 def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     """The LiDARs of a data set and how they lean, by the names of their folders.
 
-    Raises FormatError with file and line, also for a LiDAR of another preset or period than the
-    first, for one whose folder has another name, by which files are looked for, and for a folder
-    with frames but without lidar.yaml.
+    Raises FormatError with file and line, also for a LiDAR of another preset, period or label time
+    than the first, for one whose folder has another name, by which files are looked for, and for a
+    folder with frames but without lidar.yaml.
     """
     for frames in sorted(folder.glob("[!.]*/training/velodyne")):
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
@@ -94,11 +101,20 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     found = tuple((kitti.read_lidar(own), kitti.read_tilt(own)) for own in folders)
     for own, (lidar, _) in zip(folders, found, strict=True):
         first, top = found[0][0], kitti.read_yaml(own / "lidar.yaml")
-        allowed = {"name": own.name, "preset": first.preset, "period_s": first.period_s}
+        allowed = {
+            "name": own.name,
+            "preset": first.preset,
+            "period_s": first.period_s,
+            "label_time": first.label_time,
+        }
         for key, value in allowed.items():
             if getattr(lidar, key) != value:
                 why = "that of the folder" if key == "name" else f"as in {folders[0]}"
-                top.at(key).fail(f"found {getattr(lidar, key)}, allowed {value}, {why}")
+                node = top.maybe(key)  # up to version 0.2 there was no label_time
+                found_key = "" if node else f"{key} "
+                (node or top).fail(
+                    f"found {found_key}{getattr(lidar, key)}, allowed {value}, {why}"
+                )
     return found
 
 

@@ -18,7 +18,14 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.kitti import FormatError
-from pyinfra.kitti.read import LABEL_RULES, OBJECT_NUMBERS, OBJECT_RULES, RESULT_RULES
+from pyinfra.kitti.read import (
+    LABEL_RULES,
+    OBJECT_NUMBERS,
+    OBJECT_RULES,
+    RESULT_RULES,
+    object_rows,
+    scan_boxes,
+)
 from pyinfra.kitti.table import is_whole, lines_of, rules_hold
 
 CSV_COLUMNS = ("class", "x", "y", "z", "dx", "dy", "dz", "heading", "score")
@@ -33,7 +40,8 @@ class Vehicles:
     frame: IntArray  # (n,) index into the frames that were asked for, ascending
     ids: IntArray  # (n,) -1 if they come from labels
     names: NameArray  # (n,) class
-    boxes: FloatArray  # (n, 7)
+    boxes: FloatArray  # (n, 7) as labelled
+    mid_frame: FloatArray  # (n, 7) at mid-frame, which decides what a vehicle belongs to
     points: IntArray  # (n,) returns of this LiDAR; 1 if they come from labels
     visibility: FloatArray  # (n,) -1 outside the region; nan if they come from labels
 
@@ -88,7 +96,8 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     """
     if (lidar_folder / "training/objects").is_dir():
         files = [kitti.frame_file(lidar_folder, "objects", frame) for frame in frames]
-        return _joined(files, _objects, Vehicles)
+        time = kitti.read_label_time(lidar_folder)
+        return _joined(files, lambda paths, index: _objects(paths, index, time), Vehicles)
     return read_labelled(lidar_folder, frames)
 
 
@@ -164,13 +173,12 @@ def _joined(
     return table(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
-def _objects(files: Sequence[Path], frames: IntArray) -> Vehicles:
+def _objects(files: Sequence[Path], frames: IntArray, label_time: kitti.LabelTime) -> Vehicles:
     texts = _texts(files, whole=True)
-    header = ",".join(kitti.OBJECT_COLUMNS)
+    cells = [object_rows(text[0], text[1:]) if text else None for text in texts]
     # The class to the front, so that numbers follow each other.
-    cells = (line.split(",") for text in texts for line in text[1:])
-    rows = [[*row[1:2], *row[:1], *row[2:]] for row in cells]
-    known = all(text and text[0] == header for text in texts) and all(row[0] for row in rows)
+    rows = [[*row[1:2], *row[:1], *row[2:]] for own in cells if own is not None for row in own]
+    known = None not in cells and all(row[0] for row in rows)
     values = _numbers(rows, len(kitti.OBJECT_COLUMNS), 1) if known else None
     if values is None or not rules_hold(values, OBJECT_NUMBERS, OBJECT_RULES):
         _fail(files, kitti.read_objects)
@@ -178,11 +186,14 @@ def _objects(files: Sequence[Path], frames: IntArray) -> Vehicles:
     ids = values[:, 0].astype(np.int64)
     if len(np.unique(frame * 2**31 + ids)) < len(ids):
         _fail(files, kitti.read_objects)
+    mid_frame = values[:, 1:8]
+    scan = label_time == "scan"
     return Vehicles(
         frame=frame,
         ids=ids,
         names=np.array([row[0] for row in rows], dtype=np.str_),
-        boxes=values[:, 1:8],
+        boxes=scan_boxes(mid_frame, values[:, 13:17]) if scan else mid_frame,
+        mid_frame=mid_frame,
         points=values[:, 9].astype(np.int64),
         visibility=values[:, 12],
     )
@@ -191,11 +202,13 @@ def _objects(files: Sequence[Path], frames: IntArray) -> Vehicles:
 def _labels(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> Vehicles:
     frame, _, names, values = _kitti(files, frames, scores=False)
     n = len(frame)
+    boxes = cameras.boxes(values[:, :7], frame)
     return Vehicles(
         frame=frame,
         ids=np.full(n, -1),
         names=names,
-        boxes=cameras.boxes(values[:, :7], frame),
+        boxes=boxes,
+        mid_frame=boxes,
         points=np.ones(n, dtype=np.int64),
         visibility=np.full(n, np.nan),
     )

@@ -74,9 +74,10 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
 def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
     """All frames of one data set train, all of the other are val; one split for each.
 
-    Raises ValueError if they are not the same scene, preset and LiDARs with another seed.
+    Raises ValueError if they are not the same scene, preset, label time and LiDARs with another
+    seed.
     """
-    for key in ("scene", "preset", "names"):
+    for key in ("scene", "preset", "label_time", "names"):
         a, b = getattr(train, key), getattr(val, key)
         if a != b:
             raise ValueError(f"{val.folder}: {key}: found {b}, allowed {a} as in {train.folder}")

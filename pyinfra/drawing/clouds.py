@@ -199,8 +199,9 @@ def bird_view(
             here[:, 0], here[:, 1], markersize=point_size, color=str(level), zorder=2, **style
         )
     classes = np.searchsorted([q.most for q in QUALITIES], view.objects.points)
+    boxes = view.objects.label_boxes(view.lidar.label_time)
     for i, look in enumerate(QUALITIES):
-        _draw_boxes(axes, view.objects.boxes[classes == i], look, headings=headings)
+        _draw_boxes(axes, boxes[classes == i], look, headings=headings)
     for unit in view.lidar.field_of_view:
         axes.plot(*sector(unit).T, zorder=1, **VIEW_LINE)
     axes.plot(0, 0, marker="^", color="black", markersize=5, zorder=5)

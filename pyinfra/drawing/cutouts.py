@@ -127,11 +127,11 @@ def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
         wanted = (table.names == CLASS) & (table.visibility >= LEAST_VISIBILITY)
         table = table.select(wanted)
         views = [
-            field_of_view_mask(lidar, tilt, table.boxes[:, :3])[1]
+            field_of_view_mask(lidar, tilt, table.mid_frame[:, :3])[1]
             for lidar, tilt in zip(scene.lidars, scene.tilts, strict=True)
         ]
         in_view = np.stack(views, axis=1)
-        for i, box in enumerate(table.boxes):
+        for i, box in enumerate(table.mid_frame):  # the same for all LiDARs
             key = (frames[table.frame[i]], int(table.ids[i]))
             found[key] = Vehicle(*key, box, float(np.hypot(box[0], box[1])), tuple(in_view[i]))
     return list(found.values())

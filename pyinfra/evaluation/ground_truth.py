@@ -49,7 +49,7 @@ class GroundTruth:
         """The windows of distance: along the roads, or away from the sensor without roads."""
         if self.roads:
             return regions.road_windows(list(self.roads))
-        distance = np.hypot(self.vehicles.boxes[:, 0], self.vehicles.boxes[:, 1])
+        distance = np.hypot(self.vehicles.mid_frame[:, 0], self.vehicles.mid_frame[:, 1])
         return regions.distance_windows(float(distance.max(initial=0)))
 
     def counted(self, which: Set, vehicles: Vehicles, places: Places, min_points: int) -> BoolArray:
@@ -62,7 +62,7 @@ class GroundTruth:
         if not self.has_objects:
             raise ValueError(f"{self.folder}: found no objects, allowed ground truth: captured")
         visible = places.inside & (vehicles.visibility >= MIN_VISIBILITY)
-        return visible & self.in_common_view(vehicles.boxes) if which == "common" else visible
+        return visible & self.in_common_view(vehicles.mid_frame) if which == "common" else visible
 
     def in_common_view(self, boxes: FloatArray) -> BoolArray:
         """Centres (n,) inside the field of view and range of every LiDAR of the data set."""
@@ -114,12 +114,16 @@ def _reach(lidar: kitti.Lidar) -> float:
 
 
 def _with_unreached(own: Vehicles, others: Vehicles) -> Vehicles:
-    """Own vehicles, and those of the region that only the others have; these with 0 points."""
+    """Own vehicles, and those of the region that only the others have.
+
+    These have 0 points, so that they are labelled at mid-frame.
+    """
     base = 1 + max(own.ids.max(initial=0), others.ids.max(initial=0))
     new = ~np.isin(others.frame * base + others.ids, own.frame * base + own.ids)
     extra = others.select(new & (others.visibility >= 0))
     columns = {name: np.concatenate([vars(own)[name], vars(extra)[name]]) for name in vars(own)}
     columns["points"][len(own) :] = 0
+    columns["boxes"][len(own) :] = extra.mid_frame
     joined = Vehicles(**columns)
     order = np.argsort(joined.frame, kind="stable")
     return Vehicles(**{name: column[order] for name, column in vars(joined).items()})

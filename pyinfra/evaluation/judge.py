@@ -1,6 +1,7 @@
 """Predictions held against the vehicles of a LiDAR's frames: what is right, wrong and ignored.
 
-Every vehicle in reach takes part in the matching. One that is not counted (another ground truth, or
+Every vehicle in reach takes part in the matching, with the box of its label; where it belongs is
+decided by that of mid-frame. One that is not counted (another ground truth, or
 outside the evaluation region) and the prediction that took it are ignored. A prediction that took
 none is wrong, unless its centre lies outside the region or, for `common`, outside the common field
 of view: then it is ignored too. So a vehicle at the border is judged with the box that found it.
@@ -94,7 +95,7 @@ class Contest:
 
     @cached_property
     def vehicle_places(self) -> Places:
-        return self.truth.places(self.vehicles.boxes)
+        return self.truth.places(self.vehicles.mid_frame)
 
     @cached_property
     def prediction_places(self) -> Places:

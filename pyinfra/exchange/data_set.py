@@ -69,11 +69,12 @@ def write_lidar(
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
     found = Found()
+    period_s = _period_s(recording, about)
     for i in range(len(numbers)) if places is None else places:
         frame = recording.read(i)
         if about.tilt:
             frame = levelled(frame, T_levelled_sensor)
-        _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor)
+        _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor, period_s)
     _write_lists(out, recording, numbers)
     write(out / "lidar.yaml", _lidar_yaml(recording, about, found, tilt))
     return found
@@ -127,13 +128,14 @@ def _write_frame(
     about: LidarFacts,
     found: Found,
     T_levelled_sensor: FloatArray,
+    period_s: float,
 ) -> None:
     keep = has_return(frame.points)
     points = np.ascontiguousarray(frame.points[keep], dtype=np.float32)
     fields = None if frame.fields is None else frame.fields[keep]
     types = types_of(frame.boxes.names, about.types)
     labels = Labels(types, frame.boxes.boxes, None)
-    objects = objects_of(points, frame.boxes, types)
+    objects = objects_of(points, frame.boxes, types, period_s)
     kitti.write_frame(out, number, points, labels, objects=objects, fields=fields)
     found.frames += 1
     found.points += len(points)
@@ -151,11 +153,12 @@ def has_return(points: Points) -> BoolArray:
     return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
 
 
-def objects_of(points: Points, boxes: Boxes, types: NameArray) -> Objects:
+def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) -> Objects:
     """The labelled objects, with the points that lie in their boxes.
 
-    Which point came from which object is not known, so both counts are that of the box. A speed is
-    not known and stands as 0.
+    Annotators draw around the points, so the boxes are those of the scan; its time is not known,
+    and the boxes stand for mid-frame as well. Which point came from which object is not known, so
+    all counts are that of the box. A speed is not known and stands as 0.
     """
     n = len(boxes)
     counts = points_in_boxes(points, boxes.boxes)
@@ -168,6 +171,9 @@ def objects_of(points: Points, boxes: Boxes, types: NameArray) -> Objects:
         points_in_box=counts,
         distance=np.hypot(boxes.boxes[:, 0], boxes.boxes[:, 1]),
         visibility=np.full(n, SEEN) if boxes.visibility is None else boxes.visibility,
+        scan_boxes=boxes.boxes,
+        scan_time_s=np.full(n, period_s / 2),
+        points_in_scan_box=counts,
     )
 
 
@@ -202,7 +208,8 @@ def _lidar_yaml(
         "model": about.model or about.name,
         "preset": RECORDED,
         "price_total_usd": {"low": low, "high": high},
-        "period_s": about.period_s or recording.period_s or PERIOD_S,
+        "label_time": "scan",
+        "period_s": _period_s(recording, about),
         "T_world_levelled": {
             "x_m": pose.x,
             "y_m": pose.y,
@@ -224,6 +231,10 @@ def _lidar_yaml(
         ],
     }
     return str(yaml.safe_dump(content, sort_keys=False))
+
+
+def _period_s(recording: Recording, about: LidarFacts) -> float:
+    return about.period_s or recording.period_s or PERIOD_S
 
 
 def _height(about: LidarFacts, found: Found) -> float:

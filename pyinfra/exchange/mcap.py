@@ -4,7 +4,8 @@ One file, NAME.mcap, with the topics
     /NAME/points  sensor_msgs/PointCloud2            every point field that exists
     /NAME/boxes   visualization_msgs/MarkerArray     a cube per object, after one that clears all
     /tf           tf2_msgs/TFMessage                 world to the levelled LiDAR frame, `NAME`
-Clouds bear the start of their frame, from which `time` counts; boxes its middle, where they hold.
+Clouds bear the start of their frame, from which `time` counts; boxes its middle (each of label time
+`scan` holds at its own time).
 All are logged at the frame's end, when a real sensor would have sent them. The pose goes out with
 every frame for both times, so that it is there wherever a player starts: ROS keeps `/tf_static`
 only for publishers with a quality of service that a player of files does not restore by itself.

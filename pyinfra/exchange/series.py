@@ -17,7 +17,7 @@ from pyinfra.data.frame_tables import read_cameras
 from pyinfra.data.frames import PERIOD_S
 from pyinfra.kitti import FormatError, Objects
 
-_KEYS = ("name", "preset", "aggregation", "seed", "version")  # of dataset.yaml
+_KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")  # of dataset.yaml
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class FrameSeries:
     about: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
     ids_are_tracks: bool  # an object's id is the same in all frames
     period_s: float
+    label_time: kitti.LabelTime
     T_world_lidar: kitti.WorldPose  # nothing moved or turned without lidar.yaml
 
 
@@ -39,10 +40,10 @@ class StoredFrame:
 
     number: int
     start_s: float  # since the start of the run
-    middle_s: float  # when the boxes hold
+    middle_s: float  # when the boxes hold, or about when: each has its own time under `scan`
     points: Points  # (n, 4) x y z intensity
     fields: Records | None  # (n,) records of kitti.FIELDS; None without `fields`
-    objects: Objects
+    objects: Objects  # boxes and points_in_box are those of the labels
 
 
 def read_series(lidar_folder: Path) -> FrameSeries:
@@ -68,6 +69,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
         # A recording whose objects were never tracked says `ids: rows`; labels have none.
         ids_are_tracks=has_objects and about.get("ids") != "rows",
         period_s=lidar.period_s if lidar else PERIOD_S,
+        label_time=lidar.label_time if lidar else "frame",
         T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),
     )
 
@@ -85,7 +87,7 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
         if number <= before:
             raise ValueError(f"found frame {number} after {before}, allowed ascending ones")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
-        objects = _boxes(folder, number, points)
+        objects = _boxes(series, number, points)
         if not series.ids_are_tracks:
             objects = replace(objects, ids=np.arange(named, named + len(objects)))
             named += len(objects)
@@ -136,14 +138,18 @@ def _fields(folder: Path, number: int, count: int) -> Records | None:
     return fields
 
 
-def _boxes(folder: Path, number: int, points: Points) -> Objects:
+def _boxes(series: FrameSeries, number: int, points: Points) -> Objects:
+    folder = series.lidar_folder
     if not (folder / "training/objects").is_dir():
-        return _labels(folder, number, points)
-    file = kitti.frame_file(folder, "objects", number)
-    return kitti.read_objects(file)
+        return _labels(series, number, points)
+    found = kitti.read_objects(kitti.frame_file(folder, "objects", number))
+    if series.label_time == "frame":
+        return found
+    return replace(found, boxes=found.scan_boxes, points_in_box=found.points_in_scan_box)
 
 
-def _labels(folder: Path, number: int, points: Points) -> Objects:
+def _labels(series: FrameSeries, number: int, points: Points) -> Objects:
+    folder = series.lidar_folder
     camera = read_cameras(folder, [number]).different[0]
     labels = kitti.read_labels(kitti.frame_file(folder, "label_2", number), calibration=camera)
     k, boxes = len(labels), labels.boxes
@@ -157,4 +163,7 @@ def _labels(folder: Path, number: int, points: Points) -> Objects:
         points_in_box=inside,
         distance=np.hypot(boxes[:, 0], boxes[:, 1]),
         visibility=np.full(k, -1.0),
+        scan_boxes=boxes,
+        scan_time_s=np.full(k, series.period_s / 2),
+        points_in_scan_box=inside,
     )

@@ -15,12 +15,14 @@ from pyinfra.kitti.camera import (
 )
 from pyinfra.kitti.layout import (
     FIELDS,
+    FRAME_COLUMNS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
     OTHER_TYPES,
     VEHICLE_TYPES,
     FormatError,
     Labels,
+    LabelTime,
     Objects,
     Part,
     extent,
@@ -33,6 +35,7 @@ from pyinfra.kitti.lidar import (
     Lidar,
     Tilt,
     WorldPose,
+    read_label_time,
     read_lidar,
     read_tilt,
 )
@@ -49,6 +52,7 @@ from pyinfra.kitti.yaml_file import read_keys, read_yaml
 
 __all__ = [
     "FIELDS",
+    "FRAME_COLUMNS",
     "LABEL_COLUMNS",
     "OBJECT_COLUMNS",
     "OTHER_TYPES",
@@ -57,6 +61,7 @@ __all__ = [
     "Calibration",
     "FieldOfView",
     "FormatError",
+    "LabelTime",
     "Labels",
     "Lidar",
     "Objects",
@@ -71,6 +76,7 @@ __all__ = [
     "read_calibration",
     "read_fields",
     "read_keys",
+    "read_label_time",
     "read_labels",
     "read_lidar",
     "read_objects",

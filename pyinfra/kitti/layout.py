@@ -11,6 +11,8 @@ import numpy as np
 from pyinfra.arrays import FloatArray, IntArray, NameArray
 
 Part = Literal["velodyne", "fields", "objects", "label_2", "calib"]
+# The pose of a label: that of the middle of the frame, or of the mean time of its returns.
+LabelTime = Literal["frame", "scan"]
 
 SUFFIXES: dict[Part, str] = {
     "velodyne": ".bin",
@@ -22,9 +24,11 @@ SUFFIXES: dict[Part, str] = {
 FIELDS = np.dtype(
     [("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")],
 )
-OBJECT_COLUMNS = (
+FRAME_COLUMNS = (  # all that there were up to version 0.2
     "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(",")
 )
+SCAN_COLUMNS = "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box".split(",")
+OBJECT_COLUMNS = [*FRAME_COLUMNS, *SCAN_COLUMNS]
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 # What is a vehicle; the last one is of unknown type.
 VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
@@ -43,15 +47,22 @@ class Objects:
 
     ids: IntArray  # (k,)
     names: NameArray  # (k,) class
-    boxes: FloatArray  # (k, 7) x y z dx dy dz heading
+    boxes: FloatArray  # (k, 7) x y z dx dy dz heading, at mid-frame
     speed: FloatArray  # (k,) m/s
     points: IntArray  # (k,) returns from the vehicle
     points_in_box: IntArray  # (k,) those of them that lie in its box
     distance: FloatArray  # (k,) horizontal, sensor to box centre
     visibility: FloatArray  # (k,) [0, 1]; -1 outside the evaluation region
+    scan_boxes: FloatArray  # (k, 7) at scan_time_s
+    scan_time_s: FloatArray  # (k,) mean time of its returns, since the start of the frame
+    points_in_scan_box: IntArray  # (k,)
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def label_boxes(self, label_time: LabelTime) -> FloatArray:
+        """(k, 7) as the labels have them."""
+        return self.scan_boxes if label_time == "scan" else self.boxes
 
 
 @dataclass(frozen=True, eq=False)

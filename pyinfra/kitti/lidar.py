@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
-from pyinfra.kitti.layout import FARTHEST_M
+from pyinfra.kitti.layout import FARTHEST_M, LabelTime
 from pyinfra.kitti.yaml_file import YamlNode, read_yaml
 
 RECORDED = "recorded"  # preset of a LiDAR that was not simulated
@@ -53,6 +54,7 @@ class Lidar:
     period_s: float
     T_world_levelled: WorldPose
     field_of_view: tuple[FieldOfView, ...]  # one per unit
+    label_time: LabelTime = "frame"  # when the labels hold; the same up to version 0.2
 
 
 def read_lidar(lidar_folder: Path) -> Lidar:
@@ -72,8 +74,18 @@ def read_lidar(lidar_folder: Path) -> Lidar:
         price_usd=(low, high),
         period_s=top.at("period_s").number(*PERIOD_S),
         T_world_levelled=_pose(top.at("T_world_levelled")),
+        label_time=_label_time(top),
         field_of_view=tuple(_view(unit) for unit in top.at("field_of_view").items()),
     )
+
+
+def read_label_time(lidar_folder: Path) -> LabelTime:
+    """When the labels of a folder hold; one without lidar.yaml, or of version 0.2, says `frame`.
+
+    Raises FormatError with file and line.
+    """
+    file = lidar_folder / "lidar.yaml"
+    return _label_time(read_yaml(file)) if file.is_file() else "frame"
 
 
 def read_tilt(lidar_folder: Path) -> Tilt:
@@ -81,6 +93,17 @@ def read_tilt(lidar_folder: Path) -> Tilt:
     sensor = read_yaml(lidar_folder / "lidar.yaml").at("T_levelled_sensor")
     pitch, roll = (sensor.at(key).number(-180, 180) for key in ("pitch_deg", "roll_deg"))
     return Tilt(math.radians(pitch), math.radians(roll))
+
+
+def _label_time(top: YamlNode) -> LabelTime:
+    found = top.maybe("label_time")
+    if found is None:
+        return "frame"
+    words: tuple[LabelTime, ...] = get_args(LabelTime)
+    text = found.text()
+    return next((word for word in words if word == text), None) or found.fail(
+        f"found '{text[:40]}', allowed {' or '.join(words)}"
+    )
 
 
 def _pose(world: YamlNode) -> WorldPose:

@@ -1,5 +1,6 @@
 """Readers of the parts of a frame. All results are in the levelled LiDAR frame."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ from pyinfra.kitti.camera import Calibration, boxes_from_camera, simulated
 from pyinfra.kitti.layout import (
     FARTHEST_M,
     FIELDS,
+    FRAME_COLUMNS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
+    SCAN_COLUMNS,
     FormatError,
     Labels,
     Objects,
@@ -28,6 +31,9 @@ from pyinfra.kitti.table import (
 _SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # of a side of a box
 _MOST = 2**31 - 1  # of an id and of points
 _ROUNDED_M = 0.05  # of a distance
+_LONGEST_FRAME_S = 60.0
+_COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
+_MIDDLE_S = "0.05"  # of a frame of version 0.2
 
 
 def _size(v: FloatArray) -> BoolArray:
@@ -51,9 +57,12 @@ BOX_RULES = (_place("x y z"), _sides("dx dy dz"), _angle("heading"))
 OBJECT_RULES = (
     *BOX_RULES,
     between(["speed"], 0, 1000),
-    between(["id", "points", "points_in_box"], 0, _MOST, whole=True),
+    _place("scan_x scan_y scan_z"),
+    _angle("scan_heading"),
+    between(["scan_time_s"], 0, _LONGEST_FRAME_S),
+    between(["id", "points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
     ColumnRule(
-        ("points_in_box",), lambda v, points: v <= points, "at most the points", beside=("points",)
+        _COUNTS_IN_BOXES, lambda v, points: v <= points, "at most the points", beside=("points",)
     ),
     ColumnRule(
         ("distance",),
@@ -93,6 +102,20 @@ def read_fields(file: Path) -> Records:
     return _records(file, FIELDS, "time_s ring class object_id")
 
 
+def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
+    """The cells of OBJECT_COLUMNS of each line; None if the header is none of an objects file.
+
+    Up to version 0.2 there was no scan: it is then as if it had been at mid-frame.
+    """
+    rows = [line.split(",") for line in lines]
+    if header == ",".join(OBJECT_COLUMNS):
+        return rows
+    if header != ",".join(FRAME_COLUMNS):
+        return None
+    whole = len(FRAME_COLUMNS)
+    return [[*r, *r[2:5], r[8], _MIDDLE_S, r[11]] if len(r) == whole else r for r in rows]
+
+
 def read_objects(file: Path) -> Objects:
     """The vehicles of one frame; a frame without vehicles gives k = 0.
 
@@ -100,25 +123,35 @@ def read_objects(file: Path) -> Objects:
     """
     lines = lines_of(file, whole=True)
     header = lines[0] if lines else ""
-    if header != ",".join(OBJECT_COLUMNS):
+    rows = object_rows(header, lines[1:])
+    if rows is None:
         raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(OBJECT_COLUMNS)}'")
-    rows = [line.split(",") for line in lines[1:]]
     table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
     table.check(OBJECT_RULES)
     ids, first = np.unique(table["id"], return_index=True)
     if len(ids) < len(rows):
         again = min(set(range(len(rows))) - set(first.tolist()))
         table.fail(again, f"id: found {table['id'][again]:.0f} twice", "once a frame")
+    boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)
+    scan = np.stack([table[c] for c in SCAN_COLUMNS[:4]], axis=1)
     return Objects(
         ids=table["id"].astype(np.int64),
         names=table.names,
-        boxes=np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1),
+        boxes=boxes,
         speed=table["speed"],
         points=table["points"].astype(np.int64),
         points_in_box=table["points_in_box"].astype(np.int64),
         distance=table["distance"],
         visibility=table["visibility"],
+        scan_boxes=scan_boxes(boxes, scan),
+        scan_time_s=table["scan_time_s"],
+        points_in_scan_box=table["points_in_scan_box"].astype(np.int64),
     )
+
+
+def scan_boxes(boxes: FloatArray, scan: FloatArray) -> FloatArray:
+    """Boxes (k, 7) of mid-frame at the poses x y z heading (k, 4) of their scan."""
+    return np.column_stack([scan[:, :3], boxes[:, 3:6], scan[:, 3]])
 
 
 def read_labels(

@@ -46,7 +46,9 @@ def write_fields(file: Path, fields: Records) -> None:
 def write_objects(file: Path, objects: Objects) -> None:
     """Raises ValueError for numbers that read_objects does not take."""
     o = objects
+    pose = o.scan_boxes[:, [0, 1, 2, 6]]
     values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
+    values += [pose, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
         raise ValueError("objects: found values out of range")
     if len(np.unique(o.ids)) < len(o):
@@ -56,7 +58,12 @@ def write_objects(file: Path, objects: Objects) -> None:
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
         numbers += [f"{o.boxes[i, 6]:.6f}", f"{o.speed[i]:.4f}"]
         counts = [str(o.points[i]), str(o.points_in_box[i])]
-        last = [f"{o.distance[i]:.4f}", f"{o.visibility[i]:.4f}"]
+        last = [
+            f"{o.distance[i]:.4f}",
+            f"{o.visibility[i]:.4f}",
+            *(f"{v:.4f}" for v in pose[i, :3]),
+        ]
+        last += [f"{pose[i, 3]:.6f}", f"{o.scan_time_s[i]:.6f}", str(o.points_in_scan_box[i])]
         lines.append(",".join([str(o.ids[i]), str(o.names[i]), *numbers, *counts, *last]))
     _replace_lines(file, lines)
 

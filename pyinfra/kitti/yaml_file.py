@@ -62,11 +62,15 @@ class YamlNode:
             self.fail("found no list, allowed one with an entry or more")
         return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
 
-    def entries(self, key: str) -> "list[YamlNode]":
-        """The entries of a list; none if it is empty or not there."""
+    def maybe(self, key: str) -> "YamlNode | None":
+        """What a key has, if it is there."""
         node = self.node
         names = [name.value for name, _ in node.value] if isinstance(node, yaml.MappingNode) else []
-        found = self.at(key) if key in names else None
+        return self.at(key) if key in names else None
+
+    def entries(self, key: str) -> "list[YamlNode]":
+        """The entries of a list; none if it is empty or not there."""
+        found = self.maybe(key)
         return found.items() if found and found.node and found.node.value else []
 
     def text(self) -> str:

@@ -20,7 +20,7 @@ DENSITY_S = 1.0
 OFF_AXIS_EDGES_DEG = np.arange(0.0, 91.0, 1.0)
 ELEVATION_EDGES_DEG = np.arange(-40.0, 41.0, 2.0)
 HALF_WIDTH_DEG = 10.0
-CONFIG_KEYS = ("name", "model", "price_usd", "random_phase", "pattern", "bundle")
+CONFIG_KEYS = ("name", "model", "price_usd", "pattern", "bundle")
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,6 +78,7 @@ def _dial(word: str) -> float:
 
 WORLD = (limits.scene, limits.rays)
 TRAFFIC = (*WORLD, limits.traffic)
+SEAM = (*WORLD, limits.seam)
 NONE = Stressor("none", "", (0.0,))
 STRESSORS = {
     row.name: row
@@ -102,6 +103,20 @@ STRESSORS = {
         Stressor("density", "times", (1.0, 2.0, 4.0), world=worlds.density, needs=TRAFFIC),
         Stressor("speed", "times", (1.0, 1.25, 1.5, 2.0), world=worlds.speed, needs=TRAFFIC),
         Stressor("tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=worlds.tilt, needs=WORLD),
+        Stressor(
+            "seam",
+            "deg",
+            (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0),
+            world=worlds.seam,
+            needs=SEAM,
+        ),
+        Stressor(
+            "phase",
+            "name",
+            (OWN, "draw_1", "draw_2", "draw_3", "draw_4"),
+            world=worlds.phase,
+            needs=SEAM,
+        ),
         Stressor(
             "unseen_lidar",
             "name",

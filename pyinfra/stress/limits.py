@@ -38,6 +38,16 @@ def rays(base: Base) -> str:
     return ""
 
 
+def seam(base: Base) -> str:
+    """A unit that spins."""
+    file = base.folder / lidar.FILE
+    return (
+        ""
+        if lidar.spins(lidar.read(file))
+        else f"{file}: pattern: found none that spins, needed for a seam"
+    )
+
+
 def traffic(base: Base) -> str:
     """Vehicles that are simulated."""
     if not base.scene.get("traffic"):

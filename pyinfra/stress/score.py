@@ -121,7 +121,7 @@ def _ap(judgement: Judgement) -> float:
 
 def _distance(one: Contest) -> FloatArray:
     """Horizontal, sensor to the vehicles' centres: (v,)."""
-    return np.asarray(np.hypot(one.vehicles.boxes[:, 0], one.vehicles.boxes[:, 1]))
+    return np.asarray(np.hypot(one.vehicles.mid_frame[:, 0], one.vehicles.mid_frame[:, 1]))
 
 
 def _recall(judgement: Judgement, ends: tuple[float, float]) -> float:

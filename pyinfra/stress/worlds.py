@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from pyinfra import kitti
@@ -21,6 +22,7 @@ from pyinfra.simulator.runs import infrasim
 from pyinfra.stress import lidar
 
 NOT_OF_THE_SCENE = ("preset", "version")  # keys that a run adds to its scene
+PHASES = 16  # angles that are drawn: a bundle of more spinning units has some twice
 SCENE = "scene.yaml"
 
 
@@ -52,6 +54,7 @@ class World:
     lidar: str = ""  # of the catalogue
     scene: str = ""  # of the catalogue
     preset: str = ""
+    turns_deg: tuple[float, ...] = ()  # of the units' seams, over and over
 
 
 def read_base(folder: Path, most: int) -> Base:
@@ -85,6 +88,18 @@ def tilt(base: Base, pitch_deg: float | str) -> World:
     mounts = base.scene["mounts"].items()
     down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
     return World(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
+
+
+def seam(_: Base, degrees: float | str) -> World:
+    """The turns of all units begin so much further left."""
+    return World(turns_deg=(float(degrees),))
+
+
+def phase(_: Base, draw: float | str) -> World:
+    """Every unit's motor starts at an angle of its own, as after power was cut."""
+    number = int(str(draw).removeprefix("draw_"))
+    angles = np.random.default_rng([number, PHASES]).uniform(0, 360, PHASES)
+    return World(turns_deg=tuple(angles.round(3).tolist()))
 
 
 def other_lidar(_: Base, name: float | str) -> World:
@@ -141,7 +156,7 @@ def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
             return folder
         scene, lidar_yaml = _written(texts, world, cache / f"{out.name}_inputs")
         words = ["--preset", _preset(base, world), "--frames", frame_words(base.frames)]
-        words += ["--threads", "1", *_sets(world)]
+        words += ["--threads", "1", "--label-time", base.lidar.label_time, *_sets(world)]
         infrasim("run", scene, "--lidar", lidar_yaml, "--out", out, *words)
     return folder
 
@@ -151,8 +166,12 @@ def _texts(base: Base, world: World) -> dict[str, str]:
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if world.scene:
         text = scene_file(world.scene).read_text("utf-8")
-    own = {} if world.lidar else {lidar.FILE: lidar.text(base.folder / lidar.FILE)}
+    own = {} if world.lidar else {lidar.FILE: _lidar_text(base, world)}
     return {SCENE: text} | own
+
+
+def _lidar_text(base: Base, world: World) -> str:
+    return lidar.text(base.folder / lidar.FILE, world.turns_deg)
 
 
 def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, Path]:
@@ -166,7 +185,7 @@ def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, P
 
 def _digest(base: Base, world: World, texts: dict[str, str]) -> str:
     """Of all that a world depends on but the frames, the binary and the catalogue's LiDARs."""
-    parts = [*texts.values(), _preset(base, world), *world.set]
+    parts = [*texts.values(), _preset(base, world), base.lidar.label_time, *world.set]
     digest = hashlib.sha256("\n".join(parts).encode())
     if base.trajectories and not world.scene:
         digest.update(base.trajectories.read_bytes())

@@ -40,6 +40,7 @@ class About:
     seed: int
     step: int
     steps: int
+    label_time: str = "frame"  # as all had it up to version 0.2
     format: int = FORMAT
     convention: str = CONVENTION
     version: str = __version__

@@ -57,6 +57,7 @@ def transfer(run: Path, lidar_folder: Path) -> str:
         "LiDAR": (about.lidar, lidar.name),
         "preset": (about.preset, lidar.preset),
         "scene": (about.scene, scene_of(lidar_folder)),
+        "label time": (about.label_time, lidar.label_time),
     }
     return ", ".join(
         f"{name} {theirs} (learnt on {ours})"

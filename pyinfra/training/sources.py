@@ -35,6 +35,7 @@ class Source:
     lidar: str
     preset: str
     scene: str
+    label_time: kitti.LabelTime
     clouds: tuple[Callable[[], Points], ...]
     read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
     read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
@@ -59,6 +60,7 @@ def read_source(folder: Path, tier: Tier) -> Source:
         lidar=lidar.name,
         preset=lidar.preset,
         scene=scene_of(folder),
+        label_time=lidar.label_time,
         clouds=tuple(partial(kitti.read_points, file) for file in files),
         read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
         read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
@@ -100,6 +102,7 @@ def simulated_source(
         lidar=unit.name,
         preset=unit.preset,
         scene=str(yaml.safe_load(world.dump())["name"]),
+        label_time=sim.label_time(world, unit),
         clouds=tuple(partial(cast, world, unit, k) for k in frames),
         read_boxes=partial(boxes_of_simulation, world, unit, frames),
     )
@@ -117,11 +120,13 @@ def boxes_of_simulation(
 ) -> tuple[FloatArray, ...]:
     from pyinfra import sim
 
+    at = "scan_" if sim.label_time(world, lidar) == "scan" else ""
+    pose = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
     found = []
     for _, (frame,) in sim.simulate(world, [lidar], frames, threads=1):
         o = frame.objects
         hit = np.isin(o["class_id"], VEHICLE_CLASSES) & (o["points"] > 0)
-        columns = [o[name][hit] for name in ("x", "y", "z", "dx", "dy", "dz", "heading")]
+        columns = [o[name][hit] for name in pose]
         found.append(np.stack(columns, axis=1))
     return tuple(found)
 

@@ -14,6 +14,7 @@ from tqdm import tqdm
 from pyinfra.atomic import replacing
 from pyinfra.config import as_plain
 from pyinfra.detectors.background import Background
+from pyinfra.kitti import LabelTime
 from pyinfra.training.recipe import Precision, Recipe
 from pyinfra.training.samples import Frames
 from pyinfra.training.sources import Source, spread
@@ -90,6 +91,7 @@ def _train_network(
         lidar=" ".join(sorted({s.lidar for s in sources})),
         preset=" ".join(sorted({s.preset for s in sources})),
         scene=" ".join(sorted({s.scene for s in sources})),
+        label_time=common_label_time(sources),
         seed=seed,
         step=0,
         steps=recipe.learning.steps,
@@ -114,6 +116,18 @@ def _train_network(
                 report=report,
             )
     return out / "last.safetensors"
+
+
+def common_label_time(sources: Sequence[Source]) -> LabelTime:
+    """Raises ValueError for sources whose labels hold at different times."""
+    first = sources[0]
+    for other in sources:
+        if other.label_time != first.label_time:
+            raise ValueError(
+                f"{other.lidar} in {other.scene}: label_time: found {other.label_time}, allowed "
+                f"{first.label_time} as of {first.lidar} in {first.scene}"
+            )
+    return first.label_time
 
 
 @contextmanager

@@ -118,10 +118,11 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
   return out;
 }
 
-/// Spinning unit with evenly spaced channels, fired from the lowest.
+/// Spinning unit with evenly spaced channels, fired from the lowest; it begins straight ahead.
 inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
                               double azimuth_step_deg) {
   SpinningConfig s;
+  s.seam_deg = 0;
   s.azimuth_step_deg = azimuth_step_deg;
   for (int i = 0; i < channels; ++i)
     s.channels.table.push_back(
@@ -135,7 +136,6 @@ inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
 inline LidarConfig plain_lidar(const std::string& name, const PatternConfig& pattern) {
   LidarConfig lidar;
   lidar.name = name;
-  lidar.random_phase = false;
   LidarUnit unit;
   unit.pattern = pattern;
   unit.returns.max_range_m = 200;

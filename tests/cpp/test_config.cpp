@@ -749,13 +749,12 @@ bundle:
 
 TEST(bundle, of_one_turned_unit_is_dumped_with_its_turn_and_reads_back) {
   const TestFolder folder;
-  folder.write("part.yaml", kLidar);
+  folder.write("part.yaml",
+               replaced(kLidar, "rate_hz: 10,", "rate_hz: 10, phase: free, seam_deg: 35,"));
   for (const char* turn : {"pitch_deg: 10", "yaw_deg: -35", "yaw_deg: 35, pitch_deg: -5"}) {
     SCOPED_TRACE(turn);
     const auto file = folder.write(
-        "bundle.yaml",
-        std::string("name: turned\nrandom_phase: false\nbundle: [{lidar: part.yaml, ") + turn +
-            "}]\n");
+        "bundle.yaml", std::string("name: turned\nbundle: [{lidar: part.yaml, ") + turn + "}]\n");
     const LidarConfig lidar = read_lidar(file, "even");
     const std::string dumped = dump_lidar(lidar);
     const LidarConfig back = read_lidar(folder.write("dumped.yaml", dumped), "even");
@@ -768,10 +767,40 @@ TEST(bundle, of_one_turned_unit_is_dumped_with_its_turn_and_reads_back) {
     EXPECT_EQ(b.pattern.spinning->channels.table.size(), 2U);
     EXPECT_EQ(b.returns.range_accuracy_m, 0.02);
     EXPECT_EQ(back.name, "turned");
-    EXPECT_FALSE(back.random_phase);
+    EXPECT_EQ(back.units.front().pattern.spinning->phase, MotorPhase::kFree);
+    EXPECT_EQ(back.units.front().pattern.spinning->seam_deg, 35);
     EXPECT_EQ(back.price_usd.high, 2);
     EXPECT_EQ(back.price_usd.source, "nobody");
   }
+}
+
+TEST(lidar_file, says_how_its_motors_start) {
+  const TestFolder folder;
+  const auto file = folder.write("lidar.yaml", kLidar);
+  const SpinningConfig plain = *read_lidar(file, "even").units.front().pattern.spinning;
+  EXPECT_EQ(plain.phase, MotorPhase::kLocked);
+  EXPECT_EQ(plain.seam_deg, 180);
+  expect_lidar_error("rate_hz: 10,", "rate_hz: 10, phase: random, #!\n   ",
+                     "pattern.spinning.phase", "found 'random', allowed locked, free");
+  expect_lidar_error("rate_hz: 10,", "rate_hz: 10, seam_deg: 400, #!\n   ",
+                     "pattern.spinning.seam_deg", "allowed -360 to 360");
+}
+
+TEST(lidar_file, with_the_key_of_the_version_before_is_told_the_new_one) {
+  expect_lidar_error("model: Two lines", "random_phase: false #!", "random_phase",
+                     "found a key of an earlier version, allowed phase: locked or free, in "
+                     "pattern.spinning");
+}
+
+TEST(scene, labels_as_the_preset_does_unless_it_says_otherwise) {
+  SceneConfig scene;
+  EXPECT_EQ(label_time_of(scene, "paper"), LabelTime::kFrame);
+  EXPECT_EQ(label_time_of(scene, "equal"), LabelTime::kFrame);
+  EXPECT_EQ(label_time_of(scene, "datasheet"), LabelTime::kScan);
+  EXPECT_EQ(label_time_of(scene, "an_own_one"), LabelTime::kScan);
+  scene.label_time = LabelTime::kFrame;
+  EXPECT_EQ(label_time_of(scene, "datasheet"), LabelTime::kFrame);
+  EXPECT_NE(dump_scene(scene).find("\nlabel_time: frame\n"), std::string::npos);
 }
 
 TEST(bundle, of_one_unit_that_is_not_turned_is_dumped_as_that_unit) {

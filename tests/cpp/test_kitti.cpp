@@ -30,6 +30,11 @@ ObjectRecord record(int id, const Box3d& box, int points) {
   o.distance = std::hypot(box.x, box.y);
   o.speed_m_s = 12.5;
   o.visibility = 0.5;
+  o.scan_box = box;
+  o.scan_box.x += 0.6;
+  o.scan_box.heading += 0.01;
+  o.scan_time_s = 0.098;
+  o.points_in_scan_box = points;
   return o;
 }
 
@@ -73,7 +78,7 @@ Frame small_frame() {
 /// Columns of a label: type truncated occluded alpha bbox(4) h w l x y z rotation_y.
 std::vector<double> label_numbers(const ObjectRecord& object) {
   std::vector<double> out;
-  const auto words = split(split(label_text({object}, true), '\n').at(0), ' ');
+  const auto words = split(split(label_text({object}, true, LabelTime::kFrame), '\n').at(0), ' ');
   EXPECT_EQ(words.size(), 15U);
   for (std::size_t i = 1; i < words.size(); ++i) out.push_back(std::stod(words[i]));
   return out;
@@ -112,13 +117,21 @@ TEST(label, says_how_much_is_hidden) {
 
 TEST(label, is_for_hit_objects_or_for_all) {
   const Frame frame = small_frame();
-  const auto hit = split(label_text(frame.objects, false), '\n');
-  const auto all = split(label_text(frame.objects, true), '\n');
+  const auto hit = split(label_text(frame.objects, false, LabelTime::kFrame), '\n');
+  const auto all = split(label_text(frame.objects, true, LabelTime::kFrame), '\n');
   ASSERT_EQ(hit.size(), 1U);
   EXPECT_TRUE(hit[0].starts_with("Car "));
   ASSERT_EQ(all.size(), 2U);
   EXPECT_TRUE(all[1].starts_with("Truck "));
-  EXPECT_EQ(label_text({}, true), "");
+  EXPECT_EQ(label_text({}, true, LabelTime::kFrame), "");
+}
+
+TEST(label, has_the_pose_of_the_time_that_is_asked_for) {
+  ObjectRecord object = car_ahead(0.3);
+  const std::string of_scan = label_text({object}, true, LabelTime::kScan);
+  EXPECT_NE(of_scan, label_text({object}, true, LabelTime::kFrame));
+  object.box = object.scan_box;
+  EXPECT_EQ(of_scan, label_text({object}, true, LabelTime::kFrame));
 }
 
 TEST(calibration, takes_a_point_of_the_lidar_to_the_labels_camera) {
@@ -143,11 +156,12 @@ TEST(objects_file, written_and_read_is_the_same) {
   const auto lines = split(objects_csv(objects), '\n');
   ASSERT_EQ(lines.size(), 3U);
   EXPECT_EQ(lines[0],
-            "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility");
+            "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,"
+            "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box");
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const ObjectRecord& o = objects[i];
     const auto cells = split(lines[i + 1], ',');
-    ASSERT_EQ(cells.size(), 14U);
+    ASSERT_EQ(cells.size(), 20U);
     EXPECT_EQ(std::stoi(cells[0]), o.id);
     EXPECT_EQ(find_class(cells[1])->id, o.object_class);
     const double values[] = {o.box.x,
@@ -161,8 +175,14 @@ TEST(objects_file, written_and_read_is_the_same) {
                              static_cast<double>(o.points),
                              static_cast<double>(o.points_in_box),
                              o.distance,
-                             o.visibility};
-    for (std::size_t c = 0; c < 12; ++c) EXPECT_NEAR(std::stod(cells[c + 2]), values[c], 1e-4);
+                             o.visibility,
+                             o.scan_box.x,
+                             o.scan_box.y,
+                             o.scan_box.z,
+                             o.scan_box.heading,
+                             o.scan_time_s,
+                             static_cast<double>(o.points_in_scan_box)};
+    for (std::size_t c = 0; c < 18; ++c) EXPECT_NEAR(std::stod(cells[c + 2]), values[c], 1e-4);
   }
 }
 
@@ -196,12 +216,14 @@ TEST(fields_file, is_12_bytes_of_time_ring_class_and_object_per_point) {
 TEST(frame_on_disk, has_the_kitti_layout) {
   const TestFolder folder;
   create_frame_folders(folder.path(), true);
-  write_frame(folder.path(), 12, small_frame(), false, true);
+  write_frame(folder.path(), 12, small_frame(),
+              {.label_time = LabelTime::kScan, .point_fields = true});
   const auto training = folder.path() / "training";
   EXPECT_EQ(velodyne_file(folder.path(), 12), training / "velodyne" / "000012.bin");
   EXPECT_EQ(std::filesystem::file_size(training / "velodyne" / "000012.bin"), 32U);
   EXPECT_EQ(std::filesystem::file_size(training / "fields" / "000012.bin"), 24U);
-  EXPECT_EQ(content(training / "label_2" / "000012.txt"), label_text(small_frame().objects, false));
+  EXPECT_EQ(content(training / "label_2" / "000012.txt"),
+            label_text(small_frame().objects, false, LabelTime::kScan));
   EXPECT_EQ(content(training / "objects" / "000012.csv"), objects_csv(small_frame().objects));
   EXPECT_EQ(content(training / "calib" / "000012.txt"), calib_text());
 }
@@ -209,7 +231,7 @@ TEST(frame_on_disk, has_the_kitti_layout) {
 TEST(frame_on_disk, counts_what_the_frame_had) {
   const TestFolder folder;
   create_frame_folders(folder.path(), false);
-  write_frame(folder.path(), 0, small_frame(), false, false);
+  write_frame(folder.path(), 0, small_frame(), {});
   const FrameCounts before = count(small_frame()), after = read_counts(folder.path(), 0);
   EXPECT_EQ(after.hits, 2U);
   EXPECT_EQ(after.hits, before.hits);
@@ -222,14 +244,14 @@ TEST(frame_on_disk, that_is_missing_or_cut_off_is_an_error) {
   const TestFolder folder;
   create_frame_folders(folder.path(), false);
   error_of<IoError>([&] { read_counts(folder.path(), 0); });
-  write_frame(folder.path(), 0, small_frame(), false, false);
+  write_frame(folder.path(), 0, small_frame(), {});
   const auto file = folder.write("training/objects/000000.csv", "id,class\n7,Car,1,2\n");
   testing::expect_message(error_of([&] { read_counts(folder.path(), 0); }), file, 1, "(header)",
                           "found 'id,class', allowed 'id,class,x,y,z,");
   const std::string text = objects_csv(small_frame().objects);
   folder.write("training/objects/000000.csv", text.substr(0, text.size() - 20));
   testing::expect_message(error_of([&] { read_counts(folder.path(), 0); }), file, 3, "(row)",
-                          "allowed 14 columns");
+                          "allowed 20 columns");
 }
 
 TEST(file_written_in_pieces, is_there_as_a_whole_or_not_at_all) {

@@ -28,6 +28,7 @@ const Mat3 kLevel = rotation(0, 0, 0);
 PatternConfig vlp16() {
   SpinningConfig s;
   s.rate_hz = 10;
+  s.seam_deg = 0;
   s.azimuth_step_deg = 0.2;
   s.channels.table = config::read_channels(configs() / "lidars/channels/velodyne_vlp16.csv");
   for (std::size_t i = 0; i < s.channels.table.size(); ++i)
@@ -398,17 +399,79 @@ TEST(wedge_pattern, without_tilt_leaves_the_light_as_it_is) {
 
 // --- start phase ------------------------------------------------------------------------------
 
-TEST(start_phase, is_of_the_seed_and_the_lidar_and_0_where_it_is_off) {
+TEST(start_phase, of_a_free_motor_is_drawn_from_seed_mount_and_unit_and_the_same_for_all_lidars) {
   LidarConfig lidar = testing::plain_lidar("a", vlp16());
-  EXPECT_EQ(start_phase_s(1, lidar, 0), 0);
-  lidar.random_phase = true;
-  const double phase = start_phase_s(1, lidar, 0);
+  lidar.units.front().pattern.spinning->phase = MotorPhase::kFree;
+  lidar.units.push_back(lidar.units.front());
+  const double phase = start_phase_s(1, "pole", lidar, 0);
   EXPECT_GT(phase, 0);
-  EXPECT_EQ(start_phase_s(1, lidar, 0), phase);
-  EXPECT_NE(start_phase_s(2, lidar, 0), phase);
-  EXPECT_NE(start_phase_s(1, lidar, 1), phase);
+  EXPECT_EQ(start_phase_s(1, "pole", lidar, 0), phase);
+  EXPECT_NE(start_phase_s(2, "pole", lidar, 0), phase);
+  EXPECT_NE(start_phase_s(1, "bridge", lidar, 0), phase);
+  EXPECT_NE(start_phase_s(1, "pole", lidar, 1), phase);
   lidar.name = "b";
-  EXPECT_NE(start_phase_s(1, lidar, 0), phase);
+  EXPECT_EQ(start_phase_s(1, "pole", lidar, 0), phase);
+}
+
+TEST(start_phase, of_a_locked_motor_is_0_whatever_the_seed) {
+  const LidarConfig spinning_lidar = testing::plain_lidar("a", vlp16());
+  for (const std::uint64_t seed : {1, 2, 3})
+    EXPECT_EQ(start_phase_s(seed, "pole", spinning_lidar, 0), 0);
+}
+
+TEST(start_phase, is_locked_of_spinning_units_and_free_of_all_others_unless_said_otherwise) {
+  EXPECT_EQ(SpinningConfig{}.phase, MotorPhase::kLocked);
+  LidarConfig lidar = testing::plain_lidar("a", avia());
+  EXPECT_GT(start_phase_s(1, "pole", lidar, 0), 0);
+  lidar.units.front().pattern.wedges->phase = MotorPhase::kLocked;
+  EXPECT_EQ(start_phase_s(1, "pole", lidar, 0), 0);
+  lidar = testing::plain_lidar("a", five_directions());
+  EXPECT_GT(start_phase_s(1, "pole", lidar, 0), 0);
+}
+
+/// Azimuth of the first ray of a frame, degrees.
+double first_azimuth(const PatternConfig& config, int k, const Mat3& pose = kLevel) {
+  return deg(azimuth(rays_of(ScanPattern(config, 0, pose, 0), k), 0));
+}
+
+TEST(locked_motor, begins_behind_the_view_unless_said_otherwise) {
+  PatternConfig config = in_columns({1800, 1});
+  config.spinning->seam_deg = SpinningConfig{}.seam_deg;
+  EXPECT_NEAR(std::abs(first_azimuth(config, 0)), 180, 1e-4);
+  for (const double seam : {-135, 0, 35, 90}) {
+    config.spinning->seam_deg = seam;
+    for (const int k : {0, 1, 4999}) EXPECT_NEAR(first_azimuth(config, k), seam, 1e-4) << k;
+  }
+}
+
+TEST(locked_motor, is_turned_along_with_its_unit_and_its_mount) {
+  PatternConfig config = in_columns({1800, 1});
+  config.spinning->seam_deg = 35;
+  EXPECT_NEAR(first_azimuth(config, 3, rotation(rad(-90), 0, 0)), -55, 1e-4);
+}
+
+TEST(locked_motor, of_5_hz_alternates_halves_and_of_20_hz_holds_two_turns) {
+  PatternConfig config = in_columns({1800, 1});
+  config.spinning->rate_hz = 5;
+  for (const int k : {0, 2, 4}) EXPECT_NEAR(first_azimuth(config, k), 0, 1e-4);
+  for (const int k : {1, 3, 5}) EXPECT_NEAR(std::abs(first_azimuth(config, k)), 180, 1e-4);
+  config.spinning->rate_hz = 20;
+  const ScanPattern pattern(config, 0, kLevel, 0);
+  EXPECT_EQ(frame(pattern, 7).size(), 2 * 1800 * 16);
+  const RayBatch rays = rays_of(pattern, 7);
+  for (const std::size_t i : {0, 1234, 1799 * 16})
+    EXPECT_EQ(rays.dy[i], rays.dy[i + 1800 * 16]) << "the second turn looks as the first";
+}
+
+TEST(locked_motor, of_a_fraction_of_columns_moves_by_fractions_of_a_column) {
+  PatternConfig config = in_columns({8125, 4});
+  std::vector<double> off;
+  for (int k = 0; k < 5; ++k) off.push_back(-first_azimuth(config, k) / (360 * 4 / 8125.0));
+  EXPECT_NEAR(off[0], 0, 1e-3);
+  EXPECT_NEAR(off[1], 0.75, 1e-3);  // the first column of the second turn begins at 2032
+  EXPECT_NEAR(off[2], 0.5, 1e-3);
+  EXPECT_NEAR(off[3], 0.25, 1e-3);
+  EXPECT_NEAR(off[4], 0, 1e-3);
 }
 
 }  // namespace

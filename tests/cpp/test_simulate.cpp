@@ -50,7 +50,7 @@ LidarConfig fine_lidar(const std::string& name = "lidar") {
 
 LidarConfig drawing_lidar(const std::string& name) {
   LidarConfig lidar = fine_lidar(name);
-  lidar.random_phase = true;
+  lidar.units.front().pattern.spinning->phase = MotorPhase::kFree;
   lidar.units.front().returns.range_accuracy_m = 0.03;
   lidar.units.front().returns.drop_off.emplace();
   return lidar;

@@ -18,6 +18,7 @@ price_total_usd: {{low: 1, high: 1}}
 period_s: {period}
 T_world_levelled: {{x_m: 10, y_m: 20, z_m: 6, yaw_deg: 90}}
 T_levelled_sensor: {{pitch_deg: 0, roll_deg: 0}}
+label_time: {label_time}
 field_of_view:
   - yaw_deg: 0
     pitch_deg: 0
@@ -28,14 +29,26 @@ field_of_view:
 
 
 def car(x: float, y: float = 3.0, **changes: object) -> dict[str, object]:
-    """A car on the road: box, class, points, visibility."""
-    standard = {"class": "Car", "heading": 0.0, "points": 20, "visibility": 1.0, "id": -1}
+    """A car on the road: box at mid-frame, class, points, visibility; scanned `ahead`."""
+    standard = {
+        "class": "Car",
+        "heading": 0.0,
+        "points": 20,
+        "visibility": 1.0,
+        "id": -1,
+        "ahead": 0.0,
+    }
     size = {"z": 0.75 - SENSOR_HEIGHT_M, "dx": 4.0, "dy": 2.0, "dz": 1.5}
     return {"x": x, "y": y, **size, **standard, **changes}
 
 
 def box(vehicle: Vehicle) -> list[float]:
     return [float(vehicle[c]) for c in "x y z dx dy dz heading".split()]  # type: ignore[arg-type]
+
+
+def scanned(vehicle: Vehicle) -> dict[str, object]:
+    """The same where it was scanned."""
+    return {**vehicle, "x": vehicle["x"] + vehicle["ahead"], "ahead": 0.0}  # type: ignore[operator]
 
 
 def write_lidar(
@@ -46,20 +59,22 @@ def write_lidar(
     half_deg: float = 180,
     reach_m: float = 200,
     period_s: float = 0.1,
+    label_time: str = "frame",
 ) -> Path:
     """A LiDAR's folder with labels of the vehicles that have points; clouds are empty."""
     for part in ("velodyne", "label_2", *(["objects"] if objects else [])):
         (folder / "training" / part).mkdir(parents=True)
     for k, vehicles in enumerate(frames):
         kitti.frame_file(folder, "velodyne", k).touch()
-        seen = [v for v in vehicles if v["points"]]
+        seen = [scanned(v) if label_time == "scan" else v for v in vehicles if v["points"]]
         labels = "".join(label_line(str(v["class"]), box(v)) + "\n" for v in seen)
         kitti.frame_file(folder, "label_2", k).write_text(labels)
         if objects:
             text = "".join(object_line(i, v) + "\n" for i, v in enumerate(vehicles))
             header = ",".join(kitti.OBJECT_COLUMNS)
             kitti.frame_file(folder, "objects", k).write_text(f"{header}\n{text}")
-    text = LIDAR.format(name=folder.name, half=half_deg, reach=reach_m, period=period_s)
+    about = {"name": folder.name, "half": half_deg, "reach": reach_m, "period": period_s}
+    text = LIDAR.format(**about, label_time=label_time)
     (folder / "lidar.yaml").write_text(text)
     return folder
 
@@ -74,7 +89,9 @@ def object_line(number: int, v: Vehicle) -> str:
     at = ",".join(f"{value:.6f}" for value in box(v))
     distance = math.hypot(*box(v)[:2])
     points, name = v["points"], v["class"]
-    return f"{number},{name},{at},15.0,{points},{points},{distance:.4f},{v['visibility']}"
+    x, y, z, *_, heading = box(scanned(v))
+    scan = f"{x:.6f},{y:.6f},{z:.6f},{heading:.6f},0.08,{points}"
+    return f"{number},{name},{at},15.0,{points},{points},{distance:.4f},{v['visibility']},{scan}"
 
 
 def label_line(name: str, values: Sequence[float], score: float | None = None) -> str:

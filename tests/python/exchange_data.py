@@ -89,6 +89,9 @@ def objects_of(ids: tuple[int, ...]) -> kitti.Objects:
         points_in_box=np.full(k, 3),
         distance=np.hypot(boxes[:, 0], boxes[:, 1]),
         visibility=np.array([{3: 0.5, 8: -1.0}[i] for i in ids]),
+        scan_boxes=boxes + np.array([0.5, 0, 0, 0, 0, 0, 0]),
+        scan_time_s=np.full(k, 0.08),
+        points_in_scan_box=np.full(k, 4),
     )
 
 

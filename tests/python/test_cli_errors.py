@@ -291,8 +291,10 @@ WRONG_LIDARS = {
         "presets.equal", ["'5'", "allowed a map"]),
     "presets within a preset": ("  equal:\n", "  equal:\n    presets: {a: 1}\n",
         "presets", ["unknown key"]),
-    "phase that is no choice": ("model: Tiny", "random_phase: 1",
-        "random_phase", ["'1'", "allowed true or false"]),
+    "phase that is no choice": ("rate_hz: 10", "rate_hz: 10, phase: random",
+        "pattern.spinning.phase", ["'random'", "allowed locked, free"]),
+    "phase of version 0.2": ("model: Tiny", "random_phase: true",
+        "random_phase", ["a key of an earlier version", "allowed phase: locked or free"]),
 }  # fmt: skip
 
 

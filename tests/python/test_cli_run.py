@@ -26,7 +26,10 @@ SUMMARY = (
     "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s"
 )
 FIELDS = np.dtype([("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")])
-OBJECTS = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
+OBJECTS = (
+    "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,"
+    "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box"
+)
 CLASSES = {"Car", "Van", "Truck", "Bus", "Motorcycle"}
 
 Infrasim = Callable[..., Any]
@@ -169,6 +172,64 @@ def test_labels_are_the_hit_objects_in_the_camera_frame(training: Path, k: int) 
     occluded = np.select([v < 0, v >= 0.8, v >= 0.4], [3, 0, 1], 2)
     clear = np.min(np.abs(v[:, None] - [0.4, 0.8]), axis=1) > 1e-4
     np.testing.assert_array_equal(number[clear, 1], occluded[clear])
+
+
+@pytest.mark.parametrize(
+    ("preset", "words", "found"),
+    [
+        ("paper", [], "frame"),
+        ("equal", [], "frame"),
+        ("datasheet", [], "scan"),
+        ("paper", ["--label-time", "scan"], "scan"),
+        ("datasheet", ["--set", "label_time=frame"], "frame"),
+    ],
+)
+def test_labels_hold_at_the_time_of_the_preset_or_the_one_asked_for(
+    infrasim: Infrasim,
+    run_command: Words,
+    tmp_path: Path,
+    preset: str,
+    words: list[str],
+    found: str,
+) -> None:
+    out = tmp_path / "out"
+    infrasim(*run_command(preset=preset, frames="3:4", out=out), *words, check=True)
+    for file in (out / "dataset.yaml", out / "helios_16/lidar.yaml"):
+        assert f"\nlabel_time: {found}\n" in file.read_text()
+    hit = objects(out / "helios_16/training", 3).query("points > 0")
+    lines = (out / "helios_16/training/label_2/000003.txt").read_text().splitlines()
+    labelled = np.array([float(line.split()[13]) for line in lines])  # z of the camera: ahead
+    assert np.abs(hit.scan_x - hit.x).max() > 0.3
+    np.testing.assert_allclose(labelled, hit.scan_x if found == "scan" else hit.x, atol=2e-4)
+
+
+def test_a_folder_holds_labels_of_one_time(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    words = run_command(frames="3:4", out=tmp_path / "out")
+    infrasim(*words, check=True)
+    other = infrasim(*words, "--label-time", "scan")
+    assert other.returncode == 1
+    assert "found 'label_time: frame', this run has 'label_time: scan'" in other.stderr
+
+
+def test_the_seed_moves_a_free_motor_alone(
+    infrasim: Infrasim, tmp_path: Path, pattern: Callable[..., np.ndarray]
+) -> None:
+    locked = (ROOT / "configs/lidars/helios_16.yaml").read_text()
+    file = tmp_path / "free.yaml"
+    file.write_text(
+        locked.replace("rate_hz: 10", "rate_hz: 10, phase: free").replace(
+            "channels/", f"{ROOT}/configs/lidars/channels/"
+        )
+    )
+    first = {seed: pattern("helios_16", "--seed", seed)[0, 0] for seed in (1, 2)}
+    assert np.abs([first[1], first[2]]) == pytest.approx([np.pi, np.pi])  # behind its view
+    starts = [pattern(file, *words)[0, 0] for words in ([], ["--seed", 1], ["--seed", 2])]
+    assert abs(starts[0]) == pytest.approx(np.pi)
+    assert len({round(abs(start), 3) for start in starts}) == 3
+    bridge = pattern(file, "--seed", 1, "--mount", "bridge")[0, 0]
+    assert bridge != starts[1]
 
 
 @pytest.mark.parametrize("k", FRAMES)

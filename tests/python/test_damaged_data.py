@@ -207,6 +207,12 @@ def test_a_killed_import_leaves_nothing_that_is_read(
     [
         ('preset: "paper"', 'preset: "equal"', "3: preset: found equal, allowed paper, as in "),
         ("period_s: 0.1", "period_s: 0.2", "5: period_s: found 0.2, allowed 0.1, as in "),
+        (
+            "label_time: frame",
+            "label_time: scan",
+            "8: label_time: found scan, allowed frame, as in ",
+        ),
+        ("label_time: scan", "", "1: found label_time frame, allowed scan, as in "),
         ('name: "near"', 'name: "other"', "1: name: found other, allowed near, that of the"),
     ],
 )
@@ -215,6 +221,9 @@ def test_lidars_of_one_data_set_are_of_one_run(
 ) -> None:
     shutil.copytree(data_set / "near", data_set / "far")
     replace(data_set / "far/lidar.yaml", 'name: "near"', 'name: "far"')
+    if old == "label_time: scan":
+        for name in ("far", "near"):
+            replace(data_set / name / "lidar.yaml", "label_time: frame", old)
     assert [lidar.name for lidar, _ in read_lidars(data_set)] == ["far", "near"]
     replace(data_set / "near/lidar.yaml", old, new)
     for read in (read_lidars, read_data_set, lambda _: read_ground_truth(data_set / "far")):
@@ -231,6 +240,7 @@ def test_lidars_of_one_data_set_are_of_one_run(
         ("seed: 1", "seed: -1", "2: seed: found '-1', allowed a whole number"),
         ("preset: paper", "preset: equal", "4: preset: found 'equal', allowed 'paper' of the LiD"),
         ("seed: 1", "seed: 1\nseed: 2", "3: seed: found twice"),
+        ("seed: 1", "seed: 1\nlabel_time: scan", "3: label_time: found 'scan', allowed 'frame' of"),
         ("name: a", "name: a\0", " is not YAML"),
     ],
 )

@@ -39,9 +39,11 @@ def run(tmp_path: Path) -> Callable[..., Evaluation]:
     """Evaluates predictions of the frames of one LiDAR on a straight road."""
 
     def call(frames: list, found: list[Found], name: str = "vehicle", **settings) -> Evaluation:
-        write_roads(tmp_path)
-        gt = write_lidar(tmp_path / "lidar", frames)
-        pred = write_predictions(tmp_path / "pred", found, name)
+        label_time = str(settings.pop("label_time", "frame"))
+        data = tmp_path / label_time
+        gt = write_lidar(data / "lidar", frames, label_time=label_time)
+        write_roads(data)
+        pred = write_predictions(data / "pred", found, name)
         return evaluate(gt, pred, Settings(**{"ground_truths": SETS} | settings))
 
     return call
@@ -116,6 +118,32 @@ def test_vehicles_and_ghosts_outside_the_region_are_ignored(
     result = run([[car(20), *out]], [found])
     assert (result.ap.ap == 100).all()
     assert (result.ap.predictions == 1).all()
+
+
+def test_a_vehicle_is_found_where_its_label_is(run: Callable[..., Evaluation]) -> None:
+    frames, found = [[car(20, ahead=1.5)]], [[(box(car(21.5)), 0.9)]]
+    assert (run(frames, found, label_time="scan").ap.ap == 100).all()
+    assert (run(frames, found, label_time="frame").ap.ap == 0).all()
+
+
+def test_a_vehicle_belongs_where_it_is_at_mid_frame(run: Callable[..., Evaluation]) -> None:
+    """Scanned 2 m further on: beyond the region's end, or within it."""
+    frames = [[car(99, ahead=2), car(-101, ahead=2, visibility=-1)]]
+    found = [[(box(car(101)), 0.9), (box(car(-99)), 0.8)]]
+    result = run(frames, found, label_time="scan")
+    assert (result.ap.objects == 1).all()
+    assert (result.ap.ap == 100).all()
+    assert (result.ap.predictions == 1).all()
+
+
+def test_a_vehicle_out_of_reach_is_labelled_at_mid_frame(tmp_path: Path) -> None:
+    write_roads(tmp_path)
+    near = write_lidar(tmp_path / "near", [[car(20)]], reach_m=50, label_time="scan")
+    write_lidar(tmp_path / "far", [[car(20), car(80, ahead=2)]], label_time="scan")
+    own = read_ground_truth(near, beyond_range=True).vehicles
+    assert own.boxes[:, 0].tolist() == own.mid_frame[:, 0].tolist() == [20, 80]
+    far = read_ground_truth(tmp_path / "far").vehicles
+    assert far.boxes[:, 0].tolist() == [20, 82]
 
 
 def test_a_vehicle_at_the_border_goes_with_the_box_that_found_it(

@@ -11,8 +11,10 @@ import pytest
 from pyinfra import kitti
 from pyinfra.kitti import FormatError
 
-HEADER = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
-VEHICLE = "7,Car,10.5,-2,-5.2,4.5,1.8,1.6,0.25,16.5,12,9,10.7,0.75"
+OLD_HEADER = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
+OLD_VEHICLE = "7,Car,10.5,-2,-5.2,4.5,1.8,1.6,0.25,16.5,12,9,10.7,0.75"
+HEADER = f"{OLD_HEADER},scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box"
+VEHICLE = f"{OLD_VEHICLE},10.9,-1.9,-5.1,0.24,0.06,11"
 LABEL = "Car 0.00 0 0.1 0 0 50 50 1.6 1.8 4.5 2 6 10 -1.570796"
 LIDAR = """\
 name: "two"
@@ -82,9 +84,9 @@ def test_points_counted_in_a_box_lie_in_it(data_set: Path) -> None:
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", 3))
     fields = kitti.read_fields(kitti.frame_file(folder, "fields", 3))
     objects = kitti.read_objects(kitti.frame_file(folder, "objects", 3))
-    for box, own_id, expected in zip(
-        objects.boxes, objects.ids, objects.points_in_box, strict=True
-    ):
+    at_mid_frame = zip(objects.boxes, objects.ids, objects.points_in_box, strict=True)
+    at_scan = zip(objects.scan_boxes, objects.ids, objects.points_in_scan_box, strict=True)
+    for box, own_id, expected in (*at_mid_frame, *at_scan):
         from_centre = points[fields["object_id"] == own_id, :3] - box[:3]
         cos, sin = np.cos(box[6]), np.sin(box[6])
         along = from_centre @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
@@ -190,6 +192,36 @@ def test_objects_are_read_by_column(tmp_path: Path) -> None:
     assert objects.boxes.tolist() == [[10.5, -2, -5.2, 4.5, 1.8, 1.6, 0.25]]
     assert (objects.ids[0], objects.points[0], objects.points_in_box[0]) == (7, 12, 9)
     assert (objects.speed[0], objects.distance[0], objects.visibility[0]) == (16.5, 10.7, 0.75)
+    assert objects.scan_boxes.tolist() == [[10.9, -1.9, -5.1, 4.5, 1.8, 1.6, 0.24]]
+    assert (objects.scan_time_s[0], objects.points_in_scan_box[0]) == (0.06, 11)
+    assert objects.label_boxes("scan") is objects.scan_boxes
+    assert objects.label_boxes("frame") is objects.boxes
+
+
+def test_objects_without_a_scan_are_as_if_scanned_at_mid_frame(tmp_path: Path) -> None:
+    objects = kitti.read_objects(written(tmp_path, f"{OLD_HEADER}\n{OLD_VEHICLE}\n"))
+    np.testing.assert_array_equal(objects.scan_boxes, objects.boxes)
+    assert objects.boxes.tolist() == [[10.5, -2, -5.2, 4.5, 1.8, 1.6, 0.25]]
+    assert (objects.scan_time_s[0], objects.points_in_scan_box[0]) == (0.05, 9)
+
+
+@pytest.mark.parametrize("found", ["frame", "scan"])
+def test_labels_of_a_folder_hold_when_its_lidar_says(found: str, tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path, LIDAR + f"label_time: {found}\n")
+    assert kitti.read_label_time(folder) == kitti.read_lidar(folder).label_time == found
+
+
+def test_labels_of_a_folder_of_version_0_2_hold_at_mid_frame(tmp_path: Path) -> None:
+    assert kitti.read_label_time(tmp_path) == "frame"  # no lidar.yaml
+    assert kitti.read_lidar(lidar_folder(tmp_path, LIDAR)).label_time == "frame"
+
+
+def test_an_unknown_label_time_is_an_error(tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path, LIDAR + "label_time: end\n")
+    with pytest.raises(
+        FormatError, match=r"lidar\.yaml:11: label_time: found 'end', allowed frame"
+    ):
+        kitti.read_lidar(folder)
 
 
 def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
@@ -203,8 +235,8 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
     [
         ("", ":1: found '', allowed 'id,class"),
         (f"{HEADER},more\n", ":1: found 'id,class"),
-        (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: found 2 columns, allowed 14"),
-        (f"{HEADER}\n{VEHICLE}\n\n", ":3: found 1 columns, allowed 14"),
+        (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: found 2 columns, allowed 20"),
+        (f"{HEADER}\n{VEHICLE}\n\n", ":3: found 1 columns, allowed 20"),
         (f"{HEADER}\n{VEHICLE.replace('10.5', 'ten')}\n", ":2: x: found 'ten', allowed a number"),
         (f"{HEADER}\n{VEHICLE.replace('10.5', 'nan')}\n", ":2: x: found nan, allowed a finite"),
         (
@@ -223,6 +255,9 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
         (f"{HEADER}\n{VEHICLE.replace('0.25', '90')}\n", ":2: heading: found 90, allowed -2 pi"),
         (f"{HEADER}\n{VEHICLE.replace('10.5', '1e30')}\n", ":2: x: found 1e+30, allowed -10000"),
         (f"{HEADER}\n{VEHICLE.replace(',9,', ',13,')}\n", ":2: points_in_box: found 13, allowed"),
+        (f"{HEADER}\n{VEHICLE.replace(',11', ',13')}\n", ":2: points_in_scan_box: found 13, all"),
+        (f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n", ":2: scan_time_s: found -1, allowed 0"),
+        (f"{OLD_HEADER}\n{OLD_VEHICLE},1\n", ":2: found 15 columns, allowed 20"),
         (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: found 20, allowed"),
         (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: found 1e+99, allowed"),
     ],

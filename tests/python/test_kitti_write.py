@@ -172,6 +172,9 @@ def test_any_objects_round_trip(
         points_in_box=counts // 2,
         distance=np.hypot(places[:, 0], places[:, 1]),
         visibility=np.array([row[3] for row in rows], dtype=np.float64),
+        scan_boxes=places[:, [1, 0, 2, 3, 4, 5, 6]],
+        scan_time_s=np.minimum(counts / 1e5, 1),
+        points_in_scan_box=counts // 3,
     )
     kitti.write_objects(file, objects)
     read = kitti.read_objects(file)

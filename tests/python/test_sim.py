@@ -67,6 +67,25 @@ def test_objects_count_the_points_of_their_id(world: sim.World) -> None:
         assert row["points"] == np.count_nonzero(frame.object_id == row["id"])
 
 
+def test_labels_hold_when_the_scene_or_the_preset_says(world: sim.World) -> None:
+    paper, datasheet = (sim.load_lidar(LIDARS[1], preset) for preset in ("paper", "datasheet"))
+    assert sim.label_time(world, paper) == "frame"
+    assert sim.label_time(world, datasheet) == "scan"
+    told = sim.load_scene(SCENE, set=SHORT | {"label_time": "frame"})
+    assert sim.label_time(told, datasheet) == "frame"
+
+
+def test_objects_have_the_pose_of_their_scan(world: sim.World) -> None:
+    ((_, spinning),) = frames(world, range(1))
+    rows = spinning.objects
+    unhit = rows["points"] == 0
+    np.testing.assert_array_equal(rows["scan_x"][unhit], rows["x"][unhit])
+    np.testing.assert_array_equal(rows["scan_time_s"][unhit], 0.05)
+    way = np.hypot(rows["scan_x"] - rows["x"], rows["scan_y"] - rows["y"])
+    np.testing.assert_allclose(way, rows["speed"] * abs(rows["scan_time_s"] - 0.05), atol=0.02)
+    assert way.max() > 0.2
+
+
 def test_a_stream_can_be_left_early(world: sim.World) -> None:
     lidar = sim.load_lidar(LIDARS[1], "paper")
     stream = sim.simulate(world, [lidar], range(20))

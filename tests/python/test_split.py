@@ -61,6 +61,9 @@ def test_by_seed_takes_all_of_both_and_refuses_the_same_seed(tmp_path: Path) -> 
         split.by_seed(train, train)
     with pytest.raises(ValueError, match="preset: found equal, allowed paper"):
         split.by_seed(train, replace(val, preset="equal"))
+    lidars = tuple(replace(lidar, label_time="scan") for lidar in val.lidars)
+    with pytest.raises(ValueError, match="label_time: found scan, allowed frame"):
+        split.by_seed(train, replace(val, lidars=lidars))
 
 
 def test_write_makes_both_lists_for_every_lidar(tmp_path: Path) -> None:

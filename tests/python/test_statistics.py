@@ -288,7 +288,7 @@ def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: 
         (folder / name / "lidar.yaml").write_text(LIDAR_YAML.format(name=name, reach=reach))
         for frame, rows in frames.items():
             where = folder / name
-            text = "\n".join([",".join(kitti.OBJECT_COLUMNS), *rows]) + "\n"
+            text = "\n".join([",".join(kitti.FRAME_COLUMNS), *rows]) + "\n"
             kitti.frame_file(where, "objects", frame).write_text(text)
             points = np.array([[40, 0, -5, 1], [20, 0, -6, 1]], dtype="<f4")
             points.tofile(kitti.frame_file(where, "velodyne", frame))

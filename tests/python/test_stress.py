@@ -121,6 +121,53 @@ def test_tilt_is_added_to_the_pitch_of_the_mount(base: worlds.Base) -> None:
     assert worlds.tilt(down, 5.0).set == ("mounts.pole.pitch_deg=15", "mounts.level.pitch_deg=5")
 
 
+def seams_of(folder: Path) -> list[float]:
+    units = lidar.units_of(lidar.read(folder / "lidar.yaml"))
+    return [unit["pattern"]["spinning"]["seam_deg"] for unit in units]
+
+
+def test_a_turned_seam_leaves_the_boxes_of_mid_frame_and_moves_those_of_the_scan(
+    base: worlds.Base, data: Path, tmp_path: Path
+) -> None:
+    folder = stress("seam", 90.0, base, tmp_path)
+    assert (seams_of(data), seams_of(folder)) == ([180], [270])
+    before, after = (
+        kitti.read_objects(kitti.frame_file(place, "objects", 20)) for place in (data, folder)
+    )
+    np.testing.assert_array_equal(after.boxes, before.boxes)
+    hit = (before.points > 0) & (after.points > 0)
+    assert np.abs(after.scan_time_s - before.scan_time_s)[hit].min() > 0.02
+    assert kitti.read_label_time(folder) == kitti.read_label_time(data)
+
+
+def test_draws_of_the_phase_differ_and_each_is_the_same_again(
+    base: worlds.Base, tmp_path: Path
+) -> None:
+    seams = [seams_of(stress("phase", f"draw_{n}", base, tmp_path))[0] for n in (1, 2)]
+    assert len({180.0, *seams}) == 3
+    assert worlds.phase(base, "draw_1") == worlds.phase(base, "draw_1")
+    turns = worlds.phase(base, "draw_1").turns_deg
+    assert len(set(turns)) == len(turns) == worlds.PHASES  # a unit each
+
+
+def test_labels_of_a_world_hold_when_those_of_the_base_do(
+    base: worlds.Base, tmp_path: Path
+) -> None:
+    """Also where another scene would have its own."""
+    asked = replace(base, lidar=replace(base.lidar, label_time="scan"))
+    folder = stress("unseen_scene", "curve", asked, tmp_path)
+    assert kitti.read_label_time(folder) == "scan"
+
+
+def test_a_lidar_of_version_0_2_is_read_with_its_phase() -> None:
+    pattern = {"spinning": {"rate_hz": 10}}
+    old = {"pattern": pattern, "returns": {}, "random_phase": True}
+    assert lidar.units_of(old)[0]["pattern"] == {"spinning": {"rate_hz": 10, "phase": "free"}}
+    (locked,) = lidar.units_of(old | {"random_phase": False})
+    assert lidar.turned(locked, 30)["pattern"]["spinning"]["seam_deg"] == 210
+    assert locked["pattern"]["spinning"]["phase"] == "locked"
+
+
 def test_all_traffic_is_of_the_class(base: worlds.Base, tmp_path: Path) -> None:
     folder = stress("vehicle_class", "Bus", base, tmp_path)
     names = [kitti.read_objects(kitti.frame_file(folder, "objects", k)).names for k in FRAMES]
@@ -150,15 +197,15 @@ def test_at_most_so_many_frames_evenly_spaced(data: Path) -> None:
 # A LiDAR of one's own.
 
 OTHER_LINES = {"count": 8, "upper_deg": 2, "lower_deg": -20}
+SPINNING = {"rate_hz": 10, "azimuth_step_deg": 0.4, "channels": OTHER_LINES}
 Made = Callable[..., Path]
 
 
 def own_lidar(folder: Path, name: str, **keys: Any) -> Path:
     """The file of a LiDAR of eight lines, or of other keys, without presets."""
-    spinning = {"rate_hz": 10, "azimuth_step_deg": 0.4, "channels": OTHER_LINES}
     single = {
         "price_usd": {"low": 1, "high": 2, "source": "nobody", "date": "2026"},
-        "pattern": {"spinning": spinning},
+        "pattern": {"spinning": SPINNING},
         "returns": {"max_range_m": 120, "range_accuracy_m": 0.02},
     }
     folder.mkdir(parents=True, exist_ok=True)
@@ -198,11 +245,11 @@ def lidars_of_all_kinds(folder: Path) -> dict[str, Path]:
         "tilted": own_lidar(folder, "tilted", bundle=parts[:1]),
         "bundle": own_lidar(folder, "bundle", bundle=parts),
         "shipped name": own_lidar(folder, "helios_16"),
-        "no phase": own_lidar(folder, "ruby_plus", random_phase=False),
+        "free": own_lidar(folder, "ruby_plus", pattern={"spinning": SPINNING | {"phase": "free"}}),
     }
 
 
-@pytest.mark.parametrize("kind", ["lines", "table", "tilted", "bundle", "shipped name", "no phase"])
+@pytest.mark.parametrize("kind", ["lines", "table", "tilted", "bundle", "shipped name", "free"])
 def test_a_world_is_cast_with_the_lidar_of_the_frames(
     kind: str, made: Made, tmp_path: Path
 ) -> None:
@@ -246,6 +293,15 @@ def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
 
 def reasons(names: list[str], base: worlds.Base) -> dict[str, list[str]]:
     return trials.left_out([STRESSORS[name] for name in names], base)
+
+
+def test_a_lidar_without_a_seam_is_left_out_of_seam_and_phase(made: Made, tmp_path: Path) -> None:
+    table = lidars_of_all_kinds(tmp_path / "lidars")["table"]
+    base = worlds.read_base(made(table), 60)
+    (tmp_path / "lidars/table.npy").rename(base.folder / "table.npy")
+    ((why, names),) = reasons(["seam", "phase", "tilt"], base).items()
+    assert names == ["seam", "phase"]
+    assert why.endswith("lidar.yaml: pattern: found none that spins, needed for a seam")
 
 
 def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) -> None:

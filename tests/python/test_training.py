@@ -38,7 +38,8 @@ from pyinfra.training.samples import (  # noqa: E402
     moved,
     with_pasted,
 )
-from pyinfra.training.sources import read_source, simulated_source  # noqa: E402
+from pyinfra.training.sources import Source, read_source, simulated_source  # noqa: E402
+from pyinfra.training.train import common_label_time  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs/detectors/centerpoint-pillar.yaml"
@@ -649,3 +650,15 @@ def test_a_training_needs_one_kind_of_source(
     for words in ([], both, ["--scene", "s.yaml"]):
         assert cli.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
         assert "allowed --data, or --scene with --lidar" in capsys.readouterr().err
+
+
+def test_labels_of_two_times_are_not_learnt_together() -> None:
+    one, other = (
+        Source("helios_16", "datasheet", scene, time, (), tuple)
+        for scene, time in (("highway", "scan"), ("curve", "frame"))
+    )
+    assert common_label_time([one, one]) == "scan"
+    with pytest.raises(
+        ValueError, match=r"helios_16 in curve: label_time: found frame, allowed sc"
+    ):
+        common_label_time([one, other])

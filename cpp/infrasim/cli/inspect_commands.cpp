@@ -77,6 +77,7 @@ struct PatternOptions {
   std::string preset = "datasheet";
   std::string frames = "0:1";
   std::string out;
+  std::string mount = kUsualMount;
   std::optional<std::string> seed;
 };
 
@@ -85,7 +86,7 @@ void pattern_command(const PatternOptions& o) {
   const FrameRange frames = parse_frames(o.frames, kLongestScene_s);
   const auto seed = o.seed ? std::optional(parse_seed(*o.seed)) : std::nullopt;
   const std::vector<double> rows =
-      pattern_table(lidar, frames.first, frames.last, frames.step, seed);
+      pattern_table(lidar, frames.first, frames.last, frames.step, seed, o.mount);
   write_npy(o.out, rows, 3);
   std::printf("%zu rays\n", rows.size() / 3);
 }
@@ -153,7 +154,9 @@ void add_pattern_command(CLI::App& app) {
   command->add_option("--preset", o->preset, "preset of the LiDAR")->capture_default_str();
   command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
   command->add_option("--out", o->out, ".npy file")->required();
-  command->add_option("--seed", o->seed, "start at this seed's random phase; else at phase 0");
+  command->add_option("--seed", o->seed,
+                      "start free motors at this seed's draw; else as if locked");
+  command->add_option("--mount", o->mount, "mount of the draw")->capture_default_str();
   command->callback([o] { pattern_command(*o); });
 }
 

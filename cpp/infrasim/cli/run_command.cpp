@@ -26,7 +26,7 @@ struct RunOptions {
   std::vector<std::string> lidars;
   std::string preset = "datasheet";
   std::string frames = "0:100";
-  std::optional<std::string> out, summary, aggregation, detail, labels, seed;
+  std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
   std::vector<std::string> assignments;
   bool fields = false;
   bool cast_all = false;
@@ -42,6 +42,7 @@ std::vector<std::string> assignments(const RunOptions& o) {
   add("aggregation", o.aggregation);
   add("detail", o.detail);
   add("labels", o.labels);
+  add("label_time", o.label_time);
   add("seed", o.seed);
   if (o.fields) add("fields", "true");
   return all;
@@ -135,6 +136,8 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");
   command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");
   command->add_option("--labels", o->labels, "objects that get a label: hit or all");
+  command->add_option("--label-time", o->label_time,
+                      "pose of the labels: frame (its middle) or scan; by default as the preset");
   command->add_flag("--fields", o->fields, "write time, ring, class and object of every point");
   command->add_flag("--cast-all", o->cast_all,
                     "cast what stands still in every frame: the same frames, slower");

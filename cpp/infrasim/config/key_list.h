@@ -23,6 +23,7 @@ class FieldLister {
     inside(value, path);
   }
   void here(const Place&) const {}
+  void gone(const char*, const char*) const {}
   void check(bool, const char*, const std::string&) const {}
 
   const std::string& text() const { return text_; }
@@ -81,6 +82,10 @@ class FieldLister {
     } else {
       return range(rule);
     }
+  }
+  template <class T>
+  static std::string allowed(const std::optional<T>&, const Rule& rule) {
+    return allowed(T{}, rule);
   }
   static std::string range(const Rule& rule) {
     constexpr double kUnbounded = Rule{}.max;

@@ -29,6 +29,11 @@ std::span<const char* const> enum_names(Faces) {
   return kNames;
 }
 
+std::span<const char* const> enum_names(MotorPhase) {
+  static constexpr std::array kNames{"locked", "free"};
+  return kNames;
+}
+
 template <class Fields>
 void visit(Fields& f, Channel& c) {
   f.field("elevation_deg", c.elevation_deg, "above the horizon", required(between(-90, 90)));
@@ -59,6 +64,9 @@ double columns_per_s(const SpinningConfig& spinning) {
 template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
   f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
+  f.field("phase", c.phase, "locked: at time 0 it stands at seam_deg; free: at a seeded draw");
+  f.field("seam_deg", c.seam_deg, "azimuth in the unit's own frame at which a turn begins",
+          between(-360, 360));
   f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns; or columns_per_turn",
           positive(90));
   f.field("columns_per_turn", c.columns_per_turn, "the step's exact form, such as 1800 or 8125/4",
@@ -88,6 +96,7 @@ template <class Fields>
 void visit(Fields& f, WedgesConfig& c) {
   f.field("steps_per_s", c.steps_per_s, "firings per second",
           required(between(kFewestPerSecond, 1e7)));
+  f.field("phase", c.phase, "free: a seeded draw of the start; locked: first_step at time 0");
   f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
   f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
   f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
@@ -105,6 +114,7 @@ void visit(Fields& f, TableConfig& c) {
   f.field("file", c.file, ".npy or .csv of azimuth and elevation in radians", required());
   f.field("rays_per_s", c.rays_per_s, "rays per second",
           required(between(kFewestPerSecond, kMostRaysPerSecond)));
+  f.field("phase", c.phase, "free: a seeded draw of the start; locked: the first row at time 0");
   f.field("digest", c.digest, "of the rows; written by a run, checked when given");
 }
 
@@ -177,7 +187,6 @@ struct LidarFile {
   std::string name;
   std::string model;
   std::optional<PriceConfig> price_usd;
-  bool random_phase = true;
   std::optional<PatternConfig> pattern;
   std::optional<ReturnsConfig> returns;
   std::vector<BundleEntry> bundle;
@@ -217,7 +226,7 @@ void visit(Fields& f, LidarFile& c) {
               "begins with a letter, a digit or _");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
-  f.field("random_phase", c.random_phase, "start the motors at a seeded random phase");
+  f.gone("random_phase", "phase: locked or free, in pattern.spinning, .wedges or .table");
   f.field("pattern", c.pattern, "directions and times of its rays");
   f.field("returns", c.returns, "which hits become points");
   f.field("bundle", c.bundle,
@@ -341,7 +350,7 @@ LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& par
 
 LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
                      const std::string& preset) {
-  LidarConfig out{keys.name, keys.model, preset, {}, keys.random_phase, {}};
+  LidarConfig out{keys.name, keys.model, preset, {}, {}};
   if (keys.price_usd) out.price_usd = *keys.price_usd;
   if (keys.bundle.empty()) out.units.push_back(unit_of(file, keys));
   for (const BundleEntry& entry : keys.bundle) {
@@ -376,8 +385,7 @@ std::vector<std::string> preset_names(const std::filesystem::path& file) {
 }
 
 std::string dump_lidar(const LidarConfig& lidar) {
-  LidarFile keys{lidar.name,   lidar.model, std::nullopt, lidar.random_phase, std::nullopt,
-                 std::nullopt, {}};
+  LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
   const LidarUnit& first = lidar.units.front();
   const bool alone = lidar.units.size() == 1;
   if (alone) keys.price_usd = lidar.price_usd;

@@ -29,10 +29,16 @@ struct ChannelsConfig {
   std::vector<Channel> table;  ///< resolved
 };
 
+/// How a pattern starts. Free motors start at a draw of the seed, the mount and the unit.
+enum class MotorPhase { kLocked, kFree };
+std::span<const char* const> enum_names(MotorPhase);
+
 /// Turns clockwise seen from above, as all sensors of the catalogue do. Has one of
 /// azimuth_step_deg and columns_per_turn.
 struct SpinningConfig {
   double rate_hz = 10;
+  MotorPhase phase = MotorPhase::kLocked;  ///< locked: at time 0 it stands at the seam
+  double seam_deg = 180;                   ///< azimuth in the unit's own frame
   std::optional<double> azimuth_step_deg;
   std::optional<Fraction>
       columns_per_turn;  ///< exact; its columns repeat after `denominator` turns
@@ -55,6 +61,7 @@ struct WedgeConfig {
 /// Lasers that look through a row of rotating wedges.
 struct WedgesConfig {
   double steps_per_s = 0;
+  MotorPhase phase = MotorPhase::kFree;  ///< no vendor offers a lock
   int first_step = 0;
   double focal_length = 1;
   std::vector<double> laser_offsets;  ///< elevation is atan(offset / focal_length), from the top
@@ -65,6 +72,7 @@ struct WedgesConfig {
 struct TableConfig {
   std::string file;
   double rays_per_s = 0;
+  MotorPhase phase = MotorPhase::kFree;
   std::string digest;            ///< of the directions
   std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
 };
@@ -126,7 +134,6 @@ struct LidarConfig {
   std::string model;
   std::string preset;
   PriceConfig price_usd;
-  bool random_phase = true;
   std::vector<LidarUnit> units;
 };
 

@@ -22,6 +22,16 @@ std::span<const char* const> enum_names(LabelRule) {
   return kNames;
 }
 
+std::span<const char* const> enum_names(LabelTime) {
+  static constexpr std::array kNames{"frame", "scan"};
+  return kNames;
+}
+
+LabelTime label_time_of(const SceneConfig& scene, const std::string& preset) {
+  const bool study = preset == "paper" || preset == "equal";
+  return scene.label_time.value_or(study ? LabelTime::kFrame : LabelTime::kScan);
+}
+
 template <class Fields>
 void visit(Fields& f, CentrelinePiece& c) {
   f.field("line_m", c.line_m, "length of a straight piece", between(0, 1e5));
@@ -277,6 +287,10 @@ void visit(Fields& f, SceneConfig& c) {
   c.aggregation = aggregation.value_or(Aggregation{});
   f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
   f.field("labels", c.labels, "which objects get a label: hit or all");
+  f.field(
+      "label_time", c.label_time,
+      "pose of the labels: of mid-frame, or of the scan over the vehicle; left out, frame under "
+      "the presets paper and equal, else scan");
   f.field("fields", c.point_fields, "write time, ring, class and object of every point");
   f.field("region_half_length_m", c.region_half_length_m,
           "half length of the evaluation region along each road", between(1, 1e4));

@@ -11,6 +11,7 @@
 #include "infrasim/config/tree.h"
 #include "infrasim/core/aggregation.h"
 #include "infrasim/core/filter_steps.h"
+#include "infrasim/core/frame.h"
 #include "infrasim/core/geometry.h"
 
 // The scene file, key by key. Units are in the names; world frame, z up.
@@ -22,6 +23,7 @@ enum class LabelRule { kHit, kAll };
 
 std::span<const char* const> enum_names(Detail);
 std::span<const char* const> enum_names(LabelRule);
+std::span<const char* const> enum_names(LabelTime);
 
 /// A line, or an arc that turns left for a positive angle.
 struct CentrelinePiece {
@@ -158,7 +160,8 @@ struct SceneConfig {
   Aggregation aggregation;
   Detail detail = Detail::kLow;
   LabelRule labels = LabelRule::kHit;
-  bool point_fields = false;  ///< key `fields`
+  std::optional<LabelTime> label_time;  ///< nothing: as label_time_of has it
+  bool point_fields = false;            ///< key `fields`
   double region_half_length_m = 100;
   std::map<std::string, MountConfig> mounts;
   WeatherConfig weather;
@@ -173,6 +176,10 @@ struct SceneConfig {
   std::string trajectories;      ///< a file instead of traffic; relative to the scene file
   std::filesystem::path folder;  ///< of the scene file; no key
 };
+
+/// What a scene says, else `frame` under the presets `paper` and `equal`, as the study's simulator
+/// labels, and `scan` under any other, as annotators do who draw around the points.
+LabelTime label_time_of(const SceneConfig& scene, const std::string& preset);
 
 /// Reads a scene file, with `--set KEY=VALUE` assignments on top.
 /// @throws ConfigError, IoError

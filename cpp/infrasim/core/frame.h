@@ -8,16 +8,22 @@
 
 namespace infrasim {
 
-/// One vehicle as one LiDAR sees it, at the middle of the frame; levelled frame.
+/// Whether labels show vehicles at the middle of the frame or when they were scanned.
+enum class LabelTime { kFrame, kScan };
+
+/// One vehicle as one LiDAR sees it; levelled frame.
 struct ObjectRecord {
   int id = 0;
   Class object_class = Class::kCar;
-  Box3d box;
+  Box3d box;  ///< at the middle of the frame
   double speed_m_s = 0;
   int points = 0;          ///< points that lie on it
-  int points_in_box = 0;   ///< those of them inside its box, which shows it at mid-frame
+  int points_in_box = 0;   ///< those of them inside its box, were there no range noise
   double distance = 0;     ///< horizontal, sensor to box centre, metres
   double visibility = -1;  ///< share that nothing hides, [0, 1]; -1 outside the evaluation region
+  Box3d scan_box;          ///< at scan_time_s
+  double scan_time_s = 0;  ///< mean time of its returns, since the start of the frame
+  int points_in_scan_box = 0;
 };
 
 /// What one LiDAR gives for one frame.

@@ -20,7 +20,8 @@ static_assert(std::endian::native == std::endian::little, "the files are little-
 namespace {
 
 constexpr char kObjectColumns[] =
-    "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility";
+    "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,"
+    "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box";
 
 template <class... Args>
 void append(std::string& text, const char* format, Args... args) {
@@ -36,11 +37,11 @@ int occluded(double visibility) {
 
 }  // namespace
 
-std::string label_text(const std::vector<ObjectRecord>& objects, bool all) {
+std::string label_text(const std::vector<ObjectRecord>& objects, bool all, LabelTime time) {
   std::string text;
   for (const ObjectRecord& o : objects) {
     if (!all && o.points == 0) continue;
-    const Box3d& b = o.box;
+    const Box3d& b = time == LabelTime::kScan ? o.scan_box : o.box;
     const double x = -b.y, y = -(b.z - b.dz / 2), z = b.x;  // camera frame
     const double rotation_y = wrap_angle(-b.heading - kPi / 2);
     append(text, "%s 0.00 %d %.6f 0.00 0.00 50.00 50.00 %.4f %.4f %.4f %.4f %.4f %.4f %.6f\n",
@@ -62,11 +63,14 @@ std::string calib_text() {
 
 std::string objects_csv(const std::vector<ObjectRecord>& objects) {
   std::string text = std::string(kObjectColumns) + "\n";
-  for (const ObjectRecord& o : objects)
-    append(text, "%d,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.6f,%.4f,%d,%d,%.4f,%.4f\n", o.id,
-           std::string(class_of(o.object_class).name).c_str(), o.box.x, o.box.y, o.box.z, o.box.dx,
-           o.box.dy, o.box.dz, o.box.heading, o.speed_m_s, o.points, o.points_in_box, o.distance,
-           o.visibility);
+  for (const ObjectRecord& o : objects) {
+    const Box3d &b = o.box, &s = o.scan_box;
+    append(text, "%d,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.6f,%.4f,%d,%d,%.4f,%.4f", o.id,
+           std::string(class_of(o.object_class).name).c_str(), b.x, b.y, b.z, b.dx, b.dy, b.dz,
+           b.heading, o.speed_m_s, o.points, o.points_in_box, o.distance, o.visibility);
+    append(text, ",%.4f,%.4f,%.4f,%.6f,%.6f,%d\n", s.x, s.y, s.z, s.heading, o.scan_time_s,
+           o.points_in_scan_box);
+  }
   return text;
 }
 
@@ -126,15 +130,15 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
 }
 
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
-                 bool all_labels, bool point_fields) {
+                 const FrameContent& content) {
   const auto training = lidar_folder / "training";
   const std::string name = frame_name(frame);
   write_file_atomically(training / "objects" / (name + ".csv"), objects_csv(data.objects));
   write_file_atomically(training / "label_2" / (name + ".txt"),
-                        label_text(data.objects, all_labels));
+                        label_text(data.objects, content.all_labels, content.label_time));
   static const std::string kCalib = calib_text();
   write_file_atomically(training / "calib" / (name + ".txt"), kCalib);
-  if (point_fields)
+  if (content.point_fields)
     write_file_atomically(training / "fields" / (name + ".bin"), fields_bytes(data.cloud));
   write_file_atomically(velodyne_file(lidar_folder, frame), velodyne_bytes(data.cloud));
 }

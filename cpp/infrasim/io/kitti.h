@@ -16,12 +16,13 @@ namespace infrasim {
 /// bottom centre in the camera frame; occluded is 0, 1, 2 from visibility 0.8 and 0.4 down, 3 if
 /// unknown. The 2-D box is a stand-in, as there is no camera.
 /// @param all also objects without a point
-std::string label_text(const std::vector<ObjectRecord>& objects, bool all);
+std::string label_text(const std::vector<ObjectRecord>& objects, bool all, LabelTime time);
 
 /// The seven lines of a calibration file, for a camera at the sensor that looks along x.
 std::string calib_text();
 
-/// Columns id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility.
+/// Columns id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,
+/// scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box.
 std::string objects_csv(const std::vector<ObjectRecord>& objects);
 
 /// Per point float32 x y z intensity, little-endian.
@@ -47,11 +48,18 @@ FrameCounts count(const Frame& frame);
 /// @throws IoError if a file is missing or malformed
 FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame);
 
+/// What of a frame is written.
+struct FrameContent {
+  bool all_labels = false;  ///< also of objects without a point
+  LabelTime label_time = LabelTime::kFrame;
+  bool point_fields = false;
+};
+
 /// Writes one frame below `training/`, each file beside its place and renamed, the .bin last: a
 /// frame exists if and only if its .bin does.
 /// @throws IoError
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
-                 bool all_labels, bool point_fields);
+                 const FrameContent& content);
 
 /// Creates the folders of a LiDAR.
 /// @throws IoError

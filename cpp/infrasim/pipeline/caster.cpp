@@ -47,7 +47,9 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
   const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
                     rotation(rad(config.yaw_deg), rad(config.pitch_deg), 0);
   const auto& beam = config.returns.beam;
-  return {ScanPattern(config.pattern, start_phase_s(scene.seed, lidar, unit), pose, first_ring),
+  return {ScanPattern(config.pattern,
+                      start_phase_s(scene.seed, scene.mounts.begin()->first, lidar, unit), pose,
+                      first_ring),
           ReturnModel(config.returns, scene.weather),
           beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
           static_cast<float>(config.returns.max_range_m),
@@ -71,7 +73,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
     cast += cast_part(part, emitter, vehicles.reflectance);
     emitter.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits_,
                           reflectance_, returns_);
-    collect(vehicles.moving, out);
+    collect(vehicles.moving, emitter.beam.has_value(), out);
   }
   return cast;
 }
@@ -125,14 +127,14 @@ void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {
   beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_);
 }
 
-void Caster::collect(std::span<const MovingObject> objects, FrameBuilder& out) const {
+void Caster::collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const {
   out.reserve(returns_.size());
   for (std::size_t n = 0; n < returns_.size(); ++n) {
     const std::uint32_t i = returns_.ray[n];
     const std::int32_t object = hits_.object[i];
     const MovingObject* hit = object < 0 ? nullptr : &objects[static_cast<std::size_t>(object)];
-    out.add({rays_.dx[i], rays_.dy[i], rays_.dz[i], returns_.range[n], returns_.intensity[n],
-             rays_.time[i], rays_.ring[i],
+    out.add({rays_.dx[i], rays_.dy[i], rays_.dz[i], returns_.range[n], hits_.range[i], wide,
+             returns_.intensity[n], rays_.time[i], rays_.ring[i],
              hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : hits_.class_id[i],
              object},
             hit != nullptr ? hit->id : -1);

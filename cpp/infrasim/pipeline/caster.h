@@ -58,7 +58,7 @@ class Caster {
   void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
   void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
   void cast_beams(const Beam& beam, std::span<const float> paint);
-  void collect(std::span<const MovingObject> objects, FrameBuilder& out) const;
+  void collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const;
 
   Raycaster& raycaster_;
   RayBatch rays_;

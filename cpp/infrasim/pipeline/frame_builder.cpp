@@ -9,12 +9,37 @@ namespace {
 
 constexpr double kBoxMargin = 0.01;  // m: points on a face stay inside whatever the rounding
 
-bool inside(const Box3d& box, double cos_heading, double sin_heading, const float* p) {
-  const double x = p[0] - box.x, y = p[1] - box.y, z = p[2] - box.z;
-  return std::abs(cos_heading * x + sin_heading * y) <= box.dx / 2 + kBoxMargin &&
-         std::abs(-sin_heading * x + cos_heading * y) <= box.dy / 2 + kBoxMargin &&
-         std::abs(z) <= box.dz / 2 + kBoxMargin;
-}
+/// A box that many points are held against.
+class UprightBox {
+ public:
+  explicit UprightBox(const Box3d& box)
+      : box_(box), cos_(std::cos(box.heading)), sin_(std::sin(box.heading)) {}
+
+  bool contains(Vec3 p) const {
+    const Vec3 own = to_own(p);
+    return std::abs(own.x) <= box_.dx / 2 + kBoxMargin &&
+           std::abs(own.y) <= box_.dy / 2 + kBoxMargin &&
+           std::abs(own.z) <= box_.dz / 2 + kBoxMargin;
+  }
+  /// The point of the box that is nearest.
+  Vec3 nearest(Vec3 p) const {
+    Vec3 own = to_own(p);
+    own = {std::clamp(own.x, -box_.dx / 2, box_.dx / 2),
+           std::clamp(own.y, -box_.dy / 2, box_.dy / 2),
+           std::clamp(own.z, -box_.dz / 2, box_.dz / 2)};
+    return {box_.x + cos_ * own.x - sin_ * own.y, box_.y + sin_ * own.x + cos_ * own.y,
+            box_.z + own.z};
+  }
+
+ private:
+  Vec3 to_own(Vec3 p) const {
+    const double x = p.x - box_.x, y = p.y - box_.y;
+    return {cos_ * x + sin_ * y, -sin_ * x + cos_ * y, p.z - box_.z};
+  }
+
+  Box3d box_;
+  double cos_, sin_;
+};
 
 template <class T>
 void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
@@ -23,15 +48,28 @@ void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
 
 }  // namespace
 
+void FrameBuilder::start() {
+  size_ = 0;
+  hits_.clear();
+}
+
 void FrameBuilder::reserve(std::size_t more) {
-  if (size_ + more <= object_.size()) return;
-  const std::size_t grown = std::max<std::size_t>(4096, 2 * (size_ + more));
-  scratch_.resize(grown);
-  object_.resize(grown);
+  if (size_ + more <= scratch_.size()) return;
+  scratch_.resize(std::max<std::size_t>(4096, 2 * (size_ + more)));
+}
+
+void FrameBuilder::add_hit(const Return& r) {
+  const double range = r.hit_range;
+  hits_.push_back({size_,
+                   r.object,
+                   frozen_s_.value_or(r.time),
+                   r.wide,
+                   {r.dx * range, r.dy * range, r.dz * range}});
 }
 
 void FrameBuilder::keep(std::span<const int> rows) {
   size_ = 0;
+  auto hit = hits_.begin(), kept = hits_.begin();
   for (const int row : rows) {
     const auto from = static_cast<std::size_t>(row);
     std::copy_n(&scratch_.xyz[3 * from], 3, &scratch_.xyz[3 * size_]);
@@ -40,22 +78,17 @@ void FrameBuilder::keep(std::span<const int> rows) {
     scratch_.ring[size_] = scratch_.ring[from];
     scratch_.class_id[size_] = scratch_.class_id[from];
     scratch_.object_id[size_] = scratch_.object_id[from];
-    object_[size_++] = object_[from];
+    while (hit != hits_.end() && hit->row < from) ++hit;
+    if (hit != hits_.end() && hit->row == from) {
+      *kept = *hit;
+      (kept++)->row = size_;
+    }
+    ++size_;
   }
+  hits_.erase(kept, hits_.end());
 }
 
-PointCloud FrameBuilder::take(const std::vector<Box3d>& boxes,
-                              std::vector<PointCount>& counts) const {
-  std::vector<std::pair<double, double>> turns;
-  for (const Box3d& box : boxes) turns.emplace_back(std::cos(box.heading), std::sin(box.heading));
-  counts.assign(boxes.size(), {});
-  for (std::size_t i = 0; i < size_; ++i) {
-    if (object_[i] < 0) continue;
-    const auto k = static_cast<std::size_t>(object_[i]);
-    ++counts[k].points;
-    counts[k].points_in_box +=
-        inside(boxes[k], turns[k].first, turns[k].second, &scratch_.xyz[3 * i]);
-  }
+PointCloud FrameBuilder::cloud() const {
   PointCloud cloud;
   copy_head(scratch_.xyz, cloud.xyz, 3 * size_);
   copy_head(scratch_.intensity, cloud.intensity, size_);
@@ -64,6 +97,28 @@ PointCloud FrameBuilder::take(const std::vector<Box3d>& boxes,
   copy_head(scratch_.class_id, cloud.class_id, size_);
   copy_head(scratch_.object_id, cloud.object_id, size_);
   return cloud;
+}
+
+std::vector<std::vector<double>> FrameBuilder::times_seen(std::size_t objects) const {
+  std::vector<std::vector<double>> times(objects);
+  for (const Hit& hit : hits_) times[static_cast<std::size_t>(hit.object)].push_back(hit.time_s);
+  return times;
+}
+
+std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
+                                            const BoxAt& box_at) const {
+  std::vector<std::pair<UprightBox, UprightBox>> held;
+  for (const ObjectBoxes& b : boxes) held.emplace_back(UprightBox(b.frame), UprightBox(b.scan));
+  std::vector<PointCount> counts(boxes.size());
+  for (const Hit& hit : hits_) {
+    const auto k = static_cast<std::size_t>(hit.object);
+    const auto& [frame, scan] = held[k];
+    const Vec3 place = hit.wide ? UprightBox(box_at(k, hit.time_s)).nearest(hit.place) : hit.place;
+    ++counts[k].points;
+    counts[k].points_in_box += frame.contains(place);
+    counts[k].points_in_scan_box += scan.contains(place);
+  }
+  return counts;
 }
 
 }  // namespace infrasim

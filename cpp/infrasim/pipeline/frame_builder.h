@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,6 +15,8 @@ namespace infrasim {
 struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame
   float range;       ///< metres
+  float hit_range;   ///< metres, without noise
+  bool wide;         ///< of a beam wider than a ray: a hit may be beside the direction
   float intensity;   ///< [0, 1]
   float time;        ///< seconds since the start of the frame
   std::uint16_t ring;
@@ -20,16 +24,26 @@ struct Return {
   std::int32_t object;  ///< index among the frame's objects; -1: background
 };
 
+/// Where an object is in the labels; levelled frame.
+struct ObjectBoxes {
+  Box3d frame;  ///< at mid-frame
+  Box3d scan;   ///< at the time of its returns
+};
+
 /// How many points an object got.
 struct PointCount {
   int points = 0;
   int points_in_box = 0;
+  int points_in_scan_box = 0;
 };
 
 /// Collects the returns of one LiDAR and frame, in the order they are added.
 class FrameBuilder {
  public:
-  void start() { size_ = 0; }
+  void start();
+  /// The returns to come see objects as they are at this time since the start of the frame;
+  /// nothing: each at its own.
+  void see_objects_at(std::optional<double> time_s) { frozen_s_ = time_s; }
   /// Makes room for `more` calls of `add`.
   void reserve(std::size_t more);
   /// @param object_id id of the object, -1 for background
@@ -42,20 +56,41 @@ class FrameBuilder {
     scratch_.ring[size_] = r.ring;
     scratch_.class_id[size_] = r.class_id;
     scratch_.object_id[size_] = object_id;
-    object_[size_++] = r.object;
+    if (r.object >= 0) add_hit(r);
+    ++size_;
   }
   std::size_t size() const { return size_; }
   /// Row-major points so far.
   std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }
   /// Drops all but the given rows, which must increase.
   void keep(std::span<const int> rows);
-  /// The points, and per object index those it got. A point counts as inside the object's own box
-  /// up to 1 cm outside of it.
-  PointCloud take(const std::vector<Box3d>& boxes, std::vector<PointCount>& counts) const;
+  /// The points.
+  PointCloud cloud() const;
+
+  /// Times at which each object was seen, since the start of the frame; seconds.
+  std::vector<std::vector<double>> times_seen(std::size_t objects) const;
+
+  /// Where an object is at a time since the start of the frame; levelled frame.
+  using BoxAt = std::function<Box3d(std::size_t object, double time_s)>;
+  /// Points of each object, also those inside its boxes. There are two reasons why a point is
+  /// outside, range noise and motion, and motion alone counts: range noise is left out, and the hit
+  /// of a wide beam is taken to the object. A point counts as inside up to 1 cm outside of the box.
+  std::vector<PointCount> count(std::span<const ObjectBoxes> boxes, const BoxAt& box_at) const;
 
  private:
+  /// A return from an object, where it was hit.
+  struct Hit {
+    std::size_t row;
+    std::int32_t object;
+    double time_s;  ///< of the world it met
+    bool wide;
+    Vec3 place;
+  };
+  void add_hit(const Return& r);
+
   PointCloud scratch_;  // kept at its largest size from frame to frame
-  std::vector<std::int32_t> object_;
+  std::vector<Hit> hits_;
+  std::optional<double> frozen_s_;
   std::size_t size_ = 0;
 };
 

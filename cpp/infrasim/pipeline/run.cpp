@@ -45,8 +45,10 @@ std::vector<FrameTally> do_frame(const RunRequest& request, FrameSimulator& simu
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const auto folder = request.out / request.lidars[i].name;
     if (wanted[i] && !request.out.empty())
-      write_frame(folder, k, frames[i], request.scene.labels == LabelRule::kAll,
-                  request.scene.point_fields);
+      write_frame(folder, k, frames[i],
+                  {.all_labels = request.scene.labels == LabelRule::kAll,
+                   .label_time = label_time_of(request.scene, request.preset),
+                   .point_fields = request.scene.point_fields});
     tallies.push_back({wanted[i] ? count(frames[i]) : read_counts(folder, k), frames[i].rays,
                        frames[i].rays_cast, frames[i].seconds});
   }

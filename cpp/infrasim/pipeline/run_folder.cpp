@@ -13,7 +13,9 @@ namespace infrasim {
 namespace {
 
 std::string run_text(const RunRequest& request) {
-  return dump_scene(request.scene) + "preset: \"" + request.preset + "\"\nversion: \"" +
+  SceneConfig scene = request.scene;
+  scene.label_time = label_time_of(scene, request.preset);
+  return dump_scene(scene) + "preset: \"" + request.preset + "\"\nversion: \"" +
          std::string(version()) + "\"\n";
 }
 
@@ -29,11 +31,15 @@ std::string view_text(const LidarUnit& unit, const FieldOfView& view) {
 }
 
 /// The LiDAR's configuration and what follows from it, for readers that know no scene.
-std::string lidar_text(const MountConfig& mount, const LidarConfig& lidar) {
+std::string lidar_text(const SceneConfig& scene, const LidarConfig& lidar) {
+  const MountConfig& mount = scene.mounts.begin()->second;
   const auto n = [](double v) { return config::number_text(v); };
   std::string text = dump_lidar(lidar) + "preset: \"" + lidar.preset + "\"\n";
   text += "price_total_usd: {low: " + n(lidar.price_usd.low) +
           ", high: " + n(lidar.price_usd.high) + "}\n";
+  text += std::string("label_time: ") +
+          enum_names(LabelTime{})[static_cast<std::size_t>(label_time_of(scene, lidar.preset))] +
+          "\n";
   text += "period_s: " + n(kFramePeriod) + "\n";
   text += "T_world_levelled: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) +
           ", z_m: " + n(mount.z_m) + ", yaw_deg: " + n(mount.yaw_deg) + "}\n";
@@ -48,9 +54,8 @@ std::string lidar_text(const MountConfig& mount, const LidarConfig& lidar) {
 }  // namespace
 
 void open_run_folder(const RunRequest& request, const World& world) {
-  const MountConfig& mount = request.scene.mounts.begin()->second;
   std::vector<std::string> texts;  // first, as they may be refused
-  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(mount, lidar));
+  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(request.scene, lidar));
   create_folder(request.out);
   claim_file(request.out / "dataset.yaml", run_text(request));
   claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));

@@ -6,6 +6,7 @@
 
 #include "infrasim/pipeline/caster.h"
 #include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/scan_time.h"
 #include "infrasim/pipeline/scene_filters.h"
 #include "infrasim/pipeline/vehicles.h"
 
@@ -17,6 +18,7 @@ namespace {
 struct Lidar {
   std::vector<Emitter> emitters;
   double reach = 0;
+  double cut_s = kInf;  ///< pause in a vehicle's returns from which on the seam cuts it
   FrameBuilder builder;
   std::size_t rays_cast = 0;  ///< of the frame under way
   std::vector<FilterStep> filters;
@@ -29,6 +31,7 @@ struct Lidar {
 
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
   Lidar lidar;
+  lidar.cut_s = cut_s(config);
   int first_ring = 0;
   for (std::size_t i = 0; i < config.units.size(); ++i) {
     lidar.emitters.push_back(make_emitter(scene, config, i, first_ring));
@@ -84,23 +87,44 @@ struct FrameSimulator::Impl {
   }
 
   void cast_slice(int k, const WorldSlice& slice, Lidar& lidar) {
+    lidar.builder.see_objects_at(slice.frozen ? std::optional(slice.middle() * kFramePeriod)
+                                              : std::nullopt);
     for (Emitter& emitter : lidar.emitters)
       lidar.rays_cast += caster.cast(k, slice, vehicles, emitter, lidar.builder);
+  }
+
+  Box3d box_at(std::size_t vehicle, double time_s) const {
+    return world.level.to_level(
+        vehicles.moving[vehicle].at(std::clamp(time_s / kFramePeriod, 0.0, 1.0)));
+  }
+
+  /// When each vehicle was scanned, since the start of the frame; mid-frame where nothing was hit.
+  std::vector<double> scan_times_s(const Lidar& lidar) const {
+    std::vector<double> out;
+    for (std::vector<double>& times : lidar.builder.times_seen(vehicles.size()))
+      out.push_back(times.empty() ? kFramePeriod / 2 : scan_time_s(times, lidar.cut_s));
+    return out;
   }
 
   Frame finish(Lidar& lidar) const {
     Frame frame;
     frame.rays_cast = lidar.rays_cast;
-    std::vector<PointCount> counts;
+    const std::vector<double> times = scan_times_s(lidar);
+    std::vector<ObjectBoxes> boxes;
+    for (std::size_t i = 0; i < vehicles.size(); ++i)
+      boxes.push_back({vehicles.boxes[i], box_at(i, times[i])});
     if (!lidar.filters.empty()) lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz()));
-    frame.cloud = lidar.builder.take(vehicles.boxes, counts);
+    frame.cloud = lidar.builder.cloud();
+    const std::vector<PointCount> counts =
+        lidar.builder.count(boxes, [&](std::size_t i, double time_s) { return box_at(i, time_s); });
     for (std::size_t i = 0; i < vehicles.size(); ++i) {
       const Box3d& box = vehicles.boxes[i];
       const double distance = std::hypot(box.x, box.y);
       if (distance > lidar.reach && counts[i].points == 0) continue;
       const MovingObject& o = vehicles.moving[i];
       frame.objects.push_back({o.id, o.object_class, box, o.speed_m_s, counts[i].points,
-                               counts[i].points_in_box, distance, vehicles.visibility[i]});
+                               counts[i].points_in_box, distance, vehicles.visibility[i],
+                               boxes[i].scan, times[i], counts[i].points_in_scan_box});
     }
     return frame;
   }

@@ -13,6 +13,11 @@ namespace {
 constexpr double kPhaseSpan_s = 600;  // motors have run for up to this long when a run starts
 constexpr double kMostRows = 2e8;     // 4.8 GB
 
+MotorPhase motor_phase(const PatternConfig& pattern) {
+  if (pattern.spinning) return pattern.spinning->phase;
+  return pattern.wedges ? pattern.wedges->phase : pattern.table->phase;
+}
+
 void check_rows(const LidarConfig& lidar, int frames) {
   double rows = 0;
   for (const LidarUnit& unit : lidar.units)
@@ -29,19 +34,21 @@ std::string stream_name(const LidarConfig& lidar, std::size_t unit) {
   return unit == 0 ? lidar.name : lidar.name + "/" + std::to_string(unit);
 }
 
-double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit) {
-  if (!lidar.random_phase) return 0;
-  return kPhaseSpan_s * Rng::of(seed, stream_name(lidar, unit)).uniform(0);
+double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarConfig& lidar,
+                     std::size_t unit) {
+  if (motor_phase(lidar.units[unit].pattern) == MotorPhase::kLocked) return 0;
+  return kPhaseSpan_s * Rng::of(seed, "phase").at(hash_name(mount)).at(unit).uniform(0);
 }
 
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
-                                  std::optional<std::uint64_t> seed) {
+                                  std::optional<std::uint64_t> seed, const std::string& mount) {
   check_rows(lidar, 1 + (last - 1 - first) / step);
   std::vector<double> rows;
   for (std::size_t u = 0; u < lidar.units.size(); ++u) {
     const LidarUnit& unit = lidar.units[u];
     const Mat3 pose = rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
-    const ScanPattern pattern(unit.pattern, seed ? start_phase_s(*seed, lidar, u) : 0, pose, 0);
+    const double phase_s = seed ? start_phase_s(*seed, mount, lidar, u) : 0;
+    const ScanPattern pattern(unit.pattern, phase_s, pose, 0);
     for (std::int64_t k = first; k < last; k += step) {
       const RayRange range = pattern.fired_between(static_cast<double>(k) * kFramePeriod,
                                                    static_cast<double>(k + 1) * kFramePeriod);

@@ -13,14 +13,20 @@ namespace infrasim {
 /// Name of the random stream of one unit of a LiDAR.
 std::string stream_name(const LidarConfig& lidar, std::size_t unit);
 
-/// Time by which the motors of a LiDAR's unit are ahead of the run, drawn from the seed; 0 if the
-/// LiDAR's random phase is off.
-double start_phase_s(std::uint64_t seed, const LidarConfig& lidar, std::size_t unit);
+inline constexpr const char* kUsualMount = "pole";  // as the catalogue's scenes have it
+
+/// Time by which the motors of a LiDAR's unit are ahead of where a lock would hold them: 0 if they
+/// are locked, else a draw of the seed, the mount and the unit's number. All LiDARs of a mount have
+/// the same draw, so that none is better by luck.
+double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarConfig& lidar,
+                     std::size_t unit);
 
 /// Azimuth, elevation (rad) and time (s) of every ray of every step-th frame in [first, last), row
-/// by row, group by group; sensor frame. Phase 0 unless a seed is given.
+/// by row, group by group; sensor frame. Motors start as a lock would hold them, unless a seed is
+/// given: then free ones start as a run of this seed has them at the mount.
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
-                                  std::optional<std::uint64_t> seed);
+                                  std::optional<std::uint64_t> seed,
+                                  const std::string& mount = kUsualMount);
 
 /// Of each unit, in its own frame.
 /// @throws ConfigError, with the LiDAR's name, for rays that can't be traced

@@ -97,6 +97,8 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
   if (config_.spinning) {
     elevations.clear();
     groups_per_s_ = columns_per_s(*config_.spinning);
+    start_deg_ =
+        positive_fmod(360 * config_.spinning->rate_hz * phase_s - config_.spinning->seam_deg, 360);
     for (const Channel& c : config_.spinning->channels.table) {
       elevations.push_back(c.elevation_deg);
       const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
@@ -161,7 +163,7 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
   const Channel& c = s.channels.table[member];
   const double fire_time = c.fire_time_us * 1e-6;
   const double turned_deg =
-      column_deg(s, group) + 360 * s.rate_hz * (fire_time + phase_s_) + c.azimuth_offset_deg;
+      column_deg(s, group) + start_deg_ + 360 * s.rate_hz * fire_time + c.azimuth_offset_deg;
   const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
   return {{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
            std::sin(elevation)},
@@ -227,7 +229,7 @@ void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_g
   const auto& m = pose_;
   std::size_t k = 0;
   for (std::int64_t group = first_group; group < last_group; ++group) {
-    const double turned = column_deg(s, group) + positive_fmod(360 * s.rate_hz * phase_s_, 360);
+    const double turned = column_deg(s, group) + start_deg_;
     const auto ca = static_cast<float>(std::cos(-rad(turned)));
     const auto sa = static_cast<float>(std::sin(-rad(turned)));
     const auto time =

@@ -32,7 +32,7 @@ struct Light {
 /// never restarts at a frame.
 class ScanPattern {
  public:
-  /// @param phase_s   time by which the motors are ahead of the run
+  /// @param phase_s   time by which the motors are ahead of where a lock would hold them
   /// @param unit_pose rotation from the unit's frame to the levelled frame
   /// @param first_ring ring number of the unit's lowest laser
   ScanPattern(const PatternConfig& config, double phase_s, const Mat3& unit_pose, int first_ring);
@@ -72,6 +72,7 @@ class ScanPattern {
 
   PatternConfig config_;
   double phase_s_;
+  double start_deg_ = 0;  ///< how far a spinning unit has turned from its x axis at time 0
   std::array<float, 9> pose_;
   Mat3 pose_exact_;
   int group_size_ = 1;
