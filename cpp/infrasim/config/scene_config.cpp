@@ -185,6 +185,8 @@ void visit(Fields& f, WeatherConfig& c) {
   f.field("rain_mm_per_h", c.rain_mm_per_h, "rain rate", between(0, 300));
   f.field("visibility_m", c.visibility_m, "meteorological optical range; .inf is clear air",
           positive(kInf));
+  f.field("sunlight_klux", c.sunlight_klux, "on what the beams hit; 100 is full sun, 0 night",
+          between(0, 200));
 }
 
 /// A scene names each side of the box.
@@ -272,7 +274,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());
   f.check(c.mounts.size() == 1, "mounts", "found more than one mount, allowed one");
   f.field("weather", c.weather,
-          "what attenuates the beams; no effect on LiDARs without returns.detection");
+          "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
   f.field("roads", c.roads, "roads", at_least_one());
   f.field("ground", c.ground, "pieces of terrain");
   f.field("buildings", c.buildings, "upright boxes");

@@ -138,6 +138,7 @@ struct MountConfig {
 struct WeatherConfig {
   double rain_mm_per_h = 0;
   double visibility_m = kInf;
+  double sunlight_klux = 100;
 };
 
 /// One step that thins out the points of every frame.

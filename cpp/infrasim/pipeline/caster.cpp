@@ -70,7 +70,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
     rays_.max_range = emitter.max_range;
     cast += cast_part(part, emitter, vehicles.reflectance);
     emitter.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits_,
-                          reflectance_, returns_);
+                          reflectance_, emitter.beam ? sunlit_ : reflectance_, returns_);
     collect(vehicles.moving, out);
   }
   return cast;
@@ -122,7 +122,7 @@ void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {
   raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
   look_up_reflectance(sub_hits_, paint, sub_reflectance_);
   hits_.resize(rays_.size());
-  beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_);
+  beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_, sunlit_);
 }
 
 void Caster::collect(std::span<const MovingObject> objects, FrameBuilder& out) const {

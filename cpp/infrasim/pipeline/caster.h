@@ -65,6 +65,7 @@ class Caster {
   std::vector<std::uint32_t> selected_;  ///< rays worth casting
   HitBatch hits_;
   std::vector<float> reflectance_;  ///< of the hits
+  std::vector<float> sunlit_;       ///< of the beams
   ReturnBatch returns_;
   RayBatch sub_rays_;  ///< of beams wider than a ray
   std::vector<std::uint32_t> sub_selected_;
