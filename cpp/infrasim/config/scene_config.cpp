@@ -189,6 +189,15 @@ void visit(Fields& f, WeatherConfig& c) {
           between(0, 200));
 }
 
+template <class Fields>
+void visit(Fields& f, VehicleParts& c) {
+  f.field("glass", c.glass, "windows, and what lies behind them");
+  f.field("tyres", c.tyres, "dark rings");
+  f.field("gap", c.gap, "air between wheels, below 0.2 m");
+  f.field("coat", c.coat, "clear coat: less light at grazing angles");
+  f.field("reflectors", c.reflectors, "number plates and lamps");
+}
+
 /// A scene names each side of the box.
 template <class Fields>
 void visit(Fields& f, CropBox& c) {
@@ -267,6 +276,7 @@ void visit(Fields& f, SceneConfig& c) {
           "found '" + c.aggregation.word + "', allowed " + kAggregationWords);
   c.aggregation = aggregation.value_or(Aggregation{});
   f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
+  f.field("vehicle_parts", c.vehicle_parts, "what returns.detection sees apart from paint");
   f.field("labels", c.labels, "which objects get a label: hit or all");
   f.field("fields", c.point_fields, "write time, ring, class and object of every point");
   f.field("region_half_length_m", c.region_half_length_m,

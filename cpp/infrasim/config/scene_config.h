@@ -141,6 +141,17 @@ struct WeatherConfig {
   double sunlight_klux = 100;
 };
 
+/// What LiDARs that detect by received power see of vehicles apart from plain paint.
+struct VehicleParts {
+  bool glass = true;
+  bool tyres = true;
+  bool gap = true;
+  bool coat = true;
+  bool reflectors = true;
+
+  bool any() const { return glass || tyres || gap || coat || reflectors; }
+};
+
 /// One step that thins out the points of every frame.
 struct FilterConfig {
   FilterOf<BackgroundFilter> step;
@@ -154,6 +165,7 @@ struct SceneConfig {
   double duration_s = 500;
   Aggregation aggregation;
   Detail detail = Detail::kLow;
+  VehicleParts vehicle_parts;
   LabelRule labels = LabelRule::kHit;
   bool point_fields = false;  ///< key `fields`
   double region_half_length_m = 100;

@@ -4,22 +4,14 @@
 #include <numeric>
 
 #include "infrasim/sensor/pattern_table.h"
-#include "infrasim/sensor/reflectance.h"
 
 namespace infrasim {
 
 namespace {
 
-constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
+constexpr VehicleParts kNoParts{false, false, false, false, false};
 
-/// Reflectance of what each ray hit; vehicles have that of their paint.
-void look_up_reflectance(const HitBatch& hits, std::span<const float> paint,
-                         std::vector<float>& out) {
-  out.resize(hits.size());
-  for (std::size_t i = 0; i < hits.size(); ++i)
-    out[i] = hits.object[i] >= 0 ? paint[static_cast<std::size_t>(hits.object[i])]
-                                 : background_reflectance(static_cast<Class>(hits.class_id[i]));
-}
+constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
 
 /// The first group after a part of the frame that is worked on at once.
 std::int64_t part_end(const Emitter& emitter, std::int64_t first, std::int64_t last) {
@@ -68,7 +60,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
     const RayRange part{first * size, end * size};
     emitter.pattern.generate(part, k * kFramePeriod, rays_);
     rays_.max_range = emitter.max_range;
-    cast += cast_part(part, emitter, vehicles.reflectance);
+    cast += cast_part(part, emitter, vehicles);
     emitter.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits_,
                           reflectance_, emitter.beam ? sunlit_ : reflectance_, returns_);
     collect(vehicles.moving, out);
@@ -76,13 +68,13 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   return cast;
 }
 
-std::size_t Caster::cast_part(RayRange part, Emitter& emitter, std::span<const float> paint) {
+std::size_t Caster::cast_part(RayRange part, Emitter& emitter, const FrameVehicles& vehicles) {
   const int size = emitter.pattern.group_size();
   const std::int64_t first = part.first / size, last = part.last / size;
   const bool reflectance = emitter.returns.needs_reflectance();
   if (emitter.beam) {
     select(emitter, last - first);
-    cast_beams(*emitter.beam, paint);
+    cast_beams(*emitter.beam, vehicles, reflectance ? parts_ : kNoParts);
     return sub_rays_.size();
   }
   if (emitter.layer) {
@@ -90,7 +82,7 @@ std::size_t Caster::cast_part(RayRange part, Emitter& emitter, std::span<const f
   } else {
     cast_all(emitter, last - first, reflectance);
   }
-  if (reflectance) look_up_reflectance(hits_, paint, reflectance_);
+  if (reflectance) transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
   return selected_.size();
 }
 
@@ -115,12 +107,13 @@ void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int6
   raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
 }
 
-void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {
+void Caster::cast_beams(const Beam& beam, const FrameVehicles& vehicles,
+                        const VehicleParts& parts) {
   beam.expand(rays_, selected_, sub_rays_);
   sub_selected_.resize(sub_rays_.size());
   std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
   raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
-  look_up_reflectance(sub_hits_, paint, sub_reflectance_);
+  transparent_.resolve(sub_rays_, vehicles, parts, sub_hits_, sub_reflectance_);
   hits_.resize(rays_.size());
   beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_, sunlit_);
 }

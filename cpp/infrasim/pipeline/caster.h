@@ -12,6 +12,7 @@
 #include "infrasim/core/rng.h"
 #include "infrasim/pipeline/frame_builder.h"
 #include "infrasim/pipeline/static_layer.h"
+#include "infrasim/pipeline/transparent.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/sensor/beam.h"
@@ -43,7 +44,9 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
 /// For one thread at a time.
 class Caster {
  public:
-  explicit Caster(Raycaster& raycaster) : raycaster_(raycaster) {}
+  /// @param parts that LiDARs which detect by received power see of vehicles
+  Caster(Raycaster& raycaster, const VehicleParts& parts)
+      : raycaster_(raycaster), parts_(parts), transparent_(raycaster) {}
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles those that the raycaster has
@@ -53,14 +56,16 @@ class Caster {
                    FrameBuilder& out);
 
  private:
-  std::size_t cast_part(RayRange part, Emitter& emitter, std::span<const float> paint);
+  std::size_t cast_part(RayRange part, Emitter& emitter, const FrameVehicles& vehicles);
   void select(Emitter& emitter, std::int64_t groups);
   void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
   void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
-  void cast_beams(const Beam& beam, std::span<const float> paint);
+  void cast_beams(const Beam& beam, const FrameVehicles& vehicles, const VehicleParts& parts);
   void collect(std::span<const MovingObject> objects, FrameBuilder& out) const;
 
   Raycaster& raycaster_;
+  VehicleParts parts_;
+  TransparentCaster transparent_;
   RayBatch rays_;
   std::vector<std::uint32_t> selected_;  ///< rays worth casting
   HitBatch hits_;
