@@ -33,7 +33,7 @@ RayRange Emitter::rays(int k, double from, double to) const {
 }
 
 Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                     int first_ring) {
+                     int first_ring, const std::string& draws) {
   const MountConfig& mount = scene.mounts.begin()->second;
   const LidarUnit& config = lidar.units[unit];
   const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
@@ -43,7 +43,7 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
           ReturnModel(config.returns, scene.weather),
           beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
           static_cast<float>(config.returns.max_range_m),
-          Rng::of(scene.seed, stream_name(lidar, unit)),
+          Rng::of(scene.seed, draws + stream_name(lidar, unit)),
           {},
           {}};
 }
@@ -74,16 +74,15 @@ std::size_t Caster::cast_part(RayRange part, Emitter& emitter, const FrameVehicl
   const bool reflectance = emitter.returns.needs_reflectance();
   if (emitter.beam) {
     select(emitter, last - first);
-    cast_beams(*emitter.beam, vehicles, reflectance ? parts_ : kNoParts);
-    return sub_rays_.size();
+    return cast_beams(*emitter.beam, vehicles, reflectance ? parts_ : kNoParts);
   }
   if (emitter.layer) {
     cast_moving(*emitter.layer, first, last, reflectance);
   } else {
     cast_all(emitter, last - first, reflectance);
   }
-  if (reflectance) transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
-  return selected_.size();
+  if (!reflectance) return selected_.size();
+  return selected_.size() + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
@@ -107,15 +106,17 @@ void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int6
   raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
 }
 
-void Caster::cast_beams(const Beam& beam, const FrameVehicles& vehicles,
-                        const VehicleParts& parts) {
+std::size_t Caster::cast_beams(const Beam& beam, const FrameVehicles& vehicles,
+                               const VehicleParts& parts) {
   beam.expand(rays_, selected_, sub_rays_);
   sub_selected_.resize(sub_rays_.size());
   std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
   raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
-  transparent_.resolve(sub_rays_, vehicles, parts, sub_hits_, sub_reflectance_);
+  const std::size_t on =
+      transparent_.resolve(sub_rays_, vehicles, parts, sub_hits_, sub_reflectance_);
   hits_.resize(rays_.size());
   beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_, sunlit_);
+  return sub_rays_.size() + on;
 }
 
 void Caster::collect(std::span<const MovingObject> objects, FrameBuilder& out) const {

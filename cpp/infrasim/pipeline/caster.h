@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
@@ -37,8 +38,9 @@ struct Emitter {
 
 /// @param unit       index in the LiDAR's units
 /// @param first_ring ring number of the unit's lowest laser
+/// @param draws      put before the name of its stream of random numbers
 Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                     int first_ring);
+                     int first_ring, const std::string& draws = "");
 
 /// Casts the rays of LiDARs and makes returns of their hits. Keeps its buffers from frame to frame.
 /// For one thread at a time.
@@ -60,7 +62,8 @@ class Caster {
   void select(Emitter& emitter, std::int64_t groups);
   void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
   void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
-  void cast_beams(const Beam& beam, const FrameVehicles& vehicles, const VehicleParts& parts);
+  std::size_t cast_beams(const Beam& beam, const FrameVehicles& vehicles,
+                         const VehicleParts& parts);
   void collect(std::span<const MovingObject> objects, FrameBuilder& out) const;
 
   Raycaster& raycaster_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
+#include <string>
 
 #include "infrasim/pipeline/caster.h"
 #include "infrasim/pipeline/frame_builder.h"
@@ -27,11 +29,13 @@ struct Lidar {
   }
 };
 
-Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
+/// @param draws stream of its random numbers; the motors' phases do not depend on it
+Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config,
+                 const std::string& draws = "") {
   Lidar lidar;
   int first_ring = 0;
   for (std::size_t i = 0; i < config.units.size(); ++i) {
-    lidar.emitters.push_back(make_emitter(scene, config, i, first_ring));
+    lidar.emitters.push_back(make_emitter(scene, config, i, first_ring, draws));
     first_ring += lidar.emitters.back().pattern.group_size();
     lidar.reach = std::max(lidar.reach, config.units[i].returns.max_range_m);
   }
@@ -69,9 +73,14 @@ struct FrameSimulator::Impl {
       for (std::size_t i = 0; i < lidar.emitters.size(); ++i)
         lidar.emitters[i].layer = layers[lidars.size() - 1][i];
     }
-    for (Lidar& lidar : lidars)
-      lidar.filters =
-          make_filters(world.scene.filters, [&](int k) { return empty_frame(k, lidar); });
+    for (std::size_t i = 0; i < lidars.size(); ++i) {
+      // A background is learnt from frames with noise of their own, not from those it is held to.
+      std::optional<Lidar> learning;
+      lidars[i].filters = make_filters(world.scene, [&](int k) {
+        if (!learning) learning = make_lidar(world.scene, configs[i], "background ");
+        return empty_frame(k, *learning);
+      });
+    }
   }
 
   /// Points of one frame without any vehicle.

@@ -26,9 +26,9 @@ float floor_range(float range, const BodyHit& hit, float dz) {
 
 }  // namespace
 
-void TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
-                                const VehicleParts& parts, HitBatch& hits,
-                                std::vector<float>& reflectance) {
+std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
+                                       const VehicleParts& parts, HitBatch& hits,
+                                       std::vector<float>& reflectance) {
   vehicles_ = &vehicles;
   parts_ = parts;
   hits_ = &hits;
@@ -40,7 +40,12 @@ void TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehic
       reflectance[i] = background_reflectance(static_cast<Class>(hits.class_id[i]));
     else
       meet_vehicle(rays, {.ray = static_cast<std::uint32_t>(i)}, hits, i);
-  for (int times = 0; times < kMostTimes && !next_.empty(); ++times) cast_on(rays);
+  std::size_t cast = 0;
+  for (int times = 0; times < kMostTimes && !next_.empty(); ++times) {
+    cast += next_.size();
+    cast_on(rays);
+  }
+  return cast;
 }
 
 void TransparentCaster::cast_on(const RayBatch& rays) {

@@ -21,8 +21,9 @@ class TransparentCaster {
   /// @param vehicles    those that the raycaster has
   /// @param hits        nearest ones, with incidence
   /// @param reflectance of each hit, less what panes on the way take
-  void resolve(const RayBatch& rays, const FrameVehicles& vehicles, const VehicleParts& parts,
-               HitBatch& hits, std::vector<float>& reflectance);
+  /// @return how many rays were cast on, a ray as often as it was
+  std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
+                      const VehicleParts& parts, HitBatch& hits, std::vector<float>& reflectance);
 
  private:
   /// A ray that goes on.
