@@ -19,7 +19,7 @@ using testing::point;
 using testing::spinning;
 using testing::straight_on;
 
-constexpr VehicleParts kAll;
+constexpr VehicleParts kAll{true, true, true, true, true};
 constexpr VehicleParts kNone{false, false, false, false, false};
 constexpr VehicleParts only(bool VehicleParts::* part) {
   VehicleParts parts = kNone;

@@ -141,13 +141,14 @@ struct WeatherConfig {
   double sunlight_klux = 100;
 };
 
-/// What LiDARs that detect by received power see of vehicles apart from plain paint.
+/// What LiDARs that detect by received power see of vehicles apart from plain paint. What takes
+/// less than a hundredth of a car's points or gives it no more is off (benchmarks/parts.py).
 struct VehicleParts {
   bool glass = true;
-  bool tyres = true;
+  bool tyres = false;
   bool gap = true;
   bool coat = true;
-  bool reflectors = true;
+  bool reflectors = false;
 
   bool any() const { return glass || tyres || gap || coat || reflectors; }
 };
