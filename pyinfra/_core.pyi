@@ -43,9 +43,9 @@ class GroundHeight:
         ...
 class GroundPlane:
     """
-    Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC).
+    Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC) and sensor_height_m below the sensor, if that is not 0.
     """
-    def __init__(self, distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.25, max_tilt_deg: typing.SupportsFloat | typing.SupportsIndex = 10.0) -> None:
+    def __init__(self, distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.25, sensor_height_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, max_tilt_deg: typing.SupportsFloat | typing.SupportsIndex = 10.0) -> None:
         ...
 class GroundMorphological:
     """

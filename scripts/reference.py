@@ -38,6 +38,7 @@ UNITS = {  # of a number, by the end of its key; the first that fits
     "_usd": "USD",
     "_deg": "degrees",
     "_hz": "per s",
+    "_klux": "klx",
     "_us": "µs",
     "rpm": "per min",
     "years": "years",

@@ -16,6 +16,8 @@ NOTHING = "-"
 HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
 LEFT = (0, 1, 7, 8)  # columns of text
 LETTERS = {"paper": "p", "equal": "e", "datasheet": "d"}
+ASSUMED = "*"
+ASSUMPTION = f"{ASSUMED} the only range known: how it goes with reflectance and light is assumed"
 PRESETS = "presets: p paper, e equal, d datasheet; in capitals that of the figures"
 
 
@@ -76,7 +78,8 @@ def lines(sheets: Sequence[LidarSheet]) -> list[str]:
     ]
     notes = [f"[{place}] {text}" for place, text in enumerate(sources, 1)]
     problems = [f"{sheet.name}: {sheet.problem}" for sheet in sheets if sheet.problem]
-    return [*table, "", PRESETS, *notes, *problems]
+    assumption = [ASSUMPTION] if any(sheet.published_ranges == 1 for sheet in sheets) else []
+    return [*table, "", PRESETS, *assumption, *notes, *problems]
 
 
 def row(sheet: LidarSheet, sources: Sequence[str]) -> tuple[str, ...]:
@@ -91,7 +94,7 @@ def row(sheet: LidarSheet, sources: Sequence[str]) -> tuple[str, ...]:
         str(sheet.lines or NOTHING),
         view if math.isfinite(sheet.horizontal_fov_deg) else NOTHING,
         whole(sheet.range_m),
-        whole(sheet.range_at_10_percent_m),
+        whole(sheet.range_at_10_percent_m) + (ASSUMED if sheet.published_ranges == 1 else ""),
         whole(low) if not low < high else f"{whole(low)}-{whole(high)}",
         f"[{sources.index(source(sheet)) + 1}]" if source(sheet) else "",
         " ".join(presets),

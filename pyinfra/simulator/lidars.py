@@ -35,6 +35,7 @@ class LidarSheet:
     vertical_fov_deg: float = math.nan
     range_m: float = math.nan  # at most
     range_at_10_percent_m: float = math.nan  # of a target of 10 %, where a preset has it
+    published_ranges: int = 0  # by reflectance and light, that of 10 % included; 1 is an assumption
     problem: str = ""  # why it could not be resolved
 
 
@@ -61,7 +62,8 @@ def read_sheet(file: Path, preset: str = "") -> LidarSheet:
         horizontal_fov_deg=min(360.0, sum(widths)),
         vertical_fov_deg=max(math.degrees(u.elevation[1] - u.elevation[0]) for u in units),
         range_m=max(unit.range_m[1] for unit in units),
-        range_at_10_percent_m=_range_at_10_percent(found),
+        range_at_10_percent_m=float(_detection(found).get("range_at_10_percent_m", math.nan)),
+        published_ranges=_published_ranges(_detection(found)),
     )
 
 
@@ -122,6 +124,11 @@ def _lines(resolved: dict[str, Any]) -> int | None:
     return channels.get("count") or len(channels.get("table", ())) or None
 
 
-def _range_at_10_percent(resolved: dict[str, Any]) -> float:
-    returns = (resolved.get("bundle") or [resolved])[0].get("returns", {})
-    return float(returns.get("detection", {}).get("range_at_10_percent_m", math.nan))
+def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
+    """Of the first unit; empty where every hit is a point."""
+    found = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
+    return dict(found)
+
+
+def _published_ranges(detection: dict[str, Any]) -> int:
+    return 1 + len(detection.get("further_ranges", ())) if detection else 0

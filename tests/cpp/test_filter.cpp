@@ -191,6 +191,36 @@ TEST(ground, plane_filter_removes_only_one_plane_of_a_bank) {
     EXPECT_TRUE(cloud.object[i] != -1 || cloud.above_road_m[i] < -0.1) << "a point of the road";
 }
 
+/// A road 6 m below the LiDAR and a wider field beside it, whose plane has more points.
+Scene road_and_field(double field_z) {
+  return {
+      {{-120, field_z}, {-5, field_z}, {-4, -6}, {4, -6}, {5, field_z}, {120, field_z}}, 0, {}, {}};
+}
+
+TEST(ground, plane_filter_takes_the_plane_that_lies_where_the_ground_should) {
+  for (const double field_z : {-8.0, -6.4, -5.0}) {
+    const LabelledCloud cloud = cast(road_and_field(field_z), spinning_directions(), 0, 100);
+    for (const bool known : {false, true}) {
+      const auto kept = keep(cloud.xyz, GroundPlane{.sensor_height_m = known ? 6.0 : 0.0});
+      const auto road =
+          std::ranges::count_if(kept, [&](int i) { return std::abs(cloud.above_road_m[i]) < 0.1; });
+      EXPECT_EQ(road < 10, known) << "field at " << field_z << " m, " << road << " points of road";
+    }
+  }
+}
+
+TEST(ground, plane_filter_keeps_every_point_where_no_plane_is_the_ground) {
+  const LabelledCloud cloud = cast(road_and_field(-8), spinning_directions(), 0, 100);
+  EXPECT_EQ(keep(cloud.xyz, GroundPlane{.sensor_height_m = 3}).size(), cloud.size());
+  std::size_t told = 0;
+  const std::vector<FilterStep> steps{GroundPlane{.sensor_height_m = 3}, GroundPlane{}};
+  keep_all(steps, cloud.xyz, [&](const FilterStep& step, std::size_t before, std::size_t after) {
+    ++told;
+    EXPECT_EQ(before == after, std::get<GroundPlane>(step).sensor_height_m == 3);
+  });
+  EXPECT_EQ(told, 2U);
+}
+
 TEST(ground, morphological_filter_reaches_the_targets_on_roads_and_banks) {
   for (const Scene& scene : {flat_road(), flat_road(0.04), bank(), wide_bank(), narrow_bank()}) {
     const LabelledCloud cloud = cast(scene, spinning_directions(), 0, 100);

@@ -579,5 +579,24 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
         1e-4);
 }
 
+// --- learning a background ----------------------------------------------------------------------
+
+TEST(background_filter, draws_noise_of_its_own) {
+  // With the noise of the frames themselves the farthest of a cell's points would never be kept.
+  SceneConfig scene = empty_road();
+  scene.ground.push_back(ground_at(-0.5));
+  BackgroundFilter learning;
+  learning.frames = 1;
+  learning.range_margin_m = learning.height_margin_m = 0;
+  learning.azimuth_cell_deg = learning.elevation_cell_deg = 0.1;
+  scene.filters.push_back({learning});
+  LidarConfig lidar = fine_lidar();
+  lidar.units.front().returns.range_accuracy_m = 0.03;
+  const std::size_t own = frame(world_with(scene, {}), lidar, 0).cloud.size();
+  const std::size_t other = frame(world_with(scene, {}), lidar, 1).cloud.size();
+  EXPECT_GT(own, 1000U);
+  EXPECT_NEAR(static_cast<double>(own) / static_cast<double>(other), 1, 0.1);
+}
+
 }  // namespace
 }  // namespace infrasim

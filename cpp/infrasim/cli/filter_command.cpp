@@ -67,8 +67,10 @@ constexpr std::array kFilterOptions{
                  filter_of<CropFieldOfView>},
     FilterOption{"--ground-morphological", "remove roads, slopes and terrain", 0, 0,
                  filter_of<GroundMorphological>},
-    FilterOption{"--ground-plane", "remove what is this close to a plane (m)", 1, 1,
-                 filter_of<GroundPlane>},
+    FilterOption{"--ground-plane",
+                 "remove what is this close to a plane (m); a second number is the sensor's height "
+                 "above it",
+                 1, 2, filter_of<GroundPlane>},
     FilterOption{"--below-z", "remove what is not above this height (m)", 1, 1,
                  filter_of<GroundHeight>},
 };
@@ -110,12 +112,24 @@ std::vector<FilterStep> steps_of(const FilterOptions& o) {
   return steps;
 }
 
+/// A plane that was found takes at least its own points away.
+void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t after) {
+  const auto* plane = std::get_if<GroundPlane>(&step);
+  if (plane == nullptr || after < before) return;
+  const std::string where =
+      plane->sensor_height_m > 0
+          ? " " + config::number_text(plane->sensor_height_m) + " m below the sensor"
+          : "";
+  std::fprintf(stderr, "infrasim: warning: --ground-plane: found no plane%s, kept every point\n",
+               where.c_str());
+}
+
 void filter_command(const FilterOptions& o) {
   CloudFile cloud = read_cloud(o.in);
   const std::vector<float> xyz = cloud.xyz();
   std::vector<int> kept;
   try {
-    kept = keep_all(steps_of(o), xyz);
+    kept = keep_all(steps_of(o), xyz, warn_without_plane);
   } catch (const std::invalid_argument& e) {
     throw ConfigError(std::string("filter: ") + e.what());
   }

@@ -96,8 +96,11 @@ inline auto declaration(Of<GroundHeight>) {
 inline auto declaration(Of<GroundPlane>) {
   return declare(
       "ground_plane", "remove one plane",
-      "Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC).",
+      "Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC) "
+      "and sensor_height_m below the sensor, if that is not 0.",
       optional("distance_m", &GroundPlane::distance_m, "half thickness", positive(10)),
+      optional("sensor_height_m", &GroundPlane::sensor_height_m,
+               "above the ground; 0 is the mount's above the first road", between(0, 1000)),
       optional("max_tilt_deg", &GroundPlane::max_tilt_deg, "from horizontal", positive(89.9)));
 }
 

@@ -136,9 +136,18 @@ void visit(Fields& f, DropOffConfig& c) {
 }
 
 template <class Fields>
+void visit(Fields& f, PublishedRange& c) {
+  f.field("range_m", c.range_m, "as the vendor publishes it", required(positive(2000)));
+  f.field("reflectance", c.reflectance, "of its target", required(positive(1)));
+  f.field("sunlight_klux", c.sunlight_klux, "on its target; 0 at night", between(0, 200));
+}
+
+template <class Fields>
 void visit(Fields& f, DetectionConfig& c) {
-  f.field("range_at_10_percent_m", c.range_at_10_percent_m, "range on a 10 % target",
-          required(positive(2000)));
+  f.field("range_at_10_percent_m", c.range_at_10_percent_m,
+          "range on a 10 % target in the sun (100 klx)", required(positive(2000)));
+  f.field("further_ranges", c.further_ranges,
+          "on other targets or in other light; without one the law is an assumption");
   f.field("steepness", c.steepness, "of detection over signal-to-noise ratio", positive(1000));
 }
 

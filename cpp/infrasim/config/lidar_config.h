@@ -90,9 +90,17 @@ struct DropOffConfig {
   double zero_intensity_rate = 0.4;
 };
 
-/// Detection by received power.
+/// A range that a vendor publishes.
+struct PublishedRange {
+  double range_m = 0;
+  double reflectance = 0.1;
+  double sunlight_klux = 100;
+};
+
+/// Detection by received power. The 10 % range is that in 100 klx.
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
+  std::vector<PublishedRange> further_ranges;
   double steepness = 5;
 };
 

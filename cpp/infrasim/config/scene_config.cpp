@@ -206,6 +206,17 @@ void visit(Fields& f, WeatherConfig& c) {
   f.field("rain_mm_per_h", c.rain_mm_per_h, "rain rate", between(0, 300));
   f.field("visibility_m", c.visibility_m, "meteorological optical range; .inf is clear air",
           positive(kInf));
+  f.field("sunlight_klux", c.sunlight_klux, "on what the beams hit; 100 is full sun, 0 night",
+          between(0, 200));
+}
+
+template <class Fields>
+void visit(Fields& f, VehicleParts& c) {
+  f.field("glass", c.glass, "windows, and what lies behind them");
+  f.field("tyres", c.tyres, "dark rings");
+  f.field("gap", c.gap, "air between wheels, below 0.2 m");
+  f.field("coat", c.coat, "clear coat: less light at grazing angles");
+  f.field("reflectors", c.reflectors, "number plates and lamps");
 }
 
 /// A scene names each side of the box.
@@ -286,6 +297,7 @@ void visit(Fields& f, SceneConfig& c) {
           "found '" + c.aggregation.word + "', allowed " + kAggregationWords);
   c.aggregation = aggregation.value_or(Aggregation{});
   f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
+  f.field("vehicle_parts", c.vehicle_parts, "what returns.detection sees apart from paint");
   f.field("labels", c.labels, "which objects get a label: hit or all");
   f.field(
       "label_time", c.label_time,
@@ -297,7 +309,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());
   f.check(c.mounts.size() == 1, "mounts", "found more than one mount, allowed one");
   f.field("weather", c.weather,
-          "what attenuates the beams; no effect on LiDARs without returns.detection");
+          "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
   f.field("roads", c.roads, "roads", at_least_one());
   f.field("ground", c.ground, "pieces of terrain");
   f.field("buildings", c.buildings, "upright boxes");

@@ -143,6 +143,19 @@ struct MountConfig {
 struct WeatherConfig {
   double rain_mm_per_h = 0;
   double visibility_m = kInf;
+  double sunlight_klux = 100;
+};
+
+/// What LiDARs that detect by received power see of vehicles apart from plain paint. What takes
+/// less than a hundredth of a car's points or gives it no more is off (benchmarks/parts.py).
+struct VehicleParts {
+  bool glass = true;
+  bool tyres = false;
+  bool gap = true;
+  bool coat = true;
+  bool reflectors = false;
+
+  bool any() const { return glass || tyres || gap || coat || reflectors; }
 };
 
 /// One step that thins out the points of every frame.
@@ -159,6 +172,7 @@ struct SceneConfig {
   double duration_s = 500;
   Aggregation aggregation;
   Detail detail = Detail::kLow;
+  VehicleParts vehicle_parts;
   LabelRule labels = LabelRule::kHit;
   std::optional<LabelTime> label_time;  ///< nothing: as label_time_of has it
   bool point_fields = false;            ///< key `fields`

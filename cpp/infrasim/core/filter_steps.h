@@ -44,12 +44,15 @@ struct GroundHeight {
 };
 
 /// Removes the points within `distance_m` of the largest plane that is at most `max_tilt_deg` from
-/// horizontal (RANSAC of PCL, always with the same draws). It removes **one** plane: on an
-/// embankment the road goes or the terrain, whichever has more points, and the rest stays. Without
-/// such a plane every point is kept. It needs the ground: after another ground filter the largest
-/// plane is a roof.
+/// horizontal (RANSAC of PCL, always with the same draws) and passes below the sensor where it
+/// should, within 0.5 m. With a `sensor_height_m` of 0 nobody knows where that is and the largest
+/// plane goes: on an embankment the road or the terrain, whichever has more points. In a scene 0
+/// stands for the mount's height above the first road. It removes **one** plane; without such a
+/// plane every point is kept. It needs the ground: after another ground filter the largest plane is
+/// a roof.
 struct GroundPlane {
   double distance_m = 0.25;
+  double sensor_height_m = 0;
   double max_tilt_deg = 10;
 };
 

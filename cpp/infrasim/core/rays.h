@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -11,13 +12,21 @@ struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;
-  float max_range = 0;  ///< metres; hits beyond are misses
+  std::vector<float> near;  ///< metres; nearer hits are none. Empty: every ray starts at 0
+  float max_range = 0;      ///< metres; hits beyond are misses
 
   std::size_t size() const { return time.size(); }
+  float near_range(std::size_t i) const { return near.empty() ? 0 : near[i]; }
   void resize(std::size_t n) {
     for (auto* column : {&dx, &dy, &dz, &time}) column->resize(n);
     ring.resize(n);
   }
+};
+
+/// Where a ray meets a moving body.
+struct BodyPlace {
+  std::array<float, 3> at;      ///< in its unit box, [-0.5, 0.5], x forward
+  std::array<float, 3> normal;  ///< unit vector in its frame, inwards or outwards
 };
 
 /// Nearest hit of each ray.
@@ -26,6 +35,7 @@ struct HitBatch {
   std::vector<float> cos_incidence;     ///< between beam and surface normal, [0, 1]
   std::vector<std::int32_t> object;     ///< index of the moving body; -1: background
   std::vector<std::uint16_t> class_id;  ///< of the background where object is -1
+  std::vector<BodyPlace> place;         ///< where on a moving body; filled with cos_incidence
 
   std::size_t size() const { return range.size(); }
   void resize(std::size_t n) {
@@ -33,6 +43,7 @@ struct HitBatch {
     cos_incidence.resize(n);
     object.resize(n);
     class_id.resize(n);
+    place.resize(n);
   }
 };
 

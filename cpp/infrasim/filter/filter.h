@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,9 @@ std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);
 
 /// Indices of the points that every step keeps; each step sees only what those before it kept.
 /// Without steps, all finite points.
-std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz);
+/// @param told is told after each step how many points there were before it, and after it
+using StepTold = std::function<void(const FilterStep& step, std::size_t before, std::size_t after)>;
+std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz,
+                          const StepTold& told = {});
 
 }  // namespace infrasim

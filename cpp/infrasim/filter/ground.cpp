@@ -12,14 +12,22 @@ namespace infrasim {
 
 namespace {
 
-/// n . p + d = 0 with a unit normal n; a null normal means none was found.
+/// n . p + d = 0 with a unit normal n; without points none was found.
 struct Plane {
   Vec3 normal;
   double d = 0;
+  std::size_t points = 0;  ///< of those that took part in the search
 };
 
 /// At most this many points take part in the search: evenly chosen ones give the same plane.
 constexpr std::size_t kFitPoints = 20000;
+/// Planes that are tried before none lies where the ground should.
+constexpr int kMostPlanes = 8;
+constexpr double kHeightTolerance_m = 0.5;
+/// A plane this close to where the ground should be is the ground, also beside a larger one that is
+/// not as close, if it has a tenth of its points.
+constexpr double kClose_m = 0.15;
+constexpr std::size_t kFewer = 10;
 
 pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
   auto cloud = pcl::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
@@ -29,11 +37,11 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
   return cloud;
 }
 
-Plane find_plane(std::span<const float> xyz, const GroundPlane& ground) {
+/// The largest plane that is nearly level.
+Plane largest_plane(const pcl::PointCloud<pcl::PointXYZ>::Ptr& cloud, const GroundPlane& ground) {
   // PCL prints when it finds none, which is no fault here; its level of printing is a global.
   static const bool quiet = (pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS), true);
   static_cast<void>(quiet);
-  const auto cloud = fit_points(xyz);
   if (cloud->size() < 3) return {};
   pcl::SACSegmentation<pcl::PointXYZ> search(/*random=*/false);
   search.setModelType(pcl::SACMODEL_PERPENDICULAR_PLANE);
@@ -48,7 +56,27 @@ Plane find_plane(std::span<const float> xyz, const GroundPlane& ground) {
   pcl::ModelCoefficients c;
   search.segment(inliers, c);
   if (inliers.indices.empty() || c.values.size() != 4) return {};
-  return {{c.values[0], c.values[1], c.values[2]}, c.values[3]};
+  return {{c.values[0], c.values[1], c.values[2]}, c.values[3], inliers.indices.size()};
+}
+
+double distance(const Plane& plane, Vec3 p) { return std::abs(dot(plane.normal, p) + plane.d); }
+
+/// Planes that lie elsewhere, such as a field beside a bank, are taken away before the next search.
+Plane find_plane(std::span<const float> xyz, const GroundPlane& ground) {
+  const auto cloud = fit_points(xyz);
+  Plane best;
+  for (int i = 0; i < kMostPlanes; ++i) {
+    const Plane plane = largest_plane(cloud, ground);
+    if (plane.points == 0 || ground.sensor_height_m == 0) return i == 0 ? plane : best;
+    const double off = std::abs(plane.d / plane.normal.z - ground.sensor_height_m);
+    if (off <= kClose_m && kFewer * plane.points >= best.points) return plane;
+    if (off <= kHeightTolerance_m && best.points == 0) best = plane;
+    std::erase_if(cloud->points, [&](const pcl::PointXYZ& p) {
+      return distance(plane, {p.x, p.y, p.z}) <= ground.distance_m;
+    });
+    cloud->width = static_cast<std::uint32_t>(cloud->points.size());
+  }
+  return best;
 }
 
 }  // namespace
@@ -62,10 +90,11 @@ std::vector<int> keep(std::span<const float> xyz, const GroundPlane& ground) {
   if (!(ground.distance_m > 0 && ground.max_tilt_deg > 0 && ground.max_tilt_deg < 90))
     throw std::invalid_argument(
         "ground_plane: the distance must be positive and the tilt within (0, 90) degrees");
+  if (!(ground.sensor_height_m >= 0))
+    throw std::invalid_argument("ground_plane: the sensor's height must not be negative");
   const Plane plane = find_plane(xyz, ground);
-  if (norm(plane.normal) == 0) return keep_if(xyz, [](Vec3) { return true; });
-  return keep_if(
-      xyz, [&](Vec3 p) { return std::abs(dot(plane.normal, p) + plane.d) > ground.distance_m; });
+  if (plane.points == 0) return keep_if(xyz, [](Vec3) { return true; });
+  return keep_if(xyz, [&](Vec3 p) { return distance(plane, p) > ground.distance_m; });
 }
 
 }  // namespace infrasim

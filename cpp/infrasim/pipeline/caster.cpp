@@ -4,22 +4,14 @@
 #include <numeric>
 
 #include "infrasim/sensor/pattern_table.h"
-#include "infrasim/sensor/reflectance.h"
 
 namespace infrasim {
 
 namespace {
 
-constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
+constexpr VehicleParts kNoParts{false, false, false, false, false};
 
-/// Reflectance of what each ray hit; vehicles have that of their paint.
-void look_up_reflectance(const HitBatch& hits, std::span<const float> paint,
-                         std::vector<float>& out) {
-  out.resize(hits.size());
-  for (std::size_t i = 0; i < hits.size(); ++i)
-    out[i] = hits.object[i] >= 0 ? paint[static_cast<std::size_t>(hits.object[i])]
-                                 : background_reflectance(static_cast<Class>(hits.class_id[i]));
-}
+constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
 
 /// The first group after a part of the frame that is worked on at once.
 std::int64_t part_end(const Emitter& emitter, std::int64_t first, std::int64_t last) {
@@ -41,7 +33,7 @@ RayRange Emitter::rays(int k, double from, double to) const {
 }
 
 Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                     int first_ring) {
+                     int first_ring, const std::string& draws) {
   const MountConfig& mount = scene.mounts.begin()->second;
   const LidarUnit& config = lidar.units[unit];
   const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
@@ -53,7 +45,7 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
           ReturnModel(config.returns, scene.weather),
           beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
           static_cast<float>(config.returns.max_range_m),
-          Rng::of(scene.seed, stream_name(lidar, unit)),
+          Rng::of(scene.seed, draws + stream_name(lidar, unit)),
           {},
           {}};
 }
@@ -70,30 +62,29 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
     const RayRange part{first * size, end * size};
     emitter.pattern.generate(part, k * kFramePeriod, rays_);
     rays_.max_range = emitter.max_range;
-    cast += cast_part(part, emitter, vehicles.reflectance);
+    cast += cast_part(part, emitter, vehicles);
     emitter.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits_,
-                          reflectance_, returns_);
+                          reflectance_, emitter.beam ? sunlit_ : reflectance_, returns_);
     collect(vehicles.moving, emitter.beam.has_value(), out);
   }
   return cast;
 }
 
-std::size_t Caster::cast_part(RayRange part, Emitter& emitter, std::span<const float> paint) {
+std::size_t Caster::cast_part(RayRange part, Emitter& emitter, const FrameVehicles& vehicles) {
   const int size = emitter.pattern.group_size();
   const std::int64_t first = part.first / size, last = part.last / size;
   const bool reflectance = emitter.returns.needs_reflectance();
   if (emitter.beam) {
     select(emitter, last - first);
-    cast_beams(*emitter.beam, paint);
-    return sub_rays_.size();
+    return cast_beams(*emitter.beam, vehicles, reflectance ? parts_ : kNoParts);
   }
   if (emitter.layer) {
     cast_moving(*emitter.layer, first, last, reflectance);
   } else {
     cast_all(emitter, last - first, reflectance);
   }
-  if (reflectance) look_up_reflectance(hits_, paint, reflectance_);
-  return selected_.size();
+  if (!reflectance) return selected_.size();
+  return selected_.size() + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
@@ -117,14 +108,17 @@ void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int6
   raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
 }
 
-void Caster::cast_beams(const Beam& beam, std::span<const float> paint) {
+std::size_t Caster::cast_beams(const Beam& beam, const FrameVehicles& vehicles,
+                               const VehicleParts& parts) {
   beam.expand(rays_, selected_, sub_rays_);
   sub_selected_.resize(sub_rays_.size());
   std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
   raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
-  look_up_reflectance(sub_hits_, paint, sub_reflectance_);
+  const std::size_t on =
+      transparent_.resolve(sub_rays_, vehicles, parts, sub_hits_, sub_reflectance_);
   hits_.resize(rays_.size());
-  beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_);
+  beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_, sunlit_);
+  return sub_rays_.size() + on;
 }
 
 void Caster::collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
@@ -12,6 +13,7 @@
 #include "infrasim/core/rng.h"
 #include "infrasim/pipeline/frame_builder.h"
 #include "infrasim/pipeline/static_layer.h"
+#include "infrasim/pipeline/transparent.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/sensor/beam.h"
@@ -36,14 +38,17 @@ struct Emitter {
 
 /// @param unit       index in the LiDAR's units
 /// @param first_ring ring number of the unit's lowest laser
+/// @param draws      put before the name of its stream of random numbers
 Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                     int first_ring);
+                     int first_ring, const std::string& draws = "");
 
 /// Casts the rays of LiDARs and makes returns of their hits. Keeps its buffers from frame to frame.
 /// For one thread at a time.
 class Caster {
  public:
-  explicit Caster(Raycaster& raycaster) : raycaster_(raycaster) {}
+  /// @param parts that LiDARs which detect by received power see of vehicles
+  Caster(Raycaster& raycaster, const VehicleParts& parts)
+      : raycaster_(raycaster), parts_(parts), transparent_(raycaster) {}
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles those that the raycaster has
@@ -53,18 +58,22 @@ class Caster {
                    FrameBuilder& out);
 
  private:
-  std::size_t cast_part(RayRange part, Emitter& emitter, std::span<const float> paint);
+  std::size_t cast_part(RayRange part, Emitter& emitter, const FrameVehicles& vehicles);
   void select(Emitter& emitter, std::int64_t groups);
   void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
   void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
-  void cast_beams(const Beam& beam, std::span<const float> paint);
+  std::size_t cast_beams(const Beam& beam, const FrameVehicles& vehicles,
+                         const VehicleParts& parts);
   void collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const;
 
   Raycaster& raycaster_;
+  VehicleParts parts_;
+  TransparentCaster transparent_;
   RayBatch rays_;
   std::vector<std::uint32_t> selected_;  ///< rays worth casting
   HitBatch hits_;
   std::vector<float> reflectance_;  ///< of the hits
+  std::vector<float> sunlit_;       ///< of the beams
   ReturnBatch returns_;
   RayBatch sub_rays_;  ///< of beams wider than a ray
   std::vector<std::uint32_t> sub_selected_;

@@ -2,7 +2,7 @@
 
 namespace infrasim {
 
-std::vector<FilterStep> make_filters(const std::vector<FilterConfig>& filters,
+std::vector<FilterStep> make_filters(const SceneConfig& scene,
                                      const std::function<std::vector<float>(int)>& empty_frame) {
   std::vector<FilterStep> steps;
   const auto add = [&]<class Filter>(const Filter& filter) {
@@ -10,11 +10,16 @@ std::vector<FilterStep> make_filters(const std::vector<FilterConfig>& filters,
       std::vector<std::vector<float>> frames;
       for (int k = 0; k < filter.frames; ++k) frames.push_back(empty_frame(k));
       steps.emplace_back(learn_background(frames, filter));
+    } else if constexpr (std::is_same_v<Filter, GroundPlane>) {
+      GroundPlane plane = filter;
+      if (plane.sensor_height_m == 0)
+        plane.sensor_height_m = scene.mounts.begin()->second.z_m - scene.roads.front().elevation_m;
+      steps.emplace_back(plane);
     } else {
       steps.emplace_back(filter);
     }
   };
-  for (const FilterConfig& f : filters) std::visit(add, f.step);
+  for (const FilterConfig& f : scene.filters) std::visit(add, f.step);
   return steps;
 }
 

@@ -11,7 +11,7 @@ namespace infrasim {
 /// The filters of a scene for one LiDAR, ready to use.
 /// @param empty_frame  gives the row-major points of frame k of the LiDAR in the scene without
 ///                     vehicles, to learn from
-std::vector<FilterStep> make_filters(const std::vector<FilterConfig>& filters,
+std::vector<FilterStep> make_filters(const SceneConfig& scene,
                                      const std::function<std::vector<float>(int)>& empty_frame);
 
 }  // namespace infrasim

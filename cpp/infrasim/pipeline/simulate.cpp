@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
+#include <string>
 
 #include "infrasim/pipeline/caster.h"
 #include "infrasim/pipeline/frame_builder.h"
@@ -29,12 +31,14 @@ struct Lidar {
   }
 };
 
-Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config) {
+/// @param draws stream of its random numbers; the motors' phases do not depend on it
+Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config,
+                 const std::string& draws = "") {
   Lidar lidar;
   lidar.cut_s = cut_s(config);
   int first_ring = 0;
   for (std::size_t i = 0; i < config.units.size(); ++i) {
-    lidar.emitters.push_back(make_emitter(scene, config, i, first_ring));
+    lidar.emitters.push_back(make_emitter(scene, config, i, first_ring, draws));
     first_ring += lidar.emitters.back().pattern.group_size();
     lidar.reach = std::max(lidar.reach, config.units[i].returns.max_range_m);
   }
@@ -64,7 +68,7 @@ struct FrameSimulator::Impl {
       : world(w),
         slices(world_slices(w.scene.aggregation)),
         raycaster(*w.meshes),
-        caster(raycaster) {
+        caster(raycaster, w.scene.vehicle_parts) {
     for (const LidarConfig& config : configs) {
       Lidar& lidar = lidars.emplace_back(make_lidar(world.scene, config));
       reach = std::max(reach, lidar.reach);
@@ -72,9 +76,14 @@ struct FrameSimulator::Impl {
       for (std::size_t i = 0; i < lidar.emitters.size(); ++i)
         lidar.emitters[i].layer = layers[lidars.size() - 1][i];
     }
-    for (Lidar& lidar : lidars)
-      lidar.filters =
-          make_filters(world.scene.filters, [&](int k) { return empty_frame(k, lidar); });
+    for (std::size_t i = 0; i < lidars.size(); ++i) {
+      // A background is learnt from frames with noise of their own, not from those it is held to.
+      std::optional<Lidar> learning;
+      lidars[i].filters = make_filters(world.scene, [&](int k) {
+        if (!learning) learning = make_lidar(world.scene, configs[i], "background ");
+        return empty_frame(k, *learning);
+      });
+    }
   }
 
   /// Points of one frame without any vehicle.

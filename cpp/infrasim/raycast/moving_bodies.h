@@ -31,6 +31,9 @@ class BodyMotion {
   struct UnitRay {
     float x, y, z;     ///< origin
     float dx, dy, dz;  ///< not of unit length
+    std::array<float, 3> at(float range) const {
+      return {x + range * dx, y + range * dy, z + range * dz};
+    }
   };
   /// @param share of the frame at which the ray is fired, [0, 1]
   UnitRay to_unit(float dx, float dy, float dz, float share) const {
@@ -43,6 +46,14 @@ class BodyMotion {
     return {-(c * px + s * py) * inv_dx_,        (s * px - c * py) * inv_dy_,
             -(z_ + share * travel_z_) * inv_dz_, (c * dx + s * dy) * inv_dx_,
             (c * dy - s * dx) * inv_dy_,         dz * inv_dz_};
+  }
+
+  /// Unit vector, of the body but for its size, from a normal of the unit box of any length.
+  std::array<float, 3> normal(float nx, float ny, float nz) const {
+    nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
+    const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
+    return length > 0 ? std::array{nx / length, ny / length, nz / length}
+                      : std::array{0.F, 0.F, 1.F};
   }
 
   /// Cosine between a ray of the unit box and a surface there, by its normal of any length.

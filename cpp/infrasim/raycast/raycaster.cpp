@@ -65,13 +65,14 @@ struct Packet {
     for (unsigned& mask : rh.ray.mask) mask = 0xFFFFFFFFU;
   }
 
-  void set(std::size_t i, const BodyMotion::UnitRay& ray, float tfar) {
+  void set(std::size_t i, const BodyMotion::UnitRay& ray, float tnear, float tfar) {
     rh.ray.org_x[i] = ray.x;
     rh.ray.org_y[i] = ray.y;
     rh.ray.org_z[i] = ray.z;
     rh.ray.dir_x[i] = ray.dx;
     rh.ray.dir_y[i] = ray.dy;
     rh.ray.dir_z[i] = ray.dz;
+    rh.ray.tnear[i] = tnear;
     rh.ray.tfar[i] = tfar;
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
   }
@@ -178,7 +179,7 @@ struct Raycaster::Impl {
       const std::uint32_t k = order[i];
       const float share = std::clamp(rays.time[k] * time_scale, 0.0F, 1.0F);
       unit[i] = motion.to_unit(rays.dx[k], rays.dy[k], rays.dz[k], share);
-      packet.set(i, unit[i], std::min(hits.range[k], rays.max_range));
+      packet.set(i, unit[i], rays.near_range(k), std::min(hits.range[k], rays.max_range));
     }
     packet.intersect(library.bodies[moving[body].body].get(), order.size());
     const RTCHit16& hit = packet.rh.hit;
@@ -188,9 +189,10 @@ struct Raycaster::Impl {
       hits.range[k] = packet.rh.ray.tfar[i];
       hits.object[k] = static_cast<std::int32_t>(body);
       hits.class_id[k] = 0;
-      if (incidence)
-        hits.cos_incidence[k] =
-            motion.cos_incidence(unit[i], hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
+      if (!incidence) continue;
+      hits.cos_incidence[k] = motion.cos_incidence(unit[i], hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
+      hits.place[k] = {unit[i].at(hits.range[k]),
+                       motion.normal(hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i])};
     }
   }
 
@@ -259,7 +261,8 @@ void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint3
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
     for (std::size_t i = 0; i < part.size(); ++i) {
       const std::uint32_t k = part[i];
-      m.packet.set(i, {0, 0, 0, rays.dx[k], rays.dy[k], rays.dz[k]}, rays.max_range);
+      m.packet.set(i, {0, 0, 0, rays.dx[k], rays.dy[k], rays.dz[k]}, rays.near_range(k),
+                   rays.max_range);
     }
     m.packet.intersect(m.background(), part.size());
     const RTCHit16& hit = m.packet.rh.hit;

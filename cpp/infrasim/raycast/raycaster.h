@@ -47,7 +47,7 @@ class Raycaster {
   /// Nearest hit of each ray that `order` names, every ray at its own time; packets of 16 in that
   /// order. The others are misses. The hits do not depend on the order; of equal ones the
   /// background's counts, then that of the lowest index.
-  /// @param incidence fill hits.cos_incidence too
+  /// @param incidence fill hits.cos_incidence, and hits.place of bodies, too
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);
 

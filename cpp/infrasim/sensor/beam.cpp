@@ -56,14 +56,18 @@ void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
 
 void Beam::combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
                    std::span<const std::uint32_t> selected, HitBatch& hits,
-                   std::vector<float>& reflectance) const {
+                   std::vector<float>& reflectance, std::vector<float>& sunlit) const {
   reflectance.resize(hits.size());
+  sunlit.resize(hits.size());
   std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
   std::ranges::fill(hits.object, -1);
   const std::size_t n = offsets_.size();
   for (std::size_t k = 0; k < selected.size(); ++k) {
     const std::size_t i = selected[k], first = n * k;
-    float strongest = 0;
+    float strongest = 0, lit = 0;
+    for (std::size_t a = first; a < first + n; ++a)
+      if (std::isfinite(sub_hits.range[a])) lit += sub_reflectance[a];
+    sunlit[i] = lit / static_cast<float>(n);
     for (std::size_t a = first; a < first + n; ++a) {
       if (!std::isfinite(sub_hits.range[a])) continue;
       const Echo echo = echo_around(a, first, sub_hits, sub_reflectance);

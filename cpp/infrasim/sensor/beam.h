@@ -30,9 +30,10 @@ class Beam {
   /// reported. Its range is the power-weighted mean, its reflectance is that of a full beam of the
   /// same power.
   /// @param sub_reflectance of each sub-ray's hit
+  /// @param sunlit          reflectance of all that the beam hits, as the sun lights it
   void combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
                std::span<const std::uint32_t> selected, HitBatch& hits,
-               std::vector<float>& reflectance) const;
+               std::vector<float>& reflectance, std::vector<float>& sunlit) const;
 
  private:
   struct Echo {

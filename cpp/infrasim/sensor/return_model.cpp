@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "infrasim/core/normal.h"
+#include "infrasim/sensor/range_law.h"
 
 namespace infrasim {
 
@@ -23,7 +24,12 @@ constexpr double kCertain = 8.5;  // from here on Phi is 1 to the last digit
 }  // namespace
 
 ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather)
-    : config_(config), extinction_per_m_(extinction(weather)) {}
+    : config_(config), extinction_per_m_(extinction(weather)) {
+  if (!config.detection) return;
+  const RangeLaw law = fit_range_law(*config.detection, config.max_range_m);
+  signal_m2_ = law.dark_range_m * law.dark_range_m / 0.1;
+  sun_per_rho_ = weather.sunlight_klux / law.balance_klux / 0.1;
+}
 
 bool ReturnModel::lost_at_random(const Rng& draw) const {
   return draw.uniform(kLoss) < config_.drop_off->general_rate;
@@ -36,14 +42,16 @@ bool ReturnModel::dropped_when_faint(const Rng& draw, double intensity) const {
   return draw.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
 }
 
-double ReturnModel::snr(double range, double reflected) const {
-  const double ratio = config_.detection->range_at_10_percent_m / range;
-  const double clear = reflected / 0.1 * ratio * ratio;
-  return extinction_per_m_ > 0 ? clear * std::exp(-2 * extinction_per_m_ * range) : clear;
+double ReturnModel::snr(double range, double reflected, double sunlit) const {
+  double signal = signal_m2_ * reflected / (range * range);
+  if (extinction_per_m_ > 0) signal *= std::exp(-2 * extinction_per_m_ * range);
+  const double sun = sun_per_rho_ * sunlit;
+  return sun > 1 ? signal / std::sqrt(sun) : signal;
 }
 
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
-                        const std::vector<float>& reflectance, ReturnBatch& out) const {
+                        const std::vector<float>& reflectance, const std::vector<float>& sunlit,
+                        ReturnBatch& out) const {
   out.resize(hits.size());
   std::size_t n = 0;
   const auto min_range = static_cast<float>(config_.min_range_m);
@@ -56,11 +64,12 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
-      const double ratio = snr(range, intensity);
+      const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
       // Detected with probability Phi(margin).
       if (margin < kCertain && normal_quantile(draw().open_uniform(kDetection)) >= margin) continue;
-      sigma *= std::clamp(1 / std::sqrt(2 * ratio), 0.25, 1.0);
+      // What is detected is as strong as the threshold, by its noise if not by its signal.
+      sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
@@ -77,7 +86,10 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
 std::vector<std::string> weather_warnings(const WeatherConfig& weather,
                                           std::span<const LidarConfig> lidars) {
   std::vector<std::string> lines;
-  if (weather.rain_mm_per_h == 0 && std::isinf(weather.visibility_m)) return lines;
+  constexpr WeatherConfig kNone;
+  if (weather.rain_mm_per_h == kNone.rain_mm_per_h && weather.visibility_m == kNone.visibility_m &&
+      weather.sunlight_klux == kNone.sunlight_klux)
+    return lines;
   for (const LidarConfig& lidar : lidars) {
     const auto blind = std::ranges::count_if(
         lidar.units, [](const LidarUnit& unit) { return !unit.returns.detection; });

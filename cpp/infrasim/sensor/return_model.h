@@ -26,28 +26,32 @@ struct ReturnBatch {
 };
 
 /// Which hits become points. Range limits and drop-off as in CARLA 0.9; detection by received
-/// power P = rho cos(theta) / R^2 exp(-2 alpha R) against that of a 10 % target at the vendor's
-/// range in clear air, with extinction alpha by rain (Marshall-Palmer) and fog (Koschmieder).
+/// power P = rho cos(theta) / R^2 exp(-2 alpha R) over the noise of the RangeLaw, with extinction
+/// alpha by rain (Marshall-Palmer) and fog (Koschmieder).
 class ReturnModel {
  public:
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
 
   /// @param rng         stream of this unit and frame; ray i of the frame draws from rng.at(i)
   /// @param first_ray   number of the batch's first ray within the frame
-  /// @param reflectance of each hit, [0, 1]; like the hits' incidence, read only if
-  ///                    needs_reflectance()
+  /// @param reflectance of each hit; like the hits' incidence, read only if needs_reflectance()
+  /// @param sunlit      reflectance of all that the detector looks at there, which for a single ray
+  ///                    is that of its hit
   void apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
-             const std::vector<float>& reflectance, ReturnBatch& out) const;
+             const std::vector<float>& reflectance, const std::vector<float>& sunlit,
+             ReturnBatch& out) const;
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
  private:
   bool lost_at_random(const Rng& draw) const;
   bool dropped_when_faint(const Rng& draw, double intensity) const;
-  double snr(double range, double reflected) const;
+  double snr(double range, double reflected, double sunlit) const;
 
   ReturnsConfig config_;
   double extinction_per_m_ = 0;
+  double signal_m2_ = 0;    ///< of a reflectance of 1, at 1 m
+  double sun_per_rho_ = 0;  ///< square of the sun's noise over that of the detector
 };
 
 /// One line for each LiDAR that the weather does not touch, wholly or on some of its units: what a

@@ -1,0 +1,162 @@
+#include "infrasim/pipeline/transparent.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "infrasim/sensor/reflectance.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr int kMostTimes = 4;  // that a ray is cast on
+constexpr float kNever = std::numeric_limits<float>::infinity();
+constexpr double kLevelNormal = 0.9;  // z of the normal of a body's floor
+
+/// From a hit on: beyond what rounding can find again.
+float beyond(float range) { return range + std::max(2e-4F, 2e-6F * range); }
+
+/// Where a ray that goes through a pane meets the floor of the cabin.
+float floor_range(float range, const BodyHit& hit, float dz) {
+  const double above = (hit.at.z + 0.5) * hit.size_m.z - kClearance_m;
+  return dz < 0 ? range + static_cast<float>(above / -dz) : kNever;
+}
+
+}  // namespace
+
+std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
+                                       const VehicleParts& parts, HitBatch& hits,
+                                       std::vector<float>& reflectance) {
+  vehicles_ = &vehicles;
+  parts_ = parts;
+  hits_ = &hits;
+  reflectance_ = &reflectance;
+  reflectance.resize(rays.size());
+  next_.clear();
+  for (std::size_t i = 0; i < hits.size(); ++i)
+    if (hits.object[i] < 0)
+      reflectance[i] = background_reflectance(static_cast<Class>(hits.class_id[i]));
+    else
+      meet_vehicle(rays, {.ray = static_cast<std::uint32_t>(i)}, hits, i);
+  std::size_t cast = 0;
+  for (int times = 0; times < kMostTimes && !next_.empty(); ++times) {
+    cast += next_.size();
+    cast_on(rays);
+  }
+  return cast;
+}
+
+void TransparentCaster::cast_on(const RayBatch& rays) {
+  passing_.swap(next_);
+  next_.clear();
+  on_.resize(passing_.size());
+  on_.near.resize(passing_.size());
+  on_.max_range = rays.max_range;
+  on_order_.resize(passing_.size());
+  std::iota(on_order_.begin(), on_order_.end(), 0U);
+  for (std::size_t k = 0; k < passing_.size(); ++k) {
+    const std::uint32_t i = passing_[k].ray;
+    on_.dx[k] = rays.dx[i];
+    on_.dy[k] = rays.dy[i];
+    on_.dz[k] = rays.dz[i];
+    on_.time[k] = rays.time[i];
+    on_.near[k] = passing_[k].near;
+  }
+  raycaster_.cast(on_, on_order_, on_hits_);
+  for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_, k);
+}
+
+void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const HitBatch& batch,
+                             std::size_t k) {
+  const float range = batch.range[k];
+  if (state.floor_range < range)
+    return take(
+        state, {state.floor_range, state.object, 0, interior_optics(std::abs(rays.dz[state.ray]))});
+  if (!std::isfinite(range)) return;
+  if (batch.object[k] >= 0) return meet_vehicle(rays, state, batch, k);
+  const float material = background_reflectance(static_cast<Class>(batch.class_id[k]));
+  take(state, {range, -1, batch.class_id[k], {material, batch.cos_incidence[k]}});
+}
+
+void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
+                                     const HitBatch& batch, std::size_t k) {
+  const float range = batch.range[k];
+  const std::int32_t object = batch.object[k];
+  const auto index = static_cast<std::size_t>(object);
+  const Class object_class = vehicles_->moving[index].object_class;
+  const double cosine = batch.cos_incidence[k];
+  if (!parts_.any())
+    return take(state, {range, object, 0, {vehicles_->reflectance[index], batch.cos_incidence[k]}});
+  const BodyHit hit = body_hit(batch, k);
+  const Part part = part_at(hit, parts_);
+  if (state.object == object && state.under) return meet_below(hit, part, state, batch, k);
+  const bool inside = state.object == object;
+  if (inside && part != Part::kGlass)
+    return take(state, {range, object, 0, interior_optics(cosine)});
+  Passing on = state;
+  on.near = beyond(range);
+  on.object = inside ? -1 : object;
+  on.under = part == Part::kGap;
+  on.floor_range = inside || on.under ? kNever : floor_range(range, hit, rays.dz[state.ray]);
+  const Optics optics =
+      optics_of(part, object_class, vehicles_->reflectance[index], cosine, parts_);
+  if (part == Part::kGap) {
+    if (state.near == 0) hits_->range[state.ray] = kNever, hits_->object[state.ray] = -1;
+    next_.push_back(on);
+    return;
+  }
+  take(state, {range, object, 0, optics});
+  if (part != Part::kGlass || !sees_through(object_class)) return;
+  on.power *= kPaneTwice;
+  next_.push_back(on);
+}
+
+/// A ray that went in below a body meets it again.
+void TransparentCaster::meet_below(const BodyHit& hit, Part part, const Passing& state,
+                                   const HitBatch& batch, std::size_t k) {
+  const float range = batch.range[k];
+  // A body stands on the road, so where the ray meets its lower face it meets the road.
+  if (hit.at.z < 0 && std::abs(hit.normal.z) > kLevelNormal)
+    return take(state, {range,
+                        -1,
+                        static_cast<std::uint16_t>(Class::kRoad),
+                        {background_reflectance(Class::kRoad), batch.cos_incidence[k]}});
+  if (part != Part::kGap)
+    return take(state, {range, batch.object[k], 0, interior_optics(batch.cos_incidence[k])});
+  Passing on = state;
+  on.near = beyond(range);
+  on.object = -1;
+  on.under = false;
+  next_.push_back(on);
+}
+
+BodyHit TransparentCaster::body_hit(const HitBatch& batch, std::size_t k) const {
+  const auto index = static_cast<std::size_t>(batch.object[k]);
+  const Box3d& box = vehicles_->boxes[index];
+  const auto& [at, normal] = batch.place[k];
+  return {.object_class = vehicles_->moving[index].object_class,
+          .size_m = {box.dx, box.dy, box.dz},
+          .at = {at[0], at[1], at[2]},
+          .normal = {normal[0], normal[1], normal[2]}};
+}
+
+/// Makes an echo the ray's hit, unless what it met before is stronger.
+void TransparentCaster::take(const Passing& state, const Echo& echo) {
+  const std::uint32_t i = state.ray;
+  const float reflectance = state.power * echo.optics.reflectance;
+  const auto power = [](float reflected, float range) { return reflected / (range * range); };
+  const bool first = state.near == 0;
+  if (!first && std::isfinite(hits_->range[i]) &&
+      power((*reflectance_)[i] * hits_->cos_incidence[i], hits_->range[i]) >=
+          power(reflectance * echo.optics.gain, echo.range))
+    return;
+  hits_->range[i] = echo.range;
+  hits_->object[i] = echo.object;
+  hits_->class_id[i] = echo.class_id;
+  hits_->cos_incidence[i] = echo.optics.gain;
+  (*reflectance_)[i] = reflectance;
+}
+
+}  // namespace infrasim

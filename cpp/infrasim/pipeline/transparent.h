@@ -1,0 +1,67 @@
+#pragma once
+
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "infrasim/pipeline/vehicles.h"
+#include "infrasim/raycast/raycaster.h"
+#include "infrasim/sensor/vehicle_parts.h"
+
+namespace infrasim {
+
+/// Says what rays meet on vehicles, and casts them on where it lets them through: panes, with the
+/// power that is left, and the air below bodies. Keeps its buffers. For one thread at a time.
+class TransparentCaster {
+ public:
+  explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
+
+  /// Of what a ray meets on its way, the strongest echo becomes its hit; `hits.cos_incidence` then
+  /// says how much stronger than that of a Lambertian surface that is met head on.
+  /// @param vehicles    those that the raycaster has
+  /// @param hits        nearest ones, with incidence
+  /// @param reflectance of each hit, less what panes on the way take
+  /// @return how many rays were cast on, a ray as often as it was
+  std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
+                      const VehicleParts& parts, HitBatch& hits, std::vector<float>& reflectance);
+
+ private:
+  /// A ray that goes on.
+  struct Passing {
+    std::uint32_t ray = 0;
+    std::int32_t object = -1;  ///< that it is in or under; -1: none
+    bool under = false;        ///< it, not in it
+    float power = 1;           ///< what panes have left of it
+    float near = 0;            ///< from where it goes on; 0: it comes from the sensor
+    float floor_range = std::numeric_limits<float>::infinity();  ///< to the floor of a cabin
+  };
+  /// What a ray meets, and how that sends light back.
+  struct Echo {
+    float range;
+    std::int32_t object;
+    std::uint16_t class_id;
+    Optics optics;
+  };
+
+  void cast_on(const RayBatch& rays);
+  void meet(const RayBatch& rays, const Passing& state, const HitBatch& batch, std::size_t k);
+  void meet_vehicle(const RayBatch& rays, const Passing& state, const HitBatch& batch,
+                    std::size_t k);
+  void meet_below(const BodyHit& hit, Part part, const Passing& state, const HitBatch& batch,
+                  std::size_t k);
+  BodyHit body_hit(const HitBatch& batch, std::size_t k) const;
+  void take(const Passing& state, const Echo& echo);
+
+  Raycaster& raycaster_;
+  const FrameVehicles* vehicles_ = nullptr;
+  VehicleParts parts_;
+  HitBatch* hits_ = nullptr;
+  std::vector<float>* reflectance_ = nullptr;
+  std::vector<Passing> passing_;  ///< rays to be cast on
+  std::vector<Passing> next_;     ///< those that go on after that
+  RayBatch on_;
+  std::vector<std::uint32_t> on_order_;
+  HitBatch on_hits_;
+};
+
+}  // namespace infrasim

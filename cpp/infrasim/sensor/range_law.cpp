@@ -1,0 +1,75 @@
+#include "infrasim/sensor/range_law.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <vector>
+
+namespace infrasim {
+
+namespace {
+
+/// Errors that weigh the same: vendors give ranges in steps of 10 m, and few at night.
+constexpr double kDayTolerance = 0.02, kNightTolerance = 0.04;
+/// Balances that are tried: 100 klx times 10^(i / 100), i from -100 to 100.
+constexpr int kSteps = 100;
+
+double tolerance(const PublishedRange& pair) {
+  return pair.sunlight_klux > 0 ? kDayTolerance : kNightTolerance;
+}
+
+/// Logarithm of published over predicted range.
+double error(const RangeLaw& law, const PublishedRange& pair) {
+  return std::log(pair.range_m / law.range_m(pair.reflectance, pair.sunlight_klux));
+}
+
+/// The dark range that suits a balance best; ranges at the device's end say nothing of it.
+double best_dark_range(double balance_klux, const std::vector<PublishedRange>& pairs,
+                       double max_range_m) {
+  const RangeLaw one{.dark_range_m = 1, .balance_klux = balance_klux};
+  double sum = 0, weights = 0;
+  for (const PublishedRange& pair : pairs) {
+    if (pair.range_m >= max_range_m && pairs.size() > 1) continue;
+    const double weight = 1 / (tolerance(pair) * tolerance(pair));
+    sum += weight * error(one, pair);
+    weights += weight;
+  }
+  return weights > 0 ? std::exp(sum / weights) : pairs.front().range_m;
+}
+
+double misfit(const RangeLaw& law, const std::vector<PublishedRange>& pairs, double max_range_m) {
+  double sum = 0;
+  for (const PublishedRange& pair : pairs) {
+    const double e = error(law, pair) / tolerance(pair);
+    if (pair.range_m < max_range_m || e > 0) sum += e * e;
+  }
+  return sum;
+}
+
+}  // namespace
+
+double RangeLaw::noise(double sunlit, double klux) const {
+  return std::max(1.0, std::sqrt(sunlit / 0.1 * klux / balance_klux));
+}
+
+double RangeLaw::range_m(double reflectance, double klux) const {
+  return dark_range_m * std::sqrt(reflectance / 0.1 / noise(reflectance, klux));
+}
+
+RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
+  std::vector<PublishedRange> pairs{{.range_m = detection.range_at_10_percent_m}};
+  pairs.insert(pairs.end(), detection.further_ranges.begin(), detection.further_ranges.end());
+  RangeLaw best{};
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i <= 2 * kSteps; ++i) {
+    const int step = i % 2 == 0 ? -i / 2 : (i + 1) / 2;  // 0, 1, -1, 2, -2, ...
+    RangeLaw law{.dark_range_m = 0, .balance_klux = std::pow(10, 2 + step / 100.0)};
+    law.dark_range_m = best_dark_range(law.balance_klux, pairs, max_range_m);
+    const double found = misfit(law, pairs, max_range_m);
+    if (found < least - 1e-9) least = found, best = law;
+  }
+  return best;
+}
+
+}  // namespace infrasim

@@ -1,0 +1,93 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/sensor/range_law.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+RangeLaw law_of(double range_at_10_percent_m, const std::vector<PublishedRange>& further,
+                double max_range_m = 1000) {
+  return fit_range_law({range_at_10_percent_m, further}, max_range_m);
+}
+
+TEST(range_law, of_one_published_range_goes_with_the_fourth_root_of_bright_targets_by_day) {
+  const RangeLaw law = law_of(100, {});
+  EXPECT_NEAR(law.range_m(0.1, 100), 100, 1e-9);
+  EXPECT_NEAR(law.range_m(0.8, 100), 100 * std::pow(8, 0.25), 1e-9);
+  EXPECT_NEAR(law.range_m(0.025, 100), 50, 1e-9);  // dark targets: the detector's own noise
+}
+
+TEST(range_law, goes_with_the_square_root_of_reflectance_at_night) {
+  const RangeLaw law = law_of(100, {});
+  EXPECT_NEAR(law.range_m(0.4, 0), 200, 1e-9);
+  EXPECT_NEAR(law.range_m(0.1, 0), 100, 1e-9);
+}
+
+TEST(range_law, finds_the_balance_that_two_published_ranges_have) {
+  // At 80 % the noise is that of the sun over a balance of 400 klx: sqrt(8 x 100 / 400).
+  const double range_m = 100 * std::sqrt(8 / std::sqrt(2.0));
+  const RangeLaw law = law_of(100, {{.range_m = range_m, .reflectance = 0.8}});
+  EXPECT_NEAR(law.balance_klux, 400, 0.02 * 400);
+  EXPECT_NEAR(law.range_m(0.8, 100), range_m, 1e-2 * range_m);
+}
+
+TEST(range_law, of_a_lidar_that_the_sun_blinds_sees_farther_at_night) {
+  const RangeLaw law = law_of(100, {{.range_m = 140, .reflectance = 0.1, .sunlight_klux = 0}});
+  EXPECT_NEAR(law.range_m(0.1, 100), 100, 1);
+  EXPECT_NEAR(law.range_m(0.1, 0), 140, 1.4);
+}
+
+TEST(range_law, takes_the_end_of_the_scale_for_a_range_that_it_must_reach) {
+  const RangeLaw law = law_of(50, {{.range_m = 120, .reflectance = 0.8}}, 120);
+  EXPECT_GE(law.range_m(0.8, 100), 119);
+  EXPECT_NEAR(law.range_m(0.1, 100), 50, 0.5);
+}
+
+/// The datasheet of a LiDAR of the catalogue; a table of rays that is the user's to fetch is empty.
+LidarConfig datasheet(const std::filesystem::path& file) {
+  const testing::TestFolder folder;
+  std::filesystem::copy(file.parent_path(), folder.path(),
+                        std::filesystem::copy_options::recursive);
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  std::string keys = text.str();
+  if (const auto at = keys.find("mid360.npy"); at != std::string::npos)
+    for (auto more = at; more != std::string::npos; more = keys.find("mid360.npy"))
+      keys.replace(more, 10, "mid360.csv");
+  folder.write("mid360.csv", "azimuth_rad,elevation_rad\n0,0\n");
+  return read_lidar(folder.write(file.filename().string(), keys), "datasheet");
+}
+
+TEST(range_law, holds_every_published_range_of_the_catalogue) {
+  std::size_t pairs = 0, lidars = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(testing::configs() / "lidars")) {
+    if (entry.path().extension() != ".yaml") continue;
+    const LidarConfig lidar = datasheet(entry.path());
+    const ReturnsConfig& returns = lidar.units.front().returns;
+    const RangeLaw law = fit_range_law(*returns.detection, returns.max_range_m);
+    std::vector<PublishedRange> all{{.range_m = returns.detection->range_at_10_percent_m}};
+    for (const PublishedRange& further : returns.detection->further_ranges) all.push_back(further);
+    ++lidars;
+    for (const PublishedRange& pair : all) {
+      const double range_m =
+          std::min(returns.max_range_m, law.range_m(pair.reflectance, pair.sunlight_klux));
+      const double tolerance = pair.sunlight_klux > 0 ? 0.02 : 0.04;
+      EXPECT_NEAR(range_m, pair.range_m, tolerance * pair.range_m)
+          << lidar.name << " at " << pair.reflectance << ", " << pair.sunlight_klux << " klx";
+      ++pairs;
+    }
+  }
+  EXPECT_EQ(lidars, 16U);
+  EXPECT_GE(pairs, 30U);
+}
+
+}  // namespace
+}  // namespace infrasim

@@ -1,0 +1,230 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "infrasim/pipeline/simulate.h"
+#include "infrasim/scene/vehicle_body.h"
+#include "infrasim/sensor/vehicle_parts.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::empty_road;
+using testing::plain_lidar;
+using testing::point;
+using testing::spinning;
+using testing::straight_on;
+
+constexpr VehicleParts kAll{true, true, true, true, true};
+constexpr VehicleParts kNone{false, false, false, false, false};
+constexpr VehicleParts only(bool VehicleParts::* part) {
+  VehicleParts parts = kNone;
+  parts.*part = true;
+  return parts;
+}
+
+constexpr Vec3 kFront{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
+
+/// A place of a car of 4.5 x 1.9 x 1.5 m: metres along and left of its centre, and above the road.
+BodyHit car_hit(double x, double y, double z, Vec3 normal) {
+  return {Class::kCar, {4.5, 1.9, 1.5}, {x / 4.5, y / 1.9, z / 1.5 - 0.5}, normal};
+}
+
+// --- where the parts are ------------------------------------------------------------------------
+
+TEST(part, of_a_car_is_that_of_its_place) {
+  EXPECT_EQ(part_at(car_hit(2.2, 0, 0.6, kFront), kAll), Part::kPaint);  // bumper
+  EXPECT_EQ(part_at(car_hit(2.2, 0.1, 0.45, kFront), kAll), Part::kPlate);
+  EXPECT_EQ(part_at(car_hit(2.2, 0.7, 0.6, kFront), kAll), Part::kLamp);
+  EXPECT_EQ(part_at(car_hit(-2.2, 0.75, 0.8, kFront), kAll), Part::kLamp);
+  EXPECT_EQ(part_at(car_hit(0.3, 0.9, 0.7, kLeft), kAll), Part::kPaint);        // door
+  EXPECT_EQ(part_at(car_hit(0.2, 0.9, 1.1, kLeft), kAll), Part::kGlass);        // its window
+  EXPECT_EQ(part_at(car_hit(0.5, 0, 1.2, {.57, 0, .82}), kAll), Part::kGlass);  // windscreen
+  EXPECT_EQ(part_at(car_hit(1.5, 0, 0.9, kUp), kAll), Part::kPaint);            // bonnet
+  EXPECT_EQ(part_at(car_hit(0, 0, 1.5, kUp), kAll), Part::kPaint);              // roof
+  EXPECT_EQ(part_at(car_hit(1.305, 0.95, 0.05, kLeft), kAll), Part::kTyre);
+  EXPECT_EQ(part_at(car_hit(1.305, 0.95, 0.32, kLeft), kAll), Part::kPaint);  // rim
+  EXPECT_EQ(part_at(car_hit(0, 0.95, 0.19, kLeft), kAll), Part::kGap);
+  EXPECT_EQ(part_at(car_hit(0, 0.95, 0.21, kLeft), kAll), Part::kPaint);  // sill
+}
+
+TEST(part, that_is_not_asked_for_is_paint) {
+  EXPECT_FALSE(kNone.any());
+  EXPECT_EQ(part_at(car_hit(0.2, 0.9, 1.1, kLeft), kNone), Part::kPaint);
+  EXPECT_EQ(part_at(car_hit(0, 0.95, 0.1, kLeft), kNone), Part::kPaint);
+  EXPECT_EQ(part_at(car_hit(2.2, 0.1, 0.45, kFront), kNone), Part::kPaint);
+  constexpr VehicleParts gap = only(&VehicleParts::gap);
+  EXPECT_EQ(part_at(car_hit(1.305, 0.95, 0.05, kLeft), gap), Part::kPaint);  // a wheel, no gap
+  EXPECT_EQ(part_at(car_hit(0, 0.95, 0.1, kLeft), gap), Part::kGap);
+}
+
+TEST(part, of_riders_and_pedestrians_is_one) {
+  for (const Class c : {Class::kMotorcycle, Class::kPedestrian, Class::kCyclist})
+    for (const double z : {-0.49, 0.0, 0.3})
+      EXPECT_EQ(part_at({c, {2, .8, 1.6}, {0, .5, z}, kLeft}, kAll), Part::kPaint);
+}
+
+/// Share of a body's surface between two heights that is glass; roofs are left out.
+double glass_share(Class object_class, Vec3 size_m, double from, double to) {
+  const TriangleMesh mesh = build_vehicle_body(object_class, Detail::kLow);
+  double glass = 0, all = 0;
+  for (const auto& t : mesh.triangles) {
+    const auto vertex = [&](std::size_t i) {
+      const auto& v = mesh.vertices.at(t.at(i));
+      return Vec3{v[0], v[1], v[2]};
+    };
+    const Vec3 a = vertex(0), b = vertex(1) - a, c = vertex(2) - a;
+    const auto scaled = [&](Vec3 v) {
+      return Vec3{v.x * size_m.x, v.y * size_m.y, v.z * size_m.z};
+    };
+    const Vec3 across = cross(scaled(b), scaled(c));
+    const double area = norm(across);
+    if (area < 1e-9) continue;
+    const Vec3 normal = 1 / area * across;
+    for (int i = 0; i < 40; ++i)
+      for (int j = 0; j + i < 40; ++j) {
+        const Vec3 at = a + (i + 0.33) / 40 * b + (j + 0.33) / 40 * c;
+        if (at.z + 0.5 < from || at.z + 0.5 > to || std::abs(normal.z) > 0.95) continue;
+        all += area;
+        if (part_at({object_class, size_m, at, normal}, kAll) == Part::kGlass) glass += area;
+      }
+  }
+  return glass / all;
+}
+
+TEST(part, some_seven_tenths_above_the_belt_line_are_glass) {
+  EXPECT_NEAR(glass_share(Class::kCar, {4.53, 1.95, 1.57}, .58, 1), 0.7, 0.1);
+  EXPECT_NEAR(glass_share(Class::kVan, {5.3, 2.05, 2.25}, .50, 1), 0.7, 0.1);
+  EXPECT_NEAR(glass_share(Class::kBus, {10.5, 2.94, 3.47}, .50, 1), 0.6, 0.1);
+  EXPECT_LT(glass_share(Class::kTruck, {6.97, 2.7, 2.96}, .50, 1), 0.3);  // of its cab alone
+}
+
+// --- how they send light back -------------------------------------------------------------------
+
+double sent_back(Part part, double cosine, const VehicleParts& parts = kAll) {
+  const Optics o = optics_of(part, Class::kCar, 0.5F, cosine, parts);
+  return static_cast<double>(o.reflectance) * o.gain;
+}
+
+TEST(optics, of_paint_without_a_coat_are_those_of_lambert) {
+  EXPECT_NEAR(sent_back(Part::kPaint, 0.6, kNone), 0.3, 1e-6);
+}
+
+TEST(optics, of_clear_coat_lose_what_fresnel_says_on_both_ways) {
+  // R(n = 1.5): 4.00 % head on, 8.92 % at 60 degrees, 25.3 % at 75 degrees.
+  EXPECT_NEAR(sent_back(Part::kPaint, 1), 0.5, 1e-6);
+  EXPECT_NEAR(sent_back(Part::kPaint, 0.5), 0.25 * std::pow(.9108 / .96, 2), 1e-4);
+  const double c = std::cos(rad(75));
+  EXPECT_NEAR(sent_back(Part::kPaint, c), 0.5 * c * std::pow(.7470 / .96, 2), 1e-3);
+}
+
+TEST(optics, of_glass_are_almost_nothing_but_head_on) {
+  EXPECT_GT(sent_back(Part::kGlass, std::cos(rad(2))), 1);
+  EXPECT_LT(sent_back(Part::kGlass, std::cos(rad(4))), 0.01);
+}
+
+TEST(optics, of_plates_and_lamps_are_brighter_than_white_at_any_angle) {
+  EXPECT_GT(sent_back(Part::kPlate, 0.3), 2);
+  EXPECT_GT(sent_back(Part::kLamp, 0.3), 1);
+}
+
+// --- what rays do -------------------------------------------------------------------------------
+
+/// Points of one frame by what they lie on: -1 road, else the vehicle.
+struct Seen {
+  std::map<int, int> points;
+  double lowest_m = kInf;         ///< point of a vehicle above the road
+  std::vector<Vec3> of_vehicles;  ///< levelled frame
+};
+
+/// The vehicles stand in front of a sensor 6 m above the road that detects by power.
+Seen seen(const std::vector<ObjectState>& vehicles, const VehicleParts& parts,
+          double range_at_10_percent_m = 100, bool by_power = true) {
+  SceneConfig scene = empty_road();
+  scene.detail = Detail::kLow;
+  scene.vehicle_parts = parts;
+  LidarConfig lidar = plain_lidar("lidar", spinning(161, -40, 0, 0.1));
+  if (by_power)
+    lidar.units.front().returns.detection.emplace().range_at_10_percent_m = range_at_10_percent_m;
+  World world = build_world(scene);
+  world.trajectories = straight_on(vehicles, 10);
+  FrameSimulator simulator(world, std::array{lidar});
+  const Frame frame = std::move(simulator.simulate(0, {true}).front());
+  Seen out;
+  for (std::size_t i = 0; i < frame.cloud.size(); ++i) {
+    ++out.points[frame.cloud.object_id[i]];
+    if (frame.cloud.object_id[i] < 0) continue;
+    out.of_vehicles.push_back(point(frame.cloud, i));
+    out.lowest_m = std::min(out.lowest_m, out.of_vehicles.back().z + 6);
+  }
+  return out;
+}
+
+/// A silver or white car: its paint is a matter of its id.
+ObjectState car(int id, double x, double y = 0, double heading = kPi / 2) {
+  return testing::car_on_road(id, x, y, heading);
+}
+
+TEST(parts, leave_presets_without_detection_alone) {
+  const std::vector cars{car(1, 20)};
+  EXPECT_EQ(seen(cars, kAll, 100, false).points, seen(cars, kNone, 100, false).points);
+}
+
+TEST(parts, gap_lets_rays_pass_on_to_the_road) {
+  const Seen without = seen({car(1, 20)}, kNone),
+             with = seen({car(1, 20)}, only(&VehicleParts::gap));
+  EXPECT_LT(without.lowest_m, 0.1);
+  const int lost = without.points.at(1) - with.points.at(1);
+  EXPECT_GT(lost, 50);
+  // All of them meet the road, or the wheels of the far side.
+  EXPECT_EQ(with.points.at(-1) - without.points.at(-1), lost);
+}
+
+TEST(parts, glass_takes_most_of_the_points_above_the_belt_line) {
+  const auto above_belt = [](const Seen& s) {
+    return std::ranges::count_if(s.of_vehicles,
+                                 [](Vec3 p) { return p.z + 6 > 0.6 * 1.5 && p.z + 6 < 1.4; });
+  };
+  const auto without = above_belt(seen({car(1, 45)}, kNone));
+  const auto with = above_belt(seen({car(1, 45)}, only(&VehicleParts::glass)));
+  EXPECT_GT(without, 50);
+  EXPECT_LT(static_cast<double>(with) / static_cast<double>(without), 0.6);
+  EXPECT_GT(with, 0);
+}
+
+TEST(parts, glass_shows_what_stands_behind_it) {
+  // Seen from nearby, the floor and the far side of the cabin; they lie inside of the box.
+  const Seen s = seen({car(1, 8)}, only(&VehicleParts::glass), 400);
+  int inside = 0;
+  for (const Vec3& p : s.of_vehicles) {
+    EXPECT_GT(p.z + 6, 0) << "a point below the road";
+    EXPECT_LT(std::abs(p.x - 8), 0.95 + 1e-3);
+    EXPECT_LT(std::abs(p.y), 2.25 + 1e-3);
+    inside += std::abs(p.z + 6 - kClearance_m) < 1e-3 && std::abs(p.x - 8) < 0.8;
+  }
+  EXPECT_GT(inside, 10);  // on the floor
+}
+
+TEST(parts, reflectors_are_seen_where_paint_is_not) {
+  const std::vector cars{car(1, 60, 0, kPi)};  // its front ahead
+  const Seen dim = seen(cars, kNone, 15), bright = seen(cars, only(&VehicleParts::reflectors), 15);
+  EXPECT_EQ(dim.points.count(1), 0U);
+  EXPECT_GT(bright.points.at(1), 3);
+}
+
+TEST(parts, move_with_the_vehicle) {
+  // Twice the same car, where it is seen at mid-frame; the one drives past meanwhile.
+  const auto run = [](double speed) {
+    ObjectState moving = car(1, -20, -speed * 0.05);
+    moving.speed_m_s = speed;
+    return seen({moving}, kAll).points.at(1);
+  };
+  EXPECT_NEAR(static_cast<double>(run(20)) / run(0), 1, 0.1);
+}
+
+}  // namespace
+}  // namespace infrasim
