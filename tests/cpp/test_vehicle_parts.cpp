@@ -204,7 +204,7 @@ TEST(parts, glass_shows_what_stands_behind_it) {
     EXPECT_GT(p.z + 6, 0) << "a point below the road";
     EXPECT_LT(std::abs(p.x - 8), 0.95 + 1e-3);
     EXPECT_LT(std::abs(p.y), 2.25 + 1e-3);
-    inside += std::abs(p.z + 6 - kClearance_m) < 1e-3 && std::abs(p.x - 8) < 0.8;
+    inside += std::abs(p.z + 6 - kSillHeight_m) < 1e-3 && std::abs(p.x - 8) < 0.8;
   }
   EXPECT_GT(inside, 10);  // on the floor
 }

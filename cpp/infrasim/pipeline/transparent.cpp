@@ -20,7 +20,7 @@ float beyond(float range) { return range + std::max(2e-4F, 2e-6F * range); }
 
 /// Where a ray that goes through a pane meets the floor of the cabin.
 float floor_range(float range, const BodyHit& hit, float dz) {
-  const double above = (hit.at.z + 0.5) * hit.size_m.z - kClearance_m;
+  const double above = (hit.at.z + 0.5) * hit.size_m.z - kSillHeight_m;
   return dz < 0 ? range + static_cast<float>(above / -dz) : kNever;
 }
 

@@ -105,7 +105,7 @@ constexpr double kGlintCosine = 0.99863;     // within 3 degrees
 Part part_at(const BodyHit& hit, const VehicleParts& asked) {
   const Layout* body = layout_of(hit.object_class);
   if (body == nullptr) return Part::kPaint;
-  const bool low = (hit.at.z + 0.5) * hit.size_m.z < kClearance_m;
+  const bool low = (hit.at.z + 0.5) * hit.size_m.z < kSillHeight_m;
   if ((asked.tyres || low) && is_tyre(hit, *body)) return asked.tyres ? Part::kTyre : Part::kPaint;
   if (asked.gap && low) return Part::kGap;
   if (asked.glass && is_glass(hit, *body)) return Part::kGlass;

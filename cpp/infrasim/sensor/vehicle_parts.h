@@ -40,7 +40,7 @@ Optics interior_optics(double cos_incidence);
 inline constexpr float kPaneTwice = 0.25F;
 
 /// Where bodies end above the road.
-inline constexpr double kClearance_m = 0.2;
+inline constexpr double kSillHeight_m = 0.2;
 
 /// Whether one can look through the cabin: not of a truck, which has a wall behind its seats.
 constexpr bool sees_through(Class object_class) { return object_class != Class::kTruck; }
