@@ -32,7 +32,16 @@ def repeating(preset: str) -> list[Path]:
 
 def run(scene: str, preset: str, frames: int, threads: int, out: Path, *more: str) -> pd.DataFrame:
     """The summary of one run of all LiDARs that have the preset, by LiDAR."""
-    command = [BINARY, "run", scene, "--lidar", *repeating(preset), "--preset", preset, "--fields"]
+    command: list[str | Path] = [
+        BINARY,
+        "run",
+        scene,
+        "--lidar",
+        *repeating(preset),
+        "--preset",
+        preset,
+        "--fields",
+    ]
     command += ["--frames", f"0:{frames}", "--threads", str(threads), "--out", out, *more]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return pd.read_csv(out / "summary.csv", index_col="lidar")

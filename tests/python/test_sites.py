@@ -49,8 +49,8 @@ def test_recorded_vehicles_in_one_place_are_named(tmp_path: Path, infrasim: Infr
     result = infrasim("check", file, "--traffic")
     assert result.returncode == 2
     assert result.stderr == (
-        f"{tmp_path / 'recorded.csv'}: (vehicles): found 3 and 8 in one place at 0 s, x 42, y -5.25,"
-        " allowed vehicles apart\n"
+        f"{tmp_path / 'recorded.csv'}: (vehicles): found 3 and 8 in one place at 0 s, x 42, "
+        "y -5.25, allowed vehicles apart\n"
     )
 
 
