@@ -70,8 +70,11 @@ def _subtitle(material: Material) -> str:
 
 
 def _footer(material: Material) -> str:
+    cells = material.results.table("cells")
+    versions = "" if cells.empty else ", ".join(sorted(cells.version.astype(str).unique()))
+    measured = f", whose cells are of {versions}" if versions else ""
     return (
-        f"Written by infrasim {__version__} from tier {material.results.tier}. Each number is in a "
-        "row of a CSV file in the folder beside this page; a number says which row when you point "
-        "at it."
+        f"Written by infrasim {__version__} from tier {material.results.tier}{measured}. Each "
+        "number is in a row of a CSV file in the folder beside this page; a number says which row "
+        "when you point at it."
     )
