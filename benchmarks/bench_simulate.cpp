@@ -205,6 +205,8 @@ int main(int argc, char** argv) {
   benchmark::RegisterBenchmark("bare_loop", bare_loop)->Threads(2)->UseRealTime();
   add("pipeline_128", kRuby, {}, 2, "paper", true);
   add("pipeline_128_equal", kRuby, {}, 2, "equal", true);
+  add("pipeline_128_datasheet", kRuby, {}, 2, "datasheet", true);
+  add("pipeline_avia_datasheet", {"livox_avia"}, {}, 2, "datasheet", true);
   add("four_exact", kFour, {}, 1);
   add("four_exact", kFour, {}, 2);
   add("four_slices_100", kFour, {"aggregation=slices:100"}, 2);

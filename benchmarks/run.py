@@ -68,9 +68,16 @@ def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
     return [
         ("128-line pipeline, paper preset", r("pipeline_128"), "Mrays/s"),
         ("128-line pipeline, equal preset", r("pipeline_128_equal"), "Mrays/s"),
+        ("128-line pipeline, datasheet preset", r("pipeline_128_datasheet"), "Mrays/s"),
+        ("Avia pipeline, datasheet preset", r("pipeline_avia_datasheet"), "Mrays/s"),
         ("bare loop of 16-packets, same rays and scene", r("bare_loop"), "Mrays/s"),
         ("pipeline / bare loop, paper preset", r("pipeline_128") / r("bare_loop"), "ratio"),
         ("pipeline / bare loop, equal preset", r("pipeline_128_equal") / r("bare_loop"), "ratio"),
+        (
+            "pipeline / bare loop, datasheet preset",
+            r("pipeline_128_datasheet") / r("bare_loop"),
+            "ratio",
+        ),
         ("exact / slices:100, four LiDARs", r("four_exact") / r("four_slices_100"), "ratio"),
         ("instant / exact, four LiDARs", r("four_instant") / r("four_exact"), "ratio"),
         ("time of 2 threads against 1", r("four_exact") / r("four_exact", 1), "speed-up"),
