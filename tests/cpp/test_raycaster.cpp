@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numeric>
 #include <random>
 #include <vector>
@@ -279,6 +280,14 @@ TEST(raycaster, a_hit_on_the_background_has_the_class_of_its_triangle) {
       {{{{10, 0, 0}, {10, -5, 5}, {10, -5, -5}}}, {{{10, 0, 0}, {10, 5, 5}, {10, 5, -5}}}});
   EXPECT_EQ(shoot(two, {}, direction(-0.2, 0)).class_id, 0);
   EXPECT_EQ(shoot(two, {}, direction(0.2, 0)).class_id, 1);
+}
+
+TEST(raycaster, leaves_the_arithmetic_of_its_caller_as_it_is) {
+  volatile float smallest = std::numeric_limits<float>::min();
+  shoot(wall(10, -5, 5), {still({5, 0, 0, 4, 2, 2, 0})}, {1, 0, 0});
+  const float denormal = smallest / 2;
+  EXPECT_GT(denormal, 0.0F);
+  EXPECT_EQ(std::fpclassify(denormal), FP_SUBNORMAL);
 }
 
 TEST(raycaster, an_empty_scene_gives_misses) {

@@ -86,11 +86,20 @@ struct Packet {
   bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
 };
 
-/// Embree's manual asks for flushed denormals in every thread that casts.
-void flush_denormals() {
-  _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
-  _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
-}
+/// Embree's manual asks for flushed denormals in a thread that casts; its caller gets its own back.
+class FlushedDenormals {
+ public:
+  FlushedDenormals() : before_(_mm_getcsr()) {
+    _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
+    _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+  }
+  ~FlushedDenormals() { _mm_setcsr(before_); }
+  FlushedDenormals(const FlushedDenormals&) = delete;
+  FlushedDenormals& operator=(const FlushedDenormals&) = delete;
+
+ private:
+  unsigned before_;
+};
 
 /// Calls `work` with each packet's part of an order.
 template <class Work>
@@ -255,7 +264,7 @@ void Raycaster::cast(const RayBatch& rays, std::span<const std::uint32_t> order,
 
 void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint32_t> order,
                                 HitBatch& hits, bool incidence) {
-  flush_denormals();
+  const FlushedDenormals flushed;
   Impl& m = *impl_;
   clear(rays.size(), hits);
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
@@ -279,7 +288,7 @@ void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint3
 
 void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
                             HitBatch& hits, bool incidence) {
-  flush_denormals();
+  const FlushedDenormals flushed;
   Impl& m = *impl_;
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
     ViewBounds view;
