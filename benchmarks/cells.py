@@ -23,7 +23,7 @@ import pandas as pd
 from pyinfra import __version__, machine
 from pyinfra.atomic import replacing
 from pyinfra.benchmark import measure
-from pyinfra.benchmark.go import Place, benchmark, simulate_worlds
+from pyinfra.benchmark.go import Workspace, benchmark, simulate_worlds
 from pyinfra.benchmark.matrix import Cell, Plan, read_plan
 from pyinfra.benchmark.pool import Pool
 from pyinfra.training.recipe import read_recipe
@@ -44,28 +44,28 @@ def seconds(call: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def alone(plan: Plan, cells: Sequence[Cell], place: Place, name: str) -> None:
+def alone(plan: Plan, cells: Sequence[Cell], workspace: Workspace, name: str) -> None:
     """The cells one after the other in this process, no rows written."""
     for cell in cells:
         recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
-        folder = place.data(cell.world) / cell.lidar
-        measure.tables(cell, recipe, folder, place.work / name / cell.name)
+        folder = workspace.data(cell.world) / cell.lidar
+        measure.tables(cell, recipe, folder, workspace.work / name / cell.name)
 
 
-def side_by_side(plan: Plan, place: Place) -> None:
+def side_by_side(plan: Plan, workspace: Workspace) -> None:
     """Half of the cells in each of two processes: one of each LiDAR and of each detector."""
     first, second, third, fourth = plan.cells
     halves = [(first, fourth), (second, third)]
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        for done in [pool.submit(alone, plan, half, place, "beside") for half in halves]:
+        for done in [pool.submit(alone, plan, half, workspace, "beside") for half in halves]:
             done.result()
 
 
-def through(plan: Plan, place: Place, jobs: int) -> None:
+def through(plan: Plan, workspace: Workspace, jobs: int) -> None:
     """The same cells through the benchmark, from the start but for the frames."""
-    shutil.rmtree(place.work / "runs", ignore_errors=True)
-    shutil.rmtree(place.results, ignore_errors=True)
-    benchmark(plan, place, Pool(jobs=jobs))
+    shutil.rmtree(workspace.work / "runs", ignore_errors=True)
+    shutil.rmtree(workspace.results, ignore_errors=True)
+    benchmark(plan, workspace, Pool(jobs=jobs))
 
 
 def main() -> None:
@@ -76,13 +76,13 @@ def main() -> None:
         work = Path(folder)
         (work / "cells.yaml").write_text(MATRIX)
         plan = read_plan(work / "cells.yaml", "smoke")
-        place = Place(work, work / "results", "smoke")
-        simulate_worlds(plan, place, Pool())
+        workspace = Workspace(work, work / "results", "smoke")
+        simulate_worlds(plan, workspace, Pool())
         times = {
-            "cells alone": seconds(lambda: alone(plan, plan.cells, place, "alone")),
-            "cells in two bare processes": seconds(lambda: side_by_side(plan, place)),
-            "benchmark, one worker": seconds(lambda: through(plan, place, 1)),
-            "benchmark, two workers": seconds(lambda: through(plan, place, 2)),
+            "cells alone": seconds(lambda: alone(plan, plan.cells, workspace, "alone")),
+            "cells in two bare processes": seconds(lambda: side_by_side(plan, workspace)),
+            "benchmark, one worker": seconds(lambda: through(plan, workspace, 1)),
+            "benchmark, two workers": seconds(lambda: through(plan, workspace, 2)),
         }
     bare, beside, one, two = times.values()
     rows = [{"what": what, "value": value, "unit": "s"} for what, value in times.items()]

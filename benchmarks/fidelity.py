@@ -1,6 +1,6 @@
-"""What the cheaper models of a scene change: level of detail, aggregation, beam width.
+"""What the cheaper models of a scene change: detail, aggregation, beam width, parts of vehicles.
 
-Writes results/fidelity.csv, results/aggregation.csv, results/beam.csv and a picture of one vehicle:
+Writes results/fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture:
     .venv/bin/python benchmarks/fidelity.py
 """
 
@@ -20,11 +20,18 @@ from pyinfra import __version__, sim
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from ladder import parts_of
 from matplotlib.patches import Rectangle
+
+from pyinfra.report.sections.ladder import DIALS
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 PASSES = 5
+DETAILS: dict[str, dict[str, object]]
+DETAILS = {value: {"detail": value} for value in ("fine", "box", "low", "mid")}
+PART_MODELS: dict[str, dict[str, object]]
+PART_MODELS = {value: dict(parts_of(value)) for value in DIALS["parts"]}
 BINS = [10, 20, 40, 60, 80, 100]
 
 
@@ -56,27 +63,33 @@ def by_distance(table: pd.DataFrame) -> pd.Series:
     return table.groupby(["lidar", bins], observed=True).points.mean()
 
 
-def detail_ladder(frames: range, preset: str) -> pd.DataFrame:
-    """Points per vehicle at each level of detail against `fine`, by distance."""
+def points_ladder(
+    dial: str, models: dict[str, dict[str, object]], frames: range, preset: str
+) -> pd.DataFrame:
+    """Points per vehicle under each model of a dial against the first one, by distance.
+
+    models: the keys of the scene that each value of the dial sets.
+    """
+    first = next(iter(models))
     lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
     means: dict[str, pd.Series] = {}
     seconds: dict[str, pd.Series] = {}  # of a frame, by LiDAR; the least of the passes
-    for detail in ("fine", "box", "low", "mid") * PASSES:
-        table = objects(scene("highway", detail=detail), lidars, frames)
-        means[detail] = by_distance(seen(table))
+    for value in [*models] * PASSES:
+        table = objects(scene("highway", **models[value]), lidars, frames)
+        means[value] = by_distance(seen(table))
         now = table.groupby("lidar").seconds.mean()
-        seconds[detail] = np.minimum(now, seconds.get(detail, now))
+        seconds[value] = np.minimum(now, seconds.get(value, now))
     rows = []
-    for detail, mean in means.items():
+    for model, mean in means.items():
         for (lidar, interval), value in mean.items():
             rows.append(
                 {
-                    "detail": detail,
+                    dial: model,
                     "lidar": lidar,
                     "distance_m": f"{interval.left:.0f}-{interval.right:.0f}",
                     "points_per_vehicle": round(value, 3),
-                    "change_percent": round(100 * (value / means["fine"][lidar, interval] - 1), 2),
-                    "relative_time": round(seconds[detail][lidar] / seconds["fine"][lidar], 3),
+                    "change_percent": round(100 * (value / means[first][lidar, interval] - 1), 2),
+                    "relative_time": round(seconds[model][lidar] / seconds[first][lidar], 3),
                 }
             )
     return pd.DataFrame(rows)
@@ -169,7 +182,8 @@ def main() -> None:
     aggregation_picture(ROOT / "docs" / "pictures" / "aggregation.png")
     command = f"benchmarks/fidelity.py --frames {args.frames}"
     for name, table in (
-        ("fidelity", detail_ladder(frames, "equal")),
+        ("fidelity", points_ladder("detail", DETAILS, frames, "equal")),
+        ("fidelity_parts", points_ladder("parts", PART_MODELS, frames, "datasheet")),
         ("aggregation", aggregation_table(frames, "equal")),
         ("beam", beam_table(frames)),
     ):

@@ -21,7 +21,7 @@ import pandas as pd
 from training import cut
 
 from pyinfra.benchmark import measure, store
-from pyinfra.benchmark.go import Place, put_latency, simulate_worlds
+from pyinfra.benchmark.go import Workspace, put_latency, simulate_worlds
 from pyinfra.benchmark.matrix import Cell, Plan, read_plan
 from pyinfra.benchmark.pool import Pool, call_all
 from pyinfra.benchmark.value import KEY
@@ -47,8 +47,8 @@ class Task:
     def key(self) -> dict[str, object]:
         return {**asdict(self.cell), "budget": self.budget}
 
-    def run(self, place: Place) -> Path:
-        return place.work / "latency" / f"{self.cell.name}_{self.budget:g}"
+    def run(self, workspace: Workspace) -> Path:
+        return workspace.work / "latency" / f"{self.cell.name}_{self.budget:g}"
 
 
 def tasks_of(plan: Plan, scenes: Sequence[str], check: bool) -> list[Task]:
@@ -63,22 +63,22 @@ def budget_of(cell: Cell) -> float:
     return BUDGETS.get(cell.detector, BUDGET)
 
 
-def learn(task: Task, plan: Plan, place: Place) -> None:
+def learn(task: Task, plan: Plan, workspace: Workspace) -> None:
     """Trains, or goes on where it was stopped."""
     recipe = read_recipe(plan.files["detectors", task.cell.detector], task.cell.tier)
-    folder = place.data(task.cell.world) / task.cell.lidar
-    measure.trained(task.cell, cut(recipe, task.budget), folder, task.run(place), "cpu")
+    folder = workspace.data(task.cell.world) / task.cell.lidar
+    measure.trained(task.cell, cut(recipe, task.budget), folder, task.run(workspace), "cpu")
 
 
-def measured(task: Task, place: Place, every: int) -> None:
+def measured(task: Task, workspace: Workspace, every: int) -> None:
     """Times a task on one thread; into the table of latencies, and into its cell's own row."""
-    folder = place.data(task.cell.world) / task.cell.lidar
-    times = measure.detected(task.run(place), folder, "cpu", every=every)
+    folder = workspace.data(task.cell.world) / task.cell.lidar
+    times = measure.detected(task.run(workspace), folder, "cpu", every=every)
     columns = measure.latency_columns(times)
     about = {"frames": len(times), "command": "benchmarks/latency.py"}
     row = pd.DataFrame([{**task.key, **columns, **about}])
-    store.put(place.results / "latency.csv", row, [*KEY, "budget"])
-    put_latency(task.cell, place, columns)
+    store.put(workspace.results / "latency.csv", row, [*KEY, "budget"])
+    put_latency(task.cell, workspace, columns)
     print(task.cell.title, task.budget, columns["latency_p50_ms"], "ms", flush=True)
 
 
@@ -92,16 +92,16 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=3, help="of the test frames; default: 3")
     parser.add_argument("--only-train", action="store_true", help="time nothing yet")
     args = parser.parse_args()
-    plan, place = read_plan(args.config, "quick"), Place(args.work, args.out, "quick")
+    plan, workspace = read_plan(args.config, "quick"), Workspace(args.work, args.out, "quick")
     table = store.read(args.out / "latency.csv")
     tasks = tasks_of(plan, args.scenes, args.check)
     tasks = [task for task in tasks if not store.has(table, task.key)]
-    simulate_worlds(plan, place, Pool(jobs=2))
-    call_all(partial(learn, plan=plan, place=place), tasks, Pool(jobs=2))
+    simulate_worlds(plan, workspace, Pool(jobs=2))
+    call_all(partial(learn, plan=plan, workspace=workspace), tasks, Pool(jobs=2))
     if args.only_train:
         return
     for task in tasks:
-        measured(task, place, args.every)
+        measured(task, workspace, args.every)
 
 
 if __name__ == "__main__":

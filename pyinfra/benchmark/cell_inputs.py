@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from pyinfra.benchmark import store
 from pyinfra.benchmark.inputs import FRAMES_OF, digests
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.measure import SETTINGS
+from pyinfra.benchmark.pool import Say, silent
 from pyinfra.benchmark.value import KEY
 from pyinfra.config import ConfigError, as_plain
 from pyinfra.training.recipe import Recipe, read_recipe
@@ -65,7 +65,7 @@ def knows(table: pd.DataFrame) -> pd.Series:
     return table.ap.notna() & table.recipe.notna()
 
 
-def check_cells(cells: Path, plan: Plan) -> None:
+def check_cells(cells: Path, plan: Plan, say: Say = silent) -> None:
     """Raises ConfigError if the table has stale rows; warns of those that do not say."""
     table = store.read(cells)
     old = stale(plan, table)
@@ -76,12 +76,11 @@ def check_cells(cells: Path, plan: Plan) -> None:
             f"{cells}: {', '.join(names)}{more}: found rows of another recipe or other frames of "
             "these names, allowed those of this benchmark, no such rows, or another --out"
         )
-    silent = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
-    if silent:
-        print(
-            f"pyinfra: warning: {cells}: {silent} rows of an earlier version do not say of which "
-            "recipe they are; taken for that of now",
-            file=sys.stderr,
+    unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
+    if unknown:
+        say(
+            f"pyinfra: warning: {cells}: {unknown} rows of an earlier version do not say of which "
+            "recipe they are; taken for that of now"
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -17,6 +16,7 @@ from pyinfra.benchmark.detection_claims import claims_table
 from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.paper import paper_table
+from pyinfra.benchmark.pool import Say, silent
 from pyinfra.benchmark.value import KEY, value_table
 from pyinfra.config import ConfigError
 from pyinfra.training.recipe import read_recipe
@@ -36,7 +36,7 @@ READ = ("cells", "areas", "distance", "lidars", "hits")
 
 
 @dataclass(frozen=True)
-class Place:
+class Workspace:
     """Where a benchmark works, and where its tables are."""
 
     work: Path
@@ -66,47 +66,56 @@ class Place:
         return [cell for cell, there in zip(cells, known, strict=True) if not there]
 
 
-def benchmark(plan: Plan, place: Place, where: pool.Pool, *, device: str = "cpu") -> None:
+def benchmark(
+    plan: Plan,
+    workspace: Workspace,
+    where: pool.Pool,
+    *,
+    device: str = "cpu",
+    say: Say = silent,
+) -> None:
     """Fills the tables; cells with a row are left out, those that failed are tried again.
 
+    say: is told of each step and cell; it is sent to the pool's processes.
     Raises SimulatorError if a data set cannot be made, ConfigError if the tables are of other
     inputs; a cell that fails is a row with its reason.
     """
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
     digests = inputs.digests(plan)
-    inputs.check_frames(place.table("hits"), digests)
-    check_cells(place.table("cells"), plan)
-    inputs.check_lidars(place.table("hits"), plan, place.data)
-    check_costs(place, plan)
-    forget_failed(place, plan)
-    left = place.without_row(plan.cells)
+    inputs.check_frames(workspace.table("hits"), digests)
+    check_cells(workspace.table("cells"), plan, say)
+    inputs.check_lidars(workspace.table("hits"), plan, workspace.data)
+    check_costs(workspace, plan)
+    forget_failed(workspace, plan)
+    left = workspace.without_row(plan.cells)
     if left:
-        simulate_worlds(plan, place, where)
+        simulate_worlds(plan, workspace, where, say)
         pool.run(
-            partial(fill, plan=plan, place=place, digests=digests, device=device),
+            partial(fill, plan=plan, workspace=workspace, digests=digests, device=device, say=say),
             left,
             where,
-            left=place.without_row,
-            lost=lambda cell, error: place.put(measure.failed(cell, error)),
+            left=workspace.without_row,
+            lost=lambda cell, error: workspace.put(measure.failed(cell, error)),
+            say=say,
         )
-    conclude(place, plan)
+    conclude(workspace, plan)
 
 
-def check_costs(place: Place, plan: Plan) -> None:
+def check_costs(workspace: Workspace, plan: Plan) -> None:
     """Raises ConfigError if the prices of the table are with other costs of the site."""
-    table = store.read(place.table("value"))
+    table = store.read(workspace.table("value"))
     found = sorted(set(table.site_usd) - {plan.costs.site_usd}) if len(table) else []
     if found:
         raise ConfigError(
-            f"{place.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
+            f"{workspace.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
             f"{plan.costs.site_usd:g} as in this benchmark, or another --out"
         )
 
 
-def forget_failed(place: Place, plan: Plan) -> None:
+def forget_failed(workspace: Workspace, plan: Plan) -> None:
     """Takes the rows of failed cells of the plan out of the table."""
-    file = place.table("cells")
+    file = workspace.table("cells")
     table = store.read(file)
     if "reason" not in table:
         return
@@ -116,50 +125,60 @@ def forget_failed(place: Place, plan: Plan) -> None:
         store.drop(file, rows, KEY)
 
 
-def simulate_worlds(plan: Plan, place: Place, where: pool.Pool) -> None:
+def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say = silent) -> None:
     """All data sets of the plan, split, and their tables."""
     for world, cells in plan.worlds().items():
         for name in frames.lidars_of(cells):
-            file = place.data(world) / name / "lidar.yaml"
+            file = workspace.data(world) / name / "lidar.yaml"
             inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
     digests = inputs.digests(plan)
-    shards = frames.shards(plan, place.work, where.jobs)
-    print(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards", file=sys.stderr)
+    shards = frames.shards(plan, workspace.work, where.jobs)
+    say(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards")
     pool.call_all(frames.simulate, shards, replace(where, gpu=False))
     for world, cells in plan.worlds().items():
-        frames.split_by_time(place.data(world), plan.parts)
-        if not is_described(place, cells):
-            tables = frames.described(place.data(world), cells)
+        frames.split_by_time(workspace.data(world), plan.parts)
+        if not is_described(workspace, cells):
+            tables = frames.described(workspace.data(world), cells)
             tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF, how="left")
-            place.put(tables)
+            workspace.put(tables)
 
 
-def is_described(place: Place, cells: Sequence[Cell]) -> bool:
+def is_described(workspace: Workspace, cells: Sequence[Cell]) -> bool:
     """Whether every LiDAR of the cells of one data set has its row of hits."""
-    hits = store.read(place.table("hits"))
+    hits = store.read(workspace.table("hits"))
     wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
     return all(store.has_each(hits, wanted))
 
 
-def fill(cell: Cell, plan: Plan, place: Place, digests: pd.DataFrame, device: str) -> None:
+def fill(
+    cell: Cell,
+    plan: Plan,
+    workspace: Workspace,
+    digests: pd.DataFrame,
+    device: str,
+    say: Say = silent,
+) -> None:
     """The rows of one cell, unless another process is at it; an exception becomes its reason."""
-    run = place.work / "runs" / cell.name
+    run = workspace.work / "runs" / cell.name
     with held(run.with_name(f"{run.name}.lock"), wait=False) as ours:
-        if not ours or not place.without_row([cell]):
+        if not ours or not workspace.without_row([cell]):
             return
-        file, folder = plan.files["detectors", cell.detector], place.data(cell.world) / cell.lidar
+        file, folder = (
+            plan.files["detectors", cell.detector],
+            workspace.data(cell.world) / cell.lidar,
+        )
         try:
             recipe = read_recipe(file, cell.tier)
             own_inputs = inputs_of(cell, recipe, digests)
             claim_run(run, own_inputs)
-            with own_gpu(device, place.work) as own:
+            with own_gpu(device, workspace.work) as own:
                 found = measure.tables(cell, recipe, folder, run, device=own)
             found["cells"] = found["cells"].assign(**own_inputs)
         except Exception as error:  # whatever it is, the other cells go on
             found = measure.failed(cell, error)
-        place.put(found)
-        conclude(place, plan)
-    print(progress(cell, found["cells"].iloc[0]), file=sys.stderr, flush=True)
+        workspace.put(found)
+        conclude(workspace, plan)
+    say(progress(cell, found["cells"].iloc[0]))
 
 
 def progress(cell: Cell, row: pd.Series) -> str:
@@ -170,14 +189,14 @@ def progress(cell: Cell, row: pd.Series) -> str:
     return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
 
 
-def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
+def time_again(plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent) -> None:
     """Measures the latency of every finished cell whose run is here, one after the other.
 
     Raises FileNotFoundError if there is none.
     """
-    check_cells(place.table("cells"), plan)
+    check_cells(workspace.table("cells"), plan, say)
     digests = inputs.digests(plan)
-    runs, table = place.work / "runs", place.finished()
+    runs, table = workspace.work / "runs", workspace.finished()
     known = store.has_each(table, [vars(cell) for cell in plan.cells])
     finished = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
     here = [cell for cell in finished if (runs / cell.name).is_dir()]
@@ -186,43 +205,43 @@ def time_again(plan: Plan, place: Place, *, device: str = "cpu") -> None:
     for cell in here:
         recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
         claim_run(runs / cell.name, inputs_of(cell, recipe, digests))
-        times = measure.detected(runs / cell.name, place.data(cell.world) / cell.lidar, device)
+        times = measure.detected(runs / cell.name, workspace.data(cell.world) / cell.lidar, device)
         columns = measure.latency_columns(times)
-        put_latency(cell, place, columns)
-        print(f"{cell.title}: {columns['latency_p50_ms']} ms", file=sys.stderr, flush=True)
+        put_latency(cell, workspace, columns)
+        say(f"{cell.title}: {columns['latency_p50_ms']} ms")
 
 
-def put_latency(cell: Cell, place: Place, columns: Mapping[str, object]) -> None:
+def put_latency(cell: Cell, workspace: Workspace, columns: Mapping[str, object]) -> None:
     """Puts a latency in place of that of the cell's row, if the cell is finished."""
-    table = place.finished()
+    table = workspace.finished()
     rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
     if len(rows):
-        place.put({"cells": rows.assign(**columns)})
+        workspace.put({"cells": rows.assign(**columns)})
 
 
-def conclude(place: Place, plan: Plan) -> None:
+def conclude(workspace: Workspace, plan: Plan) -> None:
     """Works out prices and claims again, if there is a finished cell; after each, so they fit.
 
     The smoke tier shows that all works, and its networks have hardly learnt: it tests no claim.
     """
-    with held(place.results / "locks/conclude", wait=True):
-        _conclude(place, plan)
+    with held(workspace.results / "locks/conclude", wait=True):
+        _conclude(workspace, plan)
 
 
-def _conclude(place: Place, plan: Plan) -> None:
-    tables = {name: store.read(place.table(name)) for name in READ}
+def _conclude(workspace: Workspace, plan: Plan) -> None:
+    tables = {name: store.read(workspace.table(name)) for name in READ}
     if not all(len(table) for table in tables.values()):
         return
     tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
-    place.put({"lidars": tables["lidars"]})
+    workspace.put({"lidars": tables["lidars"]})
     tables["value"] = value_table(tables, plan.costs)
-    tables["stress"] = store.read(place.results / "stress.csv")
-    place.put({"value": tables["value"]})
-    if place.tier == "smoke":
+    tables["stress"] = store.read(workspace.results / "stress.csv")
+    workspace.put({"value": tables["value"]})
+    if workspace.tier == "smoke":
         return
     for name, rows in (
         ("claims", claims_table(tables)),
         ("paper", paper_table(tables["cells"])),
     ):
         if len(rows):
-            place.put({name: rows})
+            workspace.put({name: rows})

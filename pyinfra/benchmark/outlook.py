@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyinfra.benchmark import store
 from pyinfra.benchmark.cell_inputs import stale
-from pyinfra.benchmark.go import Place
+from pyinfra.benchmark.go import Workspace
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.value import KEY
 
@@ -17,9 +17,9 @@ SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
 BACKGROUND_S = 20.0
 
 
-def outlook(plan: Plan, place: Place, jobs: int) -> str:
+def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
     """The cells that are not finished and how long they will take by those that are; stale rows."""
-    table = place.finished()
+    table = workspace.finished()
     known = store.has_each(table, [vars(cell) for cell in plan.cells])
     left = [cell for cell, there in zip(plan.cells, known, strict=True) if not there]
     old = stale(plan, table)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,9 +13,14 @@ from typing import Any, Literal, TypeVar, get_args
 import joblib
 
 Task = TypeVar("Task")
+Say = Callable[[str], None]  # is told in a line what is going on, also from the tasks' processes
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
 LOOPBACK = "127.0.0.1"  # a cluster that is started here runs what it is sent, by whomever
+
+
+def silent(_: str) -> None:
+    """Tells nobody."""
 
 
 class NoGpu(ValueError):
@@ -124,6 +128,7 @@ def run(
     pool: Pool,
     left: Callable[[Sequence[Task]], list[Task]],
     lost: Callable[[Task, Exception], None],
+    say: Say = silent,
 ) -> None:
     """Calls each task once at least, also when workers die; `call` itself does not raise.
 
@@ -139,7 +144,7 @@ def run(
             raise
         except Exception as error:
             rest = left(group)
-            print(f"pyinfra: a worker died, {len(rest)} tasks left: {error!r}", file=sys.stderr)
+            say(f"pyinfra: a worker died, {len(rest)} tasks left: {error!r}")
             if len(rest) < len(group):
                 groups.append(rest)
             elif len(group) > 1:

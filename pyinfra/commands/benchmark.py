@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
 from pyinfra.benchmark import store
-from pyinfra.benchmark.go import Place, benchmark, time_again
+from pyinfra.benchmark.go import Workspace, benchmark, time_again
 from pyinfra.benchmark.matrix import read_plan
 from pyinfra.benchmark.outlook import outlook
 from pyinfra.benchmark.pool import BACKENDS, Pool
@@ -44,20 +45,24 @@ def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise ValueError(f"--jobs: found {args.jobs}, allowed 1 or more")
     plan = read_plan(args.config, args.tier)
-    place = Place(args.work, args.out, args.tier)
+    workspace = Workspace(args.work, args.out, args.tier)
     if args.dry_run:
-        print(outlook(plan, place, args.jobs))
+        print(outlook(plan, workspace, args.jobs))
         return 0
     if args.latency:
-        time_again(plan, place, device=args.device)
+        time_again(plan, workspace, device=args.device, say=say)
         return 0
     where = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")
     if where.gpu and where.backend == "local":
         from pyinfra.detectors.network import device_of
 
         device_of(args.device)
-    benchmark(plan, place, where, device=args.device)
-    table = place.finished()
+    benchmark(plan, workspace, where, device=args.device, say=say)
+    table = workspace.finished()
     done = store.has_each(table, [vars(cell) for cell in plan.cells])
-    print(f"{sum(done)} of {len(plan.cells)} cells in {place.table('cells')}")
+    print(f"{sum(done)} of {len(plan.cells)} cells in {workspace.table('cells')}")
     return 0 if all(done) else 1
+
+
+def say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

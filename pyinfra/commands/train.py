@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.data.regions import outline_region
 from pyinfra.detectors.catalogue import DETECTORS
-from pyinfra.training.recipe import Precision, read_recipe
+from pyinfra.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.training.sources import TIERS, Source, read_source, simulated_source
 from pyinfra.training.train import OF_NETWORKS, train
 
@@ -25,6 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
     parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
     parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
+    parser.add_argument(
+        "--region",
+        type=Path,
+        metavar="FILE",
+        help="of background: where vehicles can be, `outline_m: [[x, y], ...]`; default: the roads",
+    )
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
     parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
@@ -54,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"--{key}" for key in given)
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
-    sources = _sources(args)
+    sources = _with_region(args, recipe, _sources(args))
     for warning in filter(None, (source.read_warning() for source in sources)):
         print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
     how = {"seed": args.seed, "device": args.device, "precision": args.precision}
@@ -62,6 +70,27 @@ def run(args: argparse.Namespace) -> int:
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first
         print(model)
     return 0
+
+
+def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]) -> list[Source]:
+    """The sources with the region that was asked for; says if one that needs it has none."""
+    if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
+        if args.region is not None:
+            raise ValueError(
+                "--region: found a file, allowed for background with network.within_region"
+            )
+        return sources
+    if args.region is not None:
+        region = outline_region(args.region)
+        return [replace(source, region=region) for source in sources]
+    for source in sources:
+        if source.region is None:
+            print(
+                f"pyinfra: note: {recipe.detector}: {source.lidar}: found no roads.csv and no "
+                "--region, so what moves is a vehicle anywhere",
+                file=sys.stderr,
+            )
+    return sources
 
 
 def _sources(args: argparse.Namespace) -> list[Source]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.evaluation.frame_checks import lidar_folders, validate
+from pyinfra.evaluation.frame_checks import folders_with_frames, validate
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    folders = lidar_folders(args.data)
+    folders = folders_with_frames(args.data)
     if args.pred is not None and len(folders) > 1:
         names = ", ".join(folder.name for folder in folders)
         raise ValueError(f"{args.data}: found several LiDARs with --pred, allowed one of {names}")

@@ -2,24 +2,30 @@
 
 Roads are the polylines of `roads.csv` in the world frame: one point a metre, s = 0 at the foot of
 the sensor. A place is inside the region if it lies within the width of a road and between the first
-and the last s of its file.
+and the last s of its file. Where no roads are known, a user's outline may stand for them.
 """
 
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
+from pyinfra.config import read_config, ruled
 from pyinfra.kitti import FormatError, WorldPose
 from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
 _CHUNK = 20_000
+# Which places (n, 2 or more) of a levelled LiDAR frame lie in it, or up to so many metres outside.
+Region = Callable[[FloatArray, float], BoolArray]
+
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
 _RULES = (
     between(["s", "x", "y", "z"], -1e6, 1e6),
@@ -49,6 +55,20 @@ class Places:
     @property
     def inside(self) -> BoolArray:
         return self.road >= 0
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A file of a user's: where vehicles can be, in the levelled LiDAR frame."""
+
+    outline_m: tuple[tuple[float, float], ...] = ruled(low=-1e4, high=1e4)  # corners x y, in order
+
+    def __post_init__(self) -> None:
+        if len(self.outline_m) < 3:
+            raise ValueError(f"outline_m: found {len(self.outline_m)} corners, allowed 3 or more")
+        x, y = np.transpose(self.outline_m)
+        if abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) == 0:
+            raise ValueError("outline_m: found no area, allowed an outline with one")
 
 
 @dataclass(frozen=True)
@@ -103,15 +123,44 @@ def to_world(points: FloatArray, pose: WorldPose) -> FloatArray:
     return np.stack([pose.x + cos * x - sin * y, pose.y + sin * x + cos * y], axis=1)
 
 
-def locate(points: FloatArray, roads: list[Road]) -> Places:
-    """Places of points (n, 2) in the world frame."""
+def roads_region(roads: list[Road], pose: WorldPose) -> Region:
+    """The evaluation region in a levelled frame with that pose."""
+    return partial(_on_roads, roads, pose)
+
+
+def _on_roads(roads: list[Road], pose: WorldPose, points: FloatArray, margin_m: float) -> BoolArray:
+    return locate(to_world(points, pose), roads, margin_m=margin_m).inside
+
+
+def outline_region(file: Path) -> Region:
+    """That of an `Outline` file. Raises ConfigError with file, line and key."""
+    return partial(in_outline, np.array(read_config(file, Outline).outline_m))
+
+
+def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> BoolArray:
+    """Which points (n, 2 or more) lie in an outline (m, 2), by the even-odd rule, or as near."""
+    inside = np.zeros(len(points), np.bool_)
+    near = np.zeros(len(points), np.bool_)
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        (x, y), (ahead, up) = (points[:, :2] - start).T, end - start
+        crosses = (y < 0) != (y < up)
+        if up != 0:  # else it crosses no line along x
+            inside ^= crosses & (x < y / up * ahead)
+        along = np.clip((x * ahead + y * up) / max(ahead**2 + up**2, 1e-12), 0, 1)
+        near |= np.hypot(x - along * ahead, y - along * up) <= margin_m
+    return inside | near
+
+
+def locate(points: FloatArray, roads: list[Road], *, margin_m: float = 0.0) -> Places:
+    """Places of points (n, 2) in the world frame; a margin makes roads wider and longer."""
     nearest = np.full(len(points), np.inf)
     places = Places(np.full(len(points), -1), np.full(len(points), np.nan))
     for index, road in enumerate(roads):
         for start in range(0, len(points), _CHUNK):
             part = slice(start, start + _CHUNK)
             s, aside, half_width = _project(points[part], road)
-            inside = (s >= road.s[0]) & (s <= road.s[-1]) & (aside <= half_width)
+            inside = (s >= road.s[0] - margin_m) & (s <= road.s[-1] + margin_m)
+            inside &= aside <= half_width + margin_m
             better = inside & (aside < nearest[part])
             nearest[part][better] = aside[better]
             places.road[part][better] = index

@@ -8,7 +8,8 @@ L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). What diff
   seen to stand at that place while learning pull the heading: few points fix none;
 - all clusters and headings of a frame are searched at once;
 - clusters reach farther along the direction of the road than across it;
-- a rectangle shorter than its class is grown away from the sensor, as that side is not seen.
+- a rectangle shorter than its class is grown away from the sensor, as that side is not seen;
+- what moves beside the roads, as leaves do, is left out, where the roads are known.
 
 What it cannot do: a heading is known up to half a turn; a vehicle that stands in most of the frames
 is background; vehicles that touch are one; ground that is hidden in every frame is taken from its
@@ -33,6 +34,7 @@ from pyinfra.arrays import BoolArray, FloatArray, Floats, Int32Array, IntArray, 
 from pyinfra.atomic import replacing
 from pyinfra.boxes import bev_overlap
 from pyinfra.config import ruled
+from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 
 CLASSES = ("Car", "Motorcycle", "Truck", "Bus")
@@ -63,6 +65,8 @@ class Config:
     permanent_share: float = ruled(0.7, 0, 1)  # of the frames: what is hit more stands for good
     gap_m: float = ruled(0.8, 0.05, 10)  # between points of a vehicle across the road, nearby
     gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
+    within_region: bool = True  # no box whose centre is off the roads or the given outline
+    region_margin_m: float = ruled(1.0, 0, 20)  # around them, as boxes are not exact
 
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
@@ -83,13 +87,17 @@ class Background:
     settings: Config
     ground: Floats  # (n, n) z of the ground, metres
     permanent: BoolArray  # (n, n, layers of 1 m above the ground) where something always stands
+    region: BoolArray  # (n, n) where vehicles can be; everywhere if that is not known
     road: Floats  # (m, m, 2) mean cos, sin of twice the heading of traffic; its length is certainty
     expected: Floats  # (2,): ln of the points on a vehicle is [0] + [1] ln distance
 
     @classmethod
-    def learn(cls, frames: Sequence[Points], settings: Config = DEFAULT) -> Background:
+    def learn(
+        cls, frames: Sequence[Points], settings: Config = DEFAULT, region: Region | None = None
+    ) -> Background:
         """frames: clouds (k, 4) of one sensor that stays where it is, spread over minutes.
 
+        region: where vehicles can be; left out, or without `within_region`, everywhere.
         Vehicles may stand in the way for most of that time if the road is seen free once.
         Raises ValueError if no frame has a point in range.
         """
@@ -100,7 +108,8 @@ class Background:
         permanent = _permanent(clouds, ground, settings)
         cells = _road_cells(settings)
         nowhere = np.zeros((cells, cells, 2), np.float32)
-        known = cls(settings, ground, permanent, nowhere, np.zeros(2, np.float32))
+        inside = _inside_region(region, settings)
+        known = cls(settings, ground, permanent, inside, nowhere, np.zeros(2, np.float32))
         for _ in range(2):  # the second time with directions that hold clusters apart
             found = _joined([known._rectangles(cloud) for cloud in clouds])
             known = replace(known, road=_road(found, cells), expected=_expected(found))
@@ -123,6 +132,7 @@ class Background:
                 settings=np.array(astuple(self.settings)),
                 ground=self.ground,
                 permanent=self.permanent,
+                region=self.region,
                 road=self.road,
                 expected=self.expected,
             )
@@ -146,6 +156,7 @@ class Background:
         allowed = {
             "ground": ((n, n), np.float32),
             "permanent": ((n, n, _layers(s)), np.bool_),
+            "region": ((n, n), np.bool_),
             "road": ((m, m, 2), np.float32),
             "expected": ((2,), np.float32),
         }
@@ -158,7 +169,7 @@ class Background:
                 )
 
     def _rectangles(self, cloud: Floats) -> _Rectangles:
-        """Clusters of what does not belong to the background; cloud: (k, 3) usable points."""
+        """Clusters in the region of what is no background; cloud: (k, 3) usable points."""
         s = self.settings
         cell = _cell(cloud, s)
         height = cloud[:, 2] - self.ground.reshape(-1).take(cell)
@@ -166,7 +177,9 @@ class Background:
         layer = height[high].astype(np.int32)
         moves = ~self.permanent.reshape(-1).take(cell[high] * _layers(s) + layer)
         high = high[moves]
-        return _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
+        found = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
+        centre = _boxes(found, _kinds(found))[:, :2]
+        return found.select(self.region.reshape(-1).take(_cell(centre, s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +209,10 @@ class _Rectangles:
         """(c,) horizontal, from the sensor."""
         ahead, left = ((self.low + self.high) / 2).T
         return np.asarray(np.maximum(np.hypot(ahead, left), 1))
+
+    def select(self, keep: BoolArray) -> _Rectangles:
+        """keep: (c,)."""
+        return _Rectangles(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 def _joined(parts: Sequence[_Rectangles]) -> _Rectangles:
@@ -230,13 +247,14 @@ def _road_cells(s: Config) -> int:
 def _settings(values: FloatArray) -> Config:
     if values.shape != (len(fields(Config)),):
         raise ValueError(f"settings: found {values.shape}, allowed {len(fields(Config))} numbers")
-    return Config(*map(float, values))
+    pairs = zip(fields(Config), values, strict=True)
+    return Config(**{f.name: type(getattr(DEFAULT, f.name))(value) for f, value in pairs})
 
 
 def _cell(cloud: Floats, s: Config) -> Int32Array:
-    """(k,) index into the grids of the ground, row by row."""
+    """(k,) index into the grids of the ground, row by row; of places beyond it, at its edge."""
     index = ((cloud[:, :2] + np.float32(s.range_m)) * np.float32(1 / s.cell_m)).astype(np.int32)
-    np.minimum(index, _cells(s) - 1, out=index)
+    np.clip(index, 0, _cells(s) - 1, out=index)
     return index[:, 0] * np.int32(_cells(s)) + index[:, 1]
 
 
@@ -244,6 +262,15 @@ def _centres(s: Config) -> tuple[Floats, Floats]:
     """x (n, 1) and y (1, n) of the cells of the ground."""
     at = ((np.arange(_cells(s)) + 0.5) * s.cell_m - s.range_m).astype(np.float32)
     return at[:, None], at[None]
+
+
+def _inside_region(region: Region | None, s: Config) -> BoolArray:
+    """(n, n) of the cells whose centre is in the region or its margin."""
+    n = _cells(s)
+    if region is None or not s.within_region:
+        return np.ones((n, n), np.bool_)
+    x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
+    return region(np.column_stack([x, y]).astype(np.float64), s.region_margin_m).reshape(n, n)
 
 
 def _ground(clouds: Sequence[Floats], s: Config) -> Floats:

@@ -211,8 +211,11 @@ def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: boo
     return [*found.findings, *checks]
 
 
-def lidar_folders(data: Path) -> list[Path]:
-    """The LiDARs of a data set, or the folder itself if it has frames."""
+def folders_with_frames(data: Path) -> list[Path]:
+    """The folder itself if it has frames, or those in it that have, with a lidar.yaml or without.
+
+    Raises FileNotFoundError if there is none.
+    """
     if (data / "training").is_dir():
         return [data]
     found = (path.parent for path in data.glob("*/training"))

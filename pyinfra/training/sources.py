@@ -13,7 +13,7 @@ import yaml
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
-from pyinfra.data import split
+from pyinfra.data import regions, split
 from pyinfra.data.frame_tables import Vehicles, other_types, read_vehicles
 from pyinfra.data.frames import PERIOD_S, check_no_data_set, data_set_of, frame_numbers
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
@@ -39,6 +39,7 @@ class Source:
     clouds: tuple[Callable[[], Points], ...]
     read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
     read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
+    region: regions.Region | None = None  # where vehicles can be, if that is known
 
 
 def read_source(folder: Path, tier: Tier) -> Source:
@@ -56,6 +57,7 @@ def read_source(folder: Path, tier: Tier) -> Source:
     frames = spread(numbers, MOST_FRAMES[tier])
     files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     vehicles = cache(partial(read_vehicles, folder, frames))
+    roads = data_set_of(folder) / "roads.csv"
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
@@ -64,6 +66,9 @@ def read_source(folder: Path, tier: Tier) -> Source:
         clouds=tuple(partial(kitti.read_points, file) for file in files),
         read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
         read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
+        region=regions.roads_region(regions.read_roads(roads), lidar.T_world_levelled)
+        if roads.is_file()
+        else None,
     )
 
 

@@ -59,7 +59,8 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> P
     (source,) = sources
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
-    Background.learn([source.clouds[i]() for i in chosen], recipe.network).save(file)
+    clouds = [source.clouds[i]() for i in chosen]
+    Background.learn(clouds, recipe.network, source.region).save(file)
     return file
 
 

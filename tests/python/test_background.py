@@ -7,15 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluation_data import write_lidar, write_roads
 
+from pyinfra import cli, kitti
 from pyinfra.arrays import FloatArray, Points
 from pyinfra.boxes import bev_iou, iou_3d
+from pyinfra.data.regions import Region, Road, outline_region, roads_region
 from pyinfra.detectors import Detector
 from pyinfra.detectors.background import DEFAULT, Background, _clusters, _road_cells
 
+ROOT = Path(__file__).resolve().parents[2]
 SENSOR_HEIGHT_M = 6.0
 CAR = (4.5, 1.9, 1.6)
 NO_BOXES = np.empty((0, 7))
+HEDGE_Y_M = 12.0
 
 
 def box(x: float, y: float, heading: float, size: tuple[float, float, float] = CAR) -> FloatArray:
@@ -152,6 +157,84 @@ def test_vehicles_do_not_raise_ground_that_no_ray_reaches() -> None:
     assert np.abs(ground[middle : middle + 95, middle : middle + 8] + SENSOR_HEIGHT_M).max() < 0.2
 
 
+def hedge(seed: int) -> Points:
+    """Leaves above y = 12 m, 6 m outside of the road, that are elsewhere in each frame."""
+    rng = np.random.default_rng(seed)
+    middle = rng.uniform(10, 40, 4)
+    xyz = rng.uniform(-1, 1, (4, 60, 3)) * [1.5, 0.5, 0.7] + [0, HEDGE_Y_M, 1 - SENSOR_HEIGHT_M]
+    xyz[..., 0] += middle[:, None]
+    return np.column_stack([xyz.reshape(-1, 3), np.full(240, 0.2)]).astype(np.float32)
+
+
+def beside_a_hedge(boxes: FloatArray, seed: int) -> Points:
+    return np.concatenate([cast(boxes, seed), hedge(seed)])
+
+
+def straight_road() -> Region:
+    """6 m to either side of the sensor's x axis; its frame is turned and off the origin."""
+    pose = kitti.WorldPose(x=10, y=20, z=SENSOR_HEIGHT_M, yaw=np.pi / 2)
+    s = np.arange(-100.0, 101)
+    same = np.ones_like(s)
+    centre = np.column_stack([10 * same, 20 + s])
+    return roads_region([Road("main", s, centre, 0 * s, np.pi / 2 * same, 6 * same)], pose)
+
+
+def outline(folder: Path, corners: str = "[[-90, -6], [90, -6], [90, 6], [-90, 6]]") -> Region:
+    file = folder / "region.yaml"
+    file.write_text(f"outline_m: {corners}\n")
+    return outline_region(file)
+
+
+@pytest.mark.parametrize("kind", ["roads", "outline"])
+def test_a_hedge_beside_the_road_is_no_vehicle_and_a_car_on_it_is(
+    tmp_path: Path, kind: str
+) -> None:
+    region = straight_road() if kind == "roads" else outline(tmp_path)
+    frames = [beside_a_hedge(NO_BOXES, seed) for seed in range(10)]
+    anywhere = Background.learn(frames)
+    unmasked = Background.learn(frames, replace(DEFAULT, within_region=False), region)
+    known = Background.learn(frames, region=region)
+    car = box(20, 3, 0.0)
+    points = beside_a_hedge(car, seed=99)
+    for other in (anywhere, unmasked):
+        found = other.predict(points).boxes
+        assert np.count_nonzero(found[:, 1] > HEDGE_Y_M - 2) >= 2
+    found = known.predict(points).boxes
+    assert len(found) == 1
+    assert bev_iou(found, car)[0, 0] > 0.5
+    assert len(known.predict(hedge(99))) == 0
+
+
+def test_a_car_is_found_up_to_the_border_of_the_region() -> None:
+    known = Background.learn([cast(NO_BOXES, seed) for seed in range(10)], region=straight_road())
+    for y, count in ((5.9, 1), (-5.9, 1), (9.0, 0), (-9.0, 0)):
+        assert len(known.predict(cast(box(20, y, 0.0), seed=99))) == count
+
+
+@pytest.mark.parametrize("margin", [0.0, 2.0])
+def test_an_outline_may_have_a_bay_and_a_margin_makes_it_wider(
+    tmp_path: Path, margin: float
+) -> None:
+    region = outline(tmp_path, "[[0, 0], [30, 0], [30, 30], [15, 5], [0, 30]]")
+    points = np.array([[5.0, 5], [25, 20], [15, 25], [15, 6], [-1, 10], [33, 10]])
+    wider = margin > 0
+    assert region(points, margin).tolist() == [True, True, False, wider, wider, False]
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ("[[0, 0], [1, 0]]", "outline_m: found 2 corners, allowed 3 or more"),
+        ("[[0, 0], [1, 1], [2, 2]]", "outline_m: found no area"),
+        ("[[0, 0], [1, 0], [1]]", r"region.yaml:1: outline_m.2: found 1 values, allowed 2"),
+        ("[[0, 0], [1, 0], [.nan, 1]]", r"region.yaml:1: outline_m.2.0: found nan"),
+    ],
+)
+def test_a_wrong_outline_is_an_error(tmp_path: Path, corners: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        outline(tmp_path, corners)
+
+
 def test_no_point_and_one_point_are_fine(empty_road: Background) -> None:
     nothing = np.empty((0, 4), np.float32)
     found = empty_road.predict(nothing)
@@ -221,12 +304,13 @@ def test_learning_from_one_point_gives_level_ground_there() -> None:
 
 def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
     settings = replace(DEFAULT, range_m=60.0, cell_m=0.7)
-    known = Background.learn([cast(box(x, 3, 0.0), x) for x in range(10, 40, 5)], settings)
+    frames = [cast(box(x, 3, 0.0), x) for x in range(10, 40, 5)]
+    known = Background.learn(frames, settings, straight_road())
     file = tmp_path / "background"
     known.save(file)
     again = Background.load(file)
     assert again.settings == settings
-    for name in ("ground", "permanent", "road", "expected"):
+    for name in ("ground", "permanent", "region", "road", "expected"):
         assert np.array_equal(getattr(known, name), getattr(again, name))
     points = cast(box(20, 3, 0.5), seed=99)
     assert np.array_equal(known.predict(points).boxes, again.predict(points).boxes)
@@ -275,3 +359,51 @@ def test_neither_torch_nor_the_extension_is_imported() -> None:
     code = "import sys, pyinfra.detectors.background; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert {"torch", "pyinfra._core"}.isdisjoint(run.stdout.split())
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A LiDAR's folder of 12 frames, each with a car on the road and a hedge beside it."""
+    folder = write_lidar(tmp_path / "data/pole", [[]] * 12)
+    for k in range(12):
+        cloud = beside_a_hedge(box(15 + 4 * k, 3, 0.0), seed=k)
+        cloud.tofile(kitti.frame_file(folder, "velodyne", k))
+    (folder / "ImageSets").mkdir()
+    (folder / "ImageSets/train.txt").write_text("".join(f"{k:06d}\n" for k in range(12)))
+    return folder
+
+
+def centres_y(folder: Path, out: Path, *words: str) -> FloatArray:
+    """y of what `pyinfra train` and then `pyinfra detect` find in the folder's frames."""
+    recipe = ROOT / "configs/detectors/background.yaml"
+    assert cli.main(["train", str(recipe), "--data", str(folder), "--out", str(out), *words]) == 0
+    found = out / "predictions"
+    assert cli.main(["detect", str(out), "--data", str(folder), "--out", str(found)]) == 0
+    files = sorted(found.glob("*.txt"))
+    return np.concatenate([kitti.read_labels(file, scores=True).boxes[:, 1] for file in files])
+
+
+@pytest.mark.parametrize("known_by", ["nothing", "roads.csv", "--region"])
+def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_none(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], known_by: str
+) -> None:
+    words = []
+    if known_by == "roads.csv":
+        write_roads(recording.parent, half_width=6.0)
+    elif known_by == "--region":
+        outline(tmp_path)
+        words = ["--region", str(tmp_path / "region.yaml")]
+    y = centres_y(recording, tmp_path / "run", *words)
+    said = "background: pole: found no roads.csv and no --region" in capsys.readouterr().err
+    assert said == (known_by == "nothing")
+    assert (np.abs(y - 3) < 1).sum() >= 10
+    assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")
+
+
+def test_a_region_for_another_detector_is_an_error(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recipe, file = ROOT / "configs/detectors/pointpillars.yaml", tmp_path / "region.yaml"
+    words = ["--data", str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
+    assert cli.main(["train", str(recipe), *words]) == 2
+    assert "--region: found a file, allowed for background" in capsys.readouterr().err

@@ -293,8 +293,11 @@ def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> None:
     tasks = [tmp_path / name for name in (*"abc", "victim")]
     lost: list[Path] = []
-    pool.run(dies, tasks, pool.Pool("local", 2), not_there, lambda task, _: lost.append(task))
+    said: list[str] = []
+    where = pool.Pool("local", 2)
+    pool.run(dies, tasks, where, not_there, lambda task, _: lost.append(task), said.append)
     assert lost == [tmp_path / "victim"]
+    assert [line.split(":")[1] for line in said][-1] == " a worker died, 1 tasks left"
     assert not_there(tasks) == lost
 
 

@@ -200,6 +200,15 @@ def test_every_number_of_a_recipe_is_in_its_digest() -> None:
     assert len({recipe_digest(r) for r in (recipe, *others)}) == 3
 
 
+def test_the_mask_of_background_is_in_its_digest() -> None:
+    recipe = read_recipe(configs() / "detectors/background.yaml", "quick")
+    assert recipe.network.within_region
+    anywhere = dataclasses.replace(recipe.network, within_region=False)
+    wider = dataclasses.replace(recipe.network, region_margin_m=2.0)
+    others = [dataclasses.replace(recipe, network=network) for network in (anywhere, wider)]
+    assert len({recipe_digest(r) for r in (recipe, *others)}) == 3
+
+
 @pytest.mark.parametrize("name", ["007", "NA", "1e5", "null"])
 def test_a_lidar_may_have_a_name_that_looks_like_no_text(name: str, config: Path) -> None:
     own = (config.parent / "own.yaml").read_text()

@@ -126,6 +126,16 @@ def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
     assert {room for name in imports(path) if (room := room_of(name))} <= below
 
 
+def test_only_commands_print() -> None:
+    printing = {
+        path.relative_to(ROOT / "pyinfra").parts[0]
+        for path in (ROOT / "pyinfra").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
+    }
+    assert printing == {"cli.py", "commands"}
+
+
 def rows_of_the_page(title: str) -> list[str]:
     """First cells of the table below a heading of docs/rooms.md."""
     below = (ROOT / "docs/rooms.md").read_text().split(f"## {title}")[1].split("\n## ")[0]

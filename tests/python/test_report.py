@@ -264,6 +264,23 @@ def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> N
     assert not same["frames", "50"]
 
 
+def test_the_parts_of_vehicles_are_a_dial_where_the_ladder_has_them(tmp_path: Path) -> None:
+    usual = report_data.ladder().assign(parts="glass+gap+coat")
+    turned = usual[:2].assign(
+        parts="none", ap=[70.0, 60.0], ap_low=[68.0, 58.0], ap_high=[72.0, 62.0]
+    )
+    every = usual[:2].assign(parts="all")
+    report_data.write(tmp_path, {"ladder.csv": pd.concat([usual, turned, every])})
+    material = read_material(tmp_path, [], [], None)
+    words, _ = ladder.blocks(material)
+    assert "parts glass+gap+coat (1.00 of the time of all)" in words
+    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    assert same["parts", "glass+gap+coat"]
+    assert not same["parts", "none"]
+    assert not same["detail", "box"]
+    assert "label_time" not in {dial for dial, _ in same}
+
+
 def with_seconds(material: Material) -> pd.DataFrame:
     return material.results.table("ladder").assign(seconds=1.0)
 

@@ -19,6 +19,8 @@ from pyinfra.statistics import compare
 DIALS = {
     "detail": ("box", "low", "mid", "fine"),
     "aggregation": ("instant", "slices:100", "exact"),
+    "parts": ("none", "glass", "gap", "coat", "tyres", "reflectors", "glass+gap+coat", "all"),
+    "label_time": ("frame", "scan"),
     "frames": ("50", "100", "200", "500", "1000"),
 }
 
@@ -47,9 +49,9 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
 
 def rungs(table: pd.DataFrame) -> list[Rung]:
     """Every value of every dial, the other dials at what most rows have."""
-    usual = {dial: table[dial].astype(str).mode()[0] for dial in DIALS}
+    usual = usual_of(table)
     found = []
-    for dial, values in DIALS.items():
+    for dial, values in dials_of(table).items():
         own = _turned(table, dial, usual)
         own = own[own.ap.notna()]
         there = [value for value in values if value in set(own[dial])]
@@ -71,6 +73,16 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
                 )
             )
     return found
+
+
+def dials_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
+    """The dials that a table knows: one of version 0.2 has neither parts nor label_time."""
+    return {dial: values for dial, values in DIALS.items() if dial in table}
+
+
+def usual_of(table: pd.DataFrame) -> dict[str, str]:
+    """The value that most rows have, of each dial."""
+    return {dial: table[dial].astype(str).mode()[0] for dial in dials_of(table)}
 
 
 def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFrame:
@@ -134,8 +146,8 @@ def recommendation(found: list[Rung]) -> str:
 def _figure(material: Material, table: pd.DataFrame) -> Figure:
     panels = []
     lidars = material.names.sorted(table.lidar)
-    usual = {dial: table[dial].astype(str).mode()[0] for dial in DIALS}
-    for dial, values in DIALS.items():
+    usual = usual_of(table)
+    for dial, values in dials_of(table).items():
         own = _turned(table, dial, usual)
         with drawing():
             figure, ax = panel(3.2, 2.7, bottom=0.58)
