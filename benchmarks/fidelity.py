@@ -42,8 +42,9 @@ def objects(world: sim.World, lidars: list[sim.Lidar], frames: range) -> pd.Data
     return pd.concat(rows, ignore_index=True)
 
 
-def scene(name: str, **overrides: object) -> sim.World:
-    return sim.load_scene(ROOT / "configs" / "scenes" / f"{name}.yaml", set=overrides)
+def scene(name: str, preset: str = "datasheet", **overrides: object) -> sim.World:
+    file = ROOT / "configs" / "scenes" / f"{name}.yaml"
+    return sim.load_scene(file, preset=preset, set=overrides)
 
 
 def seen(table: pd.DataFrame) -> pd.DataFrame:
@@ -62,7 +63,7 @@ def detail_ladder(frames: range, preset: str) -> pd.DataFrame:
     means: dict[str, pd.Series] = {}
     seconds: dict[str, pd.Series] = {}  # of a frame, by LiDAR; the least of the passes
     for detail in ("fine", "box", "low", "mid") * PASSES:
-        table = objects(scene("highway", detail=detail), lidars, frames)
+        table = objects(scene("highway", preset, detail=detail), lidars, frames)
         means[detail] = by_distance(seen(table))
         now = table.groupby("lidar").seconds.mean()
         seconds[detail] = np.minimum(now, seconds.get(detail, now))
@@ -87,7 +88,7 @@ def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
     lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
     rows = []
     for mode in ("exact", "slices:100", "instant"):
-        world = scene("highway", aggregation=mode)
+        world = scene("highway", preset, aggregation=mode)
         start = time.perf_counter()
         table = objects(world, lidars, frames)
         seconds = time.perf_counter() - start
@@ -141,7 +142,8 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
     modes = ("exact", "slices:100", "instant")
     figure, axes = plt.subplots(len(modes), 1, figsize=(6, 7), sharex=True, layout="constrained")
     for mode, axis in zip(modes, axes, strict=True):
-        ((_, (frame,)),) = sim.simulate(scene("highway", aggregation=mode), [lidar], [number])
+        world = scene("highway", "equal", aggregation=mode)
+        ((_, (frame,)),) = sim.simulate(world, [lidar], [number])
         rows = frame.objects
         near = rows[(rows["x"] > 15) & (rows["x"] < 60) & (rows["visibility"] > 0.9)]
         car = near[np.argmax(near["points"])]

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <ranges>
 
+#include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/volumes.h"
@@ -377,6 +378,84 @@ TEST(vegetation, around_a_sensor_is_refused) {
   scene.vegetation = {hedge_across(0)};
   scene.vegetation[0].hedge->y_m = 10;
   EXPECT_NE(error_of([&] { check_site(scene); }).find("inside a hedge"), std::string::npos);
+}
+
+// --- presets ----------------------------------------------------------------------------------
+
+constexpr const char* kWithPresets = R"(name: green
+duration_s: 1
+mounts: {pole: {x_m: 0, y_m: 0, z_m: 6}}
+roads:
+  - name: road
+    start: {x_m: -100, y_m: 0}
+    centreline: [{line_m: 200}]
+    lanes: {each_way: 1}
+weather: {rain_mm_per_h: 1, visibility_m: 400}
+traffic: {vehicles_per_km_lane: 0, speed: {mean_km_h: 50}, class_shares: {Car: 1}}
+presets:
+  datasheet:
+    weather: {rain_mm_per_h: 3}
+    vegetation:
+      - hedge_along: {road: road, offset_m: 8}
+      - tree: {x_m: 20, y_m: 20}
+  night: {weather: {sunlight_klux: 0}}
+)";
+
+TEST(scene_presets, hold_on_top_of_the_other_keys_where_the_lidars_use_them) {
+  const TestFolder folder;
+  const auto file = folder.write("green.yaml", kWithPresets);
+  const SceneConfig green = read_scene(file, {}, "datasheet"),
+                    plain = read_scene(file, {}, "paper");
+  EXPECT_EQ(green.vegetation.size(), 2U);
+  EXPECT_EQ(green.weather.rain_mm_per_h, 3);
+  EXPECT_EQ(green.weather.visibility_m, 400);
+  EXPECT_TRUE(plain.vegetation.empty());
+  EXPECT_EQ(plain.weather.rain_mm_per_h, 1);
+  EXPECT_EQ(read_scene(file, {}, "night").weather.sunlight_klux, 0);
+  EXPECT_EQ(plain.preset_blocks, (std::vector<std::string>{"datasheet", "night"}));
+}
+
+TEST(scene_presets, are_resolved_in_a_dump_and_below_assignments) {
+  const TestFolder folder;
+  const auto file = folder.write("green.yaml", kWithPresets);
+  const std::string dumped = dump_scene(read_scene(file, {}, "datasheet"));
+  EXPECT_EQ(dumped.find("presets"), std::string::npos);
+  EXPECT_EQ(dump_scene(parse_scene(dumped, "dump")), dumped);
+  EXPECT_NE(dumped.find("density_per_m: 1.5"), std::string::npos);
+  const std::array none{std::string("vegetation=[]"), std::string("weather.rain_mm_per_h=9")};
+  const SceneConfig set = read_scene(file, none, "datasheet");
+  EXPECT_TRUE(set.vegetation.empty());
+  EXPECT_EQ(set.weather.rain_mm_per_h, 9);
+}
+
+TEST(scene_presets, are_wrong_at_file_line_and_key) {
+  const auto error = [](const std::string& part, const std::string& by, int line,
+                        const std::string& key, const std::string& what) {
+    const TestFolder folder;
+    std::string text = kWithPresets;
+    text.replace(text.find(part), part.size(), by);
+    const auto file = folder.write("green.yaml", text);
+    expect_message(error_of([&] { build_world(read_scene(file, {}, "datasheet")); }), file, line,
+                   key, what);
+  };
+  error("rain_mm_per_h: 3", "rain: 3", 13, "weather.rain", "unknown key");
+  error("- tree: {", "- tree: {height_m: 2, ", 16, "vegetation.1.tree.height_m", "above trunk_m");
+  error("x_m: 20, y_m: 20", "x_m: 20, y_m: 1", 16, "x_m", "found it on a lane");
+  error("- tree: {x_m: 20, y_m: 20}", "- {}", 16, "vegetation.1.hedge", "one of hedge");
+  error("night: {weather: {sunlight_klux: 0}}", "night: 5", 17, "presets.night", "allowed a map");
+  error("night: {weather: {sunlight_klux: 0}}", "datasheet: {}", 17, "datasheet", "found twice");
+}
+
+TEST(scene_presets, refuse_lidars_of_another_preset) {
+  const TestFolder folder;
+  const auto file = folder.write("green.yaml", kWithPresets);
+  const World world = build_world(read_scene(file, {}, "datasheet"));
+  LidarConfig lidar = seeing_lidar();
+  lidar.preset = "paper";
+  EXPECT_NE(error_of([&] { FrameStream(world, {lidar}, {0}, 1); }).find("seeing: preset: found"),
+            std::string::npos);
+  lidar.preset = "datasheet";
+  EXPECT_TRUE(FrameStream(world, {lidar}, {0}, 1).next().has_value());
 }
 
 }  // namespace

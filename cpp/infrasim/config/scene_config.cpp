@@ -398,17 +398,34 @@ void visit(Fields& f, SceneConfig& c) {
           "found both or neither, allowed either traffic or trajectories");
 }
 
-SceneConfig read_scene(const std::filesystem::path& file,
-                       std::span<const std::string> assignments) {
-  config::Tree tree = config::read_tree(file);
+namespace {
+
+SceneConfig scene_of(config::Tree tree, std::span<const std::string> assignments,
+                     const std::string& preset) {
+  const auto presets = config::take_presets(tree);
+  if (presets) {
+    for (std::size_t i = 0; i < presets->items.size(); ++i)
+      config::expect_map(presets->items[i], "presets." + presets->keys[i]);
+    if (const config::Tree* block = presets->find(preset)) tree = config::merged(tree, *block);
+  }
   for (const std::string& assignment : assignments) config::override_value(tree, assignment);
   auto scene = config::read_struct<SceneConfig>(tree);
+  scene.preset = preset;
+  if (presets) scene.preset_blocks = presets->keys;
+  return scene;
+}
+
+}  // namespace
+
+SceneConfig read_scene(const std::filesystem::path& file, std::span<const std::string> assignments,
+                       const std::string& preset) {
+  SceneConfig scene = scene_of(config::read_tree(file), assignments, preset);
   scene.folder = file.parent_path();
   return scene;
 }
 
 SceneConfig parse_scene(const std::string& text, const std::string& name) {
-  return config::read_struct<SceneConfig>(config::parse_tree(text, name));
+  return scene_of(config::parse_tree(text, name), {}, "");
 }
 
 std::size_t road_index(const SceneConfig& scene, const std::string& name,

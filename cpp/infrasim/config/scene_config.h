@@ -257,23 +257,28 @@ struct SceneConfig {
   std::optional<TrafficConfig> traffic;
   std::string trajectories;      ///< a file instead of traffic; relative to the scene file
   std::filesystem::path folder;  ///< of the scene file; no key
+  std::string preset;            ///< that the file was read for; no key
+  std::vector<std::string> preset_blocks;  ///< names of those that the file has; no key
 };
 
 /// What a scene says, else `frame` under the presets `paper` and `equal`, as the study's simulator
 /// labels, and `scan` under any other, as annotators do who draw around the points.
 LabelTime label_time_of(const SceneConfig& scene, const std::string& preset);
 
-/// Reads a scene file, with `--set KEY=VALUE` assignments on top.
+/// Reads a scene file, with the block of a preset, if it has one, on top of its other keys, and
+/// `--set KEY=VALUE` assignments on top of both.
+/// @param preset of the run's LiDARs
 /// @throws ConfigError, IoError
 SceneConfig read_scene(const std::filesystem::path& file,
-                       std::span<const std::string> assignments = {});
+                       std::span<const std::string> assignments = {},
+                       const std::string& preset = "");
 
 /// Where a road stands in `scene.roads`; `place` and `key` are those of whoever names it.
 /// @throws ConfigError if there is none of the name
 std::size_t road_index(const SceneConfig& scene, const std::string& name,
                        const config::Place& place, const char* key);
 
-/// The same from text; `name` stands for the file in messages.
+/// The same from text, without a preset; `name` stands for the file in messages.
 SceneConfig parse_scene(const std::string& text, const std::string& name);
 
 /// Every key with its value, as YAML that reads back to the same scene.
