@@ -49,8 +49,9 @@ def objects(world: sim.World, lidars: list[sim.Lidar], frames: range) -> pd.Data
     return pd.concat(rows, ignore_index=True)
 
 
-def scene(name: str, **overrides: object) -> sim.World:
-    return sim.load_scene(ROOT / "configs" / "scenes" / f"{name}.yaml", set=overrides)
+def scene(name: str, preset: str = "datasheet", **overrides: object) -> sim.World:
+    file = ROOT / "configs" / "scenes" / f"{name}.yaml"
+    return sim.load_scene(file, preset=preset, set=overrides)
 
 
 def seen(table: pd.DataFrame) -> pd.DataFrame:
@@ -75,7 +76,7 @@ def points_ladder(
     means: dict[str, pd.Series] = {}
     seconds: dict[str, pd.Series] = {}  # of a frame, by LiDAR; the least of the passes
     for value in [*models] * PASSES:
-        table = objects(scene("highway", **models[value]), lidars, frames)
+        table = objects(scene("highway", preset, **models[value]), lidars, frames)
         means[value] = by_distance(seen(table))
         now = table.groupby("lidar").seconds.mean()
         seconds[value] = np.minimum(now, seconds.get(value, now))
@@ -100,7 +101,7 @@ def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
     lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
     rows = []
     for mode in ("exact", "slices:100", "instant"):
-        world = scene("highway", aggregation=mode)
+        world = scene("highway", preset, aggregation=mode)
         start = time.perf_counter()
         table = objects(world, lidars, frames)
         seconds = time.perf_counter() - start
@@ -154,7 +155,8 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
     modes = ("exact", "slices:100", "instant")
     figure, axes = plt.subplots(len(modes), 1, figsize=(6, 7), sharex=True, layout="constrained")
     for mode, axis in zip(modes, axes, strict=True):
-        ((_, (frame,)),) = sim.simulate(scene("highway", aggregation=mode), [lidar], [number])
+        world = scene("highway", "equal", aggregation=mode)
+        ((_, (frame,)),) = sim.simulate(world, [lidar], [number])
         rows = frame.objects
         near = rows[(rows["x"] > 15) & (rows["x"] < 60) & (rows["visibility"] > 0.9)]
         car = near[np.argmax(near["points"])]

@@ -91,7 +91,7 @@ def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
     import open3d as o3d
 
     lidar = sim.load_lidar(LIDARS[3], "paper")
-    world = sim.load_scene(SCENE, set={"duration_s": 20})
+    world = sim.load_scene(SCENE, preset="paper", set={"duration_s": 20})
     vertices, triangles = world.mesh(0)
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
@@ -146,7 +146,7 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
 
 def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
     """Frames a second of the four LiDARs from Python against the binary, start-up left out."""
-    world = sim.load_scene(SCENE)
+    world = sim.load_scene(SCENE, preset="paper")
     lidars = [sim.load_lidar(file, "paper") for file in LIDARS]
     first, last = 100, 500
     ratios = []

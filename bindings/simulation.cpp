@@ -56,11 +56,13 @@ void bind_simulation(py::module_& m) {
            "sensor frame; free motors start as if locked unless a seed is given.");
 
   py::class_<World>(m, "World", "A scene made ready.")
-      .def(py::init([](const std::string& file, const std::vector<std::string>& set) {
+      .def(py::init([](const std::string& file, const std::vector<std::string>& set,
+                       const std::string& preset) {
              const py::gil_scoped_release release;
-             return std::make_unique<World>(build_world(read_scene(file, set)));
+             return std::make_unique<World>(build_world(read_scene(file, set, preset)));
            }),
-           py::arg("file"), py::arg("assignments") = std::vector<std::string>{})
+           py::arg("file"), py::arg("assignments") = std::vector<std::string>{},
+           py::arg("preset") = "datasheet")
       .def(
           "dump", [](const World& w) { return dump_scene(w.scene); },
           "Every key with its value, as YAML.")

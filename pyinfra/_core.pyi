@@ -141,7 +141,7 @@ class World:
     """
     A scene made ready.
     """
-    def __init__(self, file: str, assignments: collections.abc.Sequence[str] = []) -> None:
+    def __init__(self, file: str, assignments: collections.abc.Sequence[str] = [], preset: str = 'datasheet') -> None:
         ...
     def dump(self) -> str:
         """

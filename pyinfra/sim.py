@@ -72,17 +72,22 @@ Filter: TypeAlias = (
 
 
 def load_scene(
-    file: str | Path, *, seed: int | None = None, set: Mapping[str, object] | None = None
+    file: str | Path,
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    set: Mapping[str, object] | None = None,
 ) -> World:
     """A scene made ready: its traffic driven, its meshes built.
 
+    preset: of the LiDARs; a scene may have a block of keys for it.
     set: values by dotted path, as `--set` has them: `{"traffic.vehicles_per_km_lane": 20}`.
     Raises ConfigError with `file:line:col: key: found, allowed`, and IoError.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
         assignments.append(f"seed={seed}")
-    return World(str(file), assignments)
+    return World(str(file), assignments, preset)
 
 
 def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
@@ -114,14 +119,15 @@ def simulate(
     columns of a frame are read-only views that keep it alive; nothing is copied.
     A scene or LiDAR may be a file; then preset, seed and set apply to it.
     Warns where weather has no effect.
-    Raises ConfigError for a wrong file or a frame that the scene does not have, and IoError.
+    Raises ConfigError for a wrong file, a frame that the scene does not have, and LiDARs of a
+    preset for which the scene has keys but was not loaded, and IoError.
     """
     if isinstance(scene, World):
         if seed is not None or set:
             raise ValueError("seed and set need a scene file, found a World that is already built")
         world = scene
     else:
-        world = load_scene(scene, seed=seed, set=set)
+        world = load_scene(scene, preset=preset, seed=seed, set=set)
     units = [x if isinstance(x, Lidar) else load_lidar(x, preset) for x in lidars]
     for line in warnings(world, units):
         warn(line, stacklevel=2)

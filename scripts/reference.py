@@ -34,6 +34,7 @@ UNITS = {  # of a number, by the end of its key; the first that fits
     "usd_per_kwh": "USD/kWh",
     "_per_km_lane": "per km and lane",
     "_per_s": "per s",
+    "_per_m": "per m",
     "_percent_m": "m",
     "_usd": "USD",
     "_deg": "degrees",
@@ -202,7 +203,9 @@ may be left out. Unknown keys, wrong types and values out of range are errors th
 and key. Paths inside a file are relative to it.
 
 ## Scene (`configs/scenes`, read by `infrasim run`)
-`--set KEY=VALUE` overrides a key by its path, such as `--set mounts.pole.z_m=8`.
+`--set KEY=VALUE` overrides a key by its path, such as `--set mounts.pole.z_m=8`. Below `presets`
+stand blocks of keys (`datasheet`) that hold on top of the others where the run's LiDARs use that
+preset.
 
 {sections(simulator_keys("scene"))}
 ## LiDAR (`configs/lidars`, read by `infrasim run --lidar`)

@@ -72,7 +72,7 @@ def digests(plan: Plan) -> pd.DataFrame:
 
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     file = plan.files["scenes", scene]
-    world = resolved(file)
+    world = resolved(file, preset)
     unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset))
     found = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
     if recorded := yaml.safe_load(world).get("trajectories"):

@@ -103,7 +103,7 @@ def _run(scene: Path, lidars: Sequence[Path], frames: str) -> list[str | Path]:
 def _key(scene: Path, lidars: Sequence[Path], frames: str) -> str:
     """Names all that a summary depends on: the binary, the resolved configuration, the frames."""
     key = hashlib.sha256(frames.encode())
-    key.update(infrasim("check", scene).encode())
+    key.update(infrasim("check", scene, "--preset", PRESET).encode())
     for lidar in lidars:
         key.update(infrasim("check", lidar, "--preset", PRESET).encode())
     binary = launch.binary()

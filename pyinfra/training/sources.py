@@ -99,7 +99,7 @@ def simulated_source(
     """
     from pyinfra import sim
 
-    world = sim.load_scene(scene, seed=seed, set=set)
+    world = sim.load_scene(scene, preset=preset, seed=seed, set=set)
     unit = sim.load_lidar(lidar, preset)
     numbers = split.by_time(range(world.frames), PERIOD_S).train
     frames = spread(numbers, MOST_FRAMES[tier])

@@ -434,7 +434,7 @@ double visibility(const TriangleMesh& background, const std::vector<MovingBody>&
   const MeshLibrary library(background, bodies(Detail::kLow));
   Raycaster raycaster(library);
   raycaster.set_bodies(moving, kPeriod);
-  return raycaster.visibility(0);
+  return raycaster.visibility(0, {});
 }
 
 TEST(visibility, of_a_lone_body_is_1_wherever_it_stands) {

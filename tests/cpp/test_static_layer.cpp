@@ -10,10 +10,11 @@ namespace {
 
 using namespace testing;
 
-World shipped_world(const std::string& scene, const std::vector<std::string>& assignments = {}) {
+World shipped_world(const std::string& scene, const std::vector<std::string>& assignments = {},
+                    const std::string& preset = "datasheet") {
   std::vector<std::string> all{"duration_s=5", "traffic.warm_up_s=20"};
   all.insert(all.end(), assignments.begin(), assignments.end());
-  return build_world(read_scene(configs() / "scenes" / (scene + ".yaml"), all));
+  return build_world(read_scene(configs() / "scenes" / (scene + ".yaml"), all, preset));
 }
 
 void expect_same(const Frame& a, const Frame& b) {
@@ -42,13 +43,15 @@ int expect_same_as_casting_all(const World& world, const LidarConfig& lidar) {
 
 TEST(static_layer, gives_the_frames_of_casting_all) {
   for (const char* scene : {"highway", "crossroad", "curve"}) {
-    const World world = shipped_world(scene);
-    for (const char* preset : {"paper", "equal", "datasheet"})
+    for (const char* preset : {"paper", "equal", "datasheet"}) {
+      const World world = shipped_world(scene, {}, preset);
+      EXPECT_EQ(world.leaves.empty(), std::string(preset) != "datasheet");
       for (const char* name : {"ruby_plus", "pandar_64"})
         EXPECT_GT(
             expect_same_as_casting_all(
                 world, read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), preset)),
             1000);
+    }
   }
 }
 
@@ -80,6 +83,16 @@ TEST(static_layer, of_a_table_gives_the_frames_of_casting_all) {
     pattern.table->directions.push_back({std::fmod(0.37 * i, 6.28), -0.3 + 0.0241 * (i % 13)});
   EXPECT_GT(expect_same_as_casting_all(shipped_world("highway"), plain_lidar("table", pattern)),
             100);
+}
+
+TEST(static_layer, among_leaves_gives_the_frames_of_casting_all) {
+  const std::vector<std::string> leaves{
+      "vegetation=[{hedge_along: {road: motorway, offset_m: 0, width_m: 2, density_per_m: 0.3}}, "
+      "{trees_along: {road: motorway, offset_m: -30, every_m: 9, height_m: 12, base_m: -2}}]"};
+  for (const char* name : {"velodyne_hdl_64e", "ruby_plus"})
+    expect_same_as_casting_all(
+        shipped_world("highway", leaves),
+        read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), "datasheet"));
 }
 
 TEST(static_layer, is_left_out_where_the_pattern_never_repeats) {

@@ -37,7 +37,8 @@ def test_resolved_configuration(name: str, infrasim: Callable[..., object]) -> N
 
 def frame_table(preset: str) -> pd.DataFrame:
     """Some points of one frame of two LiDARs at the curve, after 30 frames."""
-    world = sim.load_scene(SCENES / "curve.yaml", set={"duration_s": 4, "traffic.warm_up_s": 10})
+    short = {"duration_s": 4, "traffic.warm_up_s": 10}
+    world = sim.load_scene(SCENES / "curve.yaml", preset=preset, set=short)
     names = ["livox_avia", "helios_16"]
     lidars = [sim.load_lidar(ROOT / f"configs/lidars/{name}.yaml", preset) for name in names]
     ((_, frames),) = sim.simulate(world, lidars, [30])

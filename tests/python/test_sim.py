@@ -56,7 +56,7 @@ def test_columns_are_views_that_outlive_their_frame(world: sim.World) -> None:
 
 
 def test_frames_come_in_the_order_asked_for(world: sim.World) -> None:
-    lidar = sim.load_lidar(LIDARS[1], "paper")
+    lidar = sim.load_lidar(LIDARS[1])
     numbers = [5, 1, 9, 0]
     assert [k for k, _ in sim.simulate(world, [lidar], numbers, threads=2)] == numbers
 
@@ -87,7 +87,7 @@ def test_objects_have_the_pose_of_their_scan(world: sim.World) -> None:
 
 
 def test_a_stream_can_be_left_early(world: sim.World) -> None:
-    lidar = sim.load_lidar(LIDARS[1], "paper")
+    lidar = sim.load_lidar(LIDARS[1])
     stream = sim.simulate(world, [lidar], range(20))
     assert next(stream)[0] == 0
     del stream
@@ -118,11 +118,24 @@ def test_a_built_world_takes_no_further_settings(world: sim.World) -> None:
 
 
 def test_weather_that_a_lidar_does_not_feel_is_a_warning() -> None:
-    foggy = sim.load_scene(SCENE, set=SHORT | {"weather.visibility_m": 30})
+    fog = SHORT | {"weather.visibility_m": 30}
+    foggy = sim.load_scene(SCENE, preset="paper", set=fog)
     with pytest.warns(UserWarning, match="livox_avia, preset paper: weather: no effect") as found:
         sim.simulate(foggy, LIDARS[:1], range(1), preset="paper")
     assert found[0].filename == __file__
-    sim.simulate(foggy, LIDARS[:1], range(1), preset="datasheet")
+    sim.simulate(sim.load_scene(SCENE, set=fog), LIDARS[:1], range(1), preset="datasheet")
+
+
+def test_a_scene_holds_the_keys_of_its_preset(world: sim.World) -> None:
+    plain = sim.load_scene(SCENE, preset="paper", set=SHORT)
+    assert "trees_along" in world.dump()
+    assert "vegetation: []" in plain.dump()
+    lidar = sim.load_lidar(LIDARS[1], "equal")
+    with pytest.raises(sim.ConfigError, match="found 'equal' in a scene that was read for 'data"):
+        sim.simulate(world, [lidar], range(1))
+    assert next(sim.simulate(plain, [lidar], range(1)))[0] == 0  # neither has keys of its own
+    (_, (frame,)) = next(sim.simulate(world, LIDARS[1:], range(1)))
+    assert np.count_nonzero(frame.class_id == 4) > 100
 
 
 @pytest.mark.parametrize("threads", [-1, 1025])
@@ -147,7 +160,8 @@ def test_scan_pattern_runs_on_over_frames() -> None:
     assert np.all(np.diff(whole[:, 2]) >= 0)
 
 
-def test_filters_keep_what_the_binary_keeps(world: sim.World, tmp_path: Path) -> None:
+def test_filters_keep_what_the_binary_keeps(tmp_path: Path) -> None:
+    world = sim.load_scene(SCENE, preset="paper", seed=3, set=SHORT)
     lidar = sim.load_lidar(LIDARS[1], "paper")
     clouds = [sim.points(frame) for _, (frame,) in sim.simulate(world, [lidar], range(0, 20, 2))]
     for i, cloud in enumerate(clouds):

@@ -53,10 +53,26 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
                     ", allowed vehicles apart");
 }
 
+/// Builds the scene under every preset of the file too, and under none, unless one was asked for.
+SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o) {
+  const auto checked = [&](const std::string& preset) {
+    SceneConfig scene = read_scene(file, o.assignments, preset);
+    build_world(scene);
+    if (o.traffic) check_traffic(file, scene);
+    return scene;
+  };
+  SceneConfig scene = checked(o.preset.value_or("datasheet"));
+  if (o.preset || scene.preset_blocks.empty()) return scene;
+  checked("");
+  for (const std::string& name : scene.preset_blocks)
+    if (name != scene.preset) checked(name);
+  return scene;
+}
+
 void check_command(const CheckOptions& o) {
   const std::filesystem::path file = config_file(o.file, {"lidars", "scenes"});
   const config::Tree tree = config::read_tree(file);
-  if (tree.find("roads") == nullptr &&
+  if (tree.find("roads") == nullptr && tree.find("mounts") == nullptr &&
       (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
        tree.find("presets") != nullptr)) {
     if (!o.assignments.empty())
@@ -65,11 +81,7 @@ void check_command(const CheckOptions& o) {
     std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
     return;
   }
-  if (o.preset) throw ConfigError("--preset: found a scene file, allowed for LiDARs only");
-  const SceneConfig scene = read_scene(file, o.assignments);
-  build_world(scene);
-  if (o.traffic) check_traffic(file, scene);
-  std::fputs(dump_scene(scene).c_str(), stdout);
+  std::fputs(dump_scene(checked_scene(file, o)).c_str(), stdout);
 }
 
 struct PatternOptions {
@@ -93,12 +105,13 @@ void pattern_command(const PatternOptions& o) {
 
 struct TrajectoriesOptions {
   std::string scene;
+  std::string preset = "datasheet";
   std::string out;
   std::vector<std::string> assignments;
 };
 
 void trajectories_command(const TrajectoriesOptions& o) {
-  const SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments);
+  const SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments, o.preset);
   const std::filesystem::path file = o.out;
   remove_leftovers(file.parent_path().empty() ? "." : file.parent_path());
   AtomicFile out(file);
@@ -119,7 +132,7 @@ void add_check_command(CLI::App& app) {
   auto o = std::make_shared<CheckOptions>();
   command->add_option("file", o->file, "scene or LiDAR: a file or a name")->required();
   command->add_option("--preset", o->preset,
-                      "preset of a LiDAR; else all, and datasheet is printed");
+                      "preset of the file; else all are read, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
   command->add_flag(
       "--traffic", o->traffic,
@@ -168,6 +181,7 @@ void add_trajectories_command(CLI::App& app) {
   auto o = std::make_shared<TrajectoriesOptions>();
   command->add_option("scene", o->scene, "scene: a file or a name")->required();
   command->add_option("--out", o->out, ".csv file")->required();
+  command->add_option("--preset", o->preset, "preset of the scene")->capture_default_str();
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->callback([o] { trajectories_command(*o); });
 }

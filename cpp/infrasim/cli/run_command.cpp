@@ -57,7 +57,7 @@ std::string path_of(const char* option, const std::optional<std::string>& value)
 
 RunRequest request_of(const RunOptions& o) {
   RunRequest request;
-  request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o));
+  request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o), o.preset);
   for (const std::string& word : o.lidars)
     request.lidars.push_back(read_lidar(config_file(word, {"lidars"}), o.preset));
   request.preset = o.preset;
@@ -125,7 +125,9 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("scene", o->scene, "scene: a file or a name, such as highway")->required();
   command->add_option("--lidar", o->lidars, "LiDARs: files or names, such as livox_avia")
       ->required();
-  command->add_option("--preset", o->preset, "preset of the LiDARs")->capture_default_str();
+  command
+      ->add_option("--preset", o->preset, "preset of the LiDARs, and of the scene where it has it")
+      ->capture_default_str();
   command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
   command->add_option("--out", o->out, "data set folder; without it nothing is written");
   command->add_option("--summary", o->summary, "also write the summary to this file");

@@ -74,6 +74,16 @@ void expect_map(const Tree& tree, const std::string& key) {
   if (tree.kind != Tree::Kind::kMap) fail(tree.place, key, found(tree) + ", allowed a map");
 }
 
+std::optional<Tree> take_presets(Tree& tree) {
+  const auto at = std::ranges::find(tree.keys, "presets") - tree.keys.begin();
+  if (at == std::ssize(tree.keys)) return std::nullopt;
+  Tree presets = std::move(tree.items[static_cast<std::size_t>(at)]);
+  tree.keys.erase(tree.keys.begin() + at);
+  tree.items.erase(tree.items.begin() + at);
+  expect_map(presets, "presets");
+  return presets;
+}
+
 FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {
   expect_map(map, path_.empty() ? "(document)" : path_);
 }

@@ -46,6 +46,10 @@ bool begins_as_name(const std::string& text);
 /// @throws ConfigError if the value is no map
 void expect_map(const Tree& tree, const std::string& key);
 
+/// Takes `presets` out of a file's tree: a block of keys for each name; nothing if it has none.
+/// @throws ConfigError if they are no map
+std::optional<Tree> take_presets(Tree& tree);
+
 template <class T>
 concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> &&
                  !std::is_same_v<T, Vec2> && !std::is_same_v<T, Fraction>;

@@ -249,21 +249,17 @@ void visit(Fields& f, LidarFile& c) {
 /// The file's tree with the named preset merged in.
 config::Tree preset_tree(const std::filesystem::path& file, const std::string& preset) {
   config::Tree tree = config::read_tree(file);
-  const auto at = std::ranges::find(tree.keys, "presets") - tree.keys.begin();
-  if (at == std::ssize(tree.keys)) {
+  const auto presets = config::take_presets(tree);
+  if (!presets) {
     if (preset.find_first_of(",\"\n") != std::string::npos)
       config::fail(tree.place, "preset", "found '" + preset + "', allowed a word of a table");
     return tree;
   }
-  const config::Tree presets = tree.items[static_cast<std::size_t>(at)];
-  tree.keys.erase(tree.keys.begin() + at);
-  tree.items.erase(tree.items.begin() + at);
-  config::expect_map(presets, "presets");
-  const config::Tree* chosen = presets.find(preset);
+  const config::Tree* chosen = presets->find(preset);
   if (chosen == nullptr) {
     std::string names;
-    for (const std::string& name : presets.keys) names += (names.empty() ? "" : ", ") + name;
-    config::fail(presets.place, "presets", "found no preset '" + preset + "', allowed " + names);
+    for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
+    config::fail(presets->place, "presets", "found no preset '" + preset + "', allowed " + names);
   }
   config::expect_map(*chosen, "presets." + preset);
   return config::merged(tree, *chosen);

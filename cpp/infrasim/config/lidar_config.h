@@ -151,7 +151,7 @@ double rays_per_s(const PatternConfig& pattern);
 /// @throws ConfigError, IoError
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset);
 
-/// Names of the presets in a LiDAR file, in its order.
+/// Names of the presets in a LiDAR or scene file, in its order.
 std::vector<std::string> preset_names(const std::filesystem::path& file);
 
 /// Every key with its value as plain YAML, channels as read. That of one unit reads back, turned or

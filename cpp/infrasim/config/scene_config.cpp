@@ -136,6 +136,79 @@ void visit(Fields& f, GantryConfig& c) {
 }
 
 template <class Fields>
+void visit_density(Fields& f, double& density_per_m) {
+  f.field("density_per_m", density_per_m, "chance per metre that leaves stop a ray", positive(100));
+}
+
+template <class Fields>
+void visit(Fields& f, HedgeConfig& c) {
+  f.here(c.place);
+  f.field("x_m", c.x_m, "world x of the centre", required());
+  f.field("y_m", c.y_m, "world y of the centre", required());
+  f.field("length_m", c.length_m, "size along its heading", required(positive(2000)));
+  f.field("width_m", c.width_m, "size across its heading", positive(2000));
+  f.field("height_m", c.height_m, "height above its base", positive(100));
+  f.field("heading_deg", c.heading_deg, "direction of its length", between(-360, 360));
+  f.field("base_m", c.base_m, "world z of its base", between(-1e3, 1e4));
+  visit_density(f, c.density_per_m);
+}
+
+template <class Fields>
+void visit(Fields& f, HedgeAlongConfig& c) {
+  f.here(c.place);
+  f.field("road", c.road, "name of its road", required());
+  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+  f.field("height_m", c.height_m, "height above its base", positive(100));
+  f.field("width_m", c.width_m, "thickness", positive(100));
+  f.field("base_m", c.base_m, "its base above the road", between(-100, 100));
+  f.field("from_m", c.from_m, "first station of the centreline", between(0, 1e5));
+  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+  visit_density(f, c.density_per_m);
+}
+
+template <class Fields>
+void visit_shape(Fields& f, TreeShape& c, const char* base) {
+  f.field("height_m", c.height_m, "of the crown's top above the base", positive(100));
+  f.field("crown_m", c.crown_m, "width of the crown", positive(50));
+  f.field("trunk_m", c.trunk_m, "height of the crown's lowest leaves", between(0, 100));
+  f.field("trunk_width_m", c.trunk_width_m, "thickness of the trunk", positive(5));
+  f.field("base_m", c.base_m, base, between(-1e3, 1e4));
+  visit_density(f, c.density_per_m);
+  f.check(c.height_m > c.trunk_m, "height_m", "found it not above trunk_m, allowed above");
+}
+
+template <class Fields>
+void visit(Fields& f, TreeConfig& c) {
+  f.here(c.place);
+  f.field("x_m", c.x_m, "world x of the trunk", required());
+  f.field("y_m", c.y_m, "world y of the trunk", required());
+  visit_shape(f, c.shape, "world z of its base");
+}
+
+template <class Fields>
+void visit(Fields& f, TreesAlongConfig& c) {
+  f.here(c.place);
+  f.field("road", c.road, "name of their road", required());
+  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+  f.field("every_m", c.every_m, "from one to the next", between(1, 1e5));
+  f.field("from_m", c.from_m, "station of the first", between(0, 1e5));
+  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+  visit_shape(f, c.shape, "their base above the road");
+}
+
+template <class Fields>
+void visit(Fields& f, VegetationConfig& c) {
+  f.field("hedge", c.hedge, "upright box of leaves");
+  f.field("hedge_along", c.hedge_along, "hedge along a road");
+  f.field("tree", c.tree, "ellipsoid of leaves on a solid trunk");
+  f.field("trees_along", c.trees_along, "row of trees along a road");
+  const int kinds = c.hedge.has_value() + c.hedge_along.has_value() + c.tree.has_value() +
+                    c.trees_along.has_value();
+  f.check(kinds == 1, "hedge",
+          "found none or several, allowed one of hedge, hedge_along, tree, trees_along");
+}
+
+template <class Fields>
 void visit(Fields& f, SignalConfig& c) {
   f.field("green_s", c.green_s, "green of each approach", between(5, 200));
   f.field("all_red_s", c.all_red_s, "shortest pause between two greens", between(1, 30));
@@ -315,6 +388,8 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("buildings", c.buildings, "upright boxes");
   f.field("barriers", c.barriers, "walls along roads");
   f.field("gantries", c.gantries, "beams across roads");
+  f.field("vegetation", c.vegetation,
+          "hedges and trees; LiDARs without returns.detection see no leaves");
   f.field("junctions", c.junctions, "signals where roads cross");
   f.field("filters", c.filters, "steps that thin out every frame, in order");
   f.field("traffic", c.traffic, "simulated vehicles");
@@ -323,17 +398,34 @@ void visit(Fields& f, SceneConfig& c) {
           "found both or neither, allowed either traffic or trajectories");
 }
 
-SceneConfig read_scene(const std::filesystem::path& file,
-                       std::span<const std::string> assignments) {
-  config::Tree tree = config::read_tree(file);
+namespace {
+
+SceneConfig scene_of(config::Tree tree, std::span<const std::string> assignments,
+                     const std::string& preset) {
+  const auto presets = config::take_presets(tree);
+  if (presets) {
+    for (std::size_t i = 0; i < presets->items.size(); ++i)
+      config::expect_map(presets->items[i], "presets." + presets->keys[i]);
+    if (const config::Tree* block = presets->find(preset)) tree = config::merged(tree, *block);
+  }
   for (const std::string& assignment : assignments) config::override_value(tree, assignment);
   auto scene = config::read_struct<SceneConfig>(tree);
+  scene.preset = preset;
+  if (presets) scene.preset_blocks = presets->keys;
+  return scene;
+}
+
+}  // namespace
+
+SceneConfig read_scene(const std::filesystem::path& file, std::span<const std::string> assignments,
+                       const std::string& preset) {
+  SceneConfig scene = scene_of(config::read_tree(file), assignments, preset);
   scene.folder = file.parent_path();
   return scene;
 }
 
 SceneConfig parse_scene(const std::string& text, const std::string& name) {
-  return config::read_struct<SceneConfig>(config::parse_tree(text, name));
+  return scene_of(config::parse_tree(text, name), {}, "");
 }
 
 std::size_t road_index(const SceneConfig& scene, const std::string& name,

@@ -92,12 +92,79 @@ struct BarrierConfig {
   config::Place place;
 };
 
+/// Chance per metre that leaves stop a ray: G = 0.5 of randomly turned leaves (Campbell, Norman:
+/// An Introduction to Environmental Biophysics, 1998) times the area of leaves in a volume, for
+/// which studies of street trees take 1.5 m2/m3 (sparse) to 3 (dense); a clipped hedge is dense.
+inline constexpr double kHedgeDensity_per_m = 1.5;
+inline constexpr double kCrownDensity_per_m = 0.75;
+
 /// A beam across a road on two legs outside its lanes.
 struct GantryConfig {
   std::string road;
   double s_m = 0;
   double clearance_m = 6;
   config::Place place;
+};
+
+/// An upright box of leaves.
+struct HedgeConfig {
+  double x_m = 0;
+  double y_m = 0;
+  double length_m = 10;
+  double width_m = 1;
+  double height_m = 1.5;
+  double heading_deg = 0;
+  double base_m = 0;
+  double density_per_m = kHedgeDensity_per_m;
+  config::Place place;
+};
+
+/// A hedge along a road, as a barrier is.
+struct HedgeAlongConfig {
+  std::string road;
+  double offset_m = 0;  ///< to the left of the centreline
+  double height_m = 1.5;
+  double width_m = 1;
+  double base_m = 0;  ///< above the road
+  double from_m = 0;
+  double to_m = 1e9;
+  double density_per_m = kHedgeDensity_per_m;
+  config::Place place;
+};
+
+/// A crown, which is an ellipsoid of leaves, on a trunk, which is solid up to the crown's middle.
+struct TreeShape {
+  double height_m = 9;
+  double crown_m = 5;  ///< across
+  double trunk_m = 3;  ///< up to the crown
+  double trunk_width_m = 0.3;
+  double base_m = 0;
+  double density_per_m = kCrownDensity_per_m;
+};
+
+struct TreeConfig {
+  double x_m = 0;
+  double y_m = 0;
+  TreeShape shape;
+  config::Place place;
+};
+
+/// A row of trees along a road.
+struct TreesAlongConfig {
+  std::string road;
+  double offset_m = 0;  ///< to the left of the centreline
+  double every_m = 10;
+  double from_m = 0;
+  double to_m = 1e9;
+  TreeShape shape;
+  config::Place place;
+};
+
+struct VegetationConfig {
+  std::optional<HedgeConfig> hedge;
+  std::optional<HedgeAlongConfig> hedge_along;
+  std::optional<TreeConfig> tree;
+  std::optional<TreesAlongConfig> trees_along;
 };
 
 struct SignalConfig {
@@ -184,28 +251,34 @@ struct SceneConfig {
   std::vector<BuildingConfig> buildings;
   std::vector<BarrierConfig> barriers;
   std::vector<GantryConfig> gantries;
+  std::vector<VegetationConfig> vegetation;
   std::vector<JunctionConfig> junctions;
   std::vector<FilterConfig> filters;
   std::optional<TrafficConfig> traffic;
   std::string trajectories;      ///< a file instead of traffic; relative to the scene file
   std::filesystem::path folder;  ///< of the scene file; no key
+  std::string preset;            ///< that the file was read for; no key
+  std::vector<std::string> preset_blocks;  ///< names of those that the file has; no key
 };
 
 /// What a scene says, else `frame` under the presets `paper` and `equal`, as the study's simulator
 /// labels, and `scan` under any other, as annotators do who draw around the points.
 LabelTime label_time_of(const SceneConfig& scene, const std::string& preset);
 
-/// Reads a scene file, with `--set KEY=VALUE` assignments on top.
+/// Reads a scene file, with the block of a preset, if it has one, on top of its other keys, and
+/// `--set KEY=VALUE` assignments on top of both.
+/// @param preset of the run's LiDARs
 /// @throws ConfigError, IoError
 SceneConfig read_scene(const std::filesystem::path& file,
-                       std::span<const std::string> assignments = {});
+                       std::span<const std::string> assignments = {},
+                       const std::string& preset = "");
 
 /// Where a road stands in `scene.roads`; `place` and `key` are those of whoever names it.
 /// @throws ConfigError if there is none of the name
 std::size_t road_index(const SceneConfig& scene, const std::string& name,
                        const config::Place& place, const char* key);
 
-/// The same from text; `name` stands for the file in messages.
+/// The same from text, without a preset; `name` stands for the file in messages.
 SceneConfig parse_scene(const std::string& text, const std::string& name);
 
 /// Every key with its value, as YAML that reads back to the same scene.

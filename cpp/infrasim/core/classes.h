@@ -13,6 +13,7 @@ enum class Class : std::uint16_t {
   kSidewalk = 1,
   kTerrain = 2,
   kStructure = 3,
+  kVegetation = 4,
   kCar = 10,
   kVan = 11,
   kTruck = 12,

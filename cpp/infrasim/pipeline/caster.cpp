@@ -11,6 +11,8 @@ namespace {
 
 constexpr VehicleParts kNoParts{false, false, false, false, false};
 
+constexpr std::uint64_t kLeafDraws = 16;  // of a ray: beyond the numbers of its own draws
+
 constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
 
 /// The first group after a part of the frame that is worked on at once.
@@ -62,21 +64,27 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
     const RayRange part{first * size, end * size};
     emitter.pattern.generate(part, k * kFramePeriod, rays_);
     rays_.max_range = emitter.max_range;
-    cast += cast_part(part, emitter, vehicles);
-    emitter.returns.apply(rng, static_cast<std::uint64_t>(part.first - frame.first), hits_,
-                          reflectance_, emitter.beam ? sunlit_ : reflectance_, returns_);
+    const auto first_ray = static_cast<std::uint64_t>(part.first - frame.first);
+    cast += cast_part(part, {rng, first_ray}, emitter, vehicles);
+    emitter.returns.apply(rng, first_ray, hits_, reflectance_,
+                          emitter.beam ? sunlit_ : reflectance_, returns_);
     collect(vehicles.moving, emitter.beam.has_value(), out);
   }
   return cast;
 }
 
-std::size_t Caster::cast_part(RayRange part, Emitter& emitter, const FrameVehicles& vehicles) {
+Rng Caster::LeafDraws::of(std::uint32_t ray, std::size_t sub_ray) const {
+  return frame.at(first_ray + ray).at(kLeafDraws + sub_ray);
+}
+
+std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, Emitter& emitter,
+                              const FrameVehicles& vehicles) {
   const int size = emitter.pattern.group_size();
   const std::int64_t first = part.first / size, last = part.last / size;
   const bool reflectance = emitter.returns.needs_reflectance();
   if (emitter.beam) {
     select(emitter, last - first);
-    return cast_beams(*emitter.beam, vehicles, reflectance ? parts_ : kNoParts);
+    return cast_beams(emitter, draws, vehicles);
   }
   if (emitter.layer) {
     cast_moving(*emitter.layer, first, last, reflectance);
@@ -84,16 +92,35 @@ std::size_t Caster::cast_part(RayRange part, Emitter& emitter, const FrameVehicl
     cast_all(emitter, last - first, reflectance);
   }
   if (!reflectance) return selected_.size();
-  return selected_.size() + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
+  const std::size_t cast = selected_.size();
+  if (!leaves_.empty()) stop_in_leaves(emitter, first, last, draws);
+  return cast + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
 void Caster::select(Emitter& emitter, std::int64_t groups) {
   const float spread = emitter.beam ? emitter.beam->half_width() : 0;
+  const bool leaves = emitter.beam && emitter.returns.needs_reflectance() && !leaves_.empty();
+  const auto below = [&](const Horizon& horizon, std::uint32_t i) {
+    return horizon.covers(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread);
+  };
   selected_.clear();
   for (const std::uint32_t i : tile_order(emitter, groups))
-    if (raycaster_.horizon().covers(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread))
+    if (below(raycaster_.horizon(), i) || (leaves && below(leaves_.horizon(), i)))
       selected_.push_back(i);
+}
+
+/// Also rays that are not cast may meet leaves.
+void Caster::stop_in_leaves(Emitter& emitter, std::int64_t first, std::int64_t last,
+                            const LeafDraws& draws) {
+  std::span<const std::uint32_t> order;
+  if (emitter.layer) {
+    emitter.layer->select(first, last, leaves_.index(), in_leaves_);
+    order = in_leaves_;
+  } else {
+    order = tile_order(emitter, last - first);
+  }
+  leaves_.stop(rays_, order, [&](std::uint32_t k) { return draws.of(k, 0); }, hits_);
 }
 
 void Caster::cast_all(Emitter& emitter, std::int64_t groups, bool incidence) {
@@ -108,14 +135,19 @@ void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int6
   raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
 }
 
-std::size_t Caster::cast_beams(const Beam& beam, const FrameVehicles& vehicles,
-                               const VehicleParts& parts) {
+std::size_t Caster::cast_beams(const Emitter& emitter, const LeafDraws& draws,
+                               const FrameVehicles& vehicles) {
+  const Beam& beam = *emitter.beam;
+  const bool reflectance = emitter.returns.needs_reflectance();
   beam.expand(rays_, selected_, sub_rays_);
   sub_selected_.resize(sub_rays_.size());
   std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
   raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
-  const std::size_t on =
-      transparent_.resolve(sub_rays_, vehicles, parts, sub_hits_, sub_reflectance_);
+  const auto width = static_cast<std::uint32_t>(beam.sub_rays());
+  const auto draws_of = [&](std::uint32_t k) { return draws.of(selected_[k / width], k % width); };
+  if (reflectance && !leaves_.empty()) leaves_.stop(sub_rays_, sub_selected_, draws_of, sub_hits_);
+  const std::size_t on = transparent_.resolve(sub_rays_, vehicles, reflectance ? parts_ : kNoParts,
+                                              sub_hits_, sub_reflectance_);
   hits_.resize(rays_.size());
   beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_, sunlit_);
   return sub_rays_.size() + on;

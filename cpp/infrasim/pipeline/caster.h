@@ -16,6 +16,7 @@
 #include "infrasim/pipeline/transparent.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
+#include "infrasim/raycast/volumes.h"
 #include "infrasim/sensor/beam.h"
 #include "infrasim/sensor/return_model.h"
 #include "infrasim/sensor/scan_pattern.h"
@@ -46,9 +47,10 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
 /// For one thread at a time.
 class Caster {
  public:
-  /// @param parts that LiDARs which detect by received power see of vehicles
-  Caster(Raycaster& raycaster, const VehicleParts& parts)
-      : raycaster_(raycaster), parts_(parts), transparent_(raycaster) {}
+  /// @param parts  that LiDARs which detect by received power see of vehicles
+  /// @param leaves that they see; outlive the caster
+  Caster(Raycaster& raycaster, const VehicleParts& parts, const Volumes& leaves)
+      : raycaster_(raycaster), parts_(parts), leaves_(leaves), transparent_(raycaster) {}
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles those that the raycaster has
@@ -58,19 +60,31 @@ class Caster {
                    FrameBuilder& out);
 
  private:
-  std::size_t cast_part(RayRange part, Emitter& emitter, const FrameVehicles& vehicles);
+  /// Random numbers of the leaves that the rays of a part of a frame meet.
+  struct LeafDraws {
+    Rng frame;
+    std::uint64_t first_ray;
+    Rng of(std::uint32_t ray, std::size_t sub_ray) const;
+  };
+
+  std::size_t cast_part(RayRange part, const LeafDraws& draws, Emitter& emitter,
+                        const FrameVehicles& vehicles);
   void select(Emitter& emitter, std::int64_t groups);
   void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
   void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
-  std::size_t cast_beams(const Beam& beam, const FrameVehicles& vehicles,
-                         const VehicleParts& parts);
+  void stop_in_leaves(Emitter& emitter, std::int64_t first, std::int64_t last,
+                      const LeafDraws& draws);
+  std::size_t cast_beams(const Emitter& emitter, const LeafDraws& draws,
+                         const FrameVehicles& vehicles);
   void collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const;
 
   Raycaster& raycaster_;
   VehicleParts parts_;
+  const Volumes& leaves_;
   TransparentCaster transparent_;
   RayBatch rays_;
-  std::vector<std::uint32_t> selected_;  ///< rays worth casting
+  std::vector<std::uint32_t> selected_;   ///< rays worth casting
+  std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
   HitBatch hits_;
   std::vector<float> reflectance_;  ///< of the hits
   std::vector<float> sunlit_;       ///< of the beams

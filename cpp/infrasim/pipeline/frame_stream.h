@@ -12,7 +12,9 @@ namespace infrasim {
 /// the ones it has. At most two frames a thread wait.
 class FrameStream {
  public:
-  /// The world must outlive the stream. Throws ConfigError unless threads are 1 to kMostThreads.
+  /// The world must outlive the stream.
+  /// @throws ConfigError unless threads are 1 to kMostThreads, and for LiDARs of a preset that the
+  /// scene has a block for and was not read for
   FrameStream(const World& world, const std::vector<LidarConfig>& lidars, std::vector<int> frames,
               int threads);
 

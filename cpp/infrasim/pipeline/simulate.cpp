@@ -68,7 +68,7 @@ struct FrameSimulator::Impl {
       : world(w),
         slices(world_slices(w.scene.aggregation)),
         raycaster(*w.meshes),
-        caster(raycaster, w.scene.vehicle_parts) {
+        caster(raycaster, w.scene.vehicle_parts, w.leaves) {
     for (const LidarConfig& config : configs) {
       Lidar& lidar = lidars.emplace_back(make_lidar(world.scene, config));
       reach = std::max(reach, lidar.reach);

@@ -36,7 +36,7 @@ FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& r
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Box3d middle = out.moving[i].at(0.5);
     const bool inside = world.region.contains({middle.x, middle.y});
-    out.visibility.push_back(inside ? raycaster.visibility(i) : -1);
+    out.visibility.push_back(inside ? raycaster.visibility(i, world.leaves) : -1);
   }
   return out;
 }

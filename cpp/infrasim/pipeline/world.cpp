@@ -42,6 +42,8 @@ World build_world(const SceneConfig& scene) {
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  std::vector<LeafVolume> leaves = leaf_volumes(scene);
+  for (LeafVolume& volume : leaves) volume.box = level.to_level(volume.box);
   Trajectories trajectories = load_trajectories(scene);
   check_sensor_is_free(scene, trajectories);
   return {scene,
@@ -50,7 +52,8 @@ World build_world(const SceneConfig& scene) {
           std::move(trajectories),
           std::move(background),
           std::move(bodies),
-          std::move(meshes)};
+          std::move(meshes),
+          Volumes(leaves)};
 }
 
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {

@@ -6,6 +6,7 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/triangle_mesh.h"
 #include "infrasim/raycast/raycaster.h"
+#include "infrasim/raycast/volumes.h"
 #include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/static_world.h"
@@ -22,6 +23,7 @@ struct World {
   TriangleMesh background;           ///< levelled frame
   std::vector<TriangleMesh> bodies;  ///< unit box, in the order of kObjectClasses
   std::unique_ptr<const MeshLibrary> meshes;
+  Volumes leaves;
 };
 
 /// @throws ConfigError, IoError

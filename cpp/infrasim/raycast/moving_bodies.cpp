@@ -53,17 +53,23 @@ BodyMotion::BodyMotion(const MovingBody& body)
       inv_dz_(static_cast<float>(1 / body.from.dz)) {}
 
 void BodyIndex::set(std::span<const MovingBody> bodies) {
-  bounds_.clear();
-  words_ = (bodies.size() + 63) / 64;
+  std::vector<std::array<ViewBounds, 2>> views;
+  for (const MovingBody& body : bodies) {
+    const Box3d box = swept(body);
+    views.push_back(view_of(footprint(box), box.z - box.dz / 2, box.z + box.dz / 2));
+  }
+  set(std::move(views));
+}
+
+void BodyIndex::set(std::vector<std::array<ViewBounds, 2>> views) {
+  bounds_ = std::move(views);
+  words_ = (bounds_.size() + 63) / 64;
   bins_.assign(kBins * words_, 0);
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const Box3d box = swept(bodies[i]);
-    bounds_.push_back(view_of(footprint(box), box.z - box.dz / 2, box.z + box.dz / 2));
-    for (const ViewBounds& part : bounds_.back())
+  for (std::size_t i = 0; i < bounds_.size(); ++i)
+    for (const ViewBounds& part : bounds_[i])
       if (!part.empty())
         for (std::size_t b = bin(part.left); b <= bin(part.right); ++b)
           bins_[b * words_ + i / 64] |= std::uint64_t{1} << (i % 64);
-  }
 }
 
 }  // namespace infrasim

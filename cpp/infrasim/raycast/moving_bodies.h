@@ -73,8 +73,10 @@ class BodyMotion {
 /// Finds the bodies that a view can meet at any time of the frame.
 class BodyIndex {
  public:
-  BodyIndex() { set({}); }
+  BodyIndex() { set(std::span<const MovingBody>{}); }
   void set(std::span<const MovingBody> bodies);
+  /// The same for anything, by where it is seen.
+  void set(std::vector<std::array<ViewBounds, 2>> views);
 
   /// Calls `visit` with the index of each body that the view may meet, in increasing order, until
   /// it returns false. No body that a ray of the view hits is left out.

@@ -300,7 +300,7 @@ void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t>
   });
 }
 
-double Raycaster::visibility(std::size_t index) {
+double Raycaster::visibility(std::size_t index, const Volumes& leaves) {
   static constexpr auto kOrder = [] {
     std::array<std::uint32_t, static_cast<std::size_t>(kGrid * kGrid)> order{};
     std::iota(order.begin(), order.end(), 0U);
@@ -314,8 +314,12 @@ double Raycaster::visibility(std::size_t index) {
   });
   const auto alone = std::ranges::count(m.probe_hits.object, static_cast<std::int32_t>(index));
   cast(m.probe, kOrder, m.probe_hits, false);
-  const auto first = std::ranges::count(m.probe_hits.object, static_cast<std::int32_t>(index));
-  return alone == 0 ? 0 : static_cast<double>(first) / static_cast<double>(alone);
+  double first = 0;
+  for (const std::uint32_t k : kOrder)
+    if (m.probe_hits.object[k] == static_cast<std::int32_t>(index))
+      first +=
+          leaves.transmission(m.probe.dx[k], m.probe.dy[k], m.probe.dz[k], m.probe_hits.range[k]);
+  return alone == 0 ? 0 : first / static_cast<double>(alone);
 }
 
 }  // namespace infrasim

@@ -7,6 +7,7 @@
 #include "infrasim/core/rays.h"
 #include "infrasim/core/triangle_mesh.h"
 #include "infrasim/raycast/moving_bodies.h"
+#include "infrasim/raycast/volumes.h"
 
 namespace infrasim {
 
@@ -60,8 +61,8 @@ class Raycaster {
                    bool incidence = true);
 
   /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the
-  /// share that reach it first; 0 if none hits it alone.
-  double visibility(std::size_t index);
+  /// share that reach it first, each by the share that leaves let through; 0 if none hits it alone.
+  double visibility(std::size_t index, const Volumes& leaves);
 
  private:
   struct Impl;

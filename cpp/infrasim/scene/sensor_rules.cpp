@@ -8,6 +8,7 @@
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/static_world.h"
+#include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
 
@@ -100,6 +101,8 @@ std::string what_holds(const SceneConfig& scene, const Sensor& sensor) {
   for (const BarrierConfig& barrier : scene.barriers)
     for (const Box3d& piece : barrier_pieces(scene, barrier))
       if (holds(piece, sensor)) return "a barrier of '" + barrier.road + "'";
+  for (const LeafVolume& leaves : leaf_volumes(scene))
+    if (holds(leaves, {sensor.foot.x, sensor.foot.y, sensor.z})) return leaves.kind;
   return "";
 }
 

@@ -9,6 +9,7 @@
 #include "infrasim/scene/outline_index.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/static_world.h"
+#include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
 
@@ -95,7 +96,10 @@ class Site {
     for (const GroundConfig& ground : scene_.ground) check_ground(ground);
     for (std::size_t i = 0; i < lines_.size(); ++i) check_slopes(i);
     for (const BarrierConfig& barrier : scene_.barriers) check_barrier(barrier);
-    for (const Upright& upright : uprights(scene_)) check_upright(upright);
+    for (const Upright& upright : uprights(scene_))
+      check_beside_lanes(upright.box, upright.place, upright.key, "");
+    for (const LeafVolume& leaves : leaf_volumes(scene_))
+      check_beside_lanes(leaves.box, leaves.place, leaves.key, leaves.kind);
   }
 
  private:
@@ -256,10 +260,12 @@ class Site {
                      "found a barrier on a lane, allowed the median or outside the lanes");
   }
 
-  void check_upright(const Upright& upright) const {
-    if (stands_on_lane(upright.box))
-      config::fail(upright.place, upright.key,
-                   "found it on a lane, allowed beside the lanes or " + number_text(kClearance_m) +
+  void check_beside_lanes(const Box3d& box, const config::Place& place, const char* key,
+                          const std::string& kind) const {
+    if (stands_on_lane(box))
+      config::fail(place, key,
+                   "found " + (kind.empty() ? "it" : kind) +
+                       " on a lane, allowed beside the lanes or " + number_text(kClearance_m) +
                        " m above them");
   }
 

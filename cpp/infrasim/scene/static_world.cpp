@@ -4,6 +4,7 @@
 
 #include "infrasim/core/classes.h"
 #include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
 
@@ -12,7 +13,6 @@ namespace {
 constexpr double kLegWidth = 0.4;    // m, of a gantry
 constexpr double kBeamHeight = 1.0;  // m, of a gantry
 constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's leg
-constexpr double kPiece = 2;         // m, of a barrier
 
 class MeshBuilder {
  public:
@@ -145,18 +145,21 @@ std::vector<Upright> uprights(const SceneConfig& scene) {
     for (const double side : {leg, -leg}) add(side, z, kLegWidth, g.clearance_m);
     add(0, z + g.clearance_m, 2 * leg + kLegWidth, kBeamHeight);
   }
+  const std::vector<Upright> trees = trunks(scene);
+  out.insert(out.end(), trees.begin(), trees.end());
   return out;
 }
 
-std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier) {
+std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier,
+                                  double longest_m) {
   const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
   const Curve line = centreline(road);
   const double to = std::min(barrier.to_m, line.length());
   if (barrier.from_m >= to)
     config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end, allowed before");
   std::vector<Box3d> out;
-  for (double s = barrier.from_m; s < to; s += kPiece) {
-    const double length = std::min(kPiece, to - s);
+  for (double s = barrier.from_m; s < to; s += longest_m) {
+    const double length = std::min(longest_m, to - s);
     const CurvePoint p = line.at(s + length / 2);
     const Vec2 centre = p.position + barrier.offset_m * heading_vector(p.heading + kPi / 2);
     out.push_back({centre.x, centre.y, road.elevation_m + barrier.height_m / 2, length,

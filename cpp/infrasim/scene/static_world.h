@@ -27,13 +27,14 @@ struct Upright {
   const char* kind;  ///< in words
 };
 
-/// Buildings, and the legs and beams of gantries.
-/// @throws ConfigError for a gantry of an unknown road or beyond its end
+/// Buildings, the legs and beams of gantries, and trunks of trees.
+/// @throws ConfigError for a gantry or trees of an unknown road or beyond its end
 std::vector<Upright> uprights(const SceneConfig& scene);
 
-/// A barrier as boxes of up to 2 m.
+/// A barrier as boxes of up to `longest_m`.
 /// @throws ConfigError for an unknown road, or a start beyond its end
-std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier);
+std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier,
+                                  double longest_m = 2);
 
 /// Everything that stands still, as triangles in the levelled frame.
 /// @throws ConfigError if something names an unknown road

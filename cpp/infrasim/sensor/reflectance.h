@@ -6,13 +6,15 @@
 namespace infrasim {
 
 /// Diffuse reflectance of the background near 905 nm. Asphalt between old and light (0.28) and
-/// dark (0.15); grass 0.51; concrete 0.3 to 0.4 (the last nominal).
+/// dark (0.15); grass 0.51; deciduous leaves 0.55; concrete 0.3 to 0.4 (the last nominal).
 constexpr float background_reflectance(Class material) {
   switch (material) {
     case Class::kRoad:
       return 0.20F;
     case Class::kTerrain:
       return 0.51F;
+    case Class::kVegetation:
+      return 0.55F;
     default:
       return 0.35F;
   }

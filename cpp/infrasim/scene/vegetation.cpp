@@ -1,0 +1,121 @@
+#include "infrasim/scene/vegetation.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kPiece_m = 20;     // of a hedge along a straight road: short enough to be culled
+constexpr double kBentPiece_m = 2;  // of one in bends, as of barriers
+
+/// A tree in its place.
+struct Tree {
+  Vec2 foot;
+  double base = 0;
+  double heading = 0;
+  TreeShape shape;
+  config::Place place;
+  const char* key;
+};
+
+std::vector<Tree> trees_along(const SceneConfig& scene, const TreesAlongConfig& row) {
+  const RoadConfig& road = scene.roads[road_index(scene, row.road, row.place, "road")];
+  const Curve line = centreline(road);
+  const double to = std::min(row.to_m, line.length());
+  if (row.from_m > to)
+    config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+  std::vector<Tree> out;
+  for (int i = 0; row.from_m + i * row.every_m <= to; ++i) {
+    const CurvePoint p = line.at(row.from_m + i * row.every_m);
+    out.push_back({p.position + row.offset_m * heading_vector(p.heading + kPi / 2),
+                   road.elevation_m + row.shape.base_m, p.heading, row.shape, row.place,
+                   "offset_m"});
+  }
+  return out;
+}
+
+std::vector<Tree> trees(const SceneConfig& scene) {
+  std::vector<Tree> out;
+  for (const VegetationConfig& v : scene.vegetation) {
+    if (v.tree)
+      out.push_back({{v.tree->x_m, v.tree->y_m},
+                     v.tree->shape.base_m,
+                     0,
+                     v.tree->shape,
+                     v.tree->place,
+                     "x_m"});
+    if (!v.trees_along) continue;
+    const std::vector<Tree> row = trees_along(scene, *v.trees_along);
+    out.insert(out.end(), row.begin(), row.end());
+  }
+  return out;
+}
+
+void add_hedge_along(const SceneConfig& scene, const HedgeAlongConfig& hedge,
+                     std::vector<LeafVolume>& out) {
+  const BarrierConfig line{hedge.road,   hedge.offset_m, hedge.height_m, hedge.width_m,
+                           hedge.from_m, hedge.to_m,     hedge.place};
+  const RoadConfig& road = scene.roads[road_index(scene, hedge.road, hedge.place, "road")];
+  const bool straight = std::isinf(centreline(road).tightest_radius());
+  for (Box3d piece : barrier_pieces(scene, line, straight ? kPiece_m : kBentPiece_m)) {
+    piece.z += hedge.base_m;
+    out.push_back({piece, false, hedge.density_per_m, hedge.place, "offset_m", "a hedge"});
+  }
+}
+
+}  // namespace
+
+bool holds(const LeafVolume& volume, Vec3 point) {
+  const Box3d& box = volume.box;
+  const Vec2 d{point.x - box.x, point.y - box.y}, axis = heading_vector(box.heading);
+  const Vec3 unit{2 * dot(axis, d) / box.dx, 2 * cross(axis, d) / box.dy,
+                  2 * (point.z - box.z) / box.dz};
+  if (volume.ellipsoid) return norm(unit) <= 1;
+  return std::max({std::abs(unit.x), std::abs(unit.y), std::abs(unit.z)}) <= 1;
+}
+
+std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene) {
+  std::vector<LeafVolume> out;
+  for (const VegetationConfig& v : scene.vegetation) {
+    if (v.hedge) {
+      const HedgeConfig& h = *v.hedge;
+      out.push_back({{h.x_m, h.y_m, h.base_m + h.height_m / 2, h.length_m, h.width_m, h.height_m,
+                      rad(h.heading_deg)},
+                     false,
+                     h.density_per_m,
+                     h.place,
+                     "x_m",
+                     "a hedge"});
+    }
+    if (v.hedge_along) add_hedge_along(scene, *v.hedge_along, out);
+  }
+  for (const Tree& tree : trees(scene)) {
+    const TreeShape& s = tree.shape;
+    out.push_back({{tree.foot.x, tree.foot.y, tree.base + (s.trunk_m + s.height_m) / 2, s.crown_m,
+                    s.crown_m, s.height_m - s.trunk_m, tree.heading},
+                   true,
+                   s.density_per_m,
+                   tree.place,
+                   tree.key,
+                   "a crown"});
+  }
+  return out;
+}
+
+std::vector<Upright> trunks(const SceneConfig& scene) {
+  std::vector<Upright> out;
+  for (const Tree& tree : trees(scene)) {
+    const TreeShape& s = tree.shape;
+    const double height = (s.trunk_m + s.height_m) / 2;
+    out.push_back({{tree.foot.x, tree.foot.y, tree.base + height / 2, s.trunk_width_m,
+                    s.trunk_width_m, height, tree.heading},
+                   tree.place,
+                   tree.key,
+                   "a tree"});
+  }
+  return out;
+}
+
+}  // namespace infrasim
