@@ -259,6 +259,24 @@ def told(row: pd.Series) -> str:
     return short if row.shut else f"**open**: {short}"
 
 
+def static_layers() -> str:
+    """Of each preset: what casting with static layers changed, cast and took."""
+    rows = []
+    for preset, own in results("static_layer").groupby("preset"):
+        cast, time = 100 * own.cast_share, own.time_ratio
+        rows.append(
+            [
+                str(preset),
+                str(len(own)),
+                str(own.different_files.sum()),
+                f"{cast.median():.0f} ({cast.min():.0f} to {cast.max():.0f})",
+                f"{time.median():.2f} ({time.min():.2f} to {time.max():.2f})",
+            ]
+        )
+    names = ["preset", "scenes x LiDARs", "files that differ", "rays cast, %", "time / casting all"]
+    return markdown(names, rows)
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -270,6 +288,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "claims on the highway, equal": partial(of_a_scene, "highway", "equal", TWO),
     "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
     "doors": doors,
+    "static layers": static_layers,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 
