@@ -7,7 +7,7 @@ namespace infrasim {
 namespace {
 
 /// @throws ConfigError where the scene says other things under the preset of a LiDAR
-const World& of_their_preset(const World& world, const std::vector<LidarConfig>& lidars) {
+std::vector<LidarConfig> of_its_preset(const World& world, std::vector<LidarConfig> lidars) {
   const auto has_block = [&](const std::string& preset) {
     return std::ranges::find(world.scene.preset_blocks, preset) != world.scene.preset_blocks.end();
   };
@@ -16,14 +16,14 @@ const World& of_their_preset(const World& world, const std::vector<LidarConfig>&
     if (lidar.preset != read && (has_block(lidar.preset) || has_block(read)))
       throw ConfigError(lidar.name + ": preset: found '" + lidar.preset +
                         "' in a scene that was read for '" + read + "', allowed that one");
-  return world;
+  return lidars;
 }
 
 }  // namespace
 
 FrameStream::FrameStream(const World& world, const std::vector<LidarConfig>& lidars,
                          std::vector<int> frames, int threads)
-    : scheduler_(of_their_preset(world, lidars), lidars,
+    : scheduler_(world, of_its_preset(world, lidars),
                  {.frames = std::move(frames),
                   .threads = threads,
                   .ahead = 2 * static_cast<std::size_t>(threads)},
