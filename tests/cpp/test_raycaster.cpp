@@ -65,6 +65,19 @@ RayBatch ray_batch(const std::vector<Vec3>& directions, const std::vector<double
   return rays;
 }
 
+/// Rays all around, at elevations from low to high (rad), each at its own time.
+RayBatch random_rays(std::mt19937& random, int n, double low = -0.5, double high = 0.1) {
+  std::uniform_real_distribution<double> uniform(0, 1);
+  std::vector<Vec3> directions;
+  std::vector<double> times;
+  for (int i = 0; i < n; ++i) {
+    directions.push_back(
+        direction(2 * kPi * uniform(random), low + (high - low) * uniform(random)));
+    times.push_back(kPeriod * uniform(random));
+  }
+  return ray_batch(directions, times);
+}
+
 std::vector<std::uint32_t> in_order(std::size_t n) {
   std::vector<std::uint32_t> order(n);
   std::iota(order.begin(), order.end(), 0U);
@@ -194,20 +207,13 @@ TEST(raycaster, agrees_with_a_loop_over_all_triangles) {
   const unsigned seed = 20;
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> uniform(0, 1);
   int rays = 0, hits_on_bodies = 0, grazing = 0;
   for (int scene = 0; scene < 4; ++scene) {
     const World world = random_world(random);
     const MeshLibrary library(world.background, world.meshes);
     Raycaster raycaster(library);
     raycaster.set_bodies(world.moving, kPeriod);
-    std::vector<Vec3> directions;
-    std::vector<double> times;
-    for (int i = 0; i < 1500; ++i) {
-      directions.push_back(direction(2 * kPi * uniform(random), 0.6 * uniform(random) - 0.5));
-      times.push_back(kPeriod * uniform(random));
-    }
-    const RayBatch batch = ray_batch(directions, times);
+    const RayBatch batch = random_rays(random, 1500);
     const HitBatch hits = cast(raycaster, batch);
     for (std::size_t i = 0; i < batch.size(); ++i) {
       const Vec3 d{batch.dx[i], batch.dy[i], batch.dz[i]};
@@ -234,14 +240,7 @@ TEST(raycaster, hits_do_not_depend_on_the_order_of_the_rays) {
   const MeshLibrary library(world.background, world.meshes);
   Raycaster raycaster(library);
   raycaster.set_bodies(world.moving, kPeriod);
-  std::uniform_real_distribution<double> uniform(0, 1);
-  std::vector<Vec3> directions;
-  std::vector<double> times;
-  for (int i = 0; i < 5003; ++i) {
-    directions.push_back(direction(2 * kPi * uniform(random), 0.6 * uniform(random) - 0.5));
-    times.push_back(kPeriod * uniform(random));
-  }
-  const RayBatch rays = ray_batch(directions, times);
+  const RayBatch rays = random_rays(random, 5003);
   const HitBatch first = cast(raycaster, rays);
   auto order = in_order(rays.size());
   for (int repeat = 0; repeat < 3; ++repeat) {
@@ -352,21 +351,13 @@ TEST(raycaster, incidence_follows_a_body_that_turns) {
 
 TEST(raycaster, nothing_is_hit_above_the_horizon) {
   std::mt19937 random(23);
-  std::uniform_real_distribution<double> uniform(0, 1);
   int above = 0;
   for (int scene = 0; scene < 10; ++scene) {
     const World world = random_world(random);
     const MeshLibrary library(world.background, world.meshes);
     Raycaster raycaster(library);
     raycaster.set_bodies(world.moving, kPeriod);
-    std::vector<Vec3> directions;
-    std::vector<double> times;
-    for (int i = 0; i < 4000; ++i) {
-      directions.push_back(
-          direction(2 * kPi * (uniform(random) - 0.5), 1.2 * uniform(random) - 0.2));
-      times.push_back(kPeriod * uniform(random));
-    }
-    const RayBatch rays = ray_batch(directions, times);
+    const RayBatch rays = random_rays(random, 4000, -0.2, 1);
     const HitBatch hits = cast(raycaster, rays);
     for (std::size_t i = 0; i < rays.size(); ++i) {
       if (raycaster.horizon().covers(rays.dx[i], rays.dy[i], rays.dz[i])) continue;

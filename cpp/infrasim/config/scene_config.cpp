@@ -116,15 +116,27 @@ void visit(Fields& f, BuildingConfig& c) {
   f.field("base_m", c.base_m, "world z of its base", between(-1e3, 1e4));
 }
 
+/// Beside which road something stands.
+template <class Fields, class Config>
+void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
+  f.field("road", c.road, road, required());
+  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+}
+
+/// From where to where along its road.
+template <class Fields, class Config>
+void visit_stations(Fields& f, Config& c, const char* from = "first station of the centreline") {
+  f.field("from_m", c.from_m, from, between(0, 1e5));
+  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+}
+
 template <class Fields>
 void visit(Fields& f, BarrierConfig& c) {
   f.here(c.place);
-  f.field("road", c.road, "name of its road", required());
-  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+  visit_side(f, c);
   f.field("height_m", c.height_m, "height above the road", positive(20));
   f.field("width_m", c.width_m, "thickness", positive(10));
-  f.field("from_m", c.from_m, "first station of the centreline", between(0, 1e5));
-  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+  visit_stations(f, c);
 }
 
 template <class Fields>
@@ -156,13 +168,11 @@ void visit(Fields& f, HedgeConfig& c) {
 template <class Fields>
 void visit(Fields& f, HedgeAlongConfig& c) {
   f.here(c.place);
-  f.field("road", c.road, "name of its road", required());
-  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+  visit_side(f, c);
   f.field("height_m", c.height_m, "height above its base", positive(100));
   f.field("width_m", c.width_m, "thickness", positive(100));
   f.field("base_m", c.base_m, "its base above the road", between(-100, 100));
-  f.field("from_m", c.from_m, "first station of the centreline", between(0, 1e5));
-  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+  visit_stations(f, c);
   visit_density(f, c.density_per_m);
 }
 
@@ -188,11 +198,9 @@ void visit(Fields& f, TreeConfig& c) {
 template <class Fields>
 void visit(Fields& f, TreesAlongConfig& c) {
   f.here(c.place);
-  f.field("road", c.road, "name of their road", required());
-  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
+  visit_side(f, c, "name of their road");
   f.field("every_m", c.every_m, "from one to the next", between(1, 1e5));
-  f.field("from_m", c.from_m, "station of the first", between(0, 1e5));
-  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
+  visit_stations(f, c, "station of the first");
   visit_shape(f, c.shape, "their base above the road");
 }
 

@@ -13,13 +13,11 @@ constexpr VehicleParts kNoParts{false, false, false, false, false};
 
 constexpr std::uint64_t kLeafDraws = 16;  // of a ray: beyond the numbers of its own draws
 
-constexpr int kChunkRays = 4096;  // rays worked on at once: they stay in the first-level cache
-
 /// The first group after a part of the frame that is worked on at once.
 std::int64_t part_end(const Emitter& emitter, std::int64_t first, std::int64_t last) {
   if (emitter.layer) return emitter.layer->part_end(first, last);
   const int group = emitter.pattern.group_size();
-  return std::min(last, first + std::max(4, kChunkRays / group / 4 * 4));
+  return std::min(last, first + std::max<std::int64_t>(4, kChunkRays / group / 4 * 4));
 }
 
 std::span<const std::uint32_t> tile_order(Emitter& emitter, std::int64_t groups) {
@@ -91,8 +89,8 @@ std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, Emitter& em
   } else {
     cast_all(emitter, last - first, reflectance);
   }
-  if (!reflectance) return selected_.size();
   const std::size_t cast = selected_.size();
+  if (!reflectance) return cast;
   if (!leaves_.empty()) stop_in_leaves(emitter, first, last, draws);
   return cast + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
 }

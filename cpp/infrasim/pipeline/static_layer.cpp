@@ -6,9 +6,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr std::int64_t kTile = 16;         // rays: a packet
+constexpr std::int64_t kTile = kPacketRays;
 constexpr std::int64_t kLeastColumns = 4;  // of a block: as wide as tiles are high
-constexpr std::int64_t kChunkRays = 4096;  // rays worked on at once stay in the first-level cache
 
 }  // namespace
 

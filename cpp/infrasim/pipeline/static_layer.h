@@ -4,11 +4,15 @@
 #include <vector>
 
 #include "infrasim/core/rays.h"
+#include "infrasim/raycast/packets.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/view_bounds.h"
 #include "infrasim/sensor/scan_pattern.h"
 
 namespace infrasim {
+
+/// Rays worked on at once: they stay in the first-level cache.
+inline constexpr std::int64_t kChunkRays = 4096;
 
 /// What stands still, as one unit whose pattern repeats sees it: the nearest hit of each ray of a
 /// period, and where groups of near rays look, so that only those which can meet a vehicle are cast

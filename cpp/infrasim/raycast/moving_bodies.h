@@ -104,10 +104,7 @@ class BodyIndex {
 
  private:
   static constexpr std::size_t kBins = 128;  // of bearing
-  static std::size_t bin(float bearing) {
-    return static_cast<std::size_t>(
-        std::clamp((bearing + 2) * (kBins / 4.0F), 0.0F, static_cast<float>(kBins - 1)));
-  }
+  static std::size_t bin(float bearing) { return bearing_bin(bearing, kBins); }
   bool meets(std::size_t i, const ViewBounds& view) const {
     return bounds_[i][0].meets(view) || bounds_[i][1].meets(view);
   }

@@ -11,13 +11,13 @@
 #include <vector>
 
 #include "infrasim/raycast/embree.h"
+#include "infrasim/raycast/packets.h"
 
 namespace infrasim {
 
 namespace {
 
-constexpr std::size_t kWidth = 16;  // of a packet; another width changes last digits
-constexpr int kGrid = 8;            // visibility rays along each side of a box
+constexpr int kGrid = 8;  // visibility rays along each side of a box
 
 [[noreturn]] void on_error(void* /*unused*/, RTCError code, const char* text) {
   throw std::runtime_error("Embree error " + std::to_string(code) + ": " + text);
@@ -58,7 +58,7 @@ SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh) {
 
 /// One packet of rays. What Embree leaves as it is (masks, flags, the nearest range) is set once.
 struct Packet {
-  alignas(64) std::array<int, kWidth> valid{};
+  alignas(64) std::array<int, kPacketRays> valid{};
   RTCRayHit16 rh{};
 
   Packet() {
@@ -79,7 +79,7 @@ struct Packet {
 
   /// Lanes from `count` on are masked off.
   void intersect(RTCScene scene, std::size_t count) {
-    for (std::size_t i = 0; i < kWidth; ++i) valid[i] = i < count ? -1 : 0;
+    for (std::size_t i = 0; i < kPacketRays; ++i) valid[i] = i < count ? -1 : 0;
     intersect16(valid.data(), scene, rh);
   }
 
@@ -100,13 +100,6 @@ class FlushedDenormals {
  private:
   unsigned before_;
 };
-
-/// Calls `work` with each packet's part of an order.
-template <class Work>
-void for_each_packet(std::span<const std::uint32_t> order, const Work& work) {
-  for (std::size_t first = 0; first < order.size(); first += kWidth)
-    work(order.subspan(first, std::min(kWidth, order.size() - first)));
-}
 
 void clear(std::size_t n, HitBatch& hits) {
   hits.resize(n);
@@ -183,7 +176,7 @@ struct Raycaster::Impl {
   void cast_body(std::size_t body, const RayBatch& rays, std::span<const std::uint32_t> order,
                  HitBatch& hits, bool incidence) {
     const BodyMotion& motion = motions[body];
-    std::array<BodyMotion::UnitRay, kWidth> unit;
+    std::array<BodyMotion::UnitRay, kPacketRays> unit;
     for (std::size_t i = 0; i < order.size(); ++i) {
       const std::uint32_t k = order[i];
       const float share = std::clamp(rays.time[k] * time_scale, 0.0F, 1.0F);
@@ -291,9 +284,7 @@ void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t>
   const FlushedDenormals flushed;
   Impl& m = *impl_;
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
-    ViewBounds view;
-    for (const std::uint32_t k : part) view.add(rays.dx[k], rays.dy[k], rays.dz[k]);
-    m.index.for_each_in(view, [&](std::size_t body) {
+    m.index.for_each_in(view_of(rays, part), [&](std::size_t body) {
       m.cast_body(body, rays, part, hits, incidence);
       return true;
     });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <span>
 
@@ -15,6 +16,12 @@ namespace infrasim {
 inline float bearing(float dx, float dy) {
   const float sum = std::abs(dx) + std::abs(dy);
   return sum > 0 ? std::copysign(1 - dx / sum, dy) : 0.0F;
+}
+
+/// Which of equal bins a bearing falls into.
+inline std::size_t bearing_bin(float bearing, std::size_t bins) {
+  const auto n = static_cast<float>(bins);
+  return static_cast<std::size_t>(std::clamp((bearing + 2) * (n / 4), 0.0F, n - 1));
 }
 
 /// What some directions span, seen from the origin: a rectangle of bearing and of the sine of
@@ -56,10 +63,8 @@ class Horizon {
   }
 
  private:
-  static constexpr int kBins = 256;
-  static std::size_t bin(float bearing) {
-    return static_cast<std::size_t>(std::clamp((bearing + 2) * (kBins / 4.0F), 0.0F, kBins - 1.0F));
-  }
+  static constexpr std::size_t kBins = 256;
+  static std::size_t bin(float bearing) { return bearing_bin(bearing, kBins); }
   std::array<float, kBins> sines_{};
   float highest_ = 0;
 };

@@ -9,6 +9,7 @@
 #include "infrasim/core/rays.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/raycast/moving_bodies.h"
+#include "infrasim/raycast/packets.h"
 #include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
@@ -33,11 +34,8 @@ class Volumes {
   template <class DrawsOf>
   void stop(const RayBatch& rays, std::span<const std::uint32_t> order, const DrawsOf& draws_of,
             HitBatch& hits) const {
-    for (std::size_t first = 0; first < order.size(); first += kPacket) {
-      const auto packet = order.subspan(first, std::min(kPacket, order.size() - first));
-      ViewBounds view;
-      for (const std::uint32_t k : packet) view.add(rays.dx[k], rays.dy[k], rays.dz[k]);
-      index_.for_each_in(view, [&](std::size_t v) {
+    for_each_packet(order, [&](std::span<const std::uint32_t> packet) {
+      index_.for_each_in(view_of(rays, packet), [&](std::size_t v) {
         for (const std::uint32_t k : packet) {
           const Way way = way_through(v, rays.dx[k], rays.dy[k], rays.dz[k]);
           if (way.from < way.to && way.from < std::min<double>(hits.range[k], rays.max_range))
@@ -45,15 +43,13 @@ class Volumes {
         }
         return true;
       });
-    }
+    });
   }
 
   /// Share of rays along a direction that no leaf stops before a range.
   double transmission(float dx, float dy, float dz, double range) const;
 
  private:
-  static constexpr std::size_t kPacket = 16;  // rays
-
   /// Takes rays to the unit sphere, or to the cube around it.
   struct Volume {
     bool ellipsoid;

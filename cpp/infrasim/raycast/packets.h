@@ -1,0 +1,30 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "infrasim/core/rays.h"
+#include "infrasim/raycast/view_bounds.h"
+
+namespace infrasim {
+
+/// Rays that are cast together; another width changes last digits.
+inline constexpr std::size_t kPacketRays = 16;
+
+/// Calls `work` with the part of an order that each packet holds.
+template <class Work>
+void for_each_packet(std::span<const std::uint32_t> order, const Work& work) {
+  for (std::size_t first = 0; first < order.size(); first += kPacketRays)
+    work(order.subspan(first, std::min(kPacketRays, order.size() - first)));
+}
+
+/// What the named rays span.
+inline ViewBounds view_of(const RayBatch& rays, std::span<const std::uint32_t> packet) {
+  ViewBounds view;
+  for (const std::uint32_t k : packet) view.add(rays.dx[k], rays.dy[k], rays.dz[k]);
+  return view;
+}
+
+}  // namespace infrasim
