@@ -253,16 +253,14 @@ def door_9(site: Site) -> Tries:
     checkout, folder = site.checkout, site.folder
     file = lidar_text(site, r"^presets:(\n[ #].*)+", "presets: {equal: 5}")
     yield refused("presets: {equal: 5}", one_frame(site, file, "equal"), "presets")
-    for old, new in (
-        ("azimuth_step_deg: .*", "azimuth_step_deg: 1e-9"),
-        ("azimuth_step_deg: .*", "azimuth_step_deg: 1e-300"),
-        ("rate_hz: .*", "rate_hz: 1e-9"),
+    step = "azimuth_step_deg|columns_per_turn"  # how the shipped file says it, by version
+    for old, key, value in (
+        (step, "azimuth_step_deg", "1e-9"),
+        (step, "azimuth_step_deg", "1e-300"),
+        ("rate_hz", "rate_hz", "1e-9"),
     ):
-        text = (checkout.configs / "lidars/helios_16.yaml").read_text()
-        if not re.search(old, text):
-            new = new.replace("azimuth_step_deg", "columns_per_turn")
-        file = lidar_text(site, rf"({old.split(':')[0]}): [\d.e-]+", rf"\1: {new.split(': ')[1]}")
-        yield refused(new, one_frame(site, file, patience_s=20), new.split(":")[0])
+        file = lidar_text(site, rf"({old}): [\d.e-]+", f"{key}: {value}")
+        yield refused(f"{key}: {value}", one_frame(site, file, patience_s=20), key)
     scene = folder / "unknown.yaml"
     keys = "".join(f"key_{i}: 1\n" for i in range(ROWS))
     scene.write_text((checkout.configs / "scenes/flat.yaml").read_text() + keys)
