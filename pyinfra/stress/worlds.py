@@ -97,9 +97,13 @@ def seam(_: Base, degrees: float | str) -> World:
 
 def phase(_: Base, draw: float | str) -> World:
     """Every unit's motor starts at an angle of its own, as after power was cut."""
-    number = int(str(draw).removeprefix("draw_"))
-    angles = np.random.default_rng([number, PHASES]).uniform(0, 360, PHASES)
-    return World(turns_deg=tuple(angles.round(3).tolist()))
+    return World(turns_deg=angles_deg(int(str(draw).removeprefix("draw_"))))
+
+
+def angles_deg(draw: int) -> tuple[float, ...]:
+    """Where motors stand after power was cut for the draw-th time."""
+    angles = np.random.default_rng([draw, PHASES]).uniform(0, 360, PHASES)
+    return tuple(angles.round(3).tolist())
 
 
 def other_lidar(_: Base, name: float | str) -> World:
