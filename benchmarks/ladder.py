@@ -1,8 +1,9 @@
 """What cheaper models of a scene do to its conclusions: AP of four LiDARs against the cost.
 
 Highway, preset `datasheet`, where vehicles have parts; one dial at a time away from the default,
-which is that of the simulator and 1,000 of 5,000 frames. Writes results/ladder.csv, of Background;
-another detector's table needs an --out of its own:
+which is that of the simulator and 1,000 of 5,000 frames. Rows go to results/ladder.csv as they
+come, of Background, and what is there is not computed again; another detector's table needs an
+--out of its own:
     .venv/bin/python benchmarks/ladder.py --work data/ladder
 """
 
@@ -10,12 +11,14 @@ from __future__ import annotations
 
 import argparse
 import resource
+import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from pyinfra import __version__, kitti, machine
+from pyinfra.atomic import replacing
 from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
 from pyinfra.data.frame_tables import read_vehicles
@@ -36,6 +39,7 @@ DEFAULT = {
     "detail": "low",
     "aggregation": "exact",
     "parts": "glass+gap+coat",
+    "vegetation": "scene",
     "label_time": "scan",
     "frames": "1000",
 }
@@ -43,13 +47,16 @@ ALL_FRAMES = 5000
 PARTS = ("glass", "gap", "coat", "tyres", "reflectors")
 
 
-def models(dials: Sequence[str], frames: str) -> Iterator[dict[str, str]]:
-    """The default, and each dial's other values; frames: of the default."""
+def models(
+    dials: Sequence[str], frames: str, wanted: Sequence[str] | None
+) -> Iterator[dict[str, str]]:
+    """The default, and each dial's other wanted values; frames: of the default."""
     default = DEFAULT | {"frames": frames}
     yield default
     for dial in dials:
         values = [v for v in DIALS[dial] if dial != "frames" or int(v) < int(frames)]
-        yield from (default | {dial: value} for value in values if value != default[dial])
+        others = [v for v in values if v != default[dial] and (wanted is None or v in wanted)]
+        yield from (default | {dial: value} for value in others)
 
 
 def parts_of(value: str) -> dict[str, bool]:
@@ -62,14 +69,15 @@ def assignments(model: dict[str, str]) -> list[str]:
     """The keys of the scene that a model sets, as `--set` has them."""
     own = {dial: model[dial] for dial in ("detail", "aggregation", "label_time")}
     own |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
+    own |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
     return [word for key, value in own.items() for word in ("--set", f"{key}={value}")]
 
 
-def simulated(model: dict[str, str], preset: str, folder: Path) -> float:
+def simulated(model: dict[str, str], preset: str, names: Sequence[str], folder: Path) -> float:
     """Runs the model's world into the folder; returns CPU milliseconds a frame set."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     frames = int(model["frames"])
-    lidars = [lidar_file(name) for name in LIDARS]
+    lidars = [lidar_file(name) for name in names]
     words = ["--frames", f"0:{ALL_FRAMES}:{ALL_FRAMES // frames}", "--threads", "1"]
     scene = scene_file("highway")
     words += ["--preset", preset, *assignments(model)]
@@ -105,23 +113,33 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "ladder.csv")
     parser.add_argument("--preset", default="datasheet")
     parser.add_argument("--detector", default="background", help="file of configs/detectors")
+    parser.add_argument("--lidars", nargs="+", default=LIDARS)
     parser.add_argument("--dials", nargs="+", choices=DIALS, default=list(DIALS))
     parser.add_argument("--frames", default="1000", help="of the default; a divisor of 5,000")
+    parser.add_argument("--values", nargs="+", help="of the dials, these alone; default all")
     args = parser.parse_args()
-    rows = []
-    for model in models(args.dials, args.frames):
+    about = {"preset": args.preset, "detector": args.detector, "seed": 1, "version": __version__}
+    about |= {"command": command(args), "machine": machine()}
+    table = pd.read_csv(args.out, dtype=str) if args.out.is_file() else pd.DataFrame()
+    for model in models(args.dials, args.frames, args.values):
+        if len(table) and (table[list(model)] == pd.Series(model)).all(axis=1).any():
+            continue
         name = "_".join([args.preset, *model.values()]).replace(":", "-")
         folder = args.work / name
-        cost = {"ms_per_frame_set": round(simulated(model, args.preset, folder), 3)}
-        for lidar in LIDARS:
-            rows.append({**model, **row(folder / lidar, args.detector), **cost})
-            print(rows[-1], flush=True)
+        cost = {"ms_per_frame_set": round(simulated(model, args.preset, args.lidars, folder), 3)}
+        rows = [{**model, **row(folder / n, args.detector), **cost} for n in args.lidars]
+        table = pd.concat([table, pd.DataFrame(rows).assign(**about)], ignore_index=True)
+        with replacing(args.out) as beside:
+            table.to_csv(beside, index=False)
+        print(*rows, sep="\n", flush=True)
+        shutil.rmtree(folder)
+
+
+def command(args: argparse.Namespace) -> str:
     given = f"--preset {args.preset} --detector {args.detector} --frames {args.frames}"
-    command = f"benchmarks/ladder.py {given} --dials {' '.join(args.dials)}"
-    about = {"preset": args.preset, "detector": args.detector, "command": command}
-    provenance = {**about, "seed": 1, "version": __version__}
-    table = pd.DataFrame(rows).assign(**provenance, machine=machine())
-    table.to_csv(args.out, index=False)
+    given += f" --lidars {' '.join(args.lidars)} --dials {' '.join(args.dials)}"
+    values = f" --values {' '.join(args.values)}" if args.values else ""
+    return f"benchmarks/ladder.py {given}{values}"
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ DIALS = {
     "detail": ("box", "low", "mid", "fine"),
     "aggregation": ("instant", "slices:100", "exact"),
     "parts": ("none", "glass", "gap", "coat", "tyres", "reflectors", "glass+gap+coat", "all"),
+    "vegetation": ("none", "scene"),
     "label_time": ("frame", "scan"),
     "frames": ("50", "100", "200", "500", "1000"),
 }
