@@ -75,7 +75,8 @@ def rows(checkout: Path, frames: str, work: Path) -> Iterator[pd.DataFrame]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--checkout", type=Path, required=True, help="of the earlier version")
-    parser.add_argument("--frames", default="0:5000:25", help="A:B:STEP")
+    # In 25 frames an Avia's slow wedge turns 102.0 times: every 25th sees one phase of it alone.
+    parser.add_argument("--frames", default="0:5000:23", help="A:B:STEP")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "before.csv")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as work:

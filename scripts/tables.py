@@ -170,13 +170,20 @@ def scanning() -> str:
     for claim, words, said, where in OF_SCANNING:
         cells = []
         for preset in PRESETS:
-            found = rows_of(results("claims"), claim, words, preset=preset)
-            ((value, low, high, verdict),) = found[["value", "low", "high", "verdict"]].itertuples(
-                index=False
+            now, before = (
+                scanned_row(name, claim, words, preset) for name in ("claims", "claims_0.2.0")
             )
-            cells.append(f"{with_interval(value, low, high)} {verdict}")
+            cells.append(f"{now} (was {before})")
         rows.append([said, where, *cells])
     return markdown(["claim", "set, distance", *PRESETS], rows)
+
+
+def scanned_row(name: str, claim: str, words: str, preset: str) -> str:
+    found = rows_of(results(name), claim, words, preset=preset)
+    ((value, low, high, verdict),) = found[["value", "low", "high", "verdict"]].itertuples(
+        index=False
+    )
+    return f"{with_interval(value, low, high)} {verdict}"
 
 
 def with_interval(value: float, low: float, high: float) -> str:
@@ -277,6 +284,68 @@ def static_layers() -> str:
     return markdown(names, rows)
 
 
+def points_before() -> str:
+    """Points per vehicle by preset, LiDAR and distance: of 0.2.0, and today's share of them."""
+    table = results("before")
+    rows = []
+    for preset in PRESETS:
+        for lidar, words in LIDARS.items():
+            own = table[(table.preset == preset) & (table.lidar == lidar)]
+            points = own.pivot(index="from_m", columns="model", values="points_per_vehicle")
+            cells = [f"{r.before:.1f} x {r.today / r.before:.2f}" for r in points.itertuples()]
+            rows.append([preset, words, *cells])
+    return markdown(["preset", "LiDAR", *(f"from {m} m" for m in sorted(set(table.from_m)))], rows)
+
+
+def points_by_model() -> str:
+    """What each model of `datasheet` leaves of the points of 0.2.0, one more at a time."""
+    table = results("before")
+    table = table[table.preset == "datasheet"]
+    rows = []
+    for lidar, words in LIDARS.items():
+        own = table[table.lidar == lidar]
+        points = own.pivot(index="from_m", columns="model", values="points_per_vehicle")
+        for model in ("law", "and glass", "and gap", "and coat", "today"):
+            shares = points[model] / points.before
+            said = {"law": "the law", "today": "and plants"}.get(model, model)
+            rows.append([words, said, *(f"{share:.2f}" for share in shares)])
+    return markdown(["LiDAR", "model", *(f"from {m} m" for m in sorted(set(table.from_m)))], rows)
+
+
+def label_times() -> str:
+    """By how much a motor's phase moves AP of all vehicles: least to most, ends of intervals."""
+    table = results("label_time")
+    table = table[table.ground_truth == "all"]
+    rows = []
+    keys = ["detector", "scene", "lidar", "label_time"]
+    for (detector, scene, lidar, label_time), own in table.groupby(keys, sort=False):
+        (base,) = own[own.dial == "none"].ap
+        cells = [
+            f"{part.change.min():+.1f} to {part.change.max():+.1f} "
+            f"[{part.change_low.min():+.1f}, {part.change_high.max():+.1f}]"
+            for part in (own[own.dial == dial] for dial in ("turn", "seam", "phase"))
+        ]
+        rows.append([DETECTORS[detector], scene, LIDARS[lidar], label_time, f"{base:.1f}", *cells])
+    heads = ["detector", "scene", "LiDAR", "labels", "AP", "turned", "other seams", "other phases"]
+    return markdown(heads, rows)
+
+
+def ladder() -> str:
+    """AP of each model of a scene, one dial away from the default; CPU seconds of the run."""
+    table = results("ladder")
+    dials = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
+    table = table.astype(dict.fromkeys(dials, str))
+    usual = {dial: table[dial].mode()[0] for dial in dials}
+    rows = []
+    for model, own in table.groupby(dials, sort=False):
+        other = [f"{d} `{v}`" for d, v in zip(dials, model, strict=True) if v != usual[d]]
+        seconds = own.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
+        by_lidar = own.set_index("lidar")[["ap", "ap_low", "ap_high"]].astype(float)
+        cells = [with_interval_of_ap(*by_lidar.loc[lidar]) for lidar in LIDARS]
+        rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *cells])
+    return markdown(["model", "CPU, s", *LIDARS.values()], rows)
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -289,6 +358,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
     "doors": doors,
     "static layers": static_layers,
+    "points before and today": points_before,
+    "points by model": points_by_model,
+    "label times": label_times,
+    "ladder": ladder,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 

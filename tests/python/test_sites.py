@@ -89,6 +89,17 @@ def test_a_run_that_sees_no_vehicle_says_so(
     assert len(result.stderr.splitlines()) == lines
 
 
+@pytest.mark.parametrize(("height_m", "warned"), [(6, 0), (3, 1)])
+def test_a_run_whose_filter_finds_no_plane_says_so(
+    height_m: int, warned: int, infrasim: Infrasim
+) -> None:
+    words = ["--preset", "paper", "--frames", "0:2"]
+    words += ["--set", f"filters=[{{ground_plane: {{sensor_height_m: {height_m}}}}}]"]
+    result = infrasim("run", "flat", "--lidar", "helios_16", *words)
+    told = "warning: no-ground-plane: helios_16: found no plane in 2 of 2 frames"
+    assert (result.returncode, result.stderr.count(told)) == (0, warned), result.stderr
+
+
 def test_a_road_without_traffic_needs_no_warning(infrasim: Infrasim) -> None:
     result = infrasim("run", "flat", "--lidar", "helios_16", "--preset", "paper", "--frames", "0:1")
     assert (result.returncode, result.stderr) == (0, "")

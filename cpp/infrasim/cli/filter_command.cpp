@@ -112,14 +112,11 @@ std::vector<FilterStep> steps_of(const FilterOptions& o) {
   return steps;
 }
 
-/// A plane that was found takes at least its own points away.
 void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t after) {
-  const auto* plane = std::get_if<GroundPlane>(&step);
-  if (plane == nullptr || after < before) return;
+  if (!found_no_plane(step, before, after)) return;
+  const double height_m = std::get<GroundPlane>(step).sensor_height_m;
   const std::string where =
-      plane->sensor_height_m > 0
-          ? " " + config::number_text(plane->sensor_height_m) + " m below the sensor"
-          : "";
+      height_m > 0 ? " " + config::number_text(height_m) + " m below the sensor" : "";
   std::fprintf(stderr, "infrasim: warning: --ground-plane: found no plane%s, kept every point\n",
                where.c_str());
 }

@@ -24,4 +24,10 @@ using StepTold = std::function<void(const FilterStep& step, std::size_t before, 
 std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz,
                           const StepTold& told = {});
 
+/// Whether a step takes a plane away and found none; one that was found takes at least its own
+/// points.
+inline bool found_no_plane(const FilterStep& step, std::size_t before, std::size_t after) {
+  return std::holds_alternative<GroundPlane>(step) && after == before;
+}
+
 }  // namespace infrasim

@@ -50,7 +50,7 @@ std::vector<FrameTally> do_frame(const RunRequest& request, FrameSimulator& simu
                    .label_time = label_time_of(request.scene, request.preset),
                    .point_fields = request.scene.point_fields});
     tallies.push_back({wanted[i] ? count(frames[i]) : read_counts(folder, k), frames[i].rays,
-                       frames[i].rays_cast, frames[i].seconds});
+                       frames[i].rays_cast, frames[i].no_plane, frames[i].seconds});
   }
   return tallies;
 }
@@ -65,6 +65,14 @@ void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>
     if (row.vehicle_points_per_frame == 0)
       warn("no-vehicle-points: " + row.lidar + ": found no point on a vehicle in the first " +
            std::to_string(row.frames) + " frames, allowed a mount that looks at the traffic");
+}
+
+void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
+  for (const SummaryRow& row : rows)
+    if (row.frames_without_plane > 0)
+      warn("no-ground-plane: " + row.lidar + ": found no plane in " +
+           std::to_string(row.frames_without_plane) + " of " + std::to_string(row.frames) +
+           " frames, kept all their points; allowed a road at sensor_height_m below the sensor");
 }
 
 }  // namespace
@@ -92,6 +100,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
     progress(done, static_cast<int>(total));
   }
   std::vector<SummaryRow> rows = summary.rows(scheduler.threads());
+  warn_without_plane(rows, warn);
   if (!request.out.empty() && stop == 0)
     write_file_atomically(request.out / "summary.csv", summary_csv(rows));
   return rows;

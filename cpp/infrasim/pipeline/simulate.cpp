@@ -122,7 +122,11 @@ struct FrameSimulator::Impl {
     std::vector<ObjectBoxes> boxes;
     for (std::size_t i = 0; i < vehicles.size(); ++i)
       boxes.push_back({vehicles.boxes[i], box_at(i, times[i])});
-    if (!lidar.filters.empty()) lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz()));
+    if (!lidar.filters.empty())
+      lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz(),
+                                  [&](const FilterStep& step, std::size_t n, std::size_t after) {
+                                    frame.no_plane |= found_no_plane(step, n, after);
+                                  }));
     frame.cloud = lidar.builder.cloud();
     const std::vector<PointCount> counts =
         lidar.builder.count(boxes, [&](std::size_t i, double time_s) { return box_at(i, time_s); });

@@ -28,6 +28,7 @@ void Summary::add(const std::vector<FrameTally>& tallies) {
     ++computed_[i];
     row.rays_cast_per_frame += static_cast<double>(tally.rays_cast);
     row.mrays_per_s += rays * 1e-6;
+    row.frames_without_plane += tally.no_plane ? 1 : 0;
   }
 }
 

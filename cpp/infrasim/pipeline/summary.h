@@ -20,7 +20,8 @@ struct SummaryRow {
   double rays_cast_per_frame = 0;  ///< over the frames that were not on disk already
   double seconds =
       0;  ///< from vehicles and rays to columns, summed over threads and divided by them
-  double mrays_per_s = 0;  ///< millions of rays answered per such second
+  int frames_without_plane = 0;  ///< where a `ground_plane` filter found none; of those computed
+  double mrays_per_s = 0;        ///< millions of rays answered per such second
 };
 
 /// What one frame of one LiDAR adds to its row.
@@ -28,6 +29,7 @@ struct FrameTally {
   FrameCounts counts;
   std::size_t rays = 0;
   std::size_t rays_cast = 0;
+  bool no_plane = false;
   double seconds = 0;  ///< 0 if the frame was on disk already
 };
 
