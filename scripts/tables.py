@@ -312,6 +312,24 @@ def points_by_model() -> str:
     return markdown(["LiDAR", "model", *(f"from {m} m" for m in sorted(set(table.from_m)))], rows)
 
 
+def deskew_by_seam() -> str:
+    """Points in the box from `instant` to `exact`, in %, with the seams turned."""
+    table = results("deskew")
+    table["name"] = table.statement.str.extract(r"box of (\w+) ")
+    rows = [
+        [
+            words,
+            *(
+                f"{row.value:.1f} {row.verdict}"
+                for row in table[table.name == lidar].sort_values("seam_turned_deg").itertuples()
+            ),
+        ]
+        for lidar, words in LIDARS.items()
+    ]
+    turns = sorted(set(table.seam_turned_deg))
+    return markdown(["LiDAR", *(f"{degrees}°" for degrees in turns)], rows)
+
+
 def label_times() -> str:
     """By how much a motor's phase moves AP of all vehicles: least to most, ends of intervals."""
     table = results("label_time")
@@ -361,6 +379,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "points before and today": points_before,
     "points by model": points_by_model,
     "label times": label_times,
+    "deskew by seam": deskew_by_seam,
     "ladder": ladder,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
