@@ -106,7 +106,7 @@ Shot shoot(const TriangleMesh& background, const std::vector<MovingBody>& moving
 
 // --- oracle: a loop over all triangles in double precision ------------------------------------
 
-struct World {
+struct OracleWorld {
   TriangleMesh background;
   std::vector<TriangleMesh> meshes;
   std::vector<MovingBody> moving;
@@ -128,7 +128,7 @@ double range_to_triangle(Vec3 d, Vec3 a, Vec3 b, Vec3 c) {
   return u >= 0 && v >= 0 && u + v <= 1 && range > 0 ? range : kInf;
 }
 
-OracleHit oracle(const World& world, Vec3 d, double u) {
+OracleHit oracle(const OracleWorld& world, Vec3 d, double u) {
   OracleHit best;
   const auto meet = [&](const TriangleMesh& mesh, int object, const auto& to_level) {
     for (const auto& t : mesh.triangles) {
@@ -160,7 +160,7 @@ bool agree(const OracleHit& truth, double range, int object) {
 }
 
 /// True if the ray passes an edge: a turn by 1e-5 rad makes the hit the one that was found.
-bool grazes(const World& world, Vec3 d, double u, double range, int object) {
+bool grazes(const OracleWorld& world, Vec3 d, double u, double range, int object) {
   for (const Vec3 shift : {Vec3{1e-5, 0, 0}, Vec3{-1e-5, 0, 0}, Vec3{0, 1e-5, 0}, Vec3{0, -1e-5, 0},
                            Vec3{0, 0, 1e-5}, Vec3{0, 0, -1e-5}}) {
     const OracleHit near = oracle(world, d + shift, u);
@@ -169,11 +169,11 @@ bool grazes(const World& world, Vec3 d, double u, double range, int object) {
   return false;
 }
 
-World random_world(std::mt19937& random) {
+OracleWorld random_world(std::mt19937& random) {
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
-  World world;
+  OracleWorld world;
   world.meshes = bodies(Detail::kLow);
   std::vector<std::array<Vec3, 3>> background;
   for (int i = 0; i < 30; ++i) {
@@ -209,7 +209,7 @@ TEST(raycaster, agrees_with_a_loop_over_all_triangles) {
   std::mt19937 random(seed);
   int rays = 0, hits_on_bodies = 0, grazing = 0;
   for (int scene = 0; scene < 4; ++scene) {
-    const World world = random_world(random);
+    const OracleWorld world = random_world(random);
     const MeshLibrary library(world.background, world.meshes);
     Raycaster raycaster(library);
     raycaster.set_bodies(world.moving, kPeriod);
@@ -236,7 +236,7 @@ TEST(raycaster, agrees_with_a_loop_over_all_triangles) {
 
 TEST(raycaster, hits_do_not_depend_on_the_order_of_the_rays) {
   std::mt19937 random(21);
-  const World world = random_world(random);
+  const OracleWorld world = random_world(random);
   const MeshLibrary library(world.background, world.meshes);
   Raycaster raycaster(library);
   raycaster.set_bodies(world.moving, kPeriod);
@@ -353,7 +353,7 @@ TEST(raycaster, nothing_is_hit_above_the_horizon) {
   std::mt19937 random(23);
   int above = 0;
   for (int scene = 0; scene < 10; ++scene) {
-    const World world = random_world(random);
+    const OracleWorld world = random_world(random);
     const MeshLibrary library(world.background, world.meshes);
     Raycaster raycaster(library);
     raycaster.set_bodies(world.moving, kPeriod);
@@ -382,7 +382,7 @@ TEST(raycaster, horizon_is_level_where_nothing_rises) {
 
 TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {
   std::mt19937 random(22);
-  const World world = random_world(random);
+  const OracleWorld world = random_world(random);
   std::uniform_real_distribution<double> uniform(0, 1);
   std::vector<Vec3> directions;
   std::vector<double> times;
@@ -392,13 +392,13 @@ TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {
   }
   const double yaw = 2.1;
   const Mat3 turn = rotation(yaw, 0, 0);
-  const auto ranges = [&](const World& w, const std::vector<Vec3>& rays) {
+  const auto ranges = [&](const OracleWorld& w, const std::vector<Vec3>& rays) {
     const MeshLibrary library(w.background, w.meshes);
     Raycaster raycaster(library);
     raycaster.set_bodies(w.moving, kPeriod);
     return cast(raycaster, ray_batch(rays, times)).range;
   };
-  World turned = world;
+  OracleWorld turned = world;
   for (auto& v : turned.background.vertices) {
     const Vec3 p = turn * Vec3{v[0], v[1], v[2]};
     v = {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
