@@ -108,9 +108,9 @@ def test_a_window_may_hold_one_voxel_or_all() -> None:
     lonely = both(windows_of(one, one, one, 12, 0))[0]
     assert members(lonely) == [[0]]
     frame, row, column = voxels(5, 500, 1)
-    full = both(windows_of(frame, row, column, 1000, 0))[0]
+    full = both(windows_of(frame, row, column, 100, 0))[0]
     assert len(full.voxel) == 14
-    config = dataclasses.replace(SMALL, windows=(12, 1000), shifts=(0, 0))
+    config = dataclasses.replace(SMALL, windows=(12, 100), shifts=(0, 0))
     transformer = Transformer(config).eval()
     for cells in ((one, one, one), (frame, row, column)):
         x = torch.randn(len(cells[0]), 16, generator=torch.Generator().manual_seed(1))
