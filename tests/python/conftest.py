@@ -1,6 +1,7 @@
 """The binary beside this Python, and what the tests of it share."""
 
 import hashlib
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -12,6 +13,10 @@ import pytest
 from browser import Browser, start_browser
 
 from pyinfra.arrays import FloatArray
+
+# Before torch and OpenBLAS are loaded, here and in what tests start: threads of small operations
+# mostly wait for one another, at work, and the detectors compute with one (network.one_thread).
+os.environ["OMP_NUM_THREADS"] = "1"
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
