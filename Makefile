@@ -47,7 +47,7 @@ debian13: wheels
 test: build
 	@scripts/setup.sh detectors exchange test
 	ctest --preset dev --no-tests=error
-	$(PYTHON) -m pytest -n 2 --dist loadfile
+	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # clang-tidy reads how the files are compiled from the dev build.
 lint:

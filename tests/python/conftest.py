@@ -21,8 +21,17 @@ os.environ["OMP_NUM_THREADS"] = "1"
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
 
+# The files that take longest: they begin, so that no worker is left with one at the end.
+LONG = [
+    f"test_{name}" for name in ("benchmark", "detectors", "docs", "cli_errors", "processes", "onnx")
+]
+
 Result = subprocess.CompletedProcess[str]
 Infrasim = Callable[..., Result]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.stem not in LONG)
 
 
 @pytest.fixture(scope="session")
