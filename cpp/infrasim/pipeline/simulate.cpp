@@ -36,8 +36,8 @@ using UnitLayers = std::vector<std::shared_ptr<const StaticLayer>>;
 
 /// @param layers of its units; none: all rays are cast
 /// @param draws  stream of its random numbers; the motors' phases do not depend on it
-Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config,
-                 const UnitLayers& layers, const std::string& draws = "") {
+Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const UnitLayers& layers,
+                 const std::string& draws = "") {
   Lidar lidar;
   lidar.cut_s = cut_s(config);
   lidar.emitters = make_emitters(scene, config, draws);
@@ -80,8 +80,7 @@ struct FrameSimulator::Impl {
       // A background is learnt from frames with noise of their own, not from those it is held to.
       std::optional<Lidar> learning;
       lidars[i].filters = make_filters(world.scene, [&](int k) {
-        if (!learning)
-          learning = make_lidar(world.scene, configs[i], layers_of(i), "background ");
+        if (!learning) learning = make_lidar(world.scene, configs[i], layers_of(i), "background ");
         return empty_frame(k, *learning);
       });
     }

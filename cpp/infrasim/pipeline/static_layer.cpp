@@ -96,7 +96,8 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits)
 
 std::int64_t StaticLayer::part_end(std::int64_t first, std::int64_t last) const {
   const std::int64_t period = first / hits_.groups * hits_.groups, within = first - period;
-  const std::int64_t blocks = std::max<std::int64_t>(1, kChunkRays / (block_groups_ * hits_.group_size));
+  const std::int64_t blocks =
+      std::max<std::int64_t>(1, kChunkRays / (block_groups_ * hits_.group_size));
   const std::int64_t step = blocks * block_groups_;
   return std::min({last, period + (within / step + 1) * step, period + hits_.groups});
 }

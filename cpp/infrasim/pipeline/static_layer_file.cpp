@@ -79,8 +79,8 @@ class Reader {
   }
   void need(std::size_t n) const {
     if (n > left())
-      fail(bytes_.size(), "found the end of the file, allowed " + std::to_string(n - left()) +
-                              " bytes more");
+      fail(bytes_.size(),
+           "found the end of the file, allowed " + std::to_string(n - left()) + " bytes more");
   }
   [[noreturn]] void fail(std::size_t byte, const std::string& message) const {
     throw ConfigError(name_ + ": byte " + std::to_string(byte) + ": " + message);

@@ -19,9 +19,9 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 20, kMostFrames = 100;
 constexpr double kMostMiss_deg = 0.1;
-constexpr double kAgree_m = 0.3;          // and 6 sigma of the range noise, if that is more
-constexpr double kColumnReach = 0.75;     // of a column: the next one is not taken for it
-constexpr double kConstantEnough = 0.7;   // mean of unit vectors: a spread of an eighth of a column
+constexpr double kAgree_m = 0.3;         // and 6 sigma of the range noise, if that is more
+constexpr double kColumnReach = 0.75;    // of a column: the next one is not taken for it
+constexpr double kConstantEnough = 0.7;  // mean of unit vectors: a spread of an eighth of a column
 
 struct Echo {
   float azimuth;  ///< in the unit's frame
@@ -55,9 +55,7 @@ struct Unit {
   }
 };
 
-Mat3 transposed(const Mat3& m) {
-  return {m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]};
-}
+Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]}; }
 
 double azimuth(Vec3 v) { return std::atan2(v.y, v.x); }
 
@@ -116,13 +114,13 @@ void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
   unit.grid_cos += std::cos(between);
   unit.grid_sin += std::sin(between);
   ++unit.points;
-  ring.sum_of_misses +=
-      std::abs(std::asin(std::clamp(direction.z, -1.0, 1.0)) - ring.elevation);
+  ring.sum_of_misses += std::abs(std::asin(std::clamp(direction.z, -1.0, 1.0)) - ring.elevation);
   ++ring.points;
   ring.frames.back().push_back({static_cast<float>(at), static_cast<float>(range), intensity});
 }
 
-/// The unit and the ring of a number that counts the rings of all units; nothing if there are fewer.
+/// The unit and the ring of a number that counts the rings of all units; nothing if there are
+/// fewer.
 std::pair<Unit*, Ring*> find_ring(std::vector<Unit>& units, std::size_t number) {
   for (Unit& unit : units) {
     if (number < unit.rings.size()) return {&unit, &unit.rings[number]};

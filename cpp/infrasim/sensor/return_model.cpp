@@ -77,7 +77,9 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
       // Detected with probability Phi(margin).
-      if (!recorded && margin < kCertain && normal_quantile(draw().open_uniform(kDetection)) >= margin) continue;
+      if (!recorded && margin < kCertain &&
+          normal_quantile(draw().open_uniform(kDetection)) >= margin)
+        continue;
       // What is detected is as strong as the threshold, by its noise if not by its signal.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
