@@ -61,8 +61,8 @@ def check_name(file: Path, text: str) -> None:
 def digests(plan: Plan) -> pd.DataFrame:
     """Columns scene, preset, lidar and `inputs`: a digest of what the frames depend on.
 
-    That is the scene with its recorded vehicles, the LiDAR without its price, the range of frames
-    and how it is split.
+    That is the scene with its recorded vehicles and static layers, the LiDAR without its price,
+    the range of frames and how it is split.
     """
     keys = dict.fromkeys((cell.scene, cell.preset, cell.lidar) for cell in plan.cells)
     return pd.DataFrame(
@@ -75,8 +75,11 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     world = resolved(file, preset)
     unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset))
     found = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
-    if recorded := yaml.safe_load(world).get("trajectories"):
+    keys = yaml.safe_load(world)
+    if recorded := keys.get("trajectories"):
         found.update((file.parent / recorded).read_bytes())
+    for _, layer in sorted(keys.get("static_layers", {}).items()):
+        found.update((file.parent / layer).read_bytes())
     return found.hexdigest()[:16]
 
 

@@ -18,5 +18,6 @@ void add_keys_command(CLI::App& app);
 void add_pattern_command(CLI::App& app);
 void add_trajectories_command(CLI::App& app);
 void add_filter_command(CLI::App& app);
+void add_static_command(CLI::App& app);
 
 }  // namespace infrasim::cli

@@ -67,6 +67,7 @@ int main(int argc, char** argv) {
   infrasim::cli::add_pattern_command(app);
   infrasim::cli::add_trajectories_command(app);
   infrasim::cli::add_filter_command(app);
+  infrasim::cli::add_static_command(app);
   try {
     const int code = parse(app, argc, argv);
     if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)

@@ -402,6 +402,8 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("filters", c.filters, "steps that thin out every frame, in order");
   f.field("traffic", c.traffic, "simulated vehicles");
   f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
+  f.field("static_layers", c.static_layers,
+          "by LiDAR, a file of `infrasim static` in place of casting what stands still");
   f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
           "found both or neither, allowed either traffic or trajectories");
 }

@@ -255,9 +255,11 @@ struct SceneConfig {
   std::vector<JunctionConfig> junctions;
   std::vector<FilterConfig> filters;
   std::optional<TrafficConfig> traffic;
-  std::string trajectories;      ///< a file instead of traffic; relative to the scene file
-  std::filesystem::path folder;  ///< of the scene file; no key
-  std::string preset;            ///< that the file was read for; no key
+  std::string trajectories;  ///< a file instead of traffic; relative to the scene file
+  /// By LiDAR, a file in place of casting what stands still; relative to the scene file.
+  std::optional<std::map<std::string, std::string>> static_layers;
+  std::filesystem::path folder;            ///< of the scene file; no key
+  std::string preset;                      ///< that the file was read for; no key
   std::vector<std::string> preset_blocks;  ///< names of those that the file has; no key
 };
 

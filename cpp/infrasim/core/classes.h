@@ -14,6 +14,7 @@ enum class Class : std::uint16_t {
   kTerrain = 2,
   kStructure = 3,
   kVegetation = 4,
+  kRecorded = 5,  ///< what stands at a real place, as a recording saw it: of unknown material
   kCar = 10,
   kVan = 11,
   kTruck = 12,

@@ -1,5 +1,6 @@
 #include "infrasim/io/kitti.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -9,7 +10,10 @@
 #include <span>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/io/atomic_file.h"
+#include "infrasim/io/cloud_file.h"
 #include "infrasim/io/csv.h"
 #include "infrasim/io/data_set.h"
 
@@ -22,6 +26,8 @@ namespace {
 constexpr char kObjectColumns[] =
     "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,"
     "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box";
+
+constexpr std::size_t kFieldsRecord = 12;
 
 template <class... Args>
 void append(std::string& text, const char* format, Args... args) {
@@ -85,10 +91,9 @@ std::vector<std::byte> velodyne_bytes(const PointCloud& cloud) {
 }
 
 std::vector<std::byte> fields_bytes(const PointCloud& cloud) {
-  constexpr std::size_t kRecord = 12;
-  std::vector<std::byte> bytes(kRecord * cloud.size());
+  std::vector<std::byte> bytes(kFieldsRecord * cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    std::byte* at = &bytes[kRecord * i];
+    std::byte* at = &bytes[kFieldsRecord * i];
     std::memcpy(at, &cloud.time[i], 4);
     std::memcpy(at + 4, &cloud.ring[i], 2);
     std::memcpy(at + 6, &cloud.class_id[i], 2);
@@ -127,6 +132,36 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
     counts.vehicle_points += static_cast<std::size_t>(csv.number("points", 0, 1e9));
   }
   return counts;
+}
+
+std::vector<int> frames_on_disk(const std::filesystem::path& lidar_folder) {
+  const auto folder = lidar_folder / "training" / "velodyne";
+  std::error_code error;
+  std::vector<int> frames;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string stem = entry.path().stem().string();
+    const auto frame = parse_number<int>(stem);
+    if (frame && *frame >= 0 && frame_name(*frame) == stem && entry.path().extension() == ".bin")
+      frames.push_back(*frame);
+  }
+  if (error) throw IoError(folder.string() + ": can't be read: " + error.message());
+  std::ranges::sort(frames);
+  return frames;
+}
+
+RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame) {
+  const CloudFile cloud = read_cloud(velodyne_file(lidar_folder, frame));
+  const auto file = lidar_folder / "training" / "fields" / (frame_name(frame) + ".bin");
+  const std::string bytes = read_file(file);
+  if (bytes.size() != kFieldsRecord * cloud.points)
+    throw ConfigError(file.string() + ": found " + std::to_string(bytes.size()) +
+                      " bytes, allowed " + std::to_string(kFieldsRecord) + " for each of " +
+                      std::to_string(cloud.points) + " points");
+  RecordedPoints points{cloud.xyz(), cloud.column("intensity"), {}};
+  points.ring.resize(cloud.points);
+  for (std::size_t i = 0; i < cloud.points; ++i)
+    std::memcpy(&points.ring[i], &bytes[kFieldsRecord * i + 4], 2);
+  return points;
 }
 
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,

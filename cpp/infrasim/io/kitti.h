@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -47,6 +48,19 @@ FrameCounts count(const Frame& frame);
 /// Counts of a frame on disk.
 /// @throws IoError if a file is missing or malformed
 FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame);
+
+/// Numbers of the frames in a LiDAR's folder, ascending.
+/// @throws IoError if there is no folder of them
+std::vector<int> frames_on_disk(const std::filesystem::path& lidar_folder);
+
+/// Points of a frame on disk.
+struct RecordedPoints {
+  std::vector<float> xyz;  ///< row-major, metres, levelled frame
+  std::vector<float> intensity;
+  std::vector<std::uint16_t> ring;
+};
+/// @throws IoError if a file can't be read, ConfigError if one is malformed
+RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame);
 
 /// What of a frame is written.
 struct FrameContent {

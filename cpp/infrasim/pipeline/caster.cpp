@@ -32,12 +32,20 @@ RayRange Emitter::rays(int k, double from, double to) const {
   return pattern.fired_between((k + from) * kFramePeriod, (k + to) * kFramePeriod);
 }
 
+Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit) {
+  const MountConfig& mount = scene.mounts.begin()->second;
+  return rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
+         rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
+}
+
+namespace {
+
+/// @param unit       index in the LiDAR's units
+/// @param first_ring ring number of the unit's lowest laser
 Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
                      int first_ring, const std::string& draws) {
-  const MountConfig& mount = scene.mounts.begin()->second;
   const LidarUnit& config = lidar.units[unit];
-  const Mat3 pose = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
-                    rotation(rad(config.yaw_deg), rad(config.pitch_deg), 0);
+  const Mat3 pose = unit_pose(scene, config);
   const auto& beam = config.returns.beam;
   return {ScanPattern(config.pattern,
                       start_phase_s(scene.seed, scene.mounts.begin()->first, lidar, unit), pose,
@@ -48,6 +56,19 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
           Rng::of(scene.seed, draws + stream_name(lidar, unit)),
           {},
           {}};
+}
+
+}  // namespace
+
+std::vector<Emitter> make_emitters(const SceneConfig& scene, const LidarConfig& lidar,
+                                   const std::string& draws) {
+  std::vector<Emitter> emitters;
+  int first_ring = 0;
+  for (std::size_t i = 0; i < lidar.units.size(); ++i) {
+    emitters.push_back(make_emitter(scene, lidar, i, first_ring, draws));
+    first_ring += emitters.back().pattern.group_size();
+  }
+  return emitters;
 }
 
 std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
@@ -92,7 +113,8 @@ std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, Emitter& em
   const std::size_t cast = selected_.size();
   if (!reflectance) return cast;
   if (!leaves_.empty()) stop_in_leaves(emitter, first, last, draws);
-  return cast + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_);
+  const StaticSlice background = emitter.layer ? emitter.layer->slice(first, last) : StaticSlice{};
+  return cast + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_, background);
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.

@@ -33,15 +33,20 @@ struct Emitter {
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
   std::shared_ptr<const StaticLayer> layer;                        ///< null: all rays are cast
 
+  /// Whether a static layer can answer: it repeats, and no beam is wider than a ray.
+  bool can_have_layer() const { return pattern.repeats_after() > 0 && !beam; }
+
   /// Rays that are fired within a share of frame k.
   RayRange rays(int k, double from = 0, double to = 1) const;
 };
 
-/// @param unit       index in the LiDAR's units
-/// @param first_ring ring number of the unit's lowest laser
-/// @param draws      put before the name of its stream of random numbers
-Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                     int first_ring, const std::string& draws = "");
+/// Rotation from a unit's frame to the levelled frame.
+Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
+
+/// All units of a LiDAR.
+/// @param draws put before the names of their streams of random numbers
+std::vector<Emitter> make_emitters(const SceneConfig& scene, const LidarConfig& lidar,
+                                   const std::string& draws = "");
 
 /// Casts the rays of LiDARs and makes returns of their hits. Keeps its buffers from frame to frame.
 /// For one thread at a time.

@@ -18,6 +18,11 @@ void check(const RunRequest& request) {
     throw ConfigError("--frames: found " + std::to_string(f.first) + ":" + std::to_string(f.last) +
                       ":" + std::to_string(f.step) +
                       ", allowed A:B[:STEP] within 0:" + std::to_string(frames));
+  for (const LidarConfig& lidar : request.lidars)
+    if (request.cast_all && request.scene.static_layers &&
+        request.scene.static_layers->contains(lidar.name))
+      throw ConfigError("--cast-all: found static_layers." + lidar.name +
+                        ", allowed a scene without it: what a file holds can't be cast");
   std::set<std::string> names;
   for (const LidarConfig& lidar : request.lidars)
     if (!names.insert(lidar.name).second)

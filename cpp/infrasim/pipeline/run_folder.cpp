@@ -31,7 +31,8 @@ std::string view_text(const LidarUnit& unit, const FieldOfView& view) {
 }
 
 /// The LiDAR's configuration and what follows from it, for readers that know no scene.
-std::string lidar_text(const SceneConfig& scene, const LidarConfig& lidar) {
+std::string lidar_text(const World& world, const LidarConfig& lidar) {
+  const SceneConfig& scene = world.scene;
   const MountConfig& mount = scene.mounts.begin()->second;
   const auto n = [](double v) { return config::number_text(v); };
   std::string text = dump_lidar(lidar) + "preset: \"" + lidar.preset + "\"\n";
@@ -40,6 +41,8 @@ std::string lidar_text(const SceneConfig& scene, const LidarConfig& lidar) {
   text += std::string("label_time: ") +
           enum_names(LabelTime{})[static_cast<std::size_t>(label_time_of(scene, lidar.preset))] +
           "\n";
+  if (const auto layer = world.static_layers.find(lidar.name); layer != world.static_layers.end())
+    text += "static_layer: \"" + layer->second.digest() + "\"\n";
   text += "period_s: " + n(kFramePeriod) + "\n";
   text += "T_world_levelled: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) +
           ", z_m: " + n(mount.z_m) + ", yaw_deg: " + n(mount.yaw_deg) + "}\n";
@@ -55,7 +58,7 @@ std::string lidar_text(const SceneConfig& scene, const LidarConfig& lidar) {
 
 void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<std::string> texts;  // first, as they may be refused
-  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(request.scene, lidar));
+  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(world, lidar));
   create_folder(request.out);
   claim_file(request.out / "dataset.yaml", run_text(request));
   claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));

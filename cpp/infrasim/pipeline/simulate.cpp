@@ -10,6 +10,7 @@
 #include "infrasim/pipeline/frame_builder.h"
 #include "infrasim/pipeline/scan_time.h"
 #include "infrasim/pipeline/scene_filters.h"
+#include "infrasim/pipeline/static_units.h"
 #include "infrasim/pipeline/vehicles.h"
 
 namespace infrasim {
@@ -31,17 +32,18 @@ struct Lidar {
   }
 };
 
-/// @param draws stream of its random numbers; the motors' phases do not depend on it
-Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config,
+using UnitLayers = std::vector<std::shared_ptr<const StaticLayer>>;
+
+/// @param layers of its units; none: all rays are cast
+/// @param draws  stream of its random numbers; the motors' phases do not depend on it
+Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const UnitLayers& layers,
                  const std::string& draws = "") {
   Lidar lidar;
   lidar.cut_s = cut_s(config);
-  int first_ring = 0;
-  for (std::size_t i = 0; i < config.units.size(); ++i) {
-    lidar.emitters.push_back(make_emitter(scene, config, i, first_ring, draws));
-    first_ring += lidar.emitters.back().pattern.group_size();
-    lidar.reach = std::max(lidar.reach, config.units[i].returns.max_range_m);
-  }
+  lidar.emitters = make_emitters(scene, config, draws);
+  for (std::size_t i = 0; i < layers.size(); ++i) lidar.emitters[i].layer = layers[i];
+  for (const LidarUnit& unit : config.units)
+    lidar.reach = std::max(lidar.reach, unit.returns.max_range_m);
   return lidar;
 }
 
@@ -69,18 +71,16 @@ struct FrameSimulator::Impl {
         slices(world_slices(w.scene.aggregation)),
         raycaster(*w.meshes),
         caster(raycaster, w.scene.vehicle_parts, w.leaves) {
-    for (const LidarConfig& config : configs) {
-      Lidar& lidar = lidars.emplace_back(make_lidar(world.scene, config));
-      reach = std::max(reach, lidar.reach);
-      if (layers.empty()) continue;
-      for (std::size_t i = 0; i < lidar.emitters.size(); ++i)
-        lidar.emitters[i].layer = layers[lidars.size() - 1][i];
+    const auto layers_of = [&](std::size_t i) { return layers.empty() ? UnitLayers{} : layers[i]; };
+    for (std::size_t i = 0; i < configs.size(); ++i) {
+      lidars.push_back(make_lidar(world.scene, configs[i], layers_of(i)));
+      reach = std::max(reach, lidars.back().reach);
     }
     for (std::size_t i = 0; i < lidars.size(); ++i) {
       // A background is learnt from frames with noise of their own, not from those it is held to.
       std::optional<Lidar> learning;
       lidars[i].filters = make_filters(world.scene, [&](int k) {
-        if (!learning) learning = make_lidar(world.scene, configs[i], "background ");
+        if (!learning) learning = make_lidar(world.scene, configs[i], layers_of(i), "background ");
         return empty_frame(k, *learning);
       });
     }
@@ -147,12 +147,19 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
   Raycaster raycaster(*world.meshes);
   StaticLayers layers;
   for (const LidarConfig& config : lidars) {
-    auto& units = layers.emplace_back();
-    for (const Emitter& emitter : make_lidar(world.scene, config).emitters) {
-      const bool repeats = emitter.pattern.repeats_after() > 0 && !emitter.beam;
-      units.push_back(repeats ? std::make_shared<const StaticLayer>(emitter.pattern,
-                                                                    emitter.max_range, raycaster)
-                              : nullptr);
+    UnitLayers& units = layers.emplace_back();
+    const std::vector<Emitter> emitters = make_emitters(world.scene, config);
+    const auto file = world.static_layers.find(config.name);
+    const bool read = file != world.static_layers.end();
+    if (read) check_is_of(file->second, units_without_hits(config, emitters), words_of(config));
+    for (const Emitter& emitter : emitters) {
+      const auto hits = [&] {
+        return read ? file->second.units[units.size()]
+                    : cast_static(emitter.pattern, emitter.max_range, raycaster);
+      };
+      units.push_back(emitter.can_have_layer()
+                          ? std::make_shared<const StaticLayer>(emitter.pattern, hits())
+                          : nullptr);
     }
   }
   return layers;

@@ -1,6 +1,13 @@
 #include "infrasim/pipeline/static_layer.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "infrasim/core/rng.h"
 
 namespace infrasim {
 
@@ -9,66 +16,115 @@ namespace {
 constexpr std::int64_t kTile = kPacketRays;
 constexpr std::int64_t kLeastColumns = 4;  // of a block: as wide as tiles are high
 
-}  // namespace
-
-StaticLayer::StaticLayer(const ScanPattern& pattern, float max_range_m, Raycaster& raycaster)
-    : groups_(pattern.repeats_after()),
-      group_size_(pattern.group_size()),
-      block_groups_(std::max(kLeastColumns, kTile / group_size_)),
-      order_(pattern.tile_order(static_cast<int>(block_groups_))) {
-  const auto rays = static_cast<std::size_t>(groups_ * group_size_);
-  range_m_.reserve(rays);
-  cos_incidence_.reserve(rays);
-  class_id_.reserve(rays);
-  RayBatch batch;
-  batch.max_range = max_range_m;
-  HitBatch hits;
-  for (std::int64_t block = 0; block * block_groups_ < groups_; ++block)
-    cast_block(pattern, block, raycaster, batch, hits);
+/// Groups of a block of near rays.
+std::int64_t block_groups(std::int64_t group_size) {
+  return std::max(kLeastColumns, kTile / group_size);
 }
 
-void StaticLayer::cast_block(const ScanPattern& pattern, std::int64_t block, Raycaster& raycaster,
-                             RayBatch& rays, HitBatch& hits) {
-  const std::int64_t first = block * block_groups_;
-  const std::int64_t last = std::min(first + block_groups_, groups_);
-  pattern.generate({first * group_size_, last * group_size_}, 0, rays);
-  std::vector<std::uint32_t> order;
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    if (i % kTile == 0) tiles_.emplace_back();
-    if (order_[i] >= rays.size()) continue;
-    order.push_back(order_[i]);
-    tiles_.back().add(rays.dx[order_[i]], rays.dy[order_[i]], rays.dz[order_[i]]);
+/// Calls use(rays) for block after block of a period.
+template <class Use>
+void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) {
+  const std::int64_t size = pattern.group_size(), step = block_groups(size);
+  for (std::int64_t first = 0; first < pattern.repeats_after(); first += step) {
+    const std::int64_t last = std::min(first + step, pattern.repeats_after());
+    pattern.generate({first * size, last * size}, 0, rays);
+    use(rays);
   }
-  raycaster.cast_background(rays, order, hits);
-  range_m_.insert(range_m_.end(), hits.range.begin(), hits.range.end());
-  cos_incidence_.insert(cos_incidence_.end(), hits.cos_incidence.begin(), hits.cos_incidence.end());
-  class_id_.insert(class_id_.end(), hits.class_id.begin(), hits.class_id.end());
+}
+
+}  // namespace
+
+StaticHits no_hits(const ScanPattern& pattern, float max_range_m) {
+  StaticHits out{
+      .groups = pattern.repeats_after(),
+      .group_size = pattern.group_size(),
+      .max_range_m = max_range_m,
+      .directions = 0,
+      .range_m = {},
+      .cos_incidence = {},
+      .class_id = {},
+  };
+  RayBatch rays;
+  for_each_block(pattern, rays, [&](const RayBatch& block) {
+    for (std::size_t i = 0; i < block.size(); ++i)
+      for (const float v : {block.dx[i], block.dy[i], block.dz[i]})
+        out.directions = mix64(out.directions ^ std::bit_cast<std::uint32_t>(v));
+  });
+  out.range_m.assign(out.rays(), std::numeric_limits<float>::infinity());
+  out.cos_incidence.assign(out.rays(), 0);
+  out.class_id.assign(out.rays(), 0);
+  return out;
+}
+
+StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster& raycaster) {
+  StaticHits out = no_hits(pattern, max_range_m);
+  const std::vector<std::uint32_t> tiles =
+      pattern.tile_order(static_cast<int>(block_groups(out.group_size)));
+  RayBatch rays;
+  rays.max_range = max_range_m;
+  HitBatch hits;
+  std::vector<std::uint32_t> order;
+  std::size_t from = 0;
+  for_each_block(pattern, rays, [&](const RayBatch& block) {
+    order.clear();
+    std::ranges::copy_if(tiles, std::back_inserter(order),
+                         [&](std::uint32_t i) { return i < block.size(); });
+    raycaster.cast_background(block, order, hits);
+    for (std::size_t i = 0; i < block.size(); ++i, ++from) {
+      if (!std::isfinite(hits.range[i])) continue;
+      out.range_m[from] = hits.range[i];
+      out.cos_incidence[from] = hits.cos_incidence[i];
+      out.class_id[from] = hits.class_id[i];
+    }
+  });
+  return out;
+}
+
+StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits)
+    : hits_(std::move(hits)),
+      block_groups_(block_groups(hits_.group_size)),
+      order_(pattern.tile_order(static_cast<int>(block_groups_))) {
+  RayBatch rays;
+  for_each_block(pattern, rays, [&](const RayBatch& block) {
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      if (i % kTile == 0) tiles_.emplace_back();
+      const std::uint32_t k = order_[i];
+      if (k < block.size()) tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
+    }
+  });
 }
 
 std::int64_t StaticLayer::part_end(std::int64_t first, std::int64_t last) const {
-  const std::int64_t period = first / groups_ * groups_, within = first - period;
-  const std::int64_t blocks = std::max<std::int64_t>(1, kChunkRays / (block_groups_ * group_size_));
+  const std::int64_t period = first / hits_.groups * hits_.groups, within = first - period;
+  const std::int64_t blocks =
+      std::max<std::int64_t>(1, kChunkRays / (block_groups_ * hits_.group_size));
   const std::int64_t step = blocks * block_groups_;
-  return std::min({last, period + (within / step + 1) * step, period + groups_});
+  return std::min({last, period + (within / step + 1) * step, period + hits_.groups});
+}
+
+StaticSlice StaticLayer::slice(std::int64_t first_group, std::int64_t last_group) const {
+  const auto from = static_cast<std::size_t>(first_group % hits_.groups * hits_.group_size);
+  const auto n = static_cast<std::size_t>((last_group - first_group) * hits_.group_size);
+  const auto part = [&](const auto& column) { return std::span(column).subspan(from, n); };
+  return {part(hits_.range_m), part(hits_.cos_incidence), part(hits_.class_id)};
 }
 
 void StaticLayer::hits(std::int64_t first_group, std::int64_t last_group, bool incidence,
                        HitBatch& out) const {
-  const std::int64_t from = first_group % groups_ * group_size_;
-  const std::int64_t n = (last_group - first_group) * group_size_;
-  out.resize(static_cast<std::size_t>(n));
-  std::copy_n(range_m_.begin() + from, n, out.range.begin());
-  std::copy_n(class_id_.begin() + from, n, out.class_id.begin());
-  if (incidence) std::copy_n(cos_incidence_.begin() + from, n, out.cos_incidence.begin());
+  const StaticSlice part = slice(first_group, last_group);
+  out.resize(part.range_m.size());
+  std::ranges::copy(part.range_m, out.range.begin());
+  std::ranges::copy(part.class_id, out.class_id.begin());
+  if (incidence) std::ranges::copy(part.cos_incidence, out.cos_incidence.begin());
   std::ranges::fill(out.object, -1);
 }
 
 void StaticLayer::select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
                          std::vector<std::uint32_t>& selected) const {
   selected.clear();
-  const std::int64_t from = first_group % groups_ * group_size_;
-  const std::int64_t to = from + (last_group - first_group) * group_size_;
-  const std::int64_t block_rays = block_groups_ * group_size_;
+  const std::int64_t from = first_group % hits_.groups * hits_.group_size;
+  const std::int64_t to = from + (last_group - first_group) * hits_.group_size;
+  const std::int64_t block_rays = block_groups_ * hits_.group_size;
   const std::int64_t tiles = (block_rays + kTile - 1) / kTile;
   for (std::int64_t block = from / block_rays; block * block_rays < to; ++block)
     for (std::int64_t t = 0; t < tiles; ++t) {
@@ -81,7 +137,7 @@ void StaticLayer::select(std::int64_t first_group, std::int64_t last_group, cons
 }
 
 std::size_t StaticLayer::bytes() const {
-  return range_m_.size() * (2 * sizeof(float) + sizeof(std::uint16_t)) +
+  return hits_.rays() * (2 * sizeof(float) + sizeof(std::uint16_t)) +
          tiles_.size() * sizeof(ViewBounds);
 }
 

@@ -28,9 +28,11 @@ float floor_range(float range, const BodyHit& hit, float dz) {
 
 std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                                        const VehicleParts& parts, HitBatch& hits,
-                                       std::vector<float>& reflectance) {
+                                       std::vector<float>& reflectance,
+                                       const StaticSlice& background) {
   vehicles_ = &vehicles;
   parts_ = parts;
+  background_ = background;
   hits_ = &hits;
   reflectance_ = &reflectance;
   reflectance.resize(rays.size());
@@ -64,8 +66,25 @@ void TransparentCaster::cast_on(const RayBatch& rays) {
     on_.time[k] = rays.time[i];
     on_.near[k] = passing_[k].near;
   }
-  raycaster_.cast(on_, on_order_, on_hits_);
+  if (background_.range_m.empty())
+    raycaster_.cast(on_, on_order_, on_hits_);
+  else
+    cast_on_with(background_);
   for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_, k);
+}
+
+/// What stands still is known, so that vehicles alone are cast.
+void TransparentCaster::cast_on_with(const StaticSlice& background) {
+  on_hits_.resize(on_.size());
+  std::ranges::fill(on_hits_.object, -1);
+  for (std::size_t k = 0; k < on_.size(); ++k) {
+    const std::uint32_t i = passing_[k].ray;
+    const bool ahead = background.range_m[i] >= on_.near[k];
+    on_hits_.range[k] = ahead ? background.range_m[i] : kNever;
+    on_hits_.cos_incidence[k] = background.cos_incidence[i];
+    on_hits_.class_id[k] = background.class_id[i];
+  }
+  raycaster_.cast_bodies(on_, on_order_, on_hits_);
 }
 
 void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const HitBatch& batch,

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/sensor/vehicle_parts.h"
@@ -21,9 +22,11 @@ class TransparentCaster {
   /// @param vehicles    those that the raycaster has
   /// @param hits        nearest ones, with incidence
   /// @param reflectance of each hit, less what panes on the way take
+  /// @param background  hits of the rays with what stands still; empty: it is cast
   /// @return how many rays were cast on, a ray as often as it was
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
-                      const VehicleParts& parts, HitBatch& hits, std::vector<float>& reflectance);
+                      const VehicleParts& parts, HitBatch& hits, std::vector<float>& reflectance,
+                      const StaticSlice& background = {});
 
  private:
   /// A ray that goes on.
@@ -44,6 +47,7 @@ class TransparentCaster {
   };
 
   void cast_on(const RayBatch& rays);
+  void cast_on_with(const StaticSlice& background);
   void meet(const RayBatch& rays, const Passing& state, const HitBatch& batch, std::size_t k);
   void meet_vehicle(const RayBatch& rays, const Passing& state, const HitBatch& batch,
                     std::size_t k);
@@ -55,6 +59,7 @@ class TransparentCaster {
   Raycaster& raycaster_;
   const FrameVehicles* vehicles_ = nullptr;
   VehicleParts parts_;
+  StaticSlice background_;
   HitBatch* hits_ = nullptr;
   std::vector<float>* reflectance_ = nullptr;
   std::vector<Passing> passing_;  ///< rays to be cast on

@@ -27,6 +27,14 @@ Trajectories load_trajectories(const SceneConfig& scene) {
   return trajectories;
 }
 
+std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& scene) {
+  std::map<std::string, StaticLayerFile> layers;
+  if (!scene.static_layers) return layers;
+  for (const auto& [lidar, file] : *scene.static_layers)
+    layers.emplace(lidar, read_static_layer(scene.folder / file));
+  return layers;
+}
+
 }  // namespace
 
 std::size_t body_index(Class object_class) {
@@ -53,7 +61,8 @@ World build_world(const SceneConfig& scene) {
           std::move(background),
           std::move(bodies),
           std::move(meshes),
-          Volumes(leaves)};
+          Volumes(leaves),
+          read_static_layers(scene)};
 }
 
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {

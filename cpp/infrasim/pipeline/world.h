@@ -1,10 +1,13 @@
 #pragma once
 
+#include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/triangle_mesh.h"
+#include "infrasim/pipeline/static_layer_file.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/volumes.h"
 #include "infrasim/scene/overlaps.h"
@@ -24,6 +27,7 @@ struct World {
   std::vector<TriangleMesh> bodies;  ///< unit box, in the order of kObjectClasses
   std::unique_ptr<const MeshLibrary> meshes;
   Volumes leaves;
+  std::map<std::string, StaticLayerFile> static_layers;  ///< by LiDAR, in place of casting
 };
 
 /// @throws ConfigError, IoError

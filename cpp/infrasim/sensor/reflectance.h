@@ -15,6 +15,8 @@ constexpr float background_reflectance(Class material) {
       return 0.51F;
     case Class::kVegetation:
       return 0.55F;
+    case Class::kRecorded:
+      return 1;  // its intensity stands in place of the cosine
     default:
       return 0.35F;
   }

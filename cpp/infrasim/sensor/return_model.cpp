@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/core/classes.h"
 #include "infrasim/core/normal.h"
 #include "infrasim/sensor/range_law.h"
 
@@ -29,6 +30,14 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
   const RangeLaw law = fit_range_law(*config.detection, config.max_range_m);
   signal_m2_ = law.dark_range_m * law.dark_range_m / 0.1;
   sun_per_rho_ = weather.sunlight_klux / law.balance_klux / 0.1;
+}
+
+/// Whether a recording has the hit. Behind a pane, which takes from its reflectance of 1, it may be
+/// lost as any other.
+bool ReturnModel::came_back(const HitBatch& hits, const std::vector<float>& reflectance,
+                            std::size_t i) const {
+  return hits.object[i] < 0 && hits.class_id[i] == static_cast<std::uint16_t>(Class::kRecorded) &&
+         (!config_.detection || reflectance[i] >= 1);
 }
 
 bool ReturnModel::lost_at_random(const Rng& draw) const {
@@ -60,20 +69,23 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
     float range = hits.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
     const auto draw = [&] { return rng.at(first_ray + i); };
-    if (config_.drop_off && lost_at_random(draw())) continue;
+    const bool recorded = came_back(hits, reflectance, i);
+    if (config_.drop_off && !recorded && lost_at_random(draw())) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
       // Detected with probability Phi(margin).
-      if (margin < kCertain && normal_quantile(draw().open_uniform(kDetection)) >= margin) continue;
+      if (!recorded && margin < kCertain &&
+          normal_quantile(draw().open_uniform(kDetection)) >= margin)
+        continue;
       // What is detected is as strong as the threshold, by its noise if not by its signal.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
-    if (config_.drop_off && dropped_when_faint(draw(), intensity)) continue;
+    if (config_.drop_off && !recorded && dropped_when_faint(draw(), intensity)) continue;
     if (sigma > 0)
       range += static_cast<float>(sigma * normal_quantile(draw().open_uniform(kNoise)));
     out.ray[n] = static_cast<std::uint32_t>(i);

@@ -27,7 +27,7 @@ struct ReturnBatch {
 
 /// Which hits become points. Range limits and drop-off as in CARLA 0.9; detection by received
 /// power P = rho cos(theta) / R^2 exp(-2 alpha R) over the noise of the RangeLaw, with extinction
-/// alpha by rain (Marshall-Palmer) and fog (Koschmieder).
+/// alpha by rain (Marshall-Palmer) and fog (Koschmieder). What a recording saw is not lost again.
 class ReturnModel {
  public:
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
@@ -44,6 +44,7 @@ class ReturnModel {
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
  private:
+  bool came_back(const HitBatch& hits, const std::vector<float>& reflectance, std::size_t i) const;
   bool lost_at_random(const Rng& draw) const;
   bool dropped_when_faint(const Rng& draw, double intensity) const;
   double snr(double range, double reflected, double sunlit) const;

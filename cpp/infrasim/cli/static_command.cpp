@@ -1,0 +1,83 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "infrasim/cli/catalogue.h"
+#include "infrasim/cli/commands.h"
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/scene_config.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/pipeline/static_layer_file.h"
+#include "infrasim/pipeline/static_recording.h"
+#include "infrasim/pipeline/static_units.h"
+
+namespace infrasim::cli {
+
+namespace {
+
+struct StaticOptions {
+  std::string scene;
+  std::string lidar;
+  std::string preset = "datasheet";
+  std::optional<std::string> recording;
+  std::string out;
+  std::vector<std::string> assignments;
+};
+
+std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConfig& lidar,
+                                       const StaticOptions& o) {
+  RecordedLayer layer = recorded_static_layer(scene, lidar, *o.recording);
+  std::printf("%d frames, elevations miss by %.3f degrees at most\n", layer.frames,
+              layer.elevation_miss_deg);
+  for (std::size_t i = 0; i < layer.azimuth_offsets_deg.size(); ++i)
+    std::printf("unit %zu: columns %+.4f degrees from the LiDAR's\n", i,
+                layer.azimuth_offsets_deg[i]);
+  if (layer.too_far > 0)
+    std::fprintf(stderr,
+                 "infrasim: warning: %s: left out what %zu rays saw beyond the LiDAR's range\n",
+                 o.recording->c_str(), layer.too_far);
+  return std::move(layer.units);
+}
+
+void static_command(const StaticOptions& o) {
+  SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments, o.preset);
+  scene.static_layers.reset();  // this is how they come to be
+  const LidarConfig lidar = read_lidar(config_file(o.lidar, {"lidars"}), o.preset);
+  const World world = build_world(scene);
+  const std::vector<StaticHits> units =
+      o.recording ? recorded_units(scene, lidar, o) : cast_static_layer(world, lidar);
+  write_file_atomically(o.out, static_layer_to_bytes(units));
+  std::size_t rays = 0, hits = 0;
+  for (const StaticHits& unit : units) {
+    rays += unit.rays();
+    hits += static_cast<std::size_t>(
+        std::ranges::count_if(unit.range_m, [](float range) { return std::isfinite(range); }));
+  }
+  std::printf("%zu rays, %zu hit\n", rays, hits);
+}
+
+}  // namespace
+
+void add_static_command(CLI::App& app) {
+  auto* command = app.add_subcommand(
+      "static",
+      "Write what stands still, as a LiDAR whose pattern repeats sees it, for a scene's "
+      "static_layers.\nExample: infrasim static highway --lidar ruby_plus --out ruby_plus.layer");
+  auto o = std::make_shared<StaticOptions>();
+  command->add_option("scene", o->scene, "scene: a file or a name")->required();
+  command->add_option("--lidar", o->lidar, "LiDAR: a file or a name")->required();
+  command->add_option("--preset", o->preset, "preset of the LiDAR and of the scene")
+      ->capture_default_str();
+  command->add_option("--recording", o->recording,
+                      "DATA/LIDAR of the empty site: what it saw, in place of what the scene has");
+  command->add_option("--out", o->out, "file of the layer")->required();
+  command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
+  command->callback([o] { static_command(*o); });
+}
+
+}  // namespace infrasim::cli

@@ -1,0 +1,188 @@
+#include "infrasim/pipeline/static_layer_file.h"
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/core/classes.h"
+#include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
+#include "infrasim/core/rng.h"
+
+namespace infrasim {
+
+static_assert(std::endian::native == std::endian::little, "the file is little-endian");
+
+namespace {
+
+constexpr std::string_view kMagic = "infrasim-static-layer 1\n";
+constexpr std::int32_t kMostUnits = 1024, kMostGroups = 1 << 30, kMostMembers = 65535;
+constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
+
+std::string hex(std::uint64_t value) {
+  std::array<char, 17> text{};
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(value));
+  return text.data();
+}
+
+template <class T>
+void put(std::string& bytes, const T& value) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+template <class T>
+void put_all(std::string& bytes, const std::vector<T>& column) {
+  bytes.append(reinterpret_cast<const char*>(column.data()), column.size() * sizeof(T));
+}
+
+/// Takes one value after the other from the bytes of a file.
+class Reader {
+ public:
+  Reader(std::string_view bytes, std::string name) : bytes_(bytes), name_(std::move(name)) {}
+
+  std::size_t left() const { return bytes_.size() - at_; }
+  void skip(std::size_t n) { at_ += n; }
+
+  template <class T>
+  T take() {
+    T value;
+    need(sizeof value);
+    std::memcpy(&value, bytes_.data() + at_, sizeof value);
+    at_ += sizeof value;
+    return value;
+  }
+  std::int32_t take_count(const char* what, std::int32_t most) {
+    const auto n = take<std::int32_t>();
+    if (n < 1 || n > most)
+      fail(at_ - sizeof n, std::string(what) + ": found " + std::to_string(n) + ", allowed 1 to " +
+                               std::to_string(most));
+    return n;
+  }
+  /// A column of n values for which `allowed` holds.
+  template <class T, class Allowed>
+  std::vector<T> take_column(std::size_t n, const char* what, const Allowed& allowed,
+                             const std::string& words) {
+    need(n * sizeof(T));
+    std::vector<T> column(n);
+    std::memcpy(column.data(), bytes_.data() + at_, n * sizeof(T));
+    for (std::size_t i = 0; i < n; ++i)
+      if (!allowed(column[i]))
+        fail(at_ + i * sizeof(T),
+             std::string(what) + ": found " + config::number_text(column[i]) + words);
+    at_ += n * sizeof(T);
+    return column;
+  }
+  void need(std::size_t n) const {
+    if (n > left())
+      fail(bytes_.size(),
+           "found the end of the file, allowed " + std::to_string(n - left()) + " bytes more");
+  }
+  [[noreturn]] void fail(std::size_t byte, const std::string& message) const {
+    throw ConfigError(name_ + ": byte " + std::to_string(byte) + ": " + message);
+  }
+  [[noreturn]] void fail_here(const std::string& message) const { fail(at_, message); }
+
+ private:
+  std::string_view bytes_;
+  std::string name_;
+  std::size_t at_ = 0;
+};
+
+StaticHits take_header(Reader& reader) {
+  StaticHits unit;
+  unit.directions = reader.take<std::uint64_t>();
+  unit.groups = reader.take_count("groups", kMostGroups);
+  unit.group_size = reader.take_count("rays of a group", kMostMembers);
+  unit.max_range_m = reader.take<float>();
+  if (!(unit.max_range_m > 0 && unit.max_range_m <= static_cast<float>(kLongestRange_m)))
+    reader.fail_here("max_range_m: found " + config::number_text(unit.max_range_m) +
+                     ", allowed above 0, up to " + config::number_text(kLongestRange_m));
+  return unit;
+}
+
+void take_hits(Reader& reader, StaticHits& unit) {
+  const std::size_t n = unit.rays();
+  reader.need(n * kRayBytes);
+  const float most = unit.max_range_m;
+  unit.range_m = reader.take_column<float>(
+      n, "range_m", [&](float v) { return (v >= 0 && v <= most) || v == kInf; },
+      ", allowed 0 to " + config::number_text(most) + ", or inf");
+  unit.cos_incidence = reader.take_column<float>(
+      n, "cos_incidence", [](float v) { return v >= 0 && v <= 1; }, ", allowed 0 to 1");
+  constexpr auto kLast = static_cast<std::uint16_t>(Class::kRecorded);
+  unit.class_id = reader.take_column<std::uint16_t>(
+      n, "class", [](std::uint16_t v) { return v <= kLast; },
+      ", allowed 0 to " + std::to_string(kLast));
+}
+
+std::string size_text(const StaticHits& unit) {
+  return std::to_string(unit.groups) + " groups of " + std::to_string(unit.group_size) + " rays";
+}
+
+}  // namespace
+
+std::string StaticLayerFile::digest() const { return hex(hash_name(bytes)); }
+
+std::string static_layer_to_bytes(std::span<const StaticHits> units) {
+  std::string bytes(kMagic);
+  put(bytes, static_cast<std::int32_t>(units.size()));
+  for (const StaticHits& unit : units) {
+    put(bytes, unit.directions);
+    put(bytes, static_cast<std::int32_t>(unit.groups));
+    put(bytes, static_cast<std::int32_t>(unit.group_size));
+    put(bytes, unit.max_range_m);
+  }
+  for (const StaticHits& unit : units) {
+    put_all(bytes, unit.range_m);
+    put_all(bytes, unit.cos_incidence);
+    put_all(bytes, unit.class_id);
+  }
+  return bytes;
+}
+
+StaticLayerFile static_layer_from_bytes(std::string bytes, const std::string& name) {
+  Reader reader(bytes, name);
+  if (!bytes.starts_with(kMagic))
+    reader.fail_here("found another kind of file, allowed a static layer");
+  reader.skip(kMagic.size());
+  std::vector<StaticHits> units;
+  const std::int32_t count = reader.take_count("units", kMostUnits);
+  for (std::int32_t i = 0; i < count; ++i) units.push_back(take_header(reader));
+  for (StaticHits& unit : units) take_hits(reader, unit);
+  if (reader.left() > 0)
+    reader.fail_here("found " + std::to_string(reader.left()) + " bytes more, allowed none");
+  return {name, std::move(bytes), std::move(units)};
+}
+
+StaticLayerFile read_static_layer(const std::filesystem::path& file) {
+  return static_layer_from_bytes(read_file(file), file.string());
+}
+
+void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> own,
+                 const std::string& lidar) {
+  const auto check = [&](bool same, const std::string& found, const std::string& allowed) {
+    if (same) return;
+    throw ConfigError(file.name + ": found " + found + ", allowed " + allowed + ", as " + lidar +
+                      " has");
+  };
+  check(file.units.size() == own.size(), std::to_string(file.units.size()) + " units",
+        std::to_string(own.size()));
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    const StaticHits &found = file.units[i], &wanted = own[i];
+    const std::string unit = "unit " + std::to_string(i) + ": ";
+    check(found.groups == wanted.groups && found.group_size == wanted.group_size,
+          unit + size_text(found), size_text(wanted));
+    check(found.max_range_m == wanted.max_range_m,
+          unit + "a max_range_m of " + config::number_text(found.max_range_m),
+          config::number_text(wanted.max_range_m));
+    check(found.directions == wanted.directions, unit + "directions " + hex(found.directions),
+          hex(wanted.directions) + " (channels, seam, phase, pitch and roll of the mount)");
+  }
+}
+
+}  // namespace infrasim

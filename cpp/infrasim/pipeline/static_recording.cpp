@@ -1,0 +1,243 @@
+#include "infrasim/pipeline/static_recording.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/core/classes.h"
+#include "infrasim/core/errors.h"
+#include "infrasim/io/kitti.h"
+#include "infrasim/pipeline/static_units.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr std::size_t kFewestFrames = 20, kMostFrames = 100;
+constexpr double kMostMiss_deg = 0.1;
+constexpr double kAgree_m = 0.3;         // and 6 sigma of the range noise, if that is more
+constexpr double kColumnReach = 0.75;    // of a column: the next one is not taken for it
+constexpr double kConstantEnough = 0.7;  // mean of unit vectors: a spread of an eighth of a column
+
+struct Echo {
+  float azimuth;  ///< in the unit's frame
+  float range;
+  float intensity;
+};
+
+/// One laser, and what it saw.
+struct Ring {
+  double elevation = 0;
+  std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, number in the period; ascending
+  std::vector<std::vector<Echo>> frames;             ///< ascending in azimuth
+  double sum_of_misses = 0;
+  std::size_t points = 0;
+};
+
+struct Unit {
+  Mat3 from_levelled;
+  double reach = 0;    ///< from a ray's azimuth to that of its return
+  double agree_m = 0;  ///< extent of a group of returns
+  std::vector<Ring> rings;
+  double grid_cos = 0, grid_sin = 0;  ///< sums over points: where between two columns they lie
+  std::size_t points = 0;
+
+  double columns() const { return static_cast<double>(rings.front().rays.size()); }
+  /// Of the recorded columns from the LiDAR's, if it is constant.
+  std::optional<double> offset() const {
+    const bool constant =
+        std::hypot(grid_cos, grid_sin) > kConstantEnough * static_cast<double>(points);
+    return constant ? std::optional(std::atan2(grid_sin, grid_cos) / columns()) : std::nullopt;
+  }
+};
+
+Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]}; }
+
+double azimuth(Vec3 v) { return std::atan2(v.y, v.x); }
+
+/// Where the lasers of a unit look, by ring.
+std::vector<Ring> rings_of(const ScanPattern& pattern) {
+  const std::int64_t size = pattern.group_size();
+  RayBatch first;
+  pattern.generate({0, size}, 0, first);
+  const auto lowest = *std::ranges::min_element(first.ring);
+  std::vector<Ring> rings(static_cast<std::size_t>(size));
+  for (std::int64_t i = 0; i < pattern.repeats_after() * size; ++i) {
+    Ring& ring = rings[first.ring[static_cast<std::size_t>(i % size)] - lowest];
+    const Vec3 direction = pattern.ray(i).direction;
+    ring.elevation = std::asin(direction.z);
+    ring.rays.emplace_back(azimuth(direction), static_cast<std::size_t>(i));
+  }
+  for (Ring& ring : rings) std::ranges::sort(ring.rays);
+  return rings;
+}
+
+std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
+                           std::span<const Emitter> emitters) {
+  std::vector<Unit> units;
+  for (std::size_t i = 0; i < emitters.size(); ++i) {
+    const auto& spinning = lidar.units[i].pattern.spinning;
+    if (!spinning)
+      throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
+                        ": found a table of rays, allowed a spinning LiDAR, for a recording");
+    const double column = 2 * kPi / spinning->columns_per_turn->value();
+    units.push_back({.from_levelled = transposed(unit_pose(scene, lidar.units[i])),
+                     .reach = kColumnReach * column,
+                     .agree_m = std::max(kAgree_m, 6 * lidar.units[i].returns.range_accuracy_m),
+                     .rings = rings_of(emitters[i].pattern)});
+  }
+  return units;
+}
+
+/// Numbers of the frames to look at, ascending.
+std::vector<int> frames_of(const std::filesystem::path& folder) {
+  std::vector<int> all = frames_on_disk(folder);
+  if (all.size() < kFewestFrames)
+    throw ConfigError(folder.string() + ": found " + std::to_string(all.size()) +
+                      " frames, allowed " + std::to_string(kFewestFrames) + " or more");
+  std::vector<int> some;
+  const std::size_t n = std::min(all.size(), kMostFrames);
+  for (std::size_t i = 0; i < n; ++i) some.push_back(all[i * all.size() / n]);
+  return some;
+}
+
+void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
+  const double range = norm(levelled);
+  if (!(range > 0) || !std::isfinite(range)) return;
+  const Vec3 direction = unit.from_levelled * (1 / range * levelled);
+  const double at = azimuth(direction);
+  const double between = (at - ring.rays.front().first) * unit.columns();
+  unit.grid_cos += std::cos(between);
+  unit.grid_sin += std::sin(between);
+  ++unit.points;
+  ring.sum_of_misses += std::abs(std::asin(std::clamp(direction.z, -1.0, 1.0)) - ring.elevation);
+  ++ring.points;
+  ring.frames.back().push_back({static_cast<float>(at), static_cast<float>(range), intensity});
+}
+
+/// The unit and the ring of a number that counts the rings of all units; nothing if there are
+/// fewer.
+std::pair<Unit*, Ring*> find_ring(std::vector<Unit>& units, std::size_t number) {
+  for (Unit& unit : units) {
+    if (number < unit.rings.size()) return {&unit, &unit.rings[number]};
+    number -= unit.rings.size();
+  }
+  return {};
+}
+
+void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit>& units) {
+  for (Unit& unit : units)
+    for (Ring& ring : unit.rings) ring.frames.emplace_back();
+  const RecordedPoints points = read_points(folder, frame);
+  for (std::size_t i = 0; i < points.ring.size(); ++i) {
+    const auto [unit, ring] = find_ring(units, points.ring[i]);
+    if (ring == nullptr)
+      throw ConfigError(folder.string() + ": frame " + frame_name(frame) + ", point " +
+                        std::to_string(i) + ": ring: found " + std::to_string(points.ring[i]) +
+                        ", allowed those of the LiDAR's lasers, counted from 0");
+    const float* p = &points.xyz[3 * i];
+    take_point(*unit, *ring, {p[0], p[1], p[2]}, points.intensity[i]);
+  }
+  for (Unit& unit : units)
+    for (Ring& ring : unit.rings) std::ranges::sort(ring.frames.back(), {}, &Echo::azimuth);
+}
+
+/// @return by how much the worst ring misses, degrees
+double check_elevations(const std::filesystem::path& folder, const LidarConfig& lidar,
+                        const std::vector<Unit>& units) {
+  double worst = 0;
+  std::size_t number = 0, worst_ring = 0;
+  for (const Unit& unit : units)
+    for (const Ring& ring : unit.rings) {
+      const double miss =
+          ring.points > 0 ? deg(ring.sum_of_misses / static_cast<double>(ring.points)) : 0;
+      if (miss > worst) worst = miss, worst_ring = number;
+      ++number;
+    }
+  if (worst <= kMostMiss_deg) return worst;
+  throw ConfigError(folder.string() + ": ring " + std::to_string(worst_ring) +
+                    ": found elevations that miss those of " + words_of(lidar) + " by " +
+                    config::number_text(std::round(worst * 1000) / 1000) +
+                    " degrees on average, allowed " + config::number_text(kMostMiss_deg) +
+                    " (channels of the LiDAR's file, pitch and roll of the mount)");
+}
+
+/// The return that is nearest to an azimuth, at most `reach` away.
+const Echo* nearest(const std::vector<Echo>& echoes, double at, double reach) {
+  if (echoes.empty()) return nullptr;
+  const auto after = std::ranges::lower_bound(echoes, static_cast<float>(at), {}, &Echo::azimuth);
+  const Echo& b = after == echoes.end() ? echoes.front() : *after;
+  const Echo& a = after == echoes.begin() ? echoes.back() : *(after - 1);
+  const auto away = [&](const Echo& e) { return std::abs(wrap_angle(e.azimuth - at)); };
+  const Echo& best = away(b) < away(a) ? b : a;
+  return away(best) <= reach ? &best : nullptr;
+}
+
+/// Mean of the largest group of returns within `extent_m`, of equal ones the nearest; nothing if it
+/// has fewer than half of the frames.
+std::optional<Echo> agreed(std::vector<Echo>& seen, double extent_m, std::size_t frames) {
+  std::ranges::sort(seen, {}, &Echo::range);
+  std::size_t first = 0, most = 0;
+  for (std::size_t a = 0, b = 0; b < seen.size(); ++b) {
+    while (seen[b].range - seen[a].range > extent_m) ++a;
+    if (b + 1 - a > most) most = b + 1 - a, first = a;
+  }
+  if (most == 0 || 2 * most < frames) return std::nullopt;
+  double range = 0, intensity = 0;
+  for (std::size_t i = first; i < first + most; ++i) {
+    range += seen[i].range;
+    intensity += seen[i].intensity;
+  }
+  const auto n = static_cast<double>(most);
+  return Echo{0, static_cast<float>(range / n), static_cast<float>(intensity / n)};
+}
+
+/// @return how many rays saw something beyond the LiDAR's range
+std::size_t fill(const Unit& unit, StaticHits& hits) {
+  const double offset = unit.offset().value_or(0);
+  std::size_t too_far = 0;
+  std::vector<Echo> seen;
+  for (const Ring& ring : unit.rings)
+    for (const auto& [at, ray] : ring.rays) {
+      seen.clear();
+      for (const auto& frame : ring.frames)
+        if (const Echo* echo = nearest(frame, wrap_angle(at + offset), unit.reach))
+          seen.push_back(*echo);
+      const auto echo = agreed(seen, unit.agree_m, ring.frames.size());
+      if (!echo) continue;
+      if (echo->range > hits.max_range_m) {
+        ++too_far;
+        continue;
+      }
+      hits.range_m[ray] = echo->range;
+      hits.cos_incidence[ray] = std::clamp(echo->intensity, 0.0F, 1.0F);
+      hits.class_id[ray] = static_cast<std::uint16_t>(Class::kRecorded);
+    }
+  return too_far;
+}
+
+}  // namespace
+
+RecordedLayer recorded_static_layer(const SceneConfig& scene, const LidarConfig& lidar,
+                                    const std::filesystem::path& folder) {
+  const std::vector<Emitter> emitters = make_emitters(scene, lidar);
+  RecordedLayer out;
+  out.units = units_without_hits(lidar, emitters);
+  std::vector<Unit> units = units_of(scene, lidar, emitters);
+  for (const int frame : frames_of(folder)) {
+    take_frame(folder, frame, units);
+    ++out.frames;
+  }
+  out.elevation_miss_deg = check_elevations(folder, lidar, units);
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    out.azimuth_offsets_deg.push_back(deg(units[i].offset().value_or(0)));
+    out.too_far += fill(units[i], out.units[i]);
+  }
+  return out;
+}
+
+}  // namespace infrasim
