@@ -279,6 +279,7 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
     assert not_there(tasks) == lost
 
 
+@pytest.mark.timeout(600)  # starts two clusters: 300 s beside a training and other tests
 @pytest.mark.parametrize("backend", ["ray", "dask"])
 def test_a_cluster_gives_the_same_rows(
     backend: str, results: Path, config: Path, tmp_path: Path
