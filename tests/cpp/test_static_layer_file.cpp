@@ -133,7 +133,7 @@ TEST(static_layer_file, reads_back_what_was_written) {
   ASSERT_EQ(file.units.size(), 2U);
   EXPECT_EQ(file.units[1].range_m[4], 12.5F);
   EXPECT_EQ(file.units[1].directions, 77U);
-  EXPECT_EQ(file.digest().size(), 16U);
+  EXPECT_EQ(file.digest.size(), 16U);
 }
 
 TEST(static_layer_file, that_is_damaged_is_an_error_with_its_place) {

@@ -42,7 +42,7 @@ std::string lidar_text(const World& world, const LidarConfig& lidar) {
           enum_names(LabelTime{})[static_cast<std::size_t>(label_time_of(scene, lidar.preset))] +
           "\n";
   if (const auto layer = world.static_layers.find(lidar.name); layer != world.static_layers.end())
-    text += "static_layer: \"" + layer->second.digest() + "\"\n";
+    text += "static_layer: \"" + layer->second.digest + "\"\n";
   text += "period_s: " + n(kFramePeriod) + "\n";
   text += "T_world_levelled: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) +
           ", z_m: " + n(mount.z_m) + ", yaw_deg: " + n(mount.yaw_deg) + "}\n";

@@ -126,8 +126,6 @@ std::string size_text(const StaticHits& unit) {
 
 }  // namespace
 
-std::string StaticLayerFile::digest() const { return hex(hash_name(bytes)); }
-
 std::string static_layer_to_bytes(std::span<const StaticHits> units) {
   std::string bytes(kMagic);
   put(bytes, static_cast<std::int32_t>(units.size()));
@@ -145,7 +143,7 @@ std::string static_layer_to_bytes(std::span<const StaticHits> units) {
   return bytes;
 }
 
-StaticLayerFile static_layer_from_bytes(std::string bytes, const std::string& name) {
+StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::string& name) {
   Reader reader(bytes, name);
   if (!bytes.starts_with(kMagic))
     reader.fail_here("found another kind of file, allowed a static layer");
@@ -156,7 +154,7 @@ StaticLayerFile static_layer_from_bytes(std::string bytes, const std::string& na
   for (StaticHits& unit : units) take_hits(reader, unit);
   if (reader.left() > 0)
     reader.fail_here("found " + std::to_string(reader.left()) + " bytes more, allowed none");
-  return {name, std::move(bytes), std::move(units)};
+  return {name, hex(hash_name(bytes)), std::move(units)};
 }
 
 StaticLayerFile read_static_layer(const std::filesystem::path& file) {

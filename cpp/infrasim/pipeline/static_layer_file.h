@@ -12,12 +12,9 @@ namespace infrasim {
 
 /// The static layer of all units of one LiDAR, read in place of casting what stands still.
 struct StaticLayerFile {
-  std::string name;  ///< the file's path, for messages
-  std::string bytes;
+  std::string name;    ///< the file's path, for messages
+  std::string digest;  ///< of the file's bytes
   std::vector<StaticHits> units;
-
-  /// Of the file's bytes.
-  std::string digest() const;
 };
 
 /// Hits as bytes: the text line "infrasim-static-layer 1", int32 units; for each unit uint64 digest
@@ -28,7 +25,7 @@ std::string static_layer_to_bytes(std::span<const StaticHits> units);
 
 /// @param name the file's path, for messages
 /// @throws ConfigError if the bytes are not a whole and sane layer
-StaticLayerFile static_layer_from_bytes(std::string bytes, const std::string& name);
+StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::string& name);
 
 /// @throws ConfigError, IoError
 StaticLayerFile read_static_layer(const std::filesystem::path& file);
