@@ -1,8 +1,9 @@
 """Speed of the simulator; `make bench` runs it and docs/benchmarks.md explains each row.
 
-Rates are compared as ratios of medians whose runs alternate in one process. Writes
-results/speed.csv:
-    .venv/bin/python benchmarks/run.py
+Rates are compared as ratios of medians whose runs alternate in one process. Rays are those that a
+pattern has, whether they are cast or answered by the static layer. With the checkout of an earlier
+version, its binary built, also against that. Writes results/speed.csv:
+    .venv/bin/python benchmarks/run.py [--before ../0.2.0]
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def alternate(
-    a: Callable[[], None], b: Callable[[], None], repetitions: int
+    a: Callable[[], object], b: Callable[[], object], repetitions: int
 ) -> tuple[float, float]:
     """Median seconds of two functions whose runs alternate; one run of each does not count."""
     seconds: tuple[list[float], list[float]] = ([], [])
@@ -142,6 +143,36 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
         command += ["--out", out]
     cost = process.run(command)
     return cost.wall_s, cost.peak_mb
+
+
+def seconds_of(tree: Path, lidars: list[str], preset: str, more: list[str]) -> float:
+    """Of 300 frames of the highway by the tree's binary; one LiDAR on one thread, more on two."""
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as out:
+        command = [tree / "build/dev/cpp/infrasim", "run", tree / "configs/scenes/highway.yaml"]
+        command += ["--lidar", *(tree / f"configs/lidars/{name}.yaml" for name in lidars)]
+        command += ["--preset", preset, "--frames", "0:300", "--out", Path(out) / "data"]
+        command += ["--threads", min(2, len(lidars)), "--set", "duration_s=40", *more]
+        return process.run(command).wall_s
+
+
+def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
+    """Today's time with an earlier version's, alternating, files written into memory."""
+    four = [file.stem for file in LIDARS]
+    plain = ["--set", "vegetation=[]"]
+    rows = []
+    for what, lidars, preset, more in (
+        ("four LiDARs with writing, paper", four, "paper", []),
+        ("four LiDARs with writing, equal", four, "equal", []),
+        ("four LiDARs with writing, datasheet, no plants", four, "datasheet", plain),
+        ("Avia with writing, datasheet, no plants", four[:1], "datasheet", plain),
+    ):
+        today, earlier = alternate(
+            lambda lidars=lidars, preset=preset, more=more: seconds_of(ROOT, lidars, preset, more),
+            lambda lidars=lidars, preset=preset: seconds_of(before, lidars, preset, []),
+            repetitions,
+        )
+        rows.append((f"speed / before, {what}", earlier / today, "ratio"))
+    return rows
 
 
 def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
@@ -179,15 +210,20 @@ def growth_rows() -> list[tuple[str, float, str]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=9)
+    parser.add_argument("--before", type=Path, help="checkout of an earlier version, built")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "speed.csv")
     args = parser.parse_args()
-    rows = []
-    for part in (
+    fewer = max(3, args.repetitions // 2)
+    parts = [
         lambda: core_rows(args.repetitions),
         lambda: open3d_rows(args.repetitions),
-        lambda: stream_rows(max(3, args.repetitions // 2)),
+        lambda: stream_rows(fewer),
         growth_rows,
-    ):
+    ]
+    if args.before is not None:
+        parts.append(lambda: before_rows(args.before.resolve(), fewer))
+    rows = []
+    for part in parts:
         for name, value, unit in part():
             print(f"{name:55s} {value:10.2f} {unit}", flush=True)
             rows.append({"what": name, "value": round(value, 3), "unit": unit})

@@ -284,6 +284,12 @@ def static_layers() -> str:
     return markdown(names, rows)
 
 
+def speed() -> str:
+    """What `make bench` measured."""
+    rows = results("speed").itertuples()
+    return markdown(["what", "value"], [[r.what, f"{r.value:.2f} {r.unit}"] for r in rows])
+
+
 def points_before() -> str:
     """Points per vehicle by preset, LiDAR and distance: of 0.2.0, and today's share of them."""
     table = results("before")
@@ -375,6 +381,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "claims on the highway, equal": partial(of_a_scene, "highway", "equal", TWO),
     "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
     "doors": doors,
+    "speed": speed,
     "static layers": static_layers,
     "points before and today": points_before,
     "points by model": points_by_model,
