@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -160,15 +161,16 @@ def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
     four = [file.stem for file in LIDARS]
     plain = ["--set", "vegetation=[]"]
     rows = []
-    for what, lidars, preset, more in (
+    cases: tuple[tuple[str, list[str], str, list[str]], ...] = (
         ("four LiDARs with writing, paper", four, "paper", []),
         ("four LiDARs with writing, equal", four, "equal", []),
         ("four LiDARs with writing, datasheet, no plants", four, "datasheet", plain),
         ("Avia with writing, datasheet, no plants", four[:1], "datasheet", plain),
-    ):
+    )
+    for what, lidars, preset, more in cases:
         today, earlier = alternate(
-            lambda lidars=lidars, preset=preset, more=more: seconds_of(ROOT, lidars, preset, more),
-            lambda lidars=lidars, preset=preset: seconds_of(before, lidars, preset, []),
+            partial(seconds_of, ROOT, lidars, preset, more),
+            partial(seconds_of, before, lidars, preset, []),
             repetitions,
         )
         rows.append((f"speed / before, {what}", earlier / today, "ratio"))
