@@ -16,23 +16,22 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import yaml
 
 from pyinfra import __version__, kitti, machine
-from pyinfra.arrays import FloatArray
 from pyinfra.atomic import replacing
 from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
 from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.data.frames import frame_numbers
-from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import Set, read_ground_truth
-from pyinfra.evaluation.judge import Settings, contest, interval, judge
+from pyinfra.evaluation.judge import Settings, contest, judge
 from pyinfra.evaluation.prediction_checks import find_files
+from pyinfra.evaluation.tables import fine_ap
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
+from pyinfra.statistics.compare import Drawn
 from pyinfra.stress import lidar as stressed
 from pyinfra.stress import worlds
 from pyinfra.training import detect
@@ -41,7 +40,6 @@ from pyinfra.training.sources import read_source
 from pyinfra.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
-RECALLS = 1000
 SETTINGS = Settings(draws=1000)
 LEARNT_FRAMES, TEST_FRAMES = "0:5000:5", "0:5000:20"
 GROUND_TRUTHS: tuple[Set, ...] = ("captured", "all")
@@ -118,8 +116,8 @@ def turned(file: Path, motor: Motor) -> str:
     return str(yaml.safe_dump(keys, sort_keys=False))
 
 
-def average_precisions(folder: Path, pred: Path) -> dict[Set, FloatArray]:
-    """AP of the frames as they are, then of each draw of their blocks; by ground truth."""
+def average_precisions(folder: Path, pred: Path) -> dict[Set, Drawn]:
+    """Fine AP by ground truth."""
     frames = frame_numbers(folder, "all")
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files
@@ -128,10 +126,7 @@ def average_precisions(folder: Path, pred: Path) -> dict[Set, FloatArray]:
     took = one.match(SETTINGS.ious[0], strict=False)
     found = {}
     for which in GROUND_TRUTHS:
-        judged = judge(one, which, took, SETTINGS.min_points)
-        ranking = judged.ranking()
-        drawn = ap.average_precision(ranking, RECALLS, judged.weights)
-        found[which] = np.append(ap.average_precision(ranking, RECALLS), drawn)
+        found[which] = fine_ap(judge(one, which, took, SETTINGS.min_points))
     return found
 
 
@@ -142,11 +137,12 @@ def rows(trial: Trial, work: Path) -> Iterator[dict[str, object]]:
     recipe = read_recipe(ROOT / f"configs/detectors/{trial.detector}.yaml", "quick")
     train(recipe, [read_source(learnt, "quick")], run, seed=trial.trained_seed, quiet=True)
     detector = detect.load_detector(run)
-    base: dict[Set, FloatArray] = {}
+    base: dict[Set, Drawn] = {}
     for motor in [AS_LEARNT, *motors()]:
         folder = tested_on(trial, motor, learnt, work)
         files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder, "all")]
-        detect.detect(detector, files, run / motor.name)
+        if len(list((run / motor.name).glob("*.txt"))) < len(files):
+            detect.detect(detector, files, run / motor.name)
         found = average_precisions(folder, run / motor.name)
         base = base or found
         for which in GROUND_TRUTHS:
@@ -156,14 +152,14 @@ def rows(trial: Trial, work: Path) -> Iterator[dict[str, object]]:
                 "value": motor.value,
                 "ground_truth": which,
                 **figures("ap", found[which]),
-                **figures("change", found[which] - base[which]),
+                **figures("change", found[which].less(base[which])),
             }
 
 
-def figures(name: str, values: FloatArray) -> dict[str, float]:
-    low, high = interval(values[1:], np.ones(len(values), np.int64))
-    ends = {name: values[0], f"{name}_low": low, f"{name}_high": high}
-    return {key: round(float(value), 3) for key, value in ends.items()}
+def figures(name: str, one: Drawn) -> dict[str, float]:
+    found = one.measured()
+    ends = {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+    return {key: round(value, 3) for key, value in ends.items()}
 
 
 def write(table: pd.DataFrame, out: Path) -> None:

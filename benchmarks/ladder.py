@@ -44,6 +44,7 @@ DEFAULT = {
     "frames": "1000",
 }
 ALL_FRAMES = 5000
+AP = ["ap", "ap_low", "ap_high", "ap_fine", "ap_fine_low", "ap_fine_high"]
 PARTS = ("glass", "gap", "coat", "tyres", "reflectors")
 
 
@@ -94,16 +95,17 @@ def row(folder: Path, detector: str) -> dict[str, object]:
     train(recipe, [read_source(folder, "quick")], run, quiet=True)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.load_detector(run), files, run / "predictions")
-    found = evaluate(folder, run / "predictions", Settings(ground_truths=("captured",))).ap.iloc[0]
+    evaluation = evaluate(folder, run / "predictions", Settings(ground_truths=("captured",)))
+    found = evaluation.ap.iloc[0]
+    draws = evaluation.draws[evaluation.draws.measure == "ap_fine"].iloc[0]
     frames = kitti.frames(folder)
     points = int(read_vehicles(folder, frames).points.sum())
     return {
         "lidar": folder.name,
-        "ap": round(float(found.ap), 4),
-        "ap_low": round(found.ap_low, 4),
-        "ap_high": round(found.ap_high, 4),
+        **found[AP].astype(float).round(4),
         "objects": int(found.objects),
         "vehicle_points_per_frame": round(points / len(frames), 2),
+        **draws.drop(["lidar", "frames", "version"]).to_dict(),
     }
 
 

@@ -83,7 +83,7 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
     data = read_data_set(folder)
     vehicles = read_sightings(data)
     tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in vehicles.lidars])}
-    found = vehicle_tables(vehicles, blocks_of(data))
+    found = vehicle_tables(vehicles, blocks_of(data, vehicles))
     for name in STATISTICS:
         rows = found[name]
         tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)

@@ -25,6 +25,7 @@ KEYS = {  # of the rows of each table
     "cells": KEY,
     "areas": KEY,
     "distance": KEY,
+    "draws": KEY,
     "value": KEY,
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
@@ -184,7 +185,7 @@ def fill(
 def progress(cell: Cell, row: pd.Series) -> str:
     if pd.notna(row.get("reason")):
         return f"{cell.title}: failed: {row.reason}"
-    ap = f"AP {row.ap:.1f} [{row.ap_low:.1f}, {row.ap_high:.1f}]"
+    ap = f"AP {row.ap_fine:.1f} [{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
     found = f"; {row.findings}" if row.findings else ""
     return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
 
@@ -235,7 +236,8 @@ def _conclude(workspace: Workspace, plan: Plan) -> None:
     tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
     workspace.put({"lidars": tables["lidars"]})
     tables["value"] = value_table(tables, plan.costs)
-    tables["stress"] = store.read(workspace.results / "stress.csv")
+    tables["draws"] = store.read(workspace.table("draws"))
+    tables["stress_draws"] = store.read(workspace.results / "stress_draws.csv")
     workspace.put({"value": tables["value"]})
     if workspace.tier == "smoke":
         return

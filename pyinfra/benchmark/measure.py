@@ -25,15 +25,17 @@ from pyinfra.training.train import train
 
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SETS)
+NAMES = {"captured": "ap", "common": "ap_common", "all": "ap_all"}  # of a ground truth's columns
+ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
 MEASURED = (
-    *("ap", "ap_low", "ap_high", "ap_common", "ap_all", "ap_all_low", "ap_all_high"),
+    *(f"{name}{end}" for name in NAMES.values() for end in ENDS),
     *("objects", "train_seconds"),
     *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
 )
 
 
 def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
-    """The rows of a cell: `cells`, `areas`, and `distance` without ground truth `common`.
+    """The rows of a cell: `cells`, `areas`, `draws`, and `distance` without `common`.
 
     folder: the LiDAR's, split; run: where the model goes.
     A training that was stopped goes on. Raises what training, detecting and evaluating raise, and
@@ -47,6 +49,7 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
     return {
         "areas": keyed(cell, evaluation.areas),
         "distance": keyed(cell, windows[windows.ground_truth != "common"]),
+        "draws": keyed(cell, evaluation.draws),
         "cells": pd.DataFrame([row(cell, evaluation, seconds, times)]),
     }
 
@@ -92,17 +95,15 @@ def latency_columns(times: FloatArray) -> dict[str, object]:
 
 def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -> dict[str, object]:
     found = evaluation.ap.set_index("ground_truth")
-    captured = found.loc["captured"]
     return {
         **asdict(cell),
-        "ap": captured.ap,
-        "ap_low": captured.ap_low,
-        "ap_high": captured.ap_high,
-        "ap_common": found.ap["common"],
-        "ap_all": found.ap["all"],
-        "ap_all_low": found.ap_low["all"],
-        "ap_all_high": found.ap_high["all"],
-        "objects": int(captured.objects),
+        **{
+            f"{name}{end}": found[f"ap{end}"][which]
+            for which, name in NAMES.items()
+            for end in ENDS
+        },
+        "objects": int(found.objects["captured"]),
+        "block_s": found.block_s["captured"],
         "train_seconds": round(seconds, 1),
         **latency_columns(times),
         **provenance(),

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pyinfra.benchmark.pairs import Pairs
 from pyinfra.benchmark.results import Results, read_results
 from pyinfra.benchmark.value import KEY, REGION_M, SITE_ITEMS, covered
 from pyinfra.data.frames import PERIOD_S
+from pyinfra.evaluation.draws import difference
 from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.statistics.compare import Measured
 from pyinfra.statistics.selection import preset_of_answers
@@ -58,7 +60,7 @@ class Option:
     preset: str
     lidar: str
     detector: str
-    ap_all: Measured  # 0 to 100, of all vehicles
+    ap_all: Measured  # fine AP, 0 to 100, of all vehicles
     ap: Measured  # of the vehicles that the LiDAR captured
     price_usd: float  # middle of low and high
     price_low_usd: float
@@ -70,10 +72,20 @@ class Option:
     latency_ms: float  # of a frame on one core, median; NaN if it was not measured
     latency_p95_ms: float
     machine: str  # on which latency was measured; empty if the table does not say
+    draws: pd.Series | None  # of ap_all; None of an earlier version
 
     @property
     def name(self) -> str:
         return f"{self.lidar} with {self.detector}"
+
+    def less(self, other: Option) -> Measured:
+        """AP of all, this one less the other, paired; without an interval if one keeps no draws.
+
+        Raises ValueError for draws that are not of the same blocks.
+        """
+        if self.draws is None or other.draws is None:
+            return Measured(self.ap_all.value - other.ap_all.value, math.nan, math.nan)
+        return difference(self.draws, other.draws).measured()
 
 
 def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
@@ -96,7 +108,8 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
     distance = found.table("distance")
     here = distance[(distance.scene == scene) & (distance.preset == preset)]
     table = joined(table, road(here, wish), file_of(found, "distance"))
-    options = [option(row) for _, row in table.iterrows()]
+    pairs = Pairs(found.table("draws"))
+    options = [option(row, pairs) for _, row in table.iterrows()]
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_all.value), o.price_usd))
 
 
@@ -181,14 +194,14 @@ def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
     return pd.concat(metres, axis=1).reset_index()
 
 
-def option(row: pd.Series) -> Option:
+def option(row: pd.Series, pairs: Pairs) -> Option:
     return Option(
         scene=row.scene,
         preset=row.preset,
         lidar=row.lidar,
         detector=row.detector,
-        ap_all=Measured(row.ap_all, row.ap_all_low, row.ap_all_high),
-        ap=Measured(row.ap, row.ap_low, row.ap_high),
+        ap_all=Measured(row.ap_all_fine, row.ap_all_fine_low, row.ap_all_fine_high),
+        ap=Measured(row.ap_fine, row.ap_fine_low, row.ap_fine_high),
         price_usd=row.price_usd,
         price_low_usd=row.price_low_usd,
         price_high_usd=row.price_high_usd,
@@ -199,4 +212,5 @@ def option(row: pd.Series) -> Option:
         latency_ms=row.latency_p50_ms,
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
+        draws=pairs.row(row, "all", "ap_fine"),
     )

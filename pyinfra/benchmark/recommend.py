@@ -16,7 +16,6 @@ from pyinfra.statistics.compare import Measured
 
 MOST = 5  # options that are told in full
 NEAREST = 3  # of those that fall short, if none meets the wish
-STEP_AP = 2.5  # of the 40 recall levels that AP stands on: less is no difference without intervals
 
 
 @dataclass(frozen=True)
@@ -153,23 +152,13 @@ def item_name(column: str) -> str:
 
 
 def with_interval(ap: Measured) -> str:
-    if not is_known(ap):
+    if not ap.is_known:
         return f"{ap.value:.1f} (no interval)"
     return f"{ap.value:.1f} [{ap.low:.1f}, {ap.high:.1f}]"
 
 
 def names(options: Iterable[Option]) -> str:
     return ", ".join(option.name for option in options)
-
-
-def is_known(figure: Measured) -> bool:
-    """Whether it has an interval."""
-    return math.isfinite(figure.low) and math.isfinite(figure.high)
-
-
-def overlap(a: Measured, b: Measured) -> bool:
-    """Whether the intervals do; not if one is not known."""
-    return a.low <= b.high and b.low <= a.high
 
 
 def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
@@ -186,19 +175,15 @@ def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
 
 def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
     """Which others may be as good as the first."""
-    equal = [o for o in others if overlap(o.ap_all, first.ap_all)]
+    apart = [(o, first.less(o)) for o in others]
+    equal = [o for o, found in apart if found.is_known and not found.is_told]
     if equal:
-        text = f"AP of all does not tell {first.name} from {names(equal)}: 95 % intervals overlap"
-        yield f"{text}; {cheapest([first, *equal])}."
-    unknown = [o for o in others if not (is_known(o.ap_all) and is_known(first.ap_all))]
-    near = [o for o in unknown if first.ap_all.value - o.ap_all.value < STEP_AP]
-    if near:
-        text = f"AP of all does not tell {first.name} from {names(near)}: less than {STEP_AP:g} "
-        yield f"{text}apart, and without intervals; {cheapest([first, *near])}."
-    as_far = [o for o in others if overlap(o.covered_m, first.covered_m)]
-    if as_far:
-        text = f"The road covered does not tell {first.name} from {names(as_far)}"
-        yield f"{text}; {cheapest([first, *as_far])}."
+        text = f"AP of all does not tell {first.name} from {names(equal)}: the 95 % intervals of "
+        yield f"{text}the differences hold 0; {cheapest([first, *equal])}."
+    unknown = [o for o, found in apart if not found.is_known]
+    if unknown:
+        text = f"Whether {first.name} is better than {names(unknown)} is not known: no interval of "
+        yield f"{text}the difference (too short a test, or a table of an earlier version)."
 
 
 def cheapest(options: Sequence[Option]) -> str:
@@ -213,13 +198,12 @@ def cheapest(options: Sequence[Option]) -> str:
 def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
     """Which may miss the AP that is asked."""
     unsure = f"Not sure to reach AP {wish.min_ap:g} of all"
-    below = [o for o in named if is_known(o.ap_all) and o.ap_all.low < wish.min_ap]
+    below = [o for o in named if o.ap_all.is_known and o.ap_all.low < wish.min_ap]
     if below:
         yield f"{unsure}: {names(below)}: the interval begins below it."
-    near = [o for o in named if o.ap_all.value - STEP_AP < wish.min_ap]
-    unknown = [o for o in near if not is_known(o.ap_all)]
+    unknown = [o for o in named if not o.ap_all.is_known]
     if unknown:
-        yield f"{unsure}: {names(unknown)}: less than {STEP_AP:g} above it, without an interval."
+        yield f"{unsure}: {names(unknown)}: without an interval."
 
 
 def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:

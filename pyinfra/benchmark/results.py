@@ -17,7 +17,7 @@ import pandas as pd
 from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.csv_table import numbers, read_words
-from pyinfra.statistics.selection import CELL, first_seed
+from pyinfra.statistics.selection import CELL, first_seed, with_fine
 from pyinfra.training.sources import TIERS
 
 
@@ -47,16 +47,19 @@ def _kind(file: str, texts: str, numbers: str, key: str = "", later: str = "") -
     return Kind(file, *(tuple(words.split()) for words in (texts, numbers, key, later)))
 
 
+_AP = tuple(
+    f"{name}{fine}{end}"
+    for name in ("ap", "ap_common", "ap_all")
+    for fine in ("", "_fine")
+    for end in ("", "_low", "_high")
+)
 _SHARE = (0.0, 100.0)
 _FROM_ZERO = (0.0, sys.float_info.max)
 _FINITE = (-sys.float_info.max, sys.float_info.max)
 _ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
 # What a column of numbers may hold, in whichever table; the others: 0 or more.
 RANGES = {
-    **dict.fromkeys(
-        "ap ap_low ap_high ap_common ap_all ap_all_low ap_all_high outside_box_percent".split(),
-        _SHARE,
-    ),
+    **dict.fromkeys((*_AP, "outside_box_percent"), _SHARE),
     **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
     **dict.fromkeys("value low high".split(), _ANY),
     **dict.fromkeys("s change_percent".split(), _FINITE),
@@ -65,8 +68,7 @@ RANGES = {
     "units": (1.0, 1e6),
 }
 ENDS = (  # of intervals
-    ("ap_low", "ap_high"),
-    ("ap_all_low", "ap_all_high"),
+    *((name, f"{name.removesuffix('_low')}_high") for name in _AP if name.endswith("_low")),
     ("p_low", "p_high"),
     ("ci_low", "ci_high"),
     ("low", "high"),
@@ -82,7 +84,13 @@ KINDS = {
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _CELL,
-        "ap_all_low ap_all_high",
+        " ".join(_AP[3:]),
+    ),
+    "draws": _kind(
+        "{tier}_draws.csv",
+        f"{_CELL} ground_truth measure world version label_time",
+        "value blocks frames block_s draws draws_seed",
+        f"{_CELL} ground_truth measure",
     ),
     "areas": _kind(
         "{tier}_areas.csv",
@@ -111,7 +119,7 @@ KINDS = {
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
         _CELL,
-        " ".join(SITE_ITEMS),
+        f"{' '.join(SITE_ITEMS)} ap_all_fine",
     ),
     "lidars": _kind(
         "lidars.csv",
@@ -137,6 +145,7 @@ KINDS = {
         "detector run lidar preset scene stressor dial unit seed frames",
         "ap ap_low ap_high",
         "detector run lidar preset scene stressor dial seed frames",
+        "ap_fine ap_fine_low ap_fine_high",
     ),
     "stress_ranking": _kind("stress_ranking.csv", "", ""),
     "stress_summary": _kind("stress_summary.csv", "", ""),
@@ -154,6 +163,7 @@ KINDS = {
         "ladder.csv",
         "detail aggregation frames lidar",
         "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
+        later="ap_fine ap_fine_low ap_fine_high value blocks block_s draws draws_seed",
     ),
     "beam": _kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
     "speed": _kind("speed.csv", "what unit", "value"),
@@ -202,7 +212,8 @@ def read_results(folder: Path, tier: str | None = None) -> Results:
         raise ValueError(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
     if all(table.empty for table in tables.values()):
         raise ValueError(f"{folder}: found no table of results, allowed one or more")
-    tables["cells"] = _with_reasons(tables["cells"])
+    tables["cells"] = _with_reasons(with_fine(tables["cells"]))
+    tables |= {name: with_fine(tables[name]) for name in ("stress", "ladder")}
     return Results(folder, chosen, tables)
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.config import ruled
 from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
 from pyinfra.evaluation.tables import HIGH_QUALITY
-from pyinfra.statistics.selection import CELL, each_road_once
+from pyinfra.statistics.selection import CELL, each_road_once, with_fine
 
 KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
@@ -48,9 +48,11 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
     middle of the LiDAR's low and high, and the site's costs; areas and metres are those of the
     ground truth `all`, the same for every LiDAR. An option is dominated if another one of the same
-    scene, preset, tier and seed costs no more and finds no less of `all`, and is better in one.
+    scene, preset, tier and seed costs no more and finds no less of `all`, by its fine AP, and is
+    better in one.
     """
-    cells = tables["cells"].dropna(subset=["ap"])[[*KEY, "ap", "ap_all"]]
+    cells = with_fine(tables["cells"].dropna(subset=["ap"]))
+    cells = cells[[*KEY, "ap", "ap_all", "ap_all_fine"]]
     price = tables["lidars"].assign(
         lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2,
         site_usd=costs.site_usd,
@@ -110,10 +112,13 @@ def covered(
 
 def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
     """The option that dominates this one with the highest AP; nothing if there is none."""
-    as_good = (rivals.price_usd <= option.price_usd) & (rivals.ap_all >= option.ap_all)
-    better = (rivals.price_usd < option.price_usd) | (rivals.ap_all > option.ap_all)
-    found = rivals[as_good & better]
+    as_cheap, cheaper = (rivals.price_usd <= option.price_usd, rivals.price_usd < option.price_usd)
+    as_good, better = (
+        rivals.ap_all_fine >= option.ap_all_fine,
+        rivals.ap_all_fine > option.ap_all_fine,
+    )
+    found = rivals[as_cheap & as_good & (cheaper | better)]
     if found.empty:
         return ""
-    best = found.loc[found.ap_all.idxmax()]
+    best = found.loc[found.ap_all_fine.idxmax()]
     return f"{best.lidar} {best.detector}"

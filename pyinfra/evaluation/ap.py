@@ -1,13 +1,14 @@
 """Average precision from matched detections; pure functions, numbers from 0 to 100.
 
 Definition (AP|R40): precision at the recalls 1/40 .. 40/40, each the highest precision at that
-recall or beyond, averaged. Recall is hits over objects, precision hits over counted predictions.
+recall or beyond, averaged. Fine AP: at 1/1000 .. 1, without the steps of 2.5 that 40 recalls
+have. Recall is hits over objects, precision hits over counted predictions.
 Predictions of equal score enter together: an operating point is a score, not a prediction.
 Without objects AP is undefined: nan.
 Sources: the KITTI object benchmark since 2019 (40 recalls); PASCAL VOC 2007 (11 recalls).
 
-Everything takes weights of blocks of frames, so that a bootstrap over blocks is one call: a block
-of weight 2 counts as if its frames were there twice. Weighted AP looks at 2,000 operating points at
+Everything takes weights of slots of time, so that a bootstrap is one call: a slot of weight 2
+counts as if its frames were there twice. Weighted AP looks at 2,000 operating points at
 the most, which changes it by some hundredths where there are more (tests: less than 0.05).
 """
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
 
+RECALLS, FINE_RECALLS = 40, 1000
 KITTI_SAMPLES = 41  # recalls the devkit aims at: 0, 1/40 .. 40/40
 MOST_POINTS = 2000  # of weighted AP
 _CHUNK = 4_000_000  # points times draws at a time
@@ -36,26 +38,26 @@ class Ranking:
     scores: FloatArray  # (k,) of the operating points, falling
     upto: IntArray  # (k,) predictions up to and with the operating point
     hits_upto: IntArray  # (k,) those of them that hit an object
-    block: IntArray  # (n,) block of each prediction
-    hit_block: IntArray  # (h,) block of each hit
-    objects: IntArray  # (blocks,) objects in each block
+    slot: IntArray  # (n,) slot of each prediction
+    hit_slot: IntArray  # (h,) slot of each hit
+    objects: IntArray  # (slots,) objects in each slot
 
 
 def rank(
     scores: FloatArray,
     hit: BoolArray,
     objects: int | IntArray,
-    block: IntArray | None = None,
+    slot: IntArray | None = None,
 ) -> Ranking:
     """Counted predictions as a Ranking; those to be ignored are left out by the caller.
 
-    scores, hit: (n,); objects: how many there are, or per block (blocks,); block: (n,), all 0 if
+    scores, hit: (n,); objects: how many there are, or per slot (slots,); slot: (n,), all 0 if
     left out. The order of the predictions has no influence on anything that follows.
     """
-    per_block = np.atleast_1d(np.asarray(objects, dtype=np.int64))
-    block = np.zeros(len(scores), dtype=np.int64) if block is None else block
+    per_slot = np.atleast_1d(np.asarray(objects, dtype=np.int64))
+    slot = np.zeros(len(scores), dtype=np.int64) if slot is None else slot
     order = np.argsort(-scores, kind="stable")
-    scores, hit, block = scores[order], hit[order], block[order]
+    scores, hit, slot = scores[order], hit[order], slot[order]
     ends = np.flatnonzero(np.append(scores[1:] != scores[:-1], True)[: len(scores)])
     hits = np.cumsum(hit)[ends]
     useful = np.diff(hits, prepend=0) > 0
@@ -63,19 +65,19 @@ def rank(
         scores=scores[ends[useful]],
         upto=ends[useful] + 1,
         hits_upto=hits[useful].astype(np.int64),
-        block=block,
-        hit_block=block[hit],
-        objects=per_block,
+        slot=slot,
+        hit_slot=slot[hit],
+        objects=per_slot,
     )
 
 
 def average_precision(
-    ranking: Ranking, recalls: int = 40, weights: IntArray | None = None
+    ranking: Ranking, recalls: int = RECALLS, weights: IntArray | None = None
 ) -> FloatArray:
     """AP by the definition above, (draws,); nan for a draw without objects.
 
-    recalls: 40, or 11 for the recalls 0, 0.1 .. 1.
-    weights: (draws, blocks) whole numbers; left out, one draw of every block once.
+    recalls: 40, 1000, or 11 for the recalls 0, 0.1 .. 1.
+    weights: (draws, slots) whole numbers; left out, one draw of every slot once.
     """
     count, first = (10, 0) if recalls == 11 else (recalls, 1)
     return np.asarray(100 * precision_at_recalls(ranking, count, first, weights).mean(axis=1))
@@ -148,10 +150,10 @@ def _over_draws(
     else:
         objects = weights @ ranking.objects
         result = np.zeros((len(weights), width))
-        in_block, counted_in_block = _per_block(ranking)
-        for part in _chunks(len(weights), in_block.shape[1]):
+        in_slot, counted_in_slot = _per_slot(ranking)
+        for part in _chunks(len(weights), in_slot.shape[1]):
             drawn = weights[part].astype(np.float64)
-            hits, counted = drawn @ in_block, drawn @ counted_in_block
+            hits, counted = drawn @ in_slot, drawn @ counted_in_slot
             precision = np.divide(hits, counted, out=np.zeros_like(hits), where=counted > 0)
             result[part] = measure(hits, precision, objects[part])
     result[objects == 0] = np.nan
@@ -164,19 +166,19 @@ def _chunks(draws: int, points: int) -> Iterator[slice]:
         yield slice(start, start + size)
 
 
-def _per_block(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
-    """Hits, and predictions, of each block up to some operating points: (blocks, points) each."""
+def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
+    """Hits, and predictions, of each slot up to some operating points: (slots, points) each."""
     points = _some_points(ranking)
     hits_upto, upto = ranking.hits_upto[points], ranking.upto[points]
-    blocks = len(ranking.objects)
+    slots = len(ranking.objects)
 
-    def cumulated(block: IntArray, upto: IntArray) -> FloatArray:
+    def cumulated(slot: IntArray, upto: IntArray) -> FloatArray:
         point = np.repeat(np.arange(len(upto)), np.diff(upto, prepend=0))
-        cell = block[: len(point)] * len(upto) + point
-        counts = np.bincount(cell, minlength=blocks * len(upto)).reshape(blocks, len(upto))
+        cell = slot[: len(point)] * len(upto) + point
+        counts = np.bincount(cell, minlength=slots * len(upto)).reshape(slots, len(upto))
         return np.cumsum(counts, axis=1, dtype=np.float64)
 
-    return cumulated(ranking.hit_block, hits_upto), cumulated(ranking.block, upto)
+    return cumulated(ranking.hit_slot, hits_upto), cumulated(ranking.slot, upto)
 
 
 def _some_points(ranking: Ranking) -> IntArray:

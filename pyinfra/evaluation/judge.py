@@ -17,6 +17,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
+from pyinfra.data.data_set import MIN_VISIBILITY
 from pyinfra.data.frame_tables import Predictions, Vehicles
 from pyinfra.data.regions import Places, Window
 from pyinfra.evaluation import ap
@@ -35,13 +36,14 @@ from pyinfra.evaluation.matching import (
     reaches,
 )
 from pyinfra.kitti import VEHICLE_TYPES
-from pyinfra.statistics.intervals import Blocks, time_blocks
+from pyinfra.statistics import intervals
+from pyinfra.statistics.intervals import Blocks
 
 # definition: 40 recalls. r11: 11 recalls. kitti: the devkit's sampling and strict threshold.
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 CAUSES = ("ghost", "duplicate", "localisation")
-LEAST_BLOCKS_WITH_OBJECTS = 5  # a quantity whose objects are in fewer has no interval
+LABELS_BLOCK_S = 15.0  # as on a motorway: without objects no one knows how long a vehicle stays
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ class Settings:
     min_points: int = 1  # of a vehicle that is captured
     min_objects: int = 20  # of an area that counts
     cut_first: bool = False  # also match within each window alone
+    block_s: float | None = None  # of the bootstrap; by default as long as a vehicle stays
     draws: int = 200
     seed: int = 1
 
@@ -69,6 +72,8 @@ class Settings:
         for iou in self.ious:
             if not 0.1 <= iou < 1:
                 raise ValueError(f"iou: found {iou:g}, allowed 0.1 to below 1")
+        if self.block_s is not None and not 0 < self.block_s <= 1e6:
+            raise ValueError(f"block_s: found {self.block_s:g}, allowed above 0 to 1e6")
         if self.min_objects < 1 or self.seed < 0:
             raise ValueError("found a setting out of range, allowed objects > 0, seed 0 or more")
         if not 0 <= self.min_score <= 1 or self.draws < 1 or self.min_points < 1:
@@ -148,19 +153,37 @@ class Judgement:
         return ap.rank(
             contest.predictions.scores[use],
             hit[use],
-            self.per_block(contest.vehicles.frame[counted]),
-            contest.blocks.block[contest.predictions.frame[use]],
+            self.per_slot(contest.vehicles.frame[counted]),
+            contest.blocks.slot[contest.predictions.frame[use]],
         )
 
     @property
     def weights(self) -> IntArray:
-        """How often each draw takes each block: (draws, blocks); no draws with few blocks."""
-        return self.contest.blocks.draws.astype(np.int64)
+        """How often each draw takes each slot: (draws, slots); no draws of a short time."""
+        return self.contest.blocks.draws
 
-    def per_block(self, frame: IntArray) -> IntArray:
-        """How many of the frames (n,) are in each block."""
+    def per_slot(self, frame: IntArray) -> IntArray:
+        """How many of the frames (n,) are in each slot."""
         blocks = self.contest.blocks
-        return np.bincount(blocks.block[frame], minlength=blocks.draws.shape[1]).astype(np.int64)
+        return np.bincount(blocks.slot[frame], minlength=blocks.draws.shape[1]).astype(np.int64)
+
+    def interval(
+        self,
+        value: FloatArray | float,
+        draws: FloatArray,
+        objects: IntArray,
+        *,
+        most: float = 100.0,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Ends of the 95 % intervals of figures (...) of 0 to `most` from their draws (d, ...).
+
+        objects: (slots,), what they rest on; NaN if they are in too few blocks.
+        """
+        blocks = self.contest.blocks
+        held = np.count_nonzero(np.add.reduceat(objects, np.arange(0, len(objects), blocks.length)))
+        few = held < intervals.MIN_BLOCKS
+        low, high = intervals.interval(np.asarray(value), draws[: 0 if few else None], blocks.count)
+        return np.maximum(low, 0), np.minimum(high, most)
 
 
 def contest(
@@ -183,9 +206,21 @@ def contest(
 
 
 def blocks_of(truth: GroundTruth, settings: Settings) -> Blocks:
-    """Blocks of 5 s of time; fewer than 10 give no interval."""
+    """Of one length for all LiDARs of a world, by the vehicles that are there to be found."""
     frames = np.array(truth.frames, dtype=np.int64)
-    return time_blocks(frames, truth.period_s, draws=settings.draws, seed=settings.seed)
+    block_s = settings.block_s or block_seconds(truth)
+    return intervals.time_blocks(
+        frames, truth.period_s, block_s=block_s, draws=settings.draws, seed=settings.seed
+    )
+
+
+def block_seconds(truth: GroundTruth) -> float:
+    """As long as a visible vehicle stays; LABELS_BLOCK_S where vehicles have no ids."""
+    if not truth.has_objects:
+        return LABELS_BLOCK_S
+    there = truth.vehicles.select(truth.vehicles.visibility >= MIN_VISIBILITY)
+    apart = float(np.median(np.diff(truth.frames))) if len(truth.frames) > 1 else 1.0
+    return intervals.block_seconds(there.frame, there.ids, apart * truth.period_s)
 
 
 def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Judgement:
@@ -205,18 +240,6 @@ def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None)
     if protocol == "kitti":
         return ap.kitti_average_precision(ranking, weights)
     return ap.average_precision(ranking, 11 if protocol == "r11" else 40, weights)
-
-
-def interval(draws: FloatArray, objects: IntArray) -> tuple[float, float]:
-    """Middle 95 % of the draws (d,) that are defined.
-
-    objects: (blocks,), what the quantity rests on; (nan, nan) if they are in fewer than 5 blocks.
-    """
-    defined = draws[~np.isnan(draws)]
-    if len(defined) == 0 or np.count_nonzero(objects) < LEAST_BLOCKS_WITH_OBJECTS:
-        return float("nan"), float("nan")
-    low, high = np.percentile(defined, [2.5, 97.5])
-    return float(low), float(high)
 
 
 def causes(judgement: Judgement, iou: float, *, strict: bool) -> NameArray:

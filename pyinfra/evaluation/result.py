@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pyinfra.data.frame_tables import Predictions
+from pyinfra.evaluation.draws import draw_rows, figures
 from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Contest, Settings, blocks_of, contest, judge
 from pyinfra.evaluation.matching import Metric
@@ -39,10 +40,11 @@ class Evaluation:
     areas: pd.DataFrame
     errors: pd.DataFrame
     false_positives: pd.DataFrame
+    draws: pd.DataFrame
     findings: tuple[Finding, ...]
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        names = "ap pr_curve distance_ap areas errors false_positives".split()
+        names = "ap pr_curve distance_ap areas errors false_positives draws".split()
         return {name: getattr(self, name) for name in names}
 
 
@@ -103,12 +105,15 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
         for name, rows in {
             "pr_curve": pr_table(judgement),
             "distance_ap": distance,
-            "areas": area_table(distance, draws),
+            "areas": area_table(judgement, distance, draws),
             "errors": error_table(judgement),
             "false_positives": false_positive_table(judgement, iou, strict=False),
         }.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
+        kept = figures(judgement, distance, draws)
+        rows = draw_rows(one.truth, one.blocks, settings.seed, which, kept)
+        tables.setdefault("draws", []).append(rows)
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
 
 
@@ -122,8 +127,12 @@ def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.Dat
 def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
     """Warnings about the results themselves."""
     found = []
-    if len(blocks_of(truth, settings).draws) == 0:
-        text = f"fewer than {MIN_BLOCKS} blocks of 5 s with frames: no intervals"
+    blocks = blocks_of(truth, settings)
+    if len(blocks.draws) == 0:
+        text = (
+            f"found {blocks.count:.1f} blocks of {blocks.block_s:g} s, as long as a vehicle stays, "
+            f"allowed {MIN_BLOCKS:g} or more: no intervals"
+        )
         found.append(("few-blocks", text))
     for row in table.itertuples():
         what = f"{row.ground_truth}, IoU {row.iou:g}, {row.protocol}"

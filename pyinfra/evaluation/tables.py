@@ -19,14 +19,17 @@ from pyinfra.evaluation.judge import (
     Judgement,
     Protocol,
     causes,
-    interval,
     judge,
     precision,
 )
+from pyinfra.statistics.compare import Drawn
 
 HIGH_QUALITY = 85.0  # an area above this AP is of high quality
 PR_RECALLS = 100
-AP_COLUMNS = "class ground_truth iou protocol ap ap_low ap_high objects predictions frames".split()
+AP_COLUMNS = (
+    "class ground_truth iou protocol ap ap_low ap_high ap_fine ap_fine_low ap_fine_high "
+    "objects predictions frames block_s"
+).split()
 # Of an area: high or low with its whole interval, else undecided; few: not enough objects.
 QUALITIES = ("high", "undecided", "low", "few")
 
@@ -35,6 +38,8 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
     """AP over all frames, without the columns that name the class and the ground truth."""
     ranking = judgement.ranking()
     value, low, high = _ap_with_interval(judgement, ranking, protocol)[:3]
+    fine = fine_ap(judgement)
+    fine_low, fine_high = judgement.interval(fine.value, fine.draws, ranking.objects)
     metric = judgement.contest.metric
     return {
         "iou": iou,
@@ -42,10 +47,22 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
         "ap": value,
         "ap_low": low,
         "ap_high": high,
+        "ap_fine": fine.value,
+        "ap_fine_low": float(fine_low),
+        "ap_fine_high": float(fine_high),
         "objects": judgement.objects,
-        "predictions": len(ranking.block),
+        "predictions": len(ranking.slot),
         "frames": len(judgement.contest.truth.frames),
+        "block_s": judgement.contest.blocks.block_s,
     }
+
+
+def fine_ap(judgement: Judgement) -> Drawn:
+    """AP at 1,000 recalls over all frames, and in each draw."""
+    ranking = judgement.ranking()
+    value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
+    draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
+    return Drawn(value, draws, judgement.contest.blocks.count)
 
 
 def pr_table(judgement: Judgement) -> pd.DataFrame:
@@ -57,12 +74,12 @@ def pr_table(judgement: Judgement) -> pd.DataFrame:
     recalls = np.arange(1, PR_RECALLS + 1)
     value = ap.precision_at_recalls(ranking, PR_RECALLS)[0]
     draws = ap.precision_at_recalls(ranking, PR_RECALLS, weights=judgement.weights)
-    ends = [interval(column, ranking.objects) for column in draws.T]
+    low, high = judgement.interval(100 * value, 100 * draws, ranking.objects)
     needed = -(-recalls * judgement.objects // PR_RECALLS)
     at = np.searchsorted(ranking.hits_upto, needed)
     score = np.append(ranking.scores, np.nan)[at]
-    low, high = np.array(ends).T
-    columns = {"precision": value, "precision_low": low, "precision_high": high, "score": score}
+    ends = {"precision_low": low / 100, "precision_high": high / 100}
+    columns = {"precision": value, **ends, "score": score}
     return pd.DataFrame({"recall": recalls / PR_RECALLS, **columns})
 
 
@@ -81,7 +98,7 @@ def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame
             "ap_low": low,
             "ap_high": high,
             "objects": int(ranking.objects.sum()),
-            "predictions": len(ranking.block),
+            "predictions": len(ranking.slot),
         }
         row["quality"] = area_quality(row, min_objects)
         rows.append(row)
@@ -110,7 +127,7 @@ def area_quality(row: dict[str, Any], min_objects: int) -> str:
     return "high" if row["ap"] > HIGH_QUALITY else "low"
 
 
-def area_table(distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
+def area_table(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
     """High-quality areas of each road, and of all roads (road `all`) if there are several.
 
     n_tda: areas with enough objects; n_hqda: those of them with an AP above 85, decided or not;
@@ -119,30 +136,34 @@ def area_table(distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
     names = list(dict.fromkeys(distance.road))
     groups = [("all", np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
     groups += [(name, (distance.road == name).to_numpy()) for name in names]
-    return pd.DataFrame([{"road": name, **_areas(distance[at], draws[at])} for name, at in groups])
+    return pd.DataFrame(
+        [{"road": name, **_areas(judgement, distance[at], draws[at])} for name, at in groups]
+    )
 
 
-def _areas(distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
+def _areas(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
     counts = (distance.quality != "few").to_numpy()
     total = int(counts.sum())
     high = int((distance.ap[counts] > HIGH_QUALITY).sum())
-    shown = counts & distance.ap_low.notna().to_numpy()
-    known = ~np.isnan(draws[shown])
-    defined = known.sum(0)
-    share = np.full(draws.shape[1], np.nan)
-    above = (draws[shown] > HIGH_QUALITY).sum(0)
-    np.divide(100.0 * above, defined, out=share, where=defined > 0)
-    share = share[~np.isnan(share)]
-    low, top = np.percentile(share, [2.5, 97.5]) if len(share) > 0 else (math.nan, math.nan)
+    share = 100 * high / total if total > 0 else math.nan
+    objects = judgement.per_slot(judgement.contest.vehicles.frame[judgement.counted])
+    low, top = judgement.interval(share, high_quality_share(distance, draws), objects)
     return {
         "n_tda": total,
         "n_hqda": high,
-        "p_hqda": 100 * high / total if total > 0 else math.nan,
+        "p_hqda": share,
         "p_low": float(low),
         "p_high": float(top),
         "undecided": int((distance.quality == "undecided").sum()),
         "objects": int(distance.objects.sum()),
     }
+
+
+def high_quality_share(distance: pd.DataFrame, draws: FloatArray) -> FloatArray:
+    """Of the areas with an interval, in each draw: percent; NaN where none has an AP."""
+    shown = ((distance.quality != "few") & distance.ap_low.notna()).to_numpy()
+    defined = (~np.isnan(draws[shown])).sum(0)
+    return _ratio(100.0 * (draws[shown] > HIGH_QUALITY).sum(0), defined)
 
 
 def error_table(judgement: Judgement) -> pd.DataFrame:
@@ -169,27 +190,29 @@ def error_table(judgement: Judgement) -> pd.DataFrame:
         "heading": ("deg", (turn + 90) % 180 - 90),
         "reversed": ("percent", 100.0 * (np.abs(away) > 90)),
     }
-    block = contest.blocks.block[contest.predictions.frame[judgement.hit]]
+    slot = contest.blocks.slot[contest.predictions.frame[judgement.hit]]
     return pd.DataFrame(
         [
-            {"error": name, "unit": unit, **_error(judgement, values, block)}
+            {"error": name, "unit": unit, **_error(judgement, values, slot)}
             for name, (unit, values) in errors.items()
         ]
     )
 
 
-def _error(judgement: Judgement, values: FloatArray, block: IntArray) -> dict[str, Any]:
+def _error(judgement: Judgement, values: FloatArray, slot: IntArray) -> dict[str, Any]:
     weights = judgement.weights
-    sums = np.bincount(block, np.abs(values), minlength=weights.shape[1])
-    counts = np.bincount(block, minlength=weights.shape[1])
-    low, high = interval(_ratio(weights @ sums, weights @ counts), counts)
     absolute = np.abs(values)
+    sums = np.bincount(slot, absolute, minlength=weights.shape[1])
+    counts = np.bincount(slot, minlength=weights.shape[1])
     some = len(values) > 0
+    mean = float(absolute.mean()) if some else math.nan
+    drawn = _ratio(weights @ sums, weights @ counts)
+    low, high = judgement.interval(mean, drawn, counts, most=math.inf)
     return {
         "mean": values.mean() if some else math.nan,
-        "mean_absolute": absolute.mean() if some else math.nan,
-        "low": low,
-        "high": high,
+        "mean_absolute": mean,
+        "low": float(low),
+        "high": float(high),
         "absolute_95_percent": np.percentile(absolute, 95) if some else math.nan,
         "objects": len(values),
     }
@@ -199,14 +222,15 @@ def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> p
     """Wrong predictions by cause; share: of the wrong ones, in percent."""
     names = causes(judgement, iou, strict=strict)
     contest, weights = judgement.contest, judgement.weights
-    block = contest.blocks.block[contest.predictions.frame[judgement.wrong]]
-    total = np.bincount(block, minlength=weights.shape[1])
+    slot = contest.blocks.slot[contest.predictions.frame[judgement.wrong]]
+    total = np.bincount(slot, minlength=weights.shape[1])
     rows = []
     for cause in CAUSES:
-        own = np.bincount(block[names == cause], minlength=weights.shape[1])
+        own = np.bincount(slot[names == cause], minlength=weights.shape[1])
         count = int(own.sum())
-        low, high = interval(100 * _ratio(weights @ own, weights @ total), total)
         share = 100 * count / len(names) if len(names) > 0 else math.nan
+        drawn = 100 * _ratio(weights @ own, weights @ total)
+        low, high = map(float, judgement.interval(share, drawn, total))
         rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
     return pd.DataFrame(rows)
 
@@ -221,4 +245,5 @@ def _ap_with_interval(
 ) -> tuple[float, float, float, FloatArray]:
     value = float(precision(ranking, protocol, None)[0])
     draws = precision(ranking, protocol, judgement.weights)
-    return value, *interval(draws, ranking.objects), draws
+    low, high = judgement.interval(value, draws, ranking.objects)
+    return value, float(low), float(high), draws

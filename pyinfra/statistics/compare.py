@@ -1,9 +1,20 @@
-"""Figures with intervals, and what can be said of two of them."""
+"""Figures with their draws, and what can be said of two of them.
+
+The draws of blocks are the same for all LiDARs and detectors of a world, so a difference is taken
+draw by draw: what the traffic does to both falls out of it. Two figures cannot be told apart where
+the interval of their difference holds 0, or there is none.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.arrays import FloatArray
+from pyinfra.statistics import intervals
 
 
 @dataclass(frozen=True)
@@ -14,22 +25,48 @@ class Measured:
     low: float
     high: float
 
-    def less(self, other: Measured) -> Measured:
-        """The difference, as if the two were independent."""
-        value = self.value - other.value
-        down = math.hypot(self.value - self.low, other.high - other.value)
-        up = math.hypot(self.high - self.value, other.value - other.low)
-        return Measured(value, value - down, value + up)
+    @property
+    def is_known(self) -> bool:
+        """Whether it has an interval."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
 
-    def times(self, factor: float) -> Measured:
-        return Measured(self.value * factor, self.low * factor, self.high * factor)
+    @property
+    def is_told(self) -> bool:
+        """Of a difference: whether the two can be told apart."""
+        return self.low > 0 or self.high < 0
 
-    def over(self, other: Measured) -> Measured:
-        """The ratio of two positive figures, as if the two were independent."""
-        logs = [
-            Measured(*(math.log(max(v, 1e-9)) for v in (f.value, f.low, f.high)))
-            for f in (self, other)
-        ]
-        found = logs[0].less(logs[1])
-        high = math.exp(found.high) if other.low > 0 else math.inf
-        return Measured(math.exp(found.value), math.exp(found.low), high)
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A figure and what it is in each draw of blocks."""
+
+    value: float
+    draws: FloatArray  # (d,) nan where it is not defined
+    blocks: float  # how many the time holds
+
+    def less(self, other: Drawn) -> Drawn:
+        """The difference, of the same world."""
+        return Drawn(self.value - other.value, self.draws - other.draws, self.blocks)
+
+    def times(self, factor: float) -> Drawn:
+        return Drawn(self.value * factor, self.draws * factor, self.blocks)
+
+    def over(self, other: Drawn) -> Drawn:
+        """The ratio, of the same world."""
+        both = np.append(self.draws, self.value), np.append(other.draws, other.value)
+        *draws, value = intervals.ratio(*both)
+        return Drawn(float(value), np.array(draws), self.blocks)
+
+    def measured(self) -> Measured:
+        low, high = intervals.interval(np.array(self.value), self.draws, self.blocks)
+        return Measured(self.value, float(low), float(high))
+
+
+def over_worlds(found: Sequence[float]) -> Measured:
+    """The mean of a figure over replicates, each of another world and training: Student's."""
+    values = np.asarray(found, dtype=np.float64)
+    if len(values) < 2:
+        return Measured(float(values.mean()) if len(values) else math.nan, math.nan, math.nan)
+    error = float(values.std(ddof=1)) / math.sqrt(len(values))
+    mean, half = float(values.mean()), error * intervals.student(len(values))
+    return Measured(mean, mean - half, mean + half)

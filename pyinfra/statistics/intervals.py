@@ -1,16 +1,30 @@
-"""Percentile bootstrap over blocks of time: neighbouring frames show the same vehicles."""
+"""Intervals of figures over time: neighbouring frames show the same vehicles.
 
+Circular block bootstrap (Politis and Romano 1992): a draw is made of runs of time, one block long,
+that begin anywhere; the last frame is followed by the first. The spread of a figure over the draws
+is its standard error, and the interval Student's, with as many samples as the time holds blocks.
+A block is as long as errors last, by the world's own vehicles (`block_seconds`); how often such
+intervals hold the truth: benchmarks/coverage.py.
+"""
+
+from __future__ import annotations
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from pyinfra.arrays import AnyArray, FloatArray, IntArray
 
-BLOCK_S = 5.0
+SLOT_S = 1.0  # of time, drawn whole
+BLOCK_STEP_S = 5.0  # lengths of blocks are multiples of it, so that LiDARs of a world agree
 DRAWS = 1000
 SEED = 1
-MIN_BLOCKS = 10
+MIN_BLOCKS = 4.0  # of a block's length; what is shorter gives no interval
+LEVEL = 0.95
+LEAST_DEFINED = 0.5  # of the draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,56 +38,114 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Which block each frame is in, and how often each draw takes each block."""
+    """Which slot of time each frame is in, and how often each draw takes each slot."""
 
     frames: IntArray  # (f,) ascending
-    block: IntArray  # (f,) 0 to b - 1, the block of each frame
-    draws: FloatArray  # (d, b) counts; (0, b) if there are too few blocks for an interval
+    slot: IntArray  # (f,) 0 to n - 1, the slot of each frame
+    draws: IntArray  # (d, n) counts; (0, n) if the time holds too few blocks for an interval
+    length: int  # slots of a block
+    block_s: float
+
+    @property
+    def count(self) -> float:
+        """How many blocks the time holds."""
+        return int(self.draws.shape[1]) / self.length
 
     def sums(self, frame: IntArray, values: AnyArray) -> FloatArray:
-        """Sums of values (n, ...) by the block of their frame (n,): (b, ...) float64."""
+        """Sums of values (n, ...) by the slot of their frame (n,): (slots, ...) float64."""
         out = np.zeros((self.draws.shape[1], *values.shape[1:]))
-        np.add.at(out, self.block[np.searchsorted(self.frames, frame)], values)
+        np.add.at(out, self.slot[np.searchsorted(self.frames, frame)], values)
         return out
 
-    def estimate(self, sums: FloatArray, statistic: Callable[[FloatArray], FloatArray]) -> Estimate:
+    def estimate(
+        self,
+        sums: FloatArray,
+        statistic: Callable[[FloatArray], FloatArray],
+        *,
+        within: tuple[float, float] = (-math.inf, math.inf),
+    ) -> Estimate:
         """A statistic of sums with its interval.
 
-        sums: (b, ...) as from `sums`; statistic: takes sums (m, ...) of m samples to (m, ...),
-        NaN where it has no value. Draws without a value are left out of the interval.
+        sums: (slots, ...) as from `sums`; statistic: takes sums (m, ...) of m samples to (m, ...),
+        NaN where it has no value; within: what it can be. Draws without a value are left out.
         """
         value = statistic(sums.sum(axis=0)[None])[0]
-        if len(self.draws) == 0:
-            return Estimate(value, np.full_like(value, np.nan), np.full_like(value, np.nan))
-        drawn = statistic(np.tensordot(self.draws, sums, axes=1))
-        low, high = _percentiles(drawn)
-        none = np.isnan(value)
-        return Estimate(value, np.where(none, np.nan, low), np.where(none, np.nan, high))
+        low, high = interval(value, statistic(np.tensordot(self.draws, sums, axes=1)), self.count)
+        return Estimate(value, np.maximum(low, within[0]), np.minimum(high, within[1]))
 
 
 def time_blocks(
     frames: IntArray,
     period_s: float,
     *,
-    block_s: float = BLOCK_S,
+    block_s: float,
     draws: int = DRAWS,
     seed: int = SEED,
 ) -> Blocks:
-    """Blocks of block_s seconds that hold a frame or more, and seeded draws of them.
+    """Slots of time that hold a frame or more, and seeded draws of runs of them.
 
-    With fewer than MIN_BLOCKS blocks there are no draws: an interval of so few is too narrow.
-    Raises ValueError if the frames do not ascend.
+    Of less than MIN_BLOCKS blocks there are no draws. Raises ValueError if the frames do not
+    ascend.
     """
     if np.any(np.diff(frames) <= 0):
         raise ValueError("frames: found a frame that is not after the one before it")
-    # A frame that starts on the border of a block belongs to the later one.
-    numbers = np.floor(frames * period_s / block_s + 1e-9)
-    found, block = np.unique(numbers, return_inverse=True)
+    # A frame that starts on the border of a slot belongs to the later one.
+    numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
+    found, slot = np.unique(numbers, return_inverse=True)
     count = len(found)
+    apart_s = SLOT_S * float(np.median(np.diff(found))) if count > 1 else SLOT_S
+    length = max(1, round(block_s / apart_s))
+    enough = count >= MIN_BLOCKS * length
     random = np.random.default_rng(seed)
-    enough = count >= MIN_BLOCKS
-    counts = random.multinomial(count, np.full(count, 1 / count), draws if enough else 0)
-    return Blocks(frames, block.astype(np.int64), counts.astype(np.float64))
+    taken = _runs(count, length, draws if enough else 0, random)
+    return Blocks(frames, slot.astype(np.int64), taken, length, block_s)
+
+
+def _runs(count: int, length: int, draws: int, random: np.random.Generator) -> IntArray:
+    """How often each of `count` slots is in runs of `length`, cut at `count`: (draws, count)."""
+    runs = -(-count // length)
+    starts = random.integers(0, count, size=(draws, runs))
+    slots = (starts[:, :, None] + np.arange(length)).reshape(draws, runs * length)
+    slots = slots[:, :count] % count
+    cell = slots + count * np.arange(draws)[:, None]
+    return np.bincount(cell.ravel(), minlength=draws * count).reshape(draws, count)
+
+
+def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
+    """How long errors last at most: as long as the vehicle that a look meets is there.
+
+    frame, ids: (n,) the frame and the id of every vehicle that is there to be found, whichever
+    LiDAR finds it; apart_s: from one frame to the next. Whole steps of BLOCK_STEP_S. If a vehicle
+    were found in all of its frames or in none, this would be the whole correlation of the frames.
+    """
+    stay = np.unique(ids, return_counts=True)[1].astype(np.float64)
+    seconds = apart_s * float((stay**2).sum() / stay.sum()) if len(stay) else 0.0
+    return BLOCK_STEP_S * max(1, math.ceil(seconds / BLOCK_STEP_S - 1e-9))
+
+
+def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[FloatArray, FloatArray]:
+    """Ends of the 95 % interval of figures (...) from their draws (d, ...).
+
+    blocks: how many the time holds; draws see n - 1 of the variance of n. NaN without draws, or if
+    fewer than half of them are defined.
+    """
+    value = np.asarray(value, dtype=np.float64)
+    known = ~np.isnan(drawn)
+    count = known.sum(axis=0)
+    none = (count < max(2, LEAST_DEFINED * len(drawn))) | np.isnan(value)
+    if len(drawn) == 0 or blocks <= 1:
+        return np.full_like(value, np.nan), np.full_like(value, np.nan)
+    divisor = np.maximum(count, 2)
+    mean = np.where(known, drawn, 0.0).sum(axis=0) / divisor
+    variance = np.where(known, drawn - mean, 0.0) ** 2
+    error = np.sqrt(variance.sum(axis=0) / (divisor - 1))
+    half = error * student(blocks) * math.sqrt(blocks / (blocks - 1))
+    return np.where(none, np.nan, value - half), np.where(none, np.nan, value + half)
+
+
+def student(samples: float) -> float:
+    """Half the width of a 95 % interval, in standard errors that rest on so many samples."""
+    return float(stats.t.ppf((1 + LEVEL) / 2, samples - 1))
 
 
 def ratio(above: FloatArray, below: FloatArray) -> FloatArray:
@@ -81,15 +153,3 @@ def ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     out: FloatArray = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
     np.divide(above, below, out=out, where=below != 0)
     return out
-
-
-def _percentiles(drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """2.5 and 97.5 % of (d, ...) without its NaN; NaN where nothing is left."""
-    shape = drawn.shape[1:]
-    columns = drawn.reshape(len(drawn), -1).T
-    low, high = np.full(len(columns), np.nan), np.full(len(columns), np.nan)
-    for i, column in enumerate(columns):
-        known = column[~np.isnan(column)]
-        if len(known) > 0:
-            low[i], high[i] = np.percentile(known, [2.5, 97.5])
-    return low.reshape(shape), high.reshape(shape)

@@ -193,7 +193,8 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
 
 def _claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
     twin = read_sightings(instant) if instant is not None else None
-    return claims(read_sightings(data), blocks_of(data), twin)
+    vehicles = read_sightings(data)
+    return claims(vehicles, blocks_of(data, vehicles), twin)
 
 
 def _key(data: DataSet) -> tuple[str, str, int]:

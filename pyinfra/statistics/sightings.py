@@ -14,7 +14,7 @@ from pyinfra.data.data_set import (
     read_owners,
     road_level,
 )
-from pyinfra.statistics.intervals import Blocks, time_blocks
+from pyinfra.statistics.intervals import Blocks, block_seconds, time_blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +63,15 @@ _COLUMNS = (
 )
 
 
-def blocks_of(data: DataSet) -> Blocks:
-    """The blocks of the bootstrap over a data set's frames."""
-    return time_blocks(np.array(data.frames, dtype=np.int64), data.period_s)
+def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None) -> Blocks:
+    """The blocks of the bootstrap over a data set's frames, or some of them.
+
+    vehicles: all of the data set; a block is as long as a visible one stays.
+    """
+    there, every = vehicles.visible(), np.array(data.frames, dtype=np.int64)
+    apart_s = data.period_s * float(np.median(np.diff(every))) if len(every) > 1 else data.period_s
+    block_s = block_seconds(vehicles.frame[there], vehicles.ids[there], apart_s)
+    return time_blocks(every if frames is None else frames, data.period_s, block_s=block_s)
 
 
 def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:

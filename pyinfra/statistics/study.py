@@ -19,7 +19,7 @@ from pyinfra.kitti import RECORDED, FormatError
 from pyinfra.kitti.table import is_whole
 from pyinfra.statistics import figures as statistics_figures
 from pyinfra.statistics import tables as statistics_tables
-from pyinfra.statistics.intervals import Blocks, time_blocks
+from pyinfra.statistics.intervals import Blocks
 from pyinfra.statistics.sightings import Sightings, blocks_of, hit_counts, read_sightings
 
 Tables = dict[str, pd.DataFrame]
@@ -103,7 +103,7 @@ def data_set_tables(data: DataSet, vehicles: Sightings, *, above_road: bool) -> 
 
     A recording, which has no trajectories, has no table of speeds.
     """
-    blocks = blocks_of(data)
+    blocks = blocks_of(data, vehicles)
     counts = {x.name: hit_counts(data, x, above_road=above_road) for x in data.lidars}
     tables = vehicle_tables(vehicles, blocks)
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
@@ -129,7 +129,7 @@ def aggregation_table(
             continue
         if before.names != after.names or len(frames) == 0:
             continue
-        blocks = time_blocks(frames.astype(np.int64), after.period_s)
+        blocks = blocks_of(after, b, frames.astype(np.int64))
         change = statistics_tables.aggregation_change(
             a.select(a.common()), b.select(b.common()), blocks
         )

@@ -5,6 +5,7 @@ In every table ci_low and ci_high are the ends of the interval, NaN where there 
 """
 
 import itertools
+import math
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ FAR_M = 90.0
 QUALITIES = ("missed", "low", "medium", "high")
 MIN_VEHICLES_FOR_DECAY = 20
 MIN_BINS_FOR_DECAY = 3
+POSITIVE, PERCENT = (0.0, math.inf), (0.0, 100.0)
 SPEED_EDGES_KM_H = np.arange(0.0, 81.0, 2.0)
 
 
@@ -27,7 +29,9 @@ def hit_points(counts: dict[str, IntArray], blocks: Blocks) -> pd.DataFrame:
     for lidar, per_frame in counts.items():
         values = np.stack([per_frame, np.ones_like(per_frame)], axis=1)
         mean = blocks.estimate(
-            blocks.sums(blocks.frames, values), lambda s: ratio(s[..., 0], s[..., 1])
+            blocks.sums(blocks.frames, values),
+            lambda s: ratio(s[..., 0], s[..., 1]),
+            within=POSITIVE,
         )
         rows.append({"lidar": lidar, "frames": len(per_frame), **_cells("hit_points", mean)})
     return pd.DataFrame(rows)
@@ -42,8 +46,8 @@ def points_per_vehicle(
     ci_low_hit, ci_high_hit. A bin without vehicles has NaN.
     """
     sums = vehicle_sums(vehicles, blocks, edges)
-    mean = blocks.estimate(sums, lambda s: ratio(s[..., 0], s[..., 1]))
-    hit = blocks.estimate(sums, lambda s: ratio(s[..., 0], s[..., 2]))
+    mean = blocks.estimate(sums, lambda s: ratio(s[..., 0], s[..., 1]), within=POSITIVE)
+    hit = blocks.estimate(sums, lambda s: ratio(s[..., 0], s[..., 2]), within=POSITIVE)
     total = sums.sum(axis=0)
     rows = []
     for i, lidar in enumerate(vehicles.lidars):
@@ -81,7 +85,7 @@ def quality(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) ->
     sums = np.concatenate(
         [_binned(vehicles, blocks, e, values) for e in (edges, edges[[0, -1]])], axis=1
     )
-    share = blocks.estimate(sums, lambda s: 100 * ratio(s[..., :5], s[..., 5:]))
+    share = blocks.estimate(sums, lambda s: 100 * ratio(s[..., :5], s[..., 5:]), within=PERCENT)
     total = sums.sum(axis=0)
     return pd.DataFrame(
         [
@@ -109,7 +113,7 @@ def only_one(vehicles: Sightings, blocks: Blocks, from_m: float = FAR_M) -> pd.D
     alone, another = alone_and_another(far)
     ones = np.ones_like(alone)
     sums = blocks.sums(far.frame, np.stack([alone, another, ones], axis=2))
-    share = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 2]))
+    share = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 2]), within=PERCENT)
     total = sums.sum(axis=0)
     return pd.DataFrame(
         [
@@ -230,7 +234,9 @@ def box_points(vehicles: Sightings, blocks: Blocks) -> pd.DataFrame:
     rows = vehicles.select(moving(vehicles))
     values = np.stack([rows.points, rows.points_in_box, np.ones_like(rows.points)], axis=2)
     sums = blocks.sums(rows.frame, values)
-    outside = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0] - s[..., 1], s[..., 0]))
+    outside = blocks.estimate(
+        sums, lambda s: 100 * ratio(s[..., 0] - s[..., 1], s[..., 0]), within=PERCENT
+    )
     points, in_box, count = np.moveaxis(sums.sum(axis=0), -1, 0)
     return pd.DataFrame(
         [

@@ -70,7 +70,7 @@ def _line(
         # Names have no order: points beside each other, and no line.
         ax.errorbar(
             curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
-            curve.ap,
+            curve.ap_fine,
             yerr=_reach(curve),
             linestyle="",
             elinewidth=0.8,
@@ -78,13 +78,15 @@ def _line(
             **style,
         )
         return
-    ax.plot(curve["at"], curve.ap, label=label, linestyle=LINES[at % len(LINES)], **style)
-    ax.fill_between(curve["at"], curve.ap_low, curve.ap_high, color=colour, alpha=0.2, linewidth=0)
+    ax.plot(curve["at"], curve.ap_fine, label=label, linestyle=LINES[at % len(LINES)], **style)
+    ax.fill_between(
+        curve["at"], curve.ap_fine_low, curve.ap_fine_high, color=colour, alpha=0.2, linewidth=0
+    )
 
 
 def _reach(curve: pd.DataFrame) -> list[pd.Series]:
     """Below and above AP; the interval of a bootstrap may leave the value out."""
-    low, high = curve.ap - curve.ap_low, curve.ap_high - curve.ap
+    low, high = curve.ap_fine - curve.ap_fine_low, curve.ap_fine_high - curve.ap_fine
     return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
 
 

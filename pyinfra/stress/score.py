@@ -11,16 +11,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from pyinfra.arrays import FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions
 from pyinfra.detectors import Detections
 from pyinfra.evaluation import ap
+from pyinfra.evaluation.draws import draw_rows
 from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Contest, Judgement, Settings, causes, contest
 from pyinfra.evaluation.judge import judge as judged
 from pyinfra.evaluation.matching import IOU, pairs_of_frames
-from pyinfra.evaluation.tables import ap_row
+from pyinfra.evaluation.tables import ap_row, fine_ap
 from pyinfra.kitti import VEHICLE_TYPES
 
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
@@ -30,6 +32,9 @@ COLUMNS = (
     "ap",
     "ap_low",
     "ap_high",
+    "ap_fine",
+    "ap_fine_low",
+    "ap_fine_high",
     "objects",
     "ghosts_per_frame",
     *(f"recall_{band}" for band in BANDS_M),
@@ -41,10 +46,11 @@ COLUMNS = (
 
 def scored(
     truth: GroundTruth, found: Sequence[Detections], types: Sequence[str] = VEHICLE_TYPES
-) -> dict[str, float]:
-    """COLUMNS of the detections in each frame of truth; nan where there is nothing to measure.
+) -> tuple[dict[str, float], pd.DataFrame]:
+    """COLUMNS of the detections in each frame of truth, and the draws of their fine AP.
 
-    types: KITTI types that count as vehicle. forgiven_*: AP gained when that error is forgiven.
+    nan where there is nothing to measure. types: KITTI types that count as vehicle. forgiven_*:
+    fine AP gained when that error is forgiven.
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
     one = contest(truth, as_predictions(found), "vehicle", settings, "bev")
@@ -52,13 +58,14 @@ def scored(
     row = ap_row(judgement, IOU, "definition")
     wrong = causes(judgement, IOU, strict=False)
     gains = forgiven(judgement)
+    kept = iter([("ap_fine", fine_ap(judgement))])
     return {
-        **{name: row[name] for name in ("ap", "ap_low", "ap_high", "objects")},
+        **{name: row[name] for name in COLUMNS[: COLUMNS.index("objects") + 1]},
         "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / len(truth.frames),
         **{f"recall_{band}": _recall(judgement, ends) for band, ends in BANDS_M.items()},
         **_box_errors(judgement),
         **{f"forgiven_{error}": gains[error] for error in ERRORS},
-    }
+    }, draw_rows(truth, one.blocks, settings.seed, "captured", kept)
 
 
 def as_predictions(found: Sequence[Detections]) -> Predictions:
@@ -76,7 +83,7 @@ def as_predictions(found: Sequence[Detections]) -> Predictions:
 
 
 def forgiven(judgement: Judgement) -> dict[str, float]:
-    """AP gained for each of ERRORS when it alone is forgiven."""
+    """Fine AP gained for each of ERRORS when it alone is forgiven."""
     one, partner = judgement.contest, partners(judgement)
     has = partner >= 0
     reached = np.zeros(len(one.vehicles), dtype=np.bool_)
@@ -116,7 +123,7 @@ def _judgement(one: Contest) -> Judgement:
 
 
 def _ap(judgement: Judgement) -> float:
-    return float(ap.average_precision(judgement.ranking())[0])
+    return float(ap.average_precision(judgement.ranking(), ap.FINE_RECALLS)[0])
 
 
 def _distance(one: Contest) -> FloatArray:

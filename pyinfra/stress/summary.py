@@ -33,7 +33,7 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
     for key, rows in table.groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
         for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
-            if base.ap.notna().sum() == 1 and name in STRESSORS:
+            if base.ap_fine.notna().sum() == 1 and name in STRESSORS:
                 stressor = STRESSORS[str(name)]
                 own = base.assign(dial=_own_dial(stressor, base), stressor=name)
                 curve = pd.concat([own, part], ignore_index=True)
@@ -73,8 +73,8 @@ def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
 def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
     """The dial at which AP is down to a level, or the names with no more than that."""
     if stressor.named:
-        return " ".join(curve.dial[curve.ap <= level]) or BEYOND
-    at = crossing(curve["at"].to_numpy(), curve.ap.to_numpy(float), level)
+        return " ".join(curve.dial[curve.ap_fine <= level]) or BEYOND
+    at = crossing(curve["at"].to_numpy(), curve.ap_fine.to_numpy(float), level)
     return f"{at:.3g}" if math.isfinite(at) else BEYOND
 
 
@@ -85,20 +85,23 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
     of the fall; nothing if there is no such fall.
     """
     base = curve.iloc[0]
-    down = curve[curve.ap <= base.ap - FALL]
+    down = curve[curve.ap_fine <= base.ap_fine - FALL]
     if len(down) == 0:
         return "", "", math.nan
     row = down.iloc[0]
-    blame = {e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap - row.ap) for e in ERRORS}
+    blame = {
+        e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap_fine - row.ap_fine)
+        for e in ERRORS
+    }
     worst = max(blame, key=lambda error: blame[error])
     return (worst if blame[worst] >= LEAST_SHARE else "mixed"), worst, float(blame[worst])
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
     """Mean of AP / AP(none) over the dials, stretched to 0 to 1; nan for an undefined AP, or 0."""
-    if curve.ap.iloc[0] == 0:
+    if curve.ap_fine.iloc[0] == 0:
         return math.nan
-    ratio = curve.ap.to_numpy(float) / curve.ap.iloc[0]
+    ratio = curve.ap_fine.to_numpy(float) / curve.ap_fine.iloc[0]
     if stressor.named:
         return float(ratio[1:].mean())
     at = curve["at"].to_numpy(float)
@@ -109,7 +112,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     """A row for each curve."""
     rows = []
     for key, stressor, curve in curves(table):
-        base, worst = curve.ap.iloc[0], curve.loc[curve.ap.idxmin()]
+        base, worst = curve.ap_fine.iloc[0], curve.loc[curve.ap_fine.idxmin()]
         failure, worst_error, share = first_failure(curve)
         rows.append(
             {
@@ -118,7 +121,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
                 "unit": stressor.unit,
                 "dials": len(curve),
                 "ap_none": base,
-                "ap_least": worst.ap,
+                "ap_least": worst.ap_fine,
                 "dial_least": worst.dial,
                 "falls_by_10": fallen(curve, stressor, base - FALL),
                 "falls_to_half": fallen(curve, stressor, base / 2),

@@ -18,6 +18,7 @@ from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.kitti.csv_table import WORDS, read_csv
+from pyinfra.statistics.selection import with_fine
 from pyinfra.stress import lidar, score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
@@ -146,8 +147,10 @@ def inputs_of(trial: Trial, base: Base) -> str:
     return hashlib.sha256("\n".join([*parts, text]).encode()).hexdigest()[:16]
 
 
-def row_of(trial: Trial, base: Base, cache: Path, seed: int) -> dict[str, object]:
-    """Detects and scores. Raises what simulating, reading and detecting raise."""
+def row_of(
+    trial: Trial, base: Base, cache: Path, seed: int
+) -> tuple[dict[str, object], pd.DataFrame]:
+    """Detects and scores: a row, and its draws. Raises what simulating and detecting raise."""
     stressor, dial, folder = trial.stressor, trial.dial, base.folder
     key = key_of(trial, base, seed)
     if stressor.world:
@@ -162,17 +165,19 @@ def row_of(trial: Trial, base: Base, cache: Path, seed: int) -> dict[str, object
     extra = [dial] if stressor.name == "vehicle_class" and dial not in VEHICLE_TYPES else []
     types = (*VEHICLE_TYPES, *map(str, extra))
     chosen = "" if stressor is NONE else f" --stressors {stressor.name} --dials {key['dial']}"
-    return {
+    scores, draws = score.scored(read_ground_truth(folder, base.frames), found, types)
+    row = {
         **key,
         "unit": stressor.unit,
         "trained_frames": trial.run.frames,
         "trained_seed": trial.run.seed,
-        **score.scored(read_ground_truth(folder, base.frames), found, types),
+        **scores,
         "inputs": inputs_of(trial, base),
         "command": f"pyinfra stress{chosen} --seed {seed} --frames {len(base.frames)}",
         "version": __version__,
         "machine": machine(),
     }
+    return row, pd.concat([pd.DataFrame([key] * len(draws)), draws.drop(columns="frames")], axis=1)
 
 
 def read(file: Path) -> pd.DataFrame:
@@ -182,6 +187,7 @@ def read(file: Path) -> pd.DataFrame:
     table = read_csv(file, WORDS.union(KEY))
     if "inputs" not in table:  # of an earlier version
         table["inputs"] = None
+    table = with_fine(table)
     missing = [name for name in COLUMNS if name not in table]
     if missing:
         raise ValueError(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
@@ -194,8 +200,9 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
     with held(out / "locks" / "_".join(key.values()), wait=False) as ours:
         if not ours or store.has(read(file), key):
             return False
-        row = pd.DataFrame([row_of(trial, base, out / "worlds", seed)], columns=list(COLUMNS))
-        store.put(file, row, KEY)
+        row, draws = row_of(trial, base, out / "worlds", seed)
+        store.put(out / "stress_draws.csv", draws, KEY)
+        store.put(file, pd.DataFrame([row], columns=list(COLUMNS)), KEY)
     return True
 
 

@@ -44,7 +44,7 @@ def run(tmp_path: Path) -> Callable[..., Evaluation]:
         gt = write_lidar(data / "lidar", frames, label_time=label_time)
         write_roads(data)
         pred = write_predictions(data / "pred", found, name)
-        return evaluate(gt, pred, Settings(**{"ground_truths": SETS} | settings))
+        return evaluate(gt, pred, Settings(**{"ground_truths": SETS, "block_s": 5} | settings))
 
     return call
 
@@ -378,7 +378,7 @@ def test_an_area_whose_interval_holds_85_is_undecided(run: Callable[..., Evaluat
 def test_an_area_without_an_interval_is_left_out_of_that_of_the_share(
     run: Callable[..., Evaluation],
 ) -> None:
-    """Near the sensor all vehicles pass in two of twenty blocks of 5 s, and are found."""
+    """Near the sensor all vehicles pass in two of twenty blocks of 5 s; far out none is found."""
     near = [[car(12)] if k % 50 < 15 and k < 100 else [] for k in range(1000)]
     frames = [[*cars, car(80)] for cars in near]
     result = run(
@@ -386,11 +386,11 @@ def test_an_area_without_an_interval_is_left_out_of_that_of_the_share(
     )
     assert set(result.distance_ap.ap.dropna()) == {0, 100}
     assert (result.areas.p_hqda == 50).all()
-    assert result.areas[["p_low", "p_high"]].to_numpy().tolist() == [[0, 0]] * 3
+    assert result.areas[["p_low", "p_high"]].to_numpy().tolist() == [[50, 50]] * 3
 
 
 def test_few_blocks_give_no_interval_and_a_warning(run: Callable[..., Evaluation]) -> None:
-    frames = traffic(449)  # 9 blocks of 5 s
+    frames = traffic(190)  # 3.8 blocks of 5 s
     result = run(frames, perfect(frames))
     assert result.ap.ap_low.isna().all()
     assert "few-blocks" in [finding.name for finding in result.findings]
@@ -460,12 +460,13 @@ def test_command_writes_tables_and_figures(
     assert "vehicle     captured" in printed.out
     table = pd.read_csv(tmp_path / "out/ap.csv")
     assert ",".join(table.columns) == (
-        "class,ground_truth,iou,protocol,ap,ap_low,ap_high,objects,predictions,frames"
+        "class,ground_truth,iou,protocol,ap,ap_low,ap_high,ap_fine,ap_fine_low,ap_fine_high,"
+        "objects,predictions,frames,block_s"
     )
     assert table.iloc[0, :4].tolist() == ["vehicle", "captured", 0.5, "definition"]
     assert len(table) == 12
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    tables = "ap distance_ap areas pr_curve errors false_positives".split()
+    tables = "ap distance_ap areas pr_curve errors false_positives draws".split()
     figures = "pr_curve distance_ap areas areas_plan".split()
     assert names == {f"{t}.csv" for t in tables} | {
         f"{f}.{kind}" for f in figures for kind in ("svg", "png")

@@ -15,7 +15,7 @@ from pyinfra.commands import statistics
 from pyinfra.data.data_set import Tilt, field_of_view_mask, read_data_set
 from pyinfra.statistics import patterns, study
 from pyinfra.statistics import tables as statistics_tables
-from pyinfra.statistics.intervals import Blocks, ratio, time_blocks
+from pyinfra.statistics.intervals import Blocks, block_seconds, interval, ratio, time_blocks
 from pyinfra.statistics.sightings import Sightings, read_sightings
 
 Infrasim = Callable[..., Any]
@@ -43,9 +43,9 @@ def table_of(
     return Sightings(**{**known, **columns})
 
 
-def blocks(count: int = 20, block_s: float = 0.1) -> Blocks:
-    """`count` frames, each a block of its own."""
-    return time_blocks(np.arange(count), 0.1, block_s=block_s)
+def blocks(count: int = 20, block_s: float = 1) -> Blocks:
+    """`count` frames, a second each, each a block of its own."""
+    return time_blocks(np.arange(count), 1, block_s=block_s)
 
 
 def test_points_per_vehicle_counts_missed_vehicles_and_once_more_the_hit_ones_alone() -> None:
@@ -158,19 +158,48 @@ def test_interval_holds_the_value_and_shrinks_with_the_number_of_blocks() -> Non
     assert widths[1] < widths[0] / 3
 
 
-def test_frames_of_one_block_are_drawn_together() -> None:
-    together = time_blocks(np.arange(0, 5000, 5), 0.1)
-    assert np.unique(together.block, return_counts=True)[1].tolist() == [10] * 100
+def test_frames_of_one_second_are_drawn_together_and_runs_of_them_in_a_circle() -> None:
+    together = time_blocks(np.arange(0, 1000, 5), 0.1, block_s=30, draws=50)
+    assert np.unique(together.slot, return_counts=True)[1].tolist() == [2] * 100
     assert (together.draws.sum(axis=1) == 100).all()
-    # Frame 50 starts at 5.000 s and belongs to the second block.
-    assert together.block[10] == 1
-    assert together.block[9] == 0
+    # Frame 10 starts at 1.000 s and belongs to the second slot.
+    assert together.slot[2] == 1
+    assert together.slot[1] == 0
+    # Runs of 30, 30, 30 and 10 slots begin and end at eight places at the most.
+    changes = np.diff(np.pad(together.draws, ((0, 0), (0, 1)), mode="wrap"), axis=1)
+    assert (np.count_nonzero(changes, axis=1) <= 8).all()
+    assert (together.draws.max(axis=1) <= 4).all()
+    assert together.count == pytest.approx(100 / 30)
 
 
-def test_few_blocks_give_no_interval() -> None:
-    table = statistics_tables.points_per_vehicle(table_of([32], [[5]]), blocks(9))
+def test_frames_far_apart_are_slots_of_their_own() -> None:
+    apart = time_blocks(np.arange(0, 5000, 20), 0.1, block_s=30)
+    assert (apart.draws.shape[1], apart.length) == (250, 15)
+
+
+def test_too_short_a_time_gives_no_interval() -> None:
+    table = statistics_tables.points_per_vehicle(table_of([32], [[5]]), blocks(19, block_s=5))
     assert table.apv[0] == 5
     assert math.isnan(table.ci_low[0])
+
+
+def test_a_block_is_as_long_as_the_vehicle_that_a_look_meets_stays() -> None:
+    # One vehicle in 30 frames, three in 10: a look meets the first in half of the cases.
+    ids = np.repeat([1, 2, 3, 4], [30, 10, 10, 10])
+    frame = np.concatenate([np.arange(30), *[np.arange(10)] * 3])
+    assert block_seconds(frame, ids, 0.5) == 10  # 20 frames are 10 s
+    assert block_seconds(frame, ids, 0.55) == 15
+    assert block_seconds(frame[:0], ids[:0], 0.5) == 5
+
+
+def test_an_interval_of_few_blocks_is_wider_as_student_says() -> None:
+    drawn = np.random.default_rng(1).normal(50, 1, size=(4000, 1))
+    few, many = (
+        float(np.diff(np.concatenate(interval(np.array([50.0]), drawn, blocks)))[0])
+        for blocks in (5.0, 1e6)
+    )
+    assert many == pytest.approx(2 * 1.96, rel=0.03)
+    assert few == pytest.approx(2 * 2.776 * math.sqrt(5 / 4), rel=0.03)
 
 
 def test_same_seed_gives_the_same_draws() -> None:

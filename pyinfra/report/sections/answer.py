@@ -7,13 +7,14 @@ from collections.abc import Callable
 import pandas as pd
 
 from pyinfra.benchmark.options import FRAME_MS
-from pyinfra.benchmark.recommend import STEP_AP
+from pyinfra.benchmark.pairs import Pairs
 from pyinfra.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.report.material import Material
 from pyinfra.report.names import detector
 from pyinfra.report.sections import accuracy, recommendation
 from pyinfra.simulator.catalogue import SCENES
 
+COLUMN = {"captured": "ap_fine", "common": "ap_common_fine", "all": "ap_all_fine"}
 TITLE = "Which LiDAR and detector for what"
 CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
 
@@ -65,16 +66,16 @@ def _lead(material: Material, cells: pd.DataFrame) -> str:
     """The first scene in words."""
     scene = next(s for s in material.scenes() if s in set(cells.scene))
     rows = cells[cells.scene == scene]
-    best = rows.loc[rows.ap.idxmax()]
-    tied = _tied(rows, best)
+    best = rows.loc[rows.ap_fine.idxmax()]
     text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
-    text += f" in its own field of view: AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}."
-    if len(tied) > 0:
-        text += f" {_listed(material, tied)} cannot be told from it."
-    if rows.ap_all.notna().any():
-        whole = rows.loc[rows.ap_all.idxmax()]
+    text += f" in its own field of view: AP {best.ap_fine:.1f}"
+    text += (
+        f" {span(best.ap_fine_low, best.ap_fine_high)}{_rest(material, rows, best, 'captured')}."
+    )
+    if rows.ap_all_fine.notna().any():
+        whole = rows.loc[rows.ap_all_fine.idxmax()]
         text += f" Of all vehicles on the road, {_name(material, whole)} finds most"
-        text += f" (AP {whole.ap_all:.1f}{_near(material, rows, whole)})."
+        text += f" (AP {whole.ap_all_fine:.1f}{_rest(material, rows, whole, 'all')})."
     return text
 
 
@@ -85,55 +86,60 @@ def _card(material: Material, cells: pd.DataFrame, question: str, choose: Choice
 
 
 def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    best = rows.loc[rows.ap.idxmax()]
-    tied = _tied(rows, best)
-    rest = f"; cannot be told from {_listed(material, tied)}" if len(tied) > 0 else ""
-    reason = f"AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}{rest}"
+    best = rows.loc[rows.ap_fine.idxmax()]
+    rest = _rest(material, rows, best, "captured")
+    reason = f"AP {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{rest}"
     return _line(material, best, reason)
 
 
 def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    if rows.ap_all.isna().all():
+    if rows.ap_all_fine.isna().all():
         return None
-    best = rows.loc[rows.ap_all.idxmax()]
+    best = rows.loc[rows.ap_all_fine.idxmax()]
     others = rows[rows.lidar != best.lidar]
-    reason = f"AP {best.ap_all:.1f} on all visible vehicles"
-    if others.ap_all.notna().any():
-        second = others.loc[others.ap_all.idxmax()]
-        reason += f"; next {material.names.model(second.lidar)}, {second.ap_all:.1f}"
-    if others.ap_all.max() > best.ap_all - STEP_AP:
-        reason += ", which is no more than a step of AP away"
-    return _line(material, best, reason)
+    reason = f"AP {best.ap_all_fine:.1f} on all visible vehicles"
+    if others.ap_all_fine.notna().any():
+        second = others.loc[others.ap_all_fine.idxmax()]
+        reason += f"; next {material.names.model(second.lidar)}, {second.ap_all_fine:.1f}"
+    return _line(material, best, f"{reason}{_rest(material, rows, best, 'all')}")
 
 
 def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    near = rows[(rows.ap >= rows.ap.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
+    near = rows[(rows.ap_fine >= rows.ap_fine.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
     if near.empty:
         return None
     best = near.loc[near.latency_p50_ms.idxmin()]
     late = f", not real time ({FRAME_MS:g} ms)" if best.latency_p50_ms > FRAME_MS else ""
-    return _line(material, best, f"{best.latency_p50_ms:.0f} ms a frame{late}, AP {best.ap:.1f}")
+    return _line(
+        material, best, f"{best.latency_p50_ms:.0f} ms a frame{late}, AP {best.ap_fine:.1f}"
+    )
 
 
 def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     prices = material.results.table("lidars").drop_duplicates("lidar").set_index("lidar")
     price = rows.lidar.map((prices.price_low_usd + prices.price_high_usd) / 2)
-    near = rows[(rows.ap >= rows.ap.max() - CLOSE_AP) & price.notna()]
+    near = rows[(rows.ap_fine >= rows.ap_fine.max() - CLOSE_AP) & price.notna()]
     if near.empty:
         return None
     cheap = near[price[near.index] == price[near.index].min()]
-    best = cheap.loc[cheap.ap.idxmax()]
-    whole = f", but {best.ap_all:.1f} on all vehicles" if best.ap_all < best.ap - CLOSE_AP else ""
-    return _line(material, best, f"US$ {price[best.name]:,.0f}, AP {best.ap:.1f}{whole}")
+    best = cheap.loc[cheap.ap_fine.idxmax()]
+    whole = (
+        f", but {best.ap_all_fine:.1f} on all vehicles"
+        if best.ap_all_fine < best.ap_fine - CLOSE_AP
+        else ""
+    )
+    return _line(material, best, f"US$ {price[best.name]:,.0f}, AP {best.ap_fine:.1f}{whole}")
 
 
 def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
     own = rows[rows.detector == "background"]
     if own.empty:
         return None
-    best = own.loc[own.ap.idxmax()]
+    best = own.loc[own.ap_fine.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
-    return _line(material, best, f"AP {best.ap:.1f} {span(best.ap_low, best.ap_high)}{speed}")
+    return _line(
+        material, best, f"AP {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{speed}"
+    )
 
 
 PURPOSES: tuple[tuple[str, Choice], ...] = (
@@ -149,17 +155,16 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
     return CardLine(str(row.scene), _name(material, row), reason, str(row.origin))
 
 
-def _tied(rows: pd.DataFrame, best: pd.Series) -> pd.DataFrame:
-    """Other rows whose interval reaches into that of the best, or is not known; nearest first."""
-    reach = ~(rows.ap_high < best.ap_low) & (rows.index != best.name)
-    return rows[reach].sort_values("ap", ascending=False)
-
-
-def _near(material: Material, rows: pd.DataFrame, best: pd.Series) -> str:
-    """The rows within a step of the best AP of all vehicles, which has no interval."""
-    near = rows[(rows.ap_all > best.ap_all - STEP_AP) & (rows.index != best.name)]
-    near = near.sort_values("ap_all", ascending=False)
-    return f"; within {STEP_AP:g} of it {_listed(material, near)}" if len(near) else ""
+def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
+    """Which others cannot be told from the best, by the paired difference of fine AP."""
+    others = rows[rows.index != best.name].sort_values(COLUMN[truth], ascending=False)
+    pairs = Pairs(material.results.table("draws"))
+    if others.empty:
+        return ""
+    if pairs.row(best, truth, "ap_fine") is None:
+        return "; the table keeps no draws to tell it from others"
+    alike = pairs.alike(best, (row for _, row in others.iterrows()), truth)
+    return f"; cannot be told from {_listed(material, others.iloc[alike])}" if alike else ""
 
 
 def _name(material: Material, row: pd.Series) -> str:

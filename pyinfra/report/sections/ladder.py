@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pyinfra.benchmark.results import TableFile
+from pyinfra.evaluation.draws import drawn
 from pyinfra.report import svg
 from pyinfra.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
 from pyinfra.report.looks import drawing, panel
@@ -54,14 +55,14 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
     found = []
     for dial, values in dials_of(table).items():
         own = _turned(table, dial, usual)
-        own = own[own.ap.notna()]
+        own = own[own.ap_fine.notna()]
         there = [value for value in values if value in set(own[dial])]
         if not there:
             continue
         dearest = own[own[dial] == there[-1]].set_index("lidar")
         for value in there:
             rows = own[own[dial] == value].set_index("lidar")
-            change = (rows.ap - dearest.ap).abs().max()
+            change = (rows.ap_fine - dearest.ap_fine).abs().max()
             seconds = float(rows.seconds.mean())
             found.append(
                 Rung(
@@ -70,7 +71,7 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
                     seconds,
                     float(change),
                     agrees(rows, dearest),
-                    rows.ap_low.notna().all(),
+                    rows.ap_fine_low.notna().all(),
                 )
             )
     return found
@@ -98,30 +99,28 @@ def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFra
 def agrees(rows: pd.DataFrame, dearest: pd.DataFrame) -> bool:
     """Whether no AP can be told from the dearest model's, and every pair that it decides stays so.
 
-    Both by LiDAR. A pair is decided where the interval of its difference does not hold 0.
+    Both by LiDAR, on one traffic. A pair is decided where the interval of its paired difference
+    does not hold 0; of a table that keeps no draws nothing is known, so nothing agrees.
     """
-    if set(rows.index) != set(dearest.index):
+    if set(rows.index) != set(dearest.index) or not (keeps_draws(rows) and keeps_draws(dearest)):
         return False
     own, theirs = figures(rows), figures(dearest)
-    if not all(holds_zero(own[name].less(theirs[name])) for name in theirs):
+    apart = [own[name].less(theirs[name]).measured() for name in theirs]
+    if not all(found.is_known and not found.is_told for found in apart):
         return False
     return all(
-        own[a].less(own[b]).low > 0
+        own[a].less(own[b]).measured().low > 0
         for a, b in itertools.permutations(theirs, 2)
-        if theirs[a].less(theirs[b]).low > 0
+        if theirs[a].less(theirs[b]).measured().low > 0
     )
 
 
-def figures(rows: pd.DataFrame) -> dict[str, compare.Measured]:
-    return {
-        str(row.Index): compare.Measured(float(row.ap), float(row.ap_low), float(row.ap_high))
-        for row in rows.itertuples()
-    }
+def keeps_draws(rows: pd.DataFrame) -> bool:
+    return bool((rows.draws > 0).all())
 
 
-def holds_zero(difference: compare.Measured) -> bool:
-    """Also without an interval: false, as nothing is known."""
-    return difference.low <= 0 <= difference.high
+def figures(rows: pd.DataFrame) -> dict[str, compare.Drawn]:
+    return {str(name): drawn(row) for name, row in rows.iterrows()}
 
 
 def recommendation(found: list[Rung]) -> str:
@@ -156,9 +155,11 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
             for i, lidar in enumerate(lidars):
                 rows = own[own.lidar == lidar].set_index(dial).reindex(places)
                 x = [place + 0.12 * (i - (len(lidars) - 1) / 2) for place in range(len(places))]
-                spread = [rows.ap - rows.ap_low, rows.ap_high - rows.ap]
+                spread = [rows.ap_fine - rows.ap_fine_low, rows.ap_fine_high - rows.ap_fine]
                 look = material.names.look(lidar)
-                ax.errorbar(x, rows.ap, spread, linewidth=0.8, **look.style() | {"linestyle": "-"})
+                ax.errorbar(
+                    x, rows.ap_fine, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
+                )
             seconds = own.groupby(dial).seconds.mean().reindex(places)
             labels = [f"{v}\n{s:.3g} s" for v, s in zip(places, seconds, strict=True)]
             ax.set_xticks(range(len(places)), labels)

@@ -50,10 +50,9 @@ def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
 
 def _counted(data: DataSet) -> pd.DataFrame:
     """Points per vehicle over all frames of a data set."""
-    chosen = sets_of(read_sightings(data))
-    parts = [
-        tables.points_per_vehicle(chosen[name], blocks_of(data)).assign(set=name) for name in SETS
-    ]
+    vehicles = read_sightings(data)
+    chosen, blocks = sets_of(vehicles), blocks_of(data, vehicles)
+    parts = [tables.points_per_vehicle(chosen[name], blocks).assign(set=name) for name in SETS]
     return pd.concat(parts).assign(scene=data.scene, preset=data.preset)
 
 

@@ -120,7 +120,7 @@ def _start(base: pd.DataFrame, own: pd.DataFrame) -> Any:
 
 def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
     rows = curve(table, stressor)
-    if rows.ap.isna().all():
+    if rows.ap_fine.isna().all():
         return None
     own = table[table.stressor == stressor]
     named = pd.to_numeric(own.dial, errors="coerce").isna().any()
@@ -145,13 +145,18 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
     line, marker = _style(by)
     style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 3.2, "linewidth": 1.1}
     if named:  # names have no order: marks and no line
-        reach = [(rows.ap - rows.ap_low).clip(lower=0), (rows.ap_high - rows.ap).clip(lower=0)]
+        reach = [
+            (rows.ap_fine - rows.ap_fine_low).clip(lower=0),
+            (rows.ap_fine_high - rows.ap_fine).clip(lower=0),
+        ]
         shift = 0.07 * (list(DETECTORS).index(by) if by in DETECTORS else 0)
         ends = np.nan_to_num(np.array(reach))
-        ax.errorbar(rows["at"] + shift, rows.ap, ends, linestyle="", elinewidth=0.6, **style)
+        ax.errorbar(rows["at"] + shift, rows.ap_fine, ends, linestyle="", elinewidth=0.6, **style)
         return
-    ax.plot(rows["at"], rows.ap, linestyle=line, **style)
-    ax.fill_between(rows["at"], rows.ap_low, rows.ap_high, color=colour, alpha=0.12, linewidth=0)
+    ax.plot(rows["at"], rows.ap_fine, linestyle=line, **style)
+    ax.fill_between(
+        rows["at"], rows.ap_fine_low, rows.ap_fine_high, color=colour, alpha=0.12, linewidth=0
+    )
 
 
 def _plain(material: Material, rows: pd.DataFrame, source: TableFile, caption: str) -> Table:

@@ -1,0 +1,123 @@
+"""What an evaluation came to in each draw of blocks, kept so that two can be compared in pairs.
+
+A row is one figure of one detector on one LiDAR; the columns `draw_1` .. are its draws. They are
+the same blocks for all LiDARs and detectors of a world, and for those alone: the columns SAME say
+which.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.arrays import FloatArray
+from pyinfra.data.frames import data_set_of
+from pyinfra.evaluation.ground_truth import GroundTruth
+from pyinfra.evaluation.judge import Judgement
+from pyinfra.evaluation.tables import HIGH_QUALITY, fine_ap, high_quality_share
+from pyinfra.kitti import read_yaml
+from pyinfra.statistics.compare import Drawn
+from pyinfra.statistics.intervals import Blocks
+
+# What two rows must have in common: else their draws are not of the same blocks, or not comparable.
+SAME = ("world", "version", "label_time", "frames", "block_s", "draws", "draws_seed")
+COLUMNS = ("ground_truth", "measure", "value", "blocks", *SAME)
+DIGITS = 3
+AHEAD_M = (0.0, 100.0)  # of the first road, for the slope
+WINDOWS_OVERLAP = 4  # as many hold each vehicle
+LEAST_WINDOWS = 5
+
+
+def figures(
+    judgement: Judgement, distance: pd.DataFrame, draws: FloatArray
+) -> Iterator[tuple[str, Drawn]]:
+    """What is kept of one ground truth; distance and its draws: as of `distance_table`.
+
+    ap_fine; n_hqda and p_hqda, number and percent of high-quality areas; ap_slope, AP per 10 m
+    ahead of the sensor, if there are windows enough.
+    """
+    blocks = judgement.contest.blocks.count
+    yield "ap_fine", fine_ap(judgement)
+    counts = (distance.quality != "few").to_numpy()
+    high = (distance.ap[counts] > HIGH_QUALITY).sum()
+    yield "n_hqda", Drawn(float(high), (draws[counts] > HIGH_QUALITY).sum(0).astype(float), blocks)
+    if counts.any():
+        share = high_quality_share(distance, draws)
+        yield "p_hqda", Drawn(100 * float(high) / int(counts.sum()), share, blocks)
+    ahead = (distance.road == distance.road.iloc[0]) & distance.s.between(*AHEAD_M)
+    ahead &= distance.ap_high > distance.ap_low
+    if ahead.sum() >= LEAST_WINDOWS:
+        yield "ap_slope", slope(distance[ahead], draws[ahead], blocks)
+
+
+def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Drawn:
+    """AP per 10 m: lines by least squares, windows weighted by their intervals; draws (w, d)."""
+    weight = 1 / (windows.ap_high - windows.ap_low).to_numpy() ** 2
+    tens = windows.s.to_numpy() / 10
+    away = weight * (tens - np.average(tens, weights=weight))
+    gain = away / (away @ tens)
+    return Drawn(float(gain @ windows.ap), gain @ draws, blocks)
+
+
+def draw_rows(
+    truth: GroundTruth, blocks: Blocks, seed: int, which: str, found: Iterator[tuple[str, Drawn]]
+) -> pd.DataFrame:
+    """The rows of one ground truth, with columns COLUMNS and the draws."""
+    same = {
+        "world": world_of(truth),
+        "version": version_of(truth),
+        "label_time": truth.lidar.label_time if truth.lidar else "",
+        "frames": len(truth.frames),
+        "block_s": blocks.block_s,
+        "draws": len(blocks.draws),
+        "draws_seed": seed,
+    }
+    rows = []
+    for measure, one in found:
+        own = {"ground_truth": which, "measure": measure, "value": one.value}
+        drawn = {f"draw_{i + 1}": round(v, DIGITS) for i, v in enumerate(one.draws.tolist())}
+        rows.append({**own, "blocks": one.blocks, **same, **drawn})
+    return pd.DataFrame(rows)
+
+
+def world_of(truth: GroundTruth) -> str:
+    """A digest of what there is to be found, whichever LiDAR looks: vehicles of the region."""
+    v = truth.vehicles
+    there = v.visibility >= 0 if truth.has_objects else np.ones(len(v), np.bool_)
+    frames = np.array(truth.frames)[v.frame[there]]
+    sizes = np.round(v.mid_frame[there, 3:6] * 100).astype(np.int64)
+    rows = np.unique(np.column_stack([frames, v.ids[there], sizes]), axis=0)
+    parts = [np.array(truth.frames, np.int64), rows.astype(np.int64)]
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]
+
+
+def version_of(truth: GroundTruth) -> str:
+    """Of the simulator that wrote the frames; nothing for others."""
+    file = data_set_of(truth.folder) / "dataset.yaml"
+    version = read_yaml(file).maybe("version") if file.is_file() else None
+    return version.text() if version else ""
+
+
+def drawn(row: pd.Series) -> Drawn:
+    """A row of the table as a figure with its draws."""
+    names = [f"draw_{i + 1}" for i in range(int(row.draws))]
+    return Drawn(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
+
+
+def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
+    """Raises ValueError with what differs if two rows cannot be compared in pairs."""
+    for name in (*also, *SAME):
+        if str(a[name]) != str(b[name]):
+            raise ValueError(
+                f"{name}: found {a[name]} and {b[name]}, allowed the same: draws of blocks are "
+                "pairs within one world, version and label time alone"
+            )
+
+
+def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Drawn:
+    """The first less the second, draw by draw. Raises ValueError as `check_pair`."""
+    check_pair(a, b, also)
+    return drawn(a).less(drawn(b))
