@@ -107,13 +107,20 @@ def drawn(row: pd.Series) -> Drawn:
     return Drawn(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
 
 
+def are_pairs(a: pd.Series, b: pd.Series) -> bool:
+    """Whether the draws of two rows are of the same blocks, and may be compared."""
+    return all(str(a[name]) == str(b[name]) for name in SAME)
+
+
 def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
     """Raises ValueError with what differs if two rows cannot be compared in pairs."""
     for name in (*also, *SAME):
         if str(a[name]) != str(b[name]):
+            origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
+            where = f"{' and '.join(origins)}: " if origins else ""
             raise ValueError(
-                f"{name}: found {a[name]} and {b[name]}, allowed the same: draws of blocks are "
-                "pairs within one world, version and label time alone"
+                f"{where}{name}: found {a[name]} and {b[name]}, allowed the same: draws of blocks "
+                "are pairs within one world, version and label time alone"
             )
 
 

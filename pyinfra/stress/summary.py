@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.arrays import FloatArray
+from pyinfra.statistics.selection import with_fine
 from pyinfra.stress.catalogue import NONE, OWN, STRESSORS, Stressor
 from pyinfra.stress.score import ERRORS
 
@@ -30,7 +31,7 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
 
     Curves without an AP for no stress, and those with nothing else, are left out.
     """
-    for key, rows in table.groupby(CURVE, sort=False):
+    for key, rows in with_fine(table).groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
         for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
             if base.ap_fine.notna().sum() == 1 and name in STRESSORS:

@@ -18,7 +18,6 @@ from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.kitti.csv_table import WORDS, read_csv
-from pyinfra.statistics.selection import with_fine
 from pyinfra.stress import lidar, score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
@@ -187,8 +186,7 @@ def read(file: Path) -> pd.DataFrame:
     table = read_csv(file, WORDS.union(KEY))
     if "inputs" not in table:  # of an earlier version
         table["inputs"] = None
-    table = with_fine(table)
-    missing = [name for name in COLUMNS if name not in table]
+    missing = [name for name in COLUMNS if name not in table and "fine" not in name]
     if missing:
         raise ValueError(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
     return table.fillna({"unit": ""})

@@ -1,5 +1,6 @@
 """A made-up table of cells with known answers."""
 
+import numpy as np
 import pandas as pd
 
 from pyinfra.benchmark.value import KEY
@@ -28,6 +29,22 @@ def cells(half: float = 1.0) -> pd.DataFrame:
         for lidar, ap in zip(PRICES, own, strict=True)
     ]
     return pd.DataFrame(rows)
+
+
+def draws_of(
+    rows: pd.DataFrame, value: str, half: float, ground_truth: str = "captured", **more: object
+) -> pd.DataFrame:
+    """The draws of cells whose `value` has an interval of `half` either way, each on its own."""
+    same = {"world": "w", "version": "1", "label_time": "frame", "frames": 180, "block_s": 10.0}
+    same |= {"blocks": 1e6, "draws": 200, "draws_seed": 1, "measure": "ap_fine"}
+    found = []
+    for i, row in enumerate(rows.to_dict("records")):
+        wave = np.sin(2 * np.pi * (i + 1) * (np.arange(200) + 0.5) / 200)  # orthogonal
+        drawn = row[value] + wave * half / 1.96 / wave.std(ddof=1)
+        key = {name: row[name] for name in KEY}
+        numbers = {f"draw_{k + 1}": one for k, one in enumerate(drawn)}
+        found.append(key | same | {"ground_truth": ground_truth, "value": row[value]} | numbers)
+    return pd.DataFrame(found).assign(**more)
 
 
 def values() -> pd.DataFrame:

@@ -1,78 +1,104 @@
 """Claims about detection from made-up tables with known answers."""
 
+import numpy as np
 import pandas as pd
 import pytest
-from benchmark_data import PRICES, cells, key_of, values
+from benchmark_data import PRICES, cells, draws_of, key_of, values
 
-from pyinfra.benchmark.detection_claims import Measured, claims_table, slope
+from pyinfra.benchmark.detection_claims import claims_table
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.data.paper_tables import paper_ap
+from pyinfra.evaluation.draws import difference, slope
+from pyinfra.statistics.compare import Drawn, over_worlds
 
 
-def windows(ground_truth: str, qualities: dict[str, list[str]]) -> pd.DataFrame:
-    """Of LiDARs with PointPillars: an AP of 90 where the quality is high, of 86 if undecided."""
-    ap = {"high": 90.0, "undecided": 86.0, "low": 40.0, "few": 90.0}
-    rows = [
-        key_of(lidar, "pointpillars") | {"s": 10.0 * i, "ap": ap[quality], "quality": quality}
-        for lidar, own in qualities.items()
-        for i, quality in enumerate(own)
-    ]
-    table = pd.DataFrame(rows).assign(ground_truth=ground_truth, road="a")
-    return table.assign(ap_low=table.ap - 3, ap_high=table.ap + 3)
+def tables(half: float = 1.0) -> dict[str, pd.DataFrame]:
+    """Cells with the draws of their AP, `captured` and `common` alike."""
+    rows = cells(half)
+    both = [draws_of(rows, "ap", half, truth) for truth in ("captured", "common")]
+    return {"cells": rows, "draws": pd.concat(both)}
+
+
+def figure(measure: str, truth: str, half: float, **of: float) -> pd.DataFrame:
+    """The draws of a measure of PointPillars, by LiDAR."""
+    rows = pd.DataFrame([key_of(lidar, "pointpillars") | {"x": x} for lidar, x in of.items()])
+    return draws_of(rows, "x", half, truth, measure=measure)
 
 
 def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
-    """Of a claim's rows, by the first word of the statement and what it is about."""
+    """Of a claim's rows, by the statement."""
     rows = claims_table(tables)
     rows = rows[rows.claim == claim]
     return dict(zip(rows.statement, rows.verdict, strict=True))
 
 
-def test_a_run_too_short_for_areas_claims_nothing_of_them() -> None:
-    short = windows("captured", dict.fromkeys(PRICES, ["few"] * 3))
-    assert verdicts({"cells": cells(), "distance": short}, "areas") == {}
+def test_cells_without_draws_claim_nothing() -> None:
+    assert claims_table({"cells": cells()}).empty
 
 
-def test_areas_count_from_the_decided_to_the_undecided_ones() -> None:
-    own = {"ruby_plus": ["high"] * 8 + ["low"] * 2, "livox_avia": ["high"] * 3 + ["undecided"] * 4}
-    found = verdicts({"cells": cells(), "distance": windows("captured", own)}, "areas")
-    # 8 of 10 against 3 (+ 4) of 7: 80 against 43 to 100 in 100; 8 against 3 to 7.
+def test_areas_are_compared_by_share_and_by_number() -> None:
+    share = figure("p_hqda", "captured", 5, ruby_plus=80, livox_avia=75)
+    number = figure("n_hqda", "captured", 1, ruby_plus=8, livox_avia=3)
+    found = verdicts({"cells": cells(), "draws": pd.concat([share, number])}, "areas")
+    # 5 either way makes 7 of the difference of -5: within 10 it is not sure.
     assert list(found.values()) == ["undecided", "holds"]
-    more = own | {"ruby_plus": ["high"] * 7 + ["low"] * 3}
-    found = verdicts({"cells": cells(), "distance": windows("captured", more)}, "areas")
-    assert list(found.values()) == ["undecided", "undecided"]
 
 
-def test_a_difference_has_the_rooted_squares_of_both_ends() -> None:
-    found = Measured(10, 7, 11).less(Measured(2, 1, 6))
-    assert (found.value, found.low, found.high) == (8, 8 - 5, pytest.approx(8 + 2**0.5))
+def test_the_draws_of_a_difference_go_in_pairs() -> None:
+    common = np.sin(np.arange(200))
+    a, b = Drawn(90, 90 + common, 1e6), Drawn(88, 88 + common, 1e6)
+    found = a.less(b).measured()
+    assert (found.value, found.low, found.high) == pytest.approx((2, 2, 2))
+    assert found.is_told
+    assert a.less(Drawn(90, 90 - common, 1e6)).measured().low < -2
+    assert a.over(b).value == pytest.approx(90 / 88)
+    assert a.times(2).draws == pytest.approx(2 * a.draws)
 
 
-def test_a_ratio_of_equal_figures_is_one_and_holds_its_value() -> None:
-    found = Measured(4, 2, 8).over(Measured(4, 4, 4))
-    assert (found.value, found.low, found.high) == pytest.approx((1, 0.5, 2))
+def test_figures_without_draws_are_not_told_apart() -> None:
+    found = Drawn(90, np.empty(0), 2).less(Drawn(10, np.empty(0), 2)).measured()
+    assert not found.is_known
+    assert not found.is_told
+
+
+@pytest.mark.parametrize("column", ["world", "version", "label_time", "block_s", "draws_seed"])
+def test_draws_of_other_blocks_are_not_compared(column: str) -> None:
+    rows = draws_of(cells(), "ap", 1)
+    other = rows.iloc[1].copy()
+    other[column] = "another"
+    with pytest.raises(ValueError, match=f"{column}: found .* and another, allowed the same"):
+        difference(rows.iloc[0], other)
+
+
+def test_a_figure_over_worlds_has_students_interval() -> None:
+    found = over_worlds([1.0, 2.0, 3.0])
+    assert found.value == 2
+    assert found.high - found.value == pytest.approx(4.3027 / 3**0.5, rel=1e-3)
+    assert not over_worlds([1.0]).is_known
 
 
 def test_comparable_is_about_three_points_either_way() -> None:
-    found = verdicts({"cells": cells()}, "comparable")
-    # Differences of 1, 0 and -4, give or take 1.41.
-    assert list(found.values()) == ["holds", "holds", "undecided"]
-    assert list(verdicts({"cells": cells(0.1)}, "comparable").values())[-1] == "fails"
+    found = verdicts(tables(), "comparable")
+    # Differences of 1, 0 and -4, give or take 1.41; of both ground truths.
+    assert list(found.values()) == ["holds"] * 4 + ["undecided"] * 2
+    assert list(verdicts(tables(0.1), "comparable").values())[-1] == "fails"
 
 
 def test_of_a_seed_that_failed_the_next_one_stands_in() -> None:
-    failed = cells().assign(ap=float("nan"), ap_low=float("nan"), ap_high=float("nan"))
-    both = pd.concat([failed, cells().assign(seed=2)])
-    assert verdicts({"cells": both}, "comparable") == verdicts({"cells": cells()}, "comparable")
+    own = tables()
+    failed = own["cells"].assign(ap=float("nan"))
+    second = {name: rows.assign(seed=2) for name, rows in own.items()}
+    both = {"cells": pd.concat([failed, second["cells"]]), "draws": second["draws"]}
+    assert verdicts(both, "comparable") == verdicts(own, "comparable")
 
 
 def test_the_64_lines_are_below_both() -> None:
-    found = verdicts({"cells": cells()}, "64-below")
-    assert list(found.values()) == ["holds", "holds", "undecided"]
+    found = verdicts(tables(), "64-below")
+    assert list(found.values()) == ["holds"] * 4 + ["undecided"] * 2
 
 
 def test_algorithms_are_compared_with_the_best() -> None:
-    found = verdicts({"cells": cells()}, "algorithms")
+    found = verdicts(tables(), "algorithms")
     best = "ruby_plus: AP of the best (pv-rcnn) less that of"
     assert found[f"{best} PointRCNN 20 or more"] == "holds"
     assert found[f"{best} pointpillars 5 or less"] == "holds"
@@ -80,51 +106,50 @@ def test_algorithms_are_compared_with_the_best() -> None:
     assert len(found) == 2 * 4
 
 
-def test_a_straight_line_has_its_slope() -> None:
+def test_a_straight_line_has_its_slope_in_every_draw() -> None:
     windows = pd.DataFrame({"s": range(0, 50, 10), "ap": [90.0, 88, 86, 84, 82]})
-    found = slope(windows.assign(ap_low=windows.ap - 1.96, ap_high=windows.ap + 1.96))
+    windows = windows.assign(ap_low=windows.ap - 2, ap_high=windows.ap + 2)
+    draws = np.outer(np.arange(5), [-1.0, -3.0]) + 90
+    found = slope(windows, draws, 10)
     assert found.value == pytest.approx(-2)
-    # Sigma 1, overlap 4, and squares of x about the middle that sum to 10.
-    assert found.high - found.value == pytest.approx(1.96 * (4 / 10) ** 0.5)
+    assert found.draws == pytest.approx([-1, -3])
 
 
-def test_the_road_ahead_is_the_first_one() -> None:
-    """AP falls by 2 in 10 m along the first road, for the Avia by 1; on the second it rises."""
-    ahead = windows("captured", dict.fromkeys(PRICES, ["high"] * 11))
-    ahead = ahead.assign(
-        ap=95 - ahead.s / ahead.lidar.map(lambda x: 10 if x == "livox_avia" else 5)
+def test_gentle_is_the_avia_against_the_gentlest_of_the_others() -> None:
+    slopes = figure(
+        "ap_slope", "captured", 0.2, ruby_plus=-2, livox_avia=-1, pandar_64=-3, helios_16=-4
     )
-    side = ahead.assign(road="side", ap=50 + ahead.s / 2)
-    table = pd.concat([ahead, side])
-    table = table.assign(ap_low=table.ap - 1, ap_high=table.ap + 1)
-    rows = claims_table({"cells": cells(), "distance": table})
+    rows = claims_table({"cells": cells(), "draws": slopes})
     found = rows[rows.claim == "gentle"]
     assert found.value.to_list() == pytest.approx([1.0])
     assert found.verdict.to_list() == ["holds"]
 
 
 def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
-    areas = windows("all", dict.fromkeys(PRICES, ["high"] * 8 + ["undecided"] * 4))
-    found = verdicts({"cells": cells(), "value": values(), "distance": areas}, "value")
-    # 94 AP for 2,000 against 60 for 1,000; 8 to 12 areas for 2,000 against as many for 1,000.
-    own = "pointpillars: {} per dollar of the Avia over the best of the others (helios_16) above 1"
-    assert found[own.format("AP")] == "fails"
-    assert found[own.format("high-quality areas")] == "fails"
-    areas = windows("all", dict.fromkeys(PRICES, ["high"] * 4 + ["undecided"] * 12))
-    unsure = {"cells": cells(), "value": values(), "distance": areas}
-    assert verdicts(unsure, "value")[own.format("high-quality areas")] == "undecided"
+    areas = figure("n_hqda", "all", 1, **dict.fromkeys(PRICES, 10.0))
+    own = tables()
+    own = own | {"value": values(), "draws": pd.concat([own["draws"], areas])}
+    found = verdicts(own, "value")
+    # 94 AP for 2,000 against 60 for 1,000; 10 areas for 2,000 against as many for 1,000.
+    text = "pointpillars: {} per dollar of the Avia over the best of the others (helios_16) above 1"
+    assert found[text.format("AP")] == "fails"
+    assert found[text.format("high-quality areas")] == "fails"
+    unsure = figure("n_hqda", "all", 9, **dict.fromkeys(PRICES, 10.0))
+    found = verdicts(own | {"draws": pd.concat([tables()["draws"], unsure])}, "value")
+    assert found[text.format("high-quality areas")] == "undecided"
 
 
 def test_tilt_takes_the_best_angle_against_none() -> None:
     dials = {"none": ["0"], "tilt": ["5", "10", "20", "30"], "unseen_lidar": ["pandar_64"]}
     curve = pd.DataFrame([{"stressor": s, "dial": d} for s, own in dials.items() for d in own])
-    curve = curve.assign(ap=[80.0, 81, 84, 70, 99, 99])
+    curve = curve.assign(x=[80.0, 81, 84, 70, 99, 99], tier="quick", seed=1)
     curve = curve.assign(lidar="livox_avia", scene="road", preset="paper", detector="dsvt")
-    curve = curve.assign(run="a", frames=9, seed=1, version="1", ap_low=curve.ap, ap_high=curve.ap)
-    row = claims_table({"cells": cells(), "stress": curve}).iloc[-1]
+    more = curve[["stressor", "dial"]].assign(run="a")
+    drawn = pd.concat([draws_of(curve, "x", 0.1).drop(columns="tier"), more], axis=1)
+    row = claims_table({"cells": cells(), "stress_draws": drawn}).iloc[-1]
     assert (row.claim, row.value, row.verdict) == ("tilt", 4, "fails")
-    worse = curve.assign(preset="equal", ap=curve.ap - 30)
-    both = claims_table({"cells": cells(), "stress": pd.concat([curve, worse])})
+    worse = drawn.assign(preset="equal", value=drawn.value - 30)
+    both = claims_table({"cells": cells(), "stress_draws": pd.concat([drawn, worse])})
     found = both[both.claim == "tilt"].set_index("preset").value
     assert found.to_dict() == {"paper": 4, "equal": 4}
 

@@ -35,7 +35,7 @@ def measured(
     tmp_path: Path, found: list[tuple[list[float], float]], vehicles: list[dict[str, object]]
 ) -> dict[str, float]:
     folder = site(tmp_path / "data", [vehicles] * FRAMES)
-    return score.scored(read_ground_truth(folder), [detections(found)] * FRAMES)
+    return score.scored(read_ground_truth(folder), [detections(found)] * FRAMES)[0]
 
 
 NEAR, MID, FAR = car(20), car(55), car(80)
@@ -47,7 +47,7 @@ def test_figures_are_those_of_evaluate(tmp_path: Path) -> None:
     folder = site(tmp_path / "data", frames)
     pred = write_predictions(tmp_path / "pred", found)
     expected = evaluate(folder, pred)
-    row = score.scored(read_ground_truth(folder), [detections(one) for one in found])
+    row, _ = score.scored(read_ground_truth(folder), [detections(one) for one in found])
     first = expected.ap.iloc[0]
     for name in ("ap", "objects"):
         assert row[name] == pytest.approx(first[name], abs=1e-6)
