@@ -1,0 +1,211 @@
+"""How often a 95 % interval holds the truth: a made-up detector on the simulated traffic.
+
+The chance that a vehicle is found is known: it falls with distance, is higher for some vehicles
+than for others, and changes within seconds; ghosts come in bouts. The truth is the AP over all
+studies together. Writes results/coverage.csv, of three scenes and spans of test:
+    .venv/bin/python benchmarks/coverage.py --work data/coverage
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.signal import lfilter
+
+from pyinfra import __version__, machine
+from pyinfra.arrays import FloatArray, IntArray
+from pyinfra.data import regions
+from pyinfra.evaluation import ap
+from pyinfra.simulator.catalogue import scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.statistics import intervals
+from pyinfra.statistics.compare import Drawn
+
+ROOT = Path(__file__).resolve().parent.parent
+SCENES = ("highway", "curve", "crossroad")
+SPANS_S = (90, 250, 500)
+RUN_S, APART_S = 500, 0.5
+DRAWS = 200
+CHANGES_S, BOUTS_S = 4.0, 5.0  # after which a vehicle's chance, and the rate of ghosts, is another
+OF_THE_VEHICLE = 0.6  # share of the spread that stays as long as the vehicle
+LOSS_PER_M = 1.2 / 50  # of the logit
+
+
+@dataclass(frozen=True)
+class Detector:
+    """Its chances; logit is at the sensor's foot, ghosts are those of a frame."""
+
+    logit: float
+    spread: float
+    ghosts: float
+
+
+DETECTORS = {
+    "good": Detector(4.0, 1.2, 0.6),
+    "middling": Detector(2.0, 1.5, 1.5),
+    "poor": Detector(0.4, 1.5, 3.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Traffic:
+    """Vehicles of the region, (n,) each."""
+
+    frame: IntArray
+    ids: IntArray
+    distance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Scores of the vehicles that are found and of ghosts, and their frames."""
+
+    scores: FloatArray
+    frame: IntArray
+    hit: np.ndarray
+
+
+def traffic(scene: str, seed: int, roads: list[regions.Road], work: Path) -> Traffic:
+    file = work / f"{scene}.csv"
+    sets = ["--set", f"seed={seed}", f"duration_s={RUN_S}"]
+    infrasim("trajectories", scene_file(scene), *sets, "--out", file)
+    rows = pd.read_csv(file, usecols=["t", "id", "x", "y"])
+    number = np.round(rows.t / APART_S, 3)
+    rows = rows[(number == np.round(number)) & (rows.t < RUN_S)]
+    rows = rows[regions.locate(rows[["x", "y"]].to_numpy(np.float64), roads).inside]
+    frame = np.round(rows.t / APART_S).astype(np.int64).to_numpy()
+    return Traffic(frame, rows.id.to_numpy(np.int64), np.hypot(rows.x, rows.y).to_numpy())
+
+
+def autoregressive(noise: FloatArray, seconds: float) -> FloatArray:
+    """Unit variance, with a correlation that falls to 1/e in so many seconds."""
+    keep = np.exp(-APART_S / seconds)
+    return np.asarray(lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise))
+
+
+def found_by(
+    detector: Detector, t: Traffic, liking: FloatArray, random: np.random.Generator
+) -> Found:
+    """liking: (n,) of each vehicle, unit variance, the same in all of its frames."""
+    order = np.lexsort((t.frame, t.ids))
+    moods = np.empty(len(order))
+    moods[order] = autoregressive(random.normal(size=len(order)), CHANGES_S)
+    own = OF_THE_VEHICLE * liking + np.sqrt(1 - OF_THE_VEHICLE**2) * moods
+    logit = detector.logit - LOSS_PER_M * t.distance + detector.spread * own
+    hit = random.random(len(logit)) < 1 / (1 + np.exp(-logit))
+    scores = 0.6 * logit + 0.8 * random.normal(size=len(logit))
+    frames = round(RUN_S / APART_S)
+    bouts = 0.6 * autoregressive(random.normal(size=frames), BOUTS_S)
+    ghost = np.repeat(np.arange(frames), random.poisson(detector.ghosts * np.exp(bouts - 0.18)))
+    return Found(
+        scores=np.concatenate([scores[hit], random.normal(-0.8, 1.0, len(ghost))]),
+        frame=np.concatenate([t.frame[hit], ghost]),
+        hit=np.concatenate([np.ones(hit.sum(), np.bool_), np.zeros(len(ghost), np.bool_)]),
+    )
+
+
+def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[str, Found]]]:
+    infrasim("run", scene_file(scene), "--lidar", "helios_16", "--frames", "0:1", "--out", work)
+    roads = regions.read_roads(work / "roads.csv")
+    for seed in range(1, count + 1):
+        t, random = traffic(scene, seed, roads, work), np.random.default_rng(seed)
+        places = np.unique(t.ids, return_inverse=True)[1]
+        shared = random.normal(size=places.max() + 1)
+        found = {}
+        for name, detector in DETECTORS.items():
+            liking = 0.7 * shared + np.sqrt(1 - 0.49) * random.normal(size=len(shared))
+            found[name] = found_by(detector, t, liking[places], random)
+        yield t, found
+
+
+def ranking(t: Traffic, found: Found, first: int, blocks: intervals.Blocks) -> ap.Ranking:
+    """Of the frames from `first` on."""
+    use, there = found.frame >= first, t.frame >= first
+    slots = blocks.draws.shape[1]
+    objects = np.bincount(blocks.slot[t.frame[there] - first], minlength=slots)
+    at = blocks.slot[found.frame[use] - first]
+    return ap.rank(found.scores[use], found.hit[use], objects, at)
+
+
+def block_s(t: Traffic) -> float:
+    return intervals.block_seconds(t.frame, t.ids, APART_S)
+
+
+def figures(t: Traffic, found: dict[str, Found], span_s: int, length_s: float) -> dict[str, Drawn]:
+    """AP of each detector and two differences, of the last seconds of a run."""
+    first = round((RUN_S - span_s) / APART_S)
+    frames = np.arange(round(span_s / APART_S))
+    blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, draws=DRAWS)
+    out = {}
+    for name, own in found.items():
+        r = ranking(t, own, first, blocks)
+        value = float(ap.average_precision(r, ap.FINE_RECALLS)[0])
+        drawn = ap.average_precision(r, ap.FINE_RECALLS, blocks.draws)
+        out[name] = Drawn(value, drawn, blocks.count)
+    out["good less middling"] = out["good"].less(out["middling"])
+    out["middling less poor"] = out["middling"].less(out["poor"])
+    return out
+
+
+def truths(every: list[tuple[Traffic, dict[str, Found]]]) -> dict[str, float]:
+    """AP over all runs together."""
+    objects = sum(len(t.frame) for t, _ in every)
+    out = {}
+    for name in DETECTORS:
+        scores = np.concatenate([found[name].scores for _, found in every])
+        hit = np.concatenate([found[name].hit for _, found in every])
+        out[name] = float(ap.average_precision(ap.rank(scores, hit, objects), ap.FINE_RECALLS)[0])
+    out["good less middling"] = out["good"] - out["middling"]
+    out["middling less poor"] = out["middling"] - out["poor"]
+    return out
+
+
+def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
+    every = list(studies(scene, count, work))
+    truth = truths(every)
+    stay_s = float(np.median([block_s(t) for t, _ in every]))
+    for span_s in SPANS_S:
+        for rule, length_s in (("0.2: percentiles, 5 s", 5.0), ("as long as a stay", stay_s)):
+            if span_s < intervals.MIN_BLOCKS * length_s:
+                continue
+            ends: dict[str, list[tuple[float, float]]] = {name: [] for name in truth}
+            for t, found in every:
+                for name, one in figures(t, found, span_s, length_s).items():
+                    m = one.measured()
+                    old = np.percentile(one.draws, [2.5, 97.5]).tolist()
+                    ends[name].append((old[0], old[1]) if rule[0] == "0" else (m.low, m.high))
+            for name, own in ends.items():
+                low, high = np.array(own).T
+                held = 100 * np.mean((low <= truth[name]) & (truth[name] <= high))
+                about = {"scene": scene, "span_s": span_s, "rule": rule, "block_s": length_s}
+                width = round(float((high - low).mean()), 2)
+                yield {**about, "figure": name, "truth": round(truth[name], 2)} | {
+                    "held_percent": round(float(held), 1),
+                    "width": width,
+                    "studies": len(own),
+                }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of what is simulated")
+    parser.add_argument("--studies", type=int, default=200)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "coverage.csv")
+    args = parser.parse_args()
+    found: list[dict[str, object]] = []
+    for scene in SCENES:
+        (args.work / scene).mkdir(parents=True, exist_ok=True)
+        found += rows(scene, args.studies, args.work / scene)
+        about = {"command": f"benchmarks/coverage.py --studies {args.studies}", "seed": 1}
+        table = pd.DataFrame(found).assign(**about, version=__version__, machine=machine())
+        table.to_csv(args.out, index=False)
+        print(table[table.scene == scene].iloc[:, :9].to_string(index=False), flush=True)
+
+
+if __name__ == "__main__":
+    main()
