@@ -24,7 +24,7 @@ from pyinfra.evaluation import ap
 from pyinfra.simulator.catalogue import scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.statistics import intervals
-from pyinfra.statistics.compare import Drawn
+from pyinfra.statistics.compare import Bootstrapped
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = ("highway", "curve", "crossroad")
@@ -136,7 +136,9 @@ def block_s(t: Traffic) -> float:
     return intervals.block_seconds(t.frame, t.ids, APART_S)
 
 
-def figures(t: Traffic, found: dict[str, Found], span_s: int, length_s: float) -> dict[str, Drawn]:
+def figures(
+    t: Traffic, found: dict[str, Found], span_s: int, length_s: float
+) -> dict[str, Bootstrapped]:
     """AP of each detector and two differences, of the last seconds of a run."""
     first = round((RUN_S - span_s) / APART_S)
     frames = np.arange(round(span_s / APART_S))
@@ -146,7 +148,7 @@ def figures(t: Traffic, found: dict[str, Found], span_s: int, length_s: float) -
         r = ranking(t, own, first, blocks)
         value = float(ap.average_precision(r, ap.FINE_RECALLS)[0])
         drawn = ap.average_precision(r, ap.FINE_RECALLS, blocks.draws)
-        out[name] = Drawn(value, drawn, blocks.count)
+        out[name] = Bootstrapped(value, drawn, blocks.count)
     out["good less middling"] = out["good"].less(out["middling"])
     out["middling less poor"] = out["middling"].less(out["poor"])
     return out

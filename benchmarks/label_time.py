@@ -31,7 +31,7 @@ from pyinfra.evaluation.prediction_checks import find_files
 from pyinfra.evaluation.tables import fine_ap
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
-from pyinfra.statistics.compare import Drawn
+from pyinfra.statistics.compare import Bootstrapped
 from pyinfra.stress import lidar as stressed
 from pyinfra.stress import worlds
 from pyinfra.training import detect
@@ -116,7 +116,7 @@ def turned(file: Path, motor: Motor) -> str:
     return str(yaml.safe_dump(keys, sort_keys=False))
 
 
-def average_precisions(folder: Path, pred: Path) -> dict[Set, Drawn]:
+def average_precisions(folder: Path, pred: Path) -> dict[Set, Bootstrapped]:
     """Fine AP by ground truth."""
     frames = frame_numbers(folder, "all")
     truth = read_ground_truth(folder, frames, beyond_range=True)
@@ -137,7 +137,7 @@ def rows(trial: Trial, work: Path) -> Iterator[dict[str, object]]:
     recipe = read_recipe(ROOT / f"configs/detectors/{trial.detector}.yaml", "quick")
     train(recipe, [read_source(learnt, "quick")], run, seed=trial.trained_seed, quiet=True)
     detector = detect.load_detector(run)
-    base: dict[Set, Drawn] = {}
+    base: dict[Set, Bootstrapped] = {}
     for motor in [AS_LEARNT, *motors()]:
         folder = tested_on(trial, motor, learnt, work)
         files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder, "all")]
@@ -156,7 +156,7 @@ def rows(trial: Trial, work: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def figures(name: str, one: Drawn) -> dict[str, float]:
+def figures(name: str, one: Bootstrapped) -> dict[str, float]:
     found = one.measured()
     ends = {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
     return {key: round(value, 3) for key, value in ends.items()}

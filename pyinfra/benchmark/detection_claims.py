@@ -12,7 +12,7 @@ from dataclasses import asdict
 import pandas as pd
 
 from pyinfra.evaluation.draws import check_pair, difference, drawn
-from pyinfra.statistics.compare import Drawn
+from pyinfra.statistics.compare import Bootstrapped
 from pyinfra.statistics.scanning_claims import (
     ABOVE_0,
     ABOVE_1,
@@ -34,7 +34,7 @@ AT_MOST_5 = (-math.inf, 5.0)
 STEEPEST_DEG = 20.0
 COLUMNS = "scene preset claim statement value low high verdict version".split(" ")
 # The figure of a LiDAR, detector, ground truth and measure; None if the table has none.
-Figures = Callable[[str, str, str, str], Drawn | None]
+Figures = Callable[[str, str, str, str], Bootstrapped | None]
 
 
 def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -83,7 +83,7 @@ def figures_of(draws: pd.DataFrame) -> Figures:
     }
     first = draws.iloc[0]
 
-    def of(*key: str) -> Drawn | None:
+    def of(*key: str) -> Bootstrapped | None:
         row = rows.get((key[0], key[1], key[2], key[3]))
         if row is None:
             return None
@@ -93,7 +93,7 @@ def figures_of(draws: pd.DataFrame) -> Figures:
     return of
 
 
-def tested(claim: str, text: str, found: Drawn, inside: tuple[float, float]) -> Row:
+def tested(claim: str, text: str, found: Bootstrapped, inside: tuple[float, float]) -> Row:
     one = found.measured()
     return Row(claim, text, one.value, one.low, one.high, verdict(one.low, one.high, inside))
 
@@ -174,7 +174,7 @@ def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
                 yield from per_dollar(f"{detector}: {what} per dollar of {words}", known, usd)
 
 
-def per_dollar(text: str, bought: dict[str, Drawn], usd: pd.Series) -> Iterator[Row]:
+def per_dollar(text: str, bought: dict[str, Bootstrapped], usd: pd.Series) -> Iterator[Row]:
     """The first per dollar over the best of the others; nothing if these have nothing."""
     first, *others = ((name, figure.times(1000 / usd[name])) for name, figure in bought.items())
     best, most = max(others, key=lambda pair: pair[1].value)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.benchmark.pairs import Pairs
+from pyinfra.benchmark.cell_draws import CellDraws
 from pyinfra.benchmark.results import Results, read_results
 from pyinfra.benchmark.value import KEY, REGION_M, SITE_ITEMS, covered
 from pyinfra.data.frames import PERIOD_S
@@ -108,7 +108,7 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
     distance = found.table("distance")
     here = distance[(distance.scene == scene) & (distance.preset == preset)]
     table = joined(table, road(here, wish), file_of(found, "distance"))
-    pairs = Pairs(found.table("draws"))
+    pairs = CellDraws(found.table("draws"))
     options = [option(row, pairs) for _, row in table.iterrows()]
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_all.value), o.price_usd))
 
@@ -194,7 +194,7 @@ def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
     return pd.concat(metres, axis=1).reset_index()
 
 
-def option(row: pd.Series, pairs: Pairs) -> Option:
+def option(row: pd.Series, pairs: CellDraws) -> Option:
     return Option(
         scene=row.scene,
         preset=row.preset,

@@ -68,6 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cut-first", action="store_true", help="also match within each window alone; slow"
     )
     parser.add_argument("--draws", type=int, default=default.draws, help="of the bootstrap")
+    parser.add_argument(
+        "--block-s", type=float, help="of the bootstrap; default as long as a vehicle stays"
+    )
     parser.add_argument("--seed", type=int, default=default.seed, help="of the bootstrap")
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(
@@ -92,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
         min_points=args.min_points,
         min_objects=args.min_objects,
         cut_first=args.cut_first,
+        block_s=args.block_s,
         draws=args.draws,
         seed=args.seed,
     )

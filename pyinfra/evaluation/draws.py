@@ -19,7 +19,7 @@ from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Judgement
 from pyinfra.evaluation.tables import HIGH_QUALITY, fine_ap, high_quality_share
 from pyinfra.kitti import read_yaml
-from pyinfra.statistics.compare import Drawn
+from pyinfra.statistics.compare import Bootstrapped
 from pyinfra.statistics.intervals import Blocks
 
 # What two rows must have in common: else their draws are not of the same blocks, or not comparable.
@@ -33,7 +33,7 @@ LEAST_WINDOWS = 5
 
 def figures(
     judgement: Judgement, distance: pd.DataFrame, draws: FloatArray
-) -> Iterator[tuple[str, Drawn]]:
+) -> Iterator[tuple[str, Bootstrapped]]:
     """What is kept of one ground truth; distance and its draws: as of `distance_table`.
 
     ap_fine; n_hqda and p_hqda, number and percent of high-quality areas; ap_slope, AP per 10 m
@@ -43,27 +43,34 @@ def figures(
     yield "ap_fine", fine_ap(judgement)
     counts = (distance.quality != "few").to_numpy()
     high = (distance.ap[counts] > HIGH_QUALITY).sum()
-    yield "n_hqda", Drawn(float(high), (draws[counts] > HIGH_QUALITY).sum(0).astype(float), blocks)
+    yield (
+        "n_hqda",
+        Bootstrapped(float(high), (draws[counts] > HIGH_QUALITY).sum(0).astype(float), blocks),
+    )
     if counts.any():
         share = high_quality_share(distance, draws)
-        yield "p_hqda", Drawn(100 * float(high) / int(counts.sum()), share, blocks)
+        yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
     ahead = (distance.road == distance.road.iloc[0]) & distance.s.between(*AHEAD_M)
     ahead &= distance.ap_high > distance.ap_low
     if ahead.sum() >= LEAST_WINDOWS:
         yield "ap_slope", slope(distance[ahead], draws[ahead], blocks)
 
 
-def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Drawn:
+def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Bootstrapped:
     """AP per 10 m: lines by least squares, windows weighted by their intervals; draws (w, d)."""
     weight = 1 / (windows.ap_high - windows.ap_low).to_numpy() ** 2
     tens = windows.s.to_numpy() / 10
     away = weight * (tens - np.average(tens, weights=weight))
     gain = away / (away @ tens)
-    return Drawn(float(gain @ windows.ap), gain @ draws, blocks)
+    return Bootstrapped(float(gain @ windows.ap), gain @ draws, blocks)
 
 
 def draw_rows(
-    truth: GroundTruth, blocks: Blocks, seed: int, which: str, found: Iterator[tuple[str, Drawn]]
+    truth: GroundTruth,
+    blocks: Blocks,
+    seed: int,
+    which: str,
+    found: Iterator[tuple[str, Bootstrapped]],
 ) -> pd.DataFrame:
     """The rows of one ground truth, with columns COLUMNS and the draws."""
     same = {
@@ -101,10 +108,10 @@ def version_of(truth: GroundTruth) -> str:
     return version.text() if version else ""
 
 
-def drawn(row: pd.Series) -> Drawn:
+def drawn(row: pd.Series) -> Bootstrapped:
     """A row of the table as a figure with its draws."""
     names = [f"draw_{i + 1}" for i in range(int(row.draws))]
-    return Drawn(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
+    return Bootstrapped(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
 
 
 def are_pairs(a: pd.Series, b: pd.Series) -> bool:
@@ -124,7 +131,7 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
             )
 
 
-def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Drawn:
+def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstrapped:
     """The first less the second, draw by draw. Raises ValueError as `check_pair`."""
     check_pair(a, b, also)
     return drawn(a).less(drawn(b))

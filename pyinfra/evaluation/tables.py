@@ -22,7 +22,7 @@ from pyinfra.evaluation.judge import (
     judge,
     precision,
 )
-from pyinfra.statistics.compare import Drawn
+from pyinfra.statistics.compare import Bootstrapped
 
 HIGH_QUALITY = 85.0  # an area above this AP is of high quality
 PR_RECALLS = 100
@@ -57,12 +57,12 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
     }
 
 
-def fine_ap(judgement: Judgement) -> Drawn:
+def fine_ap(judgement: Judgement) -> Bootstrapped:
     """AP at 1,000 recalls over all frames, and in each draw."""
     ranking = judgement.ranking()
     value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
     draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
-    return Drawn(value, draws, judgement.contest.blocks.count)
+    return Bootstrapped(value, draws, judgement.contest.blocks.count)
 
 
 def pr_table(judgement: Judgement) -> pd.DataFrame:

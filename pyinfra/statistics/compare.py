@@ -37,25 +37,25 @@ class Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class Bootstrapped:
     """A figure and what it is in each draw of blocks."""
 
     value: float
     draws: FloatArray  # (d,) nan where it is not defined
     blocks: float  # how many the time holds
 
-    def less(self, other: Drawn) -> Drawn:
+    def less(self, other: Bootstrapped) -> Bootstrapped:
         """The difference, of the same world."""
-        return Drawn(self.value - other.value, self.draws - other.draws, self.blocks)
+        return Bootstrapped(self.value - other.value, self.draws - other.draws, self.blocks)
 
-    def times(self, factor: float) -> Drawn:
-        return Drawn(self.value * factor, self.draws * factor, self.blocks)
+    def times(self, factor: float) -> Bootstrapped:
+        return Bootstrapped(self.value * factor, self.draws * factor, self.blocks)
 
-    def over(self, other: Drawn) -> Drawn:
+    def over(self, other: Bootstrapped) -> Bootstrapped:
         """The ratio, of the same world."""
         both = np.append(self.draws, self.value), np.append(other.draws, other.value)
         *draws, value = intervals.ratio(*both)
-        return Drawn(float(value), np.array(draws), self.blocks)
+        return Bootstrapped(float(value), np.array(draws), self.blocks)
 
     def measured(self) -> Measured:
         low, high = intervals.interval(np.array(self.value), self.draws, self.blocks)

@@ -9,7 +9,7 @@ from pyinfra.benchmark.detection_claims import claims_table
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.data.paper_tables import paper_ap
 from pyinfra.evaluation.draws import difference, slope
-from pyinfra.statistics.compare import Drawn, over_worlds
+from pyinfra.statistics.compare import Bootstrapped, over_worlds
 
 
 def tables(half: float = 1.0) -> dict[str, pd.DataFrame]:
@@ -46,17 +46,17 @@ def test_areas_are_compared_by_share_and_by_number() -> None:
 
 def test_the_draws_of_a_difference_go_in_pairs() -> None:
     common = np.sin(np.arange(200))
-    a, b = Drawn(90, 90 + common, 1e6), Drawn(88, 88 + common, 1e6)
+    a, b = Bootstrapped(90, 90 + common, 1e6), Bootstrapped(88, 88 + common, 1e6)
     found = a.less(b).measured()
     assert (found.value, found.low, found.high) == pytest.approx((2, 2, 2))
     assert found.is_told
-    assert a.less(Drawn(90, 90 - common, 1e6)).measured().low < -2
+    assert a.less(Bootstrapped(90, 90 - common, 1e6)).measured().low < -2
     assert a.over(b).value == pytest.approx(90 / 88)
     assert a.times(2).draws == pytest.approx(2 * a.draws)
 
 
 def test_figures_without_draws_are_not_told_apart() -> None:
-    found = Drawn(90, np.empty(0), 2).less(Drawn(10, np.empty(0), 2)).measured()
+    found = Bootstrapped(90, np.empty(0), 2).less(Bootstrapped(10, np.empty(0), 2)).measured()
     assert not found.is_known
     assert not found.is_told
 

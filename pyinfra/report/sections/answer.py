@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pandas as pd
 
+from pyinfra.benchmark.cell_draws import CellDraws
 from pyinfra.benchmark.options import FRAME_MS
-from pyinfra.benchmark.pairs import Pairs
 from pyinfra.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.report.material import Material
 from pyinfra.report.names import detector
@@ -158,7 +158,7 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
     """Which others cannot be told from the best, by the paired difference of fine AP."""
     others = rows[rows.index != best.name].sort_values(COLUMN[truth], ascending=False)
-    pairs = Pairs(material.results.table("draws"))
+    pairs = CellDraws(material.results.table("draws"))
     if others.empty:
         return ""
     if pairs.row(best, truth, "ap_fine") is None:

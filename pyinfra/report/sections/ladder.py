@@ -124,7 +124,7 @@ def keeps_draws(rows: pd.DataFrame) -> bool:
     return bool((rows.draws > 0).all())
 
 
-def figures(rows: pd.DataFrame) -> dict[str, compare.Drawn]:
+def figures(rows: pd.DataFrame) -> dict[str, compare.Bootstrapped]:
     return {str(name): drawn(row) for name, row in rows.iterrows()}
 
 

@@ -9,14 +9,14 @@ import pandas as pd
 
 from pyinfra.benchmark.value import KEY
 from pyinfra.evaluation.draws import difference, drawn
-from pyinfra.statistics.compare import Drawn, Measured
+from pyinfra.statistics.compare import Bootstrapped, Measured
 
 Key = Mapping[str, object]  # of a cell, by the columns of KEY
 ALSO = ("scene", "preset", "tier")  # must be the same beside what an evaluation says
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class CellDraws:
     """A table of draws, one row for each cell, ground truth and measure."""
 
     rows: pd.DataFrame
@@ -31,7 +31,7 @@ class Pairs:
         found = self.rows[here]
         return None if found.empty else found.iloc[0]
 
-    def drawn(self, cell: Key, ground_truth: str, measure: str) -> Drawn | None:
+    def drawn(self, cell: Key, ground_truth: str, measure: str) -> Bootstrapped | None:
         row = self.row(cell, ground_truth, measure)
         return None if row is None else drawn(row)
 
