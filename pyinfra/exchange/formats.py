@@ -39,6 +39,9 @@ FORMATS = {
     "nuscenes": Format(export="nuscenes", read="nuscenes_tables", level=True, intensity_max=255.0),
     "openlabel": Format(export="openlabel"),
     "bin": Format(read="bin_folder", level=False),
+    "dair-v2x": Format(read="dair", extra="exchange", level=True, intensity_max=255.0),
+    "tumtraf": Format(read="tumtraf", extra="exchange", level=False),
+    "rcooper": Format(read="rcooper", extra="exchange", level=False),
 }
 EXPORTS = tuple(name for name, format in FORMATS.items() if format.export)
 IMPORTS = tuple(name for name, format in FORMATS.items() if format.read)

@@ -12,10 +12,11 @@ from pyinfra.data.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import Found, LidarFacts, write_description, write_lidar
 from pyinfra.exchange.formats import FORMATS, reader
 from pyinfra.exchange.frame_times import timed
+from pyinfra.exchange.object_types import own_and_public
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
 from pyinfra.exchange.survey import check_region, survey, turned
-from pyinfra.kitti import VEHICLE_TYPES
+from pyinfra.kitti import OTHER_TYPES, VEHICLE_TYPES
 
 # Whether the road is looked for and points turned upright to it, or taken as they are.
 Upright = Literal["auto", "road", "as-is"]
@@ -56,7 +57,8 @@ def import_recording(
     inside = outline_region(region) if region else None
     if region and inside:
         check_region(region, inside, recording, found_out)
-    facts = replace(found_out.about, assumed=(*found_out.assumed, *said))
+    types = own_and_public(name, about.types)
+    facts = replace(found_out.about, types=types, assumed=(*found_out.assumed, *said))
     with new_folder(out) as beside:
         found = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
         if region:
@@ -73,6 +75,9 @@ def warnings(found: Found, labelled: bool, height_m: float | None = None) -> lis
     elif not set(found.types) & set(VEHICLE_TYPES):
         names = ", ".join(found.types) or "none"
         out.append(f"found no vehicle among {names}; --type NAME=Car says what is one")
+    elif unknown := sorted(set(found.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
+        names = ", ".join(f"{name} ({found.types[name]})" for name in unknown)
+        out.append(f"not understood, and no vehicle: {names}; --type NAME=TYPE says what it is")
     if found.without_return:
         out.append(
             f"left out {found.without_return} points without a return (not finite, or 0 0 0)"
