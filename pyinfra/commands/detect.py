@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.data.frames import frame_numbers
+from pyinfra.data.frames import frame_numbers, has_labels
 from pyinfra.detectors import Detections
 from pyinfra.training.detect import PERCENTILES, detect, load_detector, model_file, transfer
 from pyinfra.training.sources import spread
@@ -74,7 +74,8 @@ def warn(model: Path, args: argparse.Namespace) -> None:
     other = transfer(model, args.data)
     if other and not args.allow_transfer:
         print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
-    if not other and not args.split and not (args.data / "ImageSets/val.txt").is_file():
+    split = args.split or (args.data / "ImageSets/val.txt").is_file()
+    if not other and not split and has_labels(args.data):
         print(
             f"pyinfra: warning: {args.data} is not split, so all frames are taken, also those that "
             "were learnt from; `pyinfra split` it first, or --split all if this is meant",

@@ -8,10 +8,11 @@ import re
 import sys
 import time
 from pathlib import Path
+from typing import get_args
 
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import IMPORTS
-from pyinfra.exchange.imports import checked, import_recording, warnings
+from pyinfra.exchange.imports import Upright, checked, import_recording, warnings
 from pyinfra.exchange.object_types import own_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
@@ -32,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--price-usd", type=float, nargs=2, metavar=("LOW", "HIGH"))
     parser.add_argument("--period-s", type=float, help="of a frame; default: as recorded, else 0.1")
     parser.add_argument(
-        "--height-m", type=float, help="of the sensor above the road; default: as vehicles stand"
+        "--height-m",
+        type=float,
+        help="of the sensor above the road, roughly; default: found, or as vehicles stand",
     )
     parser.add_argument(
         "--tilt-deg",
@@ -41,10 +44,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("PITCH", "ROLL"),
         help="how the sensor leans, pitch down positive: points and boxes are turned upright",
     )
+    parser.add_argument(
+        "--upright",
+        choices=get_args(Upright),
+        default="auto",
+        help="road: turn points to the road's plane; default auto: without labels",
+    )
+    parser.add_argument(
+        "--region",
+        type=Path,
+        metavar="FILE",
+        help="where vehicles can be, `outline_m: [[x, y], ...]`, kept with the frames",
+    )
     parser.add_argument("--type", nargs="+", default=[], metavar="NAME=TYPE", help="as Lkw=Truck")
     parser.add_argument("--labels", type=Path, help="folder of them, in place of the usual one")
     parser.add_argument(
-        "--intensity-max", type=float, help="of the source; default 1, nuscenes 255"
+        "--intensity-max", type=float, help="of the source; default: 1, 255 or 65535, as they are"
+    )
+    parser.add_argument(
+        "--unit-m",
+        type=float,
+        default=1.0,
+        help="of a coordinate; default: 1, or 0.001 if so found",
     )
     parser.add_argument(
         "--columns", type=int, help="float32 of a .bin point; default 4, nuscenes 5"
@@ -54,11 +75,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     since = time.perf_counter()
-    options = Options(args.intensity_max, args.columns, args.labels, args.channel)
+    options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
     found, labelled = import_recording(
-        args.source, args.format, args.out, facts_of(args), checked(options)
+        args.source,
+        args.format,
+        args.out,
+        facts_of(args),
+        checked(options),
+        upright=args.upright,
+        region=args.region,
     )
-    for line in warnings(found, labelled):
+    for line in found.assumed:
+        print(f"assumed: {line}")
+    for line in warnings(found, labelled, args.height_m):
         print(f"pyinfra: warning: {args.source}: {line}", file=sys.stderr)
     kinds = ", ".join(f"{count} {name}" for name, count in found.types.most_common())
     print(f"{args.out}: {summary(found.frames, args.out, since)}; {kinds or 'no label'}")

@@ -81,6 +81,12 @@ def data_set_of(lidar_folder: Path) -> Path:
     return lidar_folder.parent if named else lidar_folder.resolve().parent
 
 
+def has_labels(lidar_folder: Path) -> bool:
+    """Whether any frame of a folder has one."""
+    files = (lidar_folder / "training/label_2").glob("*.txt")
+    return any(file.stat().st_size > 0 for file in files)
+
+
 def check_no_data_set(folder: Path) -> None:
     """Raises ValueError for a data set where the folder of one LiDAR is needed."""
     if inside := ", ".join(lidar.name for lidar in lidars_in(folder)):

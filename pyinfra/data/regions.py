@@ -17,9 +17,11 @@ import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.config import read_config, ruled
+from pyinfra.data.frames import data_set_of
 from pyinfra.kitti import FormatError, WorldPose
 from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 
+REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
 _CHUNK = 20_000
@@ -132,9 +134,25 @@ def _on_roads(roads: list[Road], pose: WorldPose, points: FloatArray, margin_m: 
     return locate(to_world(points, pose), roads, margin_m=margin_m).inside
 
 
+def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
+    """Where vehicles can be: the data set's roads, else the LiDAR's outline; None if not known.
+
+    Raises FormatError for roads, and ConfigError for an outline.
+    """
+    roads, outline = data_set_of(lidar_folder) / "roads.csv", lidar_folder / REGION_FILE
+    if roads.is_file():
+        return roads_region(read_roads(roads), pose)
+    return outline_region(outline) if outline.is_file() else None
+
+
 def outline_region(file: Path) -> Region:
     """That of an `Outline` file. Raises ConfigError with file, line and key."""
-    return partial(in_outline, np.array(read_config(file, Outline).outline_m))
+    return partial(in_outline, read_outline(file))
+
+
+def read_outline(file: Path) -> FloatArray:
+    """The corners (m, 2) of an `Outline` file. Raises ConfigError with file, line and key."""
+    return np.array(read_config(file, Outline).outline_m, dtype=np.float64)
 
 
 def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> BoolArray:

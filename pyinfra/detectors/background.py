@@ -124,6 +124,11 @@ class Background:
         keep = _without_overlap(boxes, scores)
         return Detections(boxes[keep], scores[keep], np.array(CLASSES)[kinds[keep]])
 
+    def moving(self, points: Points) -> Floats:
+        """(m, 3) x y z of what moves, in the region or not; points as those of `predict`."""
+        cloud = _usable(points, self.settings)
+        return cloud[self._moving(cloud)[0]]
+
     def save(self, file: Path) -> None:
         """Writes plain arrays in numpy's .npz format."""
         with replacing(file) as beside, beside.open("wb") as stream:
@@ -168,15 +173,20 @@ class Background:
                     f"allowed {shape} {np.dtype(kind)}, all finite"
                 )
 
-    def _rectangles(self, cloud: Floats) -> _Rectangles:
-        """Clusters in the region of what is no background; cloud: (k, 3) usable points."""
+    def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
+        """Indices of the points (k, 3) that are no background, and heights (k,) of all."""
         s = self.settings
         cell = _cell(cloud, s)
         height = cloud[:, 2] - self.ground.reshape(-1).take(cell)
         high = np.flatnonzero((height > s.clearance_m) & (height < s.ceiling_m))
         layer = height[high].astype(np.int32)
         moves = ~self.permanent.reshape(-1).take(cell[high] * _layers(s) + layer)
-        high = high[moves]
+        return high[moves], height
+
+    def _rectangles(self, cloud: Floats) -> _Rectangles:
+        """Clusters in the region of what is no background; cloud: (k, 3) usable points."""
+        s = self.settings
+        high, height = self._moving(cloud)
         found = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
         centre = _boxes(found, _kinds(found))[:, :2]
         return found.select(self.region.reshape(-1).take(_cell(centre, s)))

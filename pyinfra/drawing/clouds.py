@@ -74,6 +74,7 @@ class DrawnArea:
 
 
 FIELD = DrawnArea((-40, 40), (-40, 40))  # degrees
+NEAR = np.array([[-60.0, -40.0], [60.0, 40.0]])  # corners, metres
 CLOSE_UP = DrawnArea((-3, 3), (-8, -2))
 
 
@@ -85,7 +86,8 @@ class Snapshot:
     lidar: kitti.Lidar
     points: Points  # (n, 4)
     objects: kitti.Objects
-    roads: pd.DataFrame  # the evaluation region: road, s, x, y, z, heading, half_width
+    region: tuple[FloatArray, ...]  # outlines (n, 2) of where vehicles are looked for, if known
+    road_z: float  # of the road
 
     def counts(self) -> str:
         return f"{len(self.points):,} points, {self.objects.points.sum():,} on vehicles"
@@ -94,12 +96,14 @@ class Snapshot:
 def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
     """Reads a frame. Raises OSError and what the readers of pyinfra.kitti raise."""
     lidar = kitti.read_lidar(lidar_folder)
+    outlines, road_z = _region(lidar_folder, lidar)
     return Snapshot(
         scene=lidar_folder.parent.name,
         lidar=lidar,
         points=kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame)),
         objects=kitti.read_objects(kitti.frame_file(lidar_folder, "objects", frame)),
-        roads=_roads(lidar_folder.parent, lidar.T_world_levelled),
+        region=outlines,
+        road_z=road_z,
     )
 
 
@@ -187,10 +191,10 @@ def bird_view(
 
     Points are light grey on the road and darker with height above it, black from DARKEST_M on.
     """
-    for _, road in view.roads.groupby("road", sort=False):
-        axes.add_patch(Polygon(_outline(road), color=REGION_COLOUR, zorder=0))
+    for outline in view.region:
+        axes.add_patch(Polygon(outline, color=REGION_COLOUR, zorder=0))
     points = view.points[_inside(view.points[:, :2], window)]
-    height = points[:, 2] - view.roads["z"].mean()
+    height = points[:, 2] - view.road_z
     grey = np.clip(np.round(0.65 - 0.65 * height / DARKEST_M, 1), 0.0, 0.65)
     for level in np.unique(grey)[::-1]:  # high points last, on top
         here = points[grey == level]
@@ -211,8 +215,8 @@ def bird_view(
 
 
 def region_window(view: Snapshot) -> DrawnArea:
-    """What shows the whole evaluation region in the levelled LiDAR frame."""
-    return window_around([_outline(road) for _, road in view.roads.groupby("road", sort=False)])
+    """What shows the whole region in the levelled LiDAR frame, or where none is known NEAR."""
+    return window_around(view.region or [NEAR])
 
 
 def window_around(outlines: Sequence[FloatArray]) -> DrawnArea:
@@ -284,6 +288,17 @@ def _palette() -> Image.Image:
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.rint(255 * colours).astype(np.uint8).tobytes())
     return palette
+
+
+def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[tuple[FloatArray, ...], float]:
+    """Outlines of the roads, or of a recording's user, and z of the road."""
+    outline = lidar_folder / regions.REGION_FILE
+    if lidar.preset != kitti.RECORDED or (lidar_folder.parent / "roads.csv").is_file():
+        roads = _roads(lidar_folder.parent, lidar.T_world_levelled)
+        outlines = [_outline(road) for _, road in roads.groupby("road", sort=False)]
+        return tuple(outlines), float(roads["z"].mean())
+    drawn = (regions.read_outline(outline),) if outline.is_file() else ()
+    return drawn, -lidar.T_world_levelled.z
 
 
 def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:

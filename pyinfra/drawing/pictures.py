@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyinfra import kitti
 from pyinfra.drawing import clouds
 from pyinfra.drawing import cutouts as cutout_figures
 from pyinfra.drawing import scene as scene_figures
@@ -11,11 +12,14 @@ from pyinfra.drawing import scene as scene_figures
 def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
     """Writes the plan and the cut-outs of each data set; returns the files.
 
-    data_sets: the LiDAR folders of each data set. Raises OSError and kitti.FormatError.
+    data_sets: the LiDAR folders of each data set; of a recording no scene is known, and none is
+    drawn. Raises OSError and kitti.FormatError.
     """
     out.mkdir(parents=True, exist_ok=True)
     files = []
     for folders in data_sets:
+        if kitti.read_lidar(folders[0]).preset == kitti.RECORDED:
+            continue
         scene = scene_figures.read_scene(folders)
         name = folders[0].parent.name
         files += [out / f"plan_{name}.png", out / f"cutouts_{name}.png"]

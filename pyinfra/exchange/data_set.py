@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,7 @@ class LidarFacts:
     height_m: float | None = None  # above the road
     tilt: tuple[float, float] | None = None  # pitch (positive looks down), roll; radians
     types: Mapping[str, str] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()  # what was made of what nobody said, in words
 
 
 @dataclass
@@ -50,9 +52,19 @@ class Found:
     frames: int = 0
     points: int = 0
     without_return: int = 0  # points left out
+    without_intensity: int = 0  # points whose intensity is not finite and stands as 0
+    empty: list[str] = field(default_factory=list)  # names of frames without a return
+    doubled: list[str] = field(default_factory=list)  # names of frames with the points of another
+    assumed: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)
     bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles'
     coverage: Coverage = field(default_factory=Coverage)
+
+    @property
+    def below_m(self) -> float | None:
+        """How far the labelled vehicles' bottoms lie below the sensor; None without one."""
+        bottoms = np.concatenate([np.empty(0), *self.bottoms])
+        return -float(np.median(bottoms)) if len(bottoms) else None
 
 
 def write_lidar(
@@ -68,13 +80,23 @@ def write_lidar(
     tilt = recording.tilt or about.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
-    found = Found()
+    found = Found(assumed=about.assumed)
+    digests: set[bytes] = set()
     period_s = _period_s(recording, about)
     for i in range(len(numbers)) if places is None else places:
         frame = recording.read(i)
+        digest = sha256(frame.points.tobytes()).digest()
+        if digest in digests and len(frame.points) > 0:
+            found.doubled.append(recording.names[i])
+            if not recording.labelled:
+                continue
+        digests.add(digest)
         if about.tilt:
             frame = levelled(frame, T_levelled_sensor)
+        before = found.points
         _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor, period_s)
+        if found.points == before:
+            found.empty.append(recording.names[i])
     _write_lists(out, recording, numbers)
     write(out / "lidar.yaml", _lidar_yaml(recording, about, found, tilt))
     return found
@@ -132,6 +154,9 @@ def _write_frame(
 ) -> None:
     keep = has_return(frame.points)
     points = np.ascontiguousarray(frame.points[keep], dtype=np.float32)
+    dark = ~np.isfinite(points[:, 3])
+    points[dark, 3] = 0
+    found.without_intensity += int(dark.sum())
     fields = None if frame.fields is None else frame.fields[keep]
     types = types_of(frame.boxes.names, about.types)
     labels = Labels(types, frame.boxes.boxes, None)
@@ -147,8 +172,9 @@ def _write_frame(
 
 
 def has_return(points: Points) -> BoolArray:
-    """Points (n, 4) that are finite and not 0 0 0, which stands for no return: (n,)."""
-    finite = np.isfinite(points @ np.ones(4, dtype=np.float32))  # ten times as fast as all(axis=1)
+    """Points (n, 4) whose place is finite and not 0 0 0, which stands for no return: (n,)."""
+    # Ten times as fast as all(axis=1).
+    finite = np.isfinite(points[:, :3] @ np.ones(3, dtype=np.float32))
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
 
@@ -230,7 +256,9 @@ def _lidar_yaml(
             }
         ],
     }
-    return str(yaml.safe_dump(content, sort_keys=False))
+    if found.assumed:
+        content["assumed"] = list(found.assumed)
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000))
 
 
 def _period_s(recording: Recording, about: LidarFacts) -> float:
@@ -241,5 +269,4 @@ def _height(about: LidarFacts, found: Found) -> float:
     """Of the sensor above the road, where the vehicles stand; 0 if neither is known."""
     if about.height_m is not None:
         return about.height_m
-    bottoms = np.concatenate([np.empty(0), *found.bottoms])
-    return round(-float(np.median(bottoms)), 3) if len(bottoms) else 0.0
+    return 0.0 if found.below_m is None else round(found.below_m, 3)

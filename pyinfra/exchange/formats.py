@@ -26,6 +26,8 @@ class Format:
     export: str = ""
     read: str = ""
     extra: str = ""  # of pyproject.toml: the packages that not everybody has
+    level: bool | None = None  # whether clouds stand upright; None: if they are labelled
+    intensity_max: float | None = None  # that the format says; None: as the clouds have it
 
 
 FORMATS = {
@@ -34,8 +36,12 @@ FORMATS = {
     "mmdet3d": Format(export="mmdet3d"),
     "pcd": Format(export="pcd", read="pcd", extra="exchange"),
     "mcap": Format(export="mcap", extra="exchange"),
-    "nuscenes": Format(export="nuscenes", read="nuscenes_tables"),
+    "nuscenes": Format(export="nuscenes", read="nuscenes_tables", level=True, intensity_max=255.0),
     "openlabel": Format(export="openlabel"),
+    "bin": Format(read="bin_folder", level=False),
+    "dair-v2x": Format(read="dair", extra="exchange", level=True, intensity_max=255.0),
+    "tumtraf": Format(read="tumtraf", extra="exchange", level=False),
+    "rcooper": Format(read="rcooper", extra="exchange", level=False),
 }
 EXPORTS = tuple(name for name, format in FORMATS.items() if format.export)
 IMPORTS = tuple(name for name, format in FORMATS.items() if format.read)

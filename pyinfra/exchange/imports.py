@@ -3,50 +3,105 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
-from pyinfra.atomic import new_folder
+from pyinfra.atomic import new_folder, write
+from pyinfra.data.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import Found, LidarFacts, write_description, write_lidar
-from pyinfra.exchange.formats import reader
+from pyinfra.exchange.formats import FORMATS, reader
+from pyinfra.exchange.frame_times import timed
+from pyinfra.exchange.object_types import own_and_public
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
-from pyinfra.kitti import VEHICLE_TYPES
+from pyinfra.exchange.survey import check_region, survey, turned
+from pyinfra.kitti import OTHER_TYPES, VEHICLE_TYPES
+
+# Whether the road is looked for and points turned upright to it, or taken as they are.
+Upright = Literal["auto", "road", "as-is"]
+HEIGHT_OFF_M = 0.5  # of the vehicles' bottoms against the height that the user says
 
 
 def import_recording(
-    source: Path, name: str, out: Path, about: LidarFacts, options: Options
+    source: Path,
+    name: str,
+    out: Path,
+    about: LidarFacts,
+    options: Options,
+    *,
+    upright: Upright = "auto",
+    region: Path | None = None,
 ) -> tuple[Found, bool]:
     """Writes a recording in a format of IMPORTS as the new folder DATA/LIDAR, whole or not at all.
 
-    Returns what was in it, and whether it has labels. Raises what the format raises, and
-    FileExistsError.
+    upright: `auto` looks for the road where the format does not say how points stand. region: an
+    outline in the levelled frame, kept in the folder.
+    Returns what was in it, and whether it has labels. Raises what the format raises, what the
+    survey raises, and FileExistsError.
     """
-    read = reader(name)
+    read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
         raise ValueError(
             f"{source}: found a file, allowed a folder: archives are not unpacked, and pickles "
             "never read because reading one can run what is in it"
         )
+    if options.intensity_max is None:
+        options = replace(options, intensity_max=format.intensity_max)
     recording = read(source, options)
+    level = recording.labelled if format.level is None else format.level
+    road = upright == "road" or (upright == "auto" and not level)
+    found_out = survey(source, read, options, about, road=road and recording.tilt is None)
+    recording, said = timed(read(source, found_out.options), about.period_s)
+    recording = turned(recording, found_out)
+    inside = outline_region(region) if region else None
+    if region and inside:
+        check_region(region, inside, recording, found_out)
+    types = own_and_public(name, about.types)
+    facts = replace(found_out.about, types=types, assumed=(*found_out.assumed, *said))
     with new_folder(out) as beside:
-        found = write_lidar(recording, beside, about, Shown(range(len(recording.names))))
+        found = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
+        if region:
+            write(beside / REGION_FILE, region.read_bytes())
         write_description(out.parent, about.scene, ids_are_tracks=recording.ids_are_tracks)
     return found, recording.labelled
 
 
-def warnings(found: Found, labelled: bool) -> list[str]:
-    """What the user should know of the imported frames."""
+def warnings(found: Found, labelled: bool, height_m: float | None = None) -> list[str]:
+    """What the user should know of the imported frames. height_m: that the user says."""
     out = []
     if not labelled:
         out.append("found no labels: networks, statistics of vehicles and evaluation need them")
     elif not set(found.types) & set(VEHICLE_TYPES):
         names = ", ".join(found.types) or "none"
         out.append(f"found no vehicle among {names}; --type NAME=Car says what is one")
+    elif unknown := sorted(set(found.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
+        names = ", ".join(f"{name} ({found.types[name]})" for name in unknown)
+        out.append(f"not understood, and no vehicle: {names}; --type NAME=TYPE says what it is")
     if found.without_return:
         out.append(
             f"left out {found.without_return} points without a return (not finite, or 0 0 0)"
         )
+    if found.without_intensity:
+        out.append(f"{found.without_intensity} intensities are not finite: taken as 0")
+    if found.empty:
+        out.append(f"{_some(found.empty)} without a return: frames where nothing is")
+    if found.doubled:
+        kept = "kept, as they have labels" if labelled else "left out"
+        out.append(f"{_some(found.doubled)} with the same points as another: {kept}")
+    below = found.below_m
+    if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
+        out.append(
+            f"--height-m says {height_m:g} m, but the labelled vehicles stand {below:.2f} m below "
+            "the sensor"
+        )
     return out
+
+
+def _some(names: list[str]) -> str:
+    """`3 frames (a, b, ...)`"""
+    listed = ", ".join(names[:2]) + (", ..." if len(names) > 2 else "")
+    return f"{len(names)} frame{'s'[: len(names) > 1]} ({listed})"
 
 
 def checked(options: Options) -> Options:
@@ -56,4 +111,6 @@ def checked(options: Options) -> Options:
         raise ValueError(f"--intensity-max: found {highest:g}, allowed above 0")
     if columns is not None and not 4 <= columns <= 64:
         raise ValueError(f"--columns: found {columns}, allowed 4 to 64")
+    if not 1e-6 <= options.unit_m <= 1000:
+        raise ValueError(f"--unit-m: found {options.unit_m:g}, allowed 1e-06 to 1000")
     return options

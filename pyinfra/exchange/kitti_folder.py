@@ -41,7 +41,7 @@ def read(source: Path, options: Options) -> Recording:
     names = tuple(stem(file) for file in clouds)
 
     def frame(i: int) -> RecordedFrame:
-        points = read_bin(clouds[i], options.columns or 4, options.intensity_max)
+        points = read_bin(clouds[i], 4, options)
         calib = training / f"calib/{names[i]}.txt"
         boxes = _boxes(folder / f"{names[i]}.txt", calib) if labelled else NO_BOXES
         fields = training / f"fields/{names[i]}.bin"

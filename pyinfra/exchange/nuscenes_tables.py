@@ -48,9 +48,7 @@ def read(source: Path, options: Options) -> Recording:
         )
 
     def frame(i: int) -> RecordedFrame:
-        points = read_bin(
-            source / files[i], options.columns or COLUMNS, options.intensity_max, INTENSITY_MAX
-        )
+        points = read_bin(source / files[i], COLUMNS, options, INTENSITY_MAX)
         if not np.allclose(poses[i].leaning, np.eye(3), atol=1e-9):
             points = points.copy()
             points[:, :3] = points[:, :3] @ poses[i].leaning.T.astype(np.float32)

@@ -25,6 +25,33 @@ TYPES = {
 }
 
 
+# Of public roadside sets, what TYPES does not know or takes for something else.
+_CHINESE = {
+    "tricyclist": "Misc",
+    "barrowlist": "Misc",
+    "trafficcone": "Misc",
+    "CarIgnore": "Misc",
+    "PedestrianIgnore": "Misc",
+    "OtherIgnore": "Misc",
+    "unknown_movable": "Misc",
+    "unknown_unmovable": "Misc",
+    "unknown": "Misc",
+}
+_WAYS = (str.upper, str.capitalize)  # of writing a name
+PUBLIC = {
+    "dair-v2x": _CHINESE,
+    "rcooper": _CHINESE | {"tricycle": "Misc", "huge_vehicle": "vehicle"},
+    "tumtraf": {"trailer": "vehicle", "emergency_vehicle": "vehicle", "other": "Misc"},
+}
+
+
+def own_and_public(format: str, own: Mapping[str, str]) -> dict[str, str]:
+    """What the user says of names, then what is known of a public set's, as the sets write them."""
+    known = PUBLIC.get(format, {})
+    written = {way(name): kind for name, kind in known.items() for way in (str, *_WAYS)}
+    return {**written, **own}
+
+
 def types_of(names: NameArray, own: Mapping[str, str]) -> NameArray:
     """Types (k,) of the names (k,): what `own` says, else TYPES, else the name itself."""
     return np.array([_type(str(name), own) for name in names], dtype=np.str_)

@@ -81,7 +81,7 @@ def read(source: Path, options: Options) -> Recording:
     names = tuple(stem(file) for file in clouds)
 
     def frame(i: int) -> RecordedFrame:
-        points = _read_cloud(clouds[i], options.columns or 4, options.intensity_max)
+        points = _read_cloud(clouds[i], options)
         boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
@@ -109,10 +109,10 @@ def _write_cloud(file: Path, points: Points) -> None:
     write(file, buffer.getvalue())
 
 
-def _read_cloud(file: Path, columns: int, intensity_max: float | None) -> Points:
+def _read_cloud(file: Path, options: Options) -> Points:
     """(n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
     if file.suffix == ".bin":
-        return read_bin(file, columns, intensity_max)
+        return read_bin(file, 4, options)
     try:
         with warnings.catch_warnings(action="ignore"):  # about headers of Python 2
             # The file is as large as its header says before anything is allocated.
@@ -124,4 +124,4 @@ def _read_cloud(file: Path, columns: int, intensity_max: float | None) -> Points
             f"{file}: found {points.shape} {points.dtype}, allowed (n, 4 or more) floats: x y z "
             "intensity"
         )
-    return as_points(file, list(points.T[:4]), intensity_max)
+    return as_points(file, list(points.T[:4]), options)

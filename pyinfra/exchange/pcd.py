@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.arrays import AnyArray, Points, Records
+from pyinfra.arrays import AnyArray, FloatArray, Points, Records
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
+from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.pcd_file import read_pcd, write_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -30,6 +31,7 @@ PLACE: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "inten
 # Of a field here, its name in kitti.FIELDS and its type.
 MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
 INTENSITIES = ("intensity", "reflectivity", "i")  # names in use; without one it is 0
+STAMPS = ("timestamp", "time_stamp", "time", "t")  # of a point, by a clock; else since something
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
@@ -66,11 +68,28 @@ def read(source: Path, options: Options) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         records = read_pcd(clouds[i])
-        points = _points(clouds[i], records, options.intensity_max)
+        points = points_of(clouds[i], records, options)
         boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
         return RecordedFrame(points, boxes, _fields(clouds[i], records))
 
-    return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
+    splits = read_splits(source / "ImageSets", names)
+    return Recording(names, frame, labelled, splits, times=lambda: stamps(clouds))
+
+
+def stamps(clouds: Sequence[Path]) -> FloatArray | None:
+    """The first time stamp of each cloud, s since 1970; None if the first cloud has no clock's."""
+    first = _stamp(read_pcd(clouds[0]))
+    if first is None:
+        return None
+    rest = [_stamp(read_pcd(file)) for file in clouds[1:]]
+    return None if None in rest else np.array([first, *rest], dtype=np.float64)
+
+
+def _stamp(records: Records) -> float | None:
+    name = next((name for name in STAMPS if name in (records.dtype.names or ())), None)
+    values = records[name] if name else np.empty(0)
+    values = values[np.isfinite(values) & (values > 0)] if values.ndim == 1 else np.empty(0)
+    return seconds_of_stamp(float(values.min())) if len(values) > 0 else None
 
 
 def _records(points: Points, fields: Records | None) -> Records:
@@ -84,7 +103,8 @@ def _records(points: Points, fields: Records | None) -> Records:
     return out
 
 
-def _points(file: Path, records: Records, intensity_max: float | None) -> Points:
+def points_of(file: Path, records: Records, options: Options) -> Points:
+    """The points of a file's records; without a field for it the intensity is 0."""
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
         raise FormatError(f"{file}: FIELDS: found {' '.join(names)}, allowed x y z and others")
@@ -92,7 +112,7 @@ def _points(file: Path, records: Records, intensity_max: float | None) -> Points
     columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
     if intensity is None:
         columns.append(np.zeros(len(records)))
-    return as_points(file, columns, intensity_max)
+    return as_points(file, columns, options)
 
 
 def _column(file: Path, records: Records, name: str) -> AnyArray:

@@ -22,6 +22,7 @@ class Options:
     columns: int | None = None  # of a .bin file, float32; the first four are x y z intensity
     labels: Path | None = None  # folder, in place of the usual one
     channel: str | None = None  # which LiDAR of several
+    unit_m: float = 1.0  # of a coordinate in the source
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +62,21 @@ class Recording:
     pose: WorldPose | None = None
     tilt: tuple[float, float] | None = None  # pitch, roll (rad) that are out of the points already
     ids_are_tracks: bool = False
+    times: Callable[[], FloatArray | None] | None = None  # s, by the clock in the files; None: none
+    slots: tuple[int, ...] | None = None  # numbers of the frames; None: see numbers()
+
+    @property
+    def counted(self) -> bool:
+        """Whether the names are no frame numbers of six digits."""
+        return not all(len(name) == 6 and name.isdecimal() for name in self.names)
 
     def numbers(self) -> tuple[int, ...]:
-        """Frame numbers: those of six digits that the names are, else counted from 0."""
-        if all(len(name) == 6 and name.isdecimal() for name in self.names):
-            return tuple(int(name) for name in self.names)
-        return tuple(range(len(self.names)))
+        """Frame numbers: `slots`, else those of six digits that the names are, else from 0 on."""
+        if self.slots is not None:
+            return self.slots
+        if self.counted:
+            return tuple(range(len(self.names)))
+        return tuple(int(name) for name in self.names)
 
 
 def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
@@ -94,20 +104,18 @@ def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]
 
 
 def as_points(
-    file: Path,
-    columns: Sequence[AnyArray],
-    intensity_max: float | None,
-    usual: float = 1.0,
+    file: Path, columns: Sequence[AnyArray], options: Options, usual: float = 1.0
 ) -> Points:
-    """x, y, z and intensity (n,) of any type of numbers as points (n, 4).
+    """x, y, z and intensity (n,) of any type of numbers as points (n, 4), in metres.
 
     Intensities are divided by what is the highest in the source. What is not finite stays, and is
     no return. Raises FormatError for a point beyond 10 km or an intensity beyond 10,000 times the
     highest.
     """
-    highest = usual if intensity_max is None else intensity_max
+    highest = usual if options.intensity_max is None else options.intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
-        most = FARTHEST_M * (highest if name == "intensity" else 1)  # as kitti.read_points
+        # As kitti.read_points has them.
+        most = FARTHEST_M * (highest if name == "intensity" else 1 / options.unit_m)
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:
             place = f"{file}: point {bad[0]}: {name}"
@@ -115,22 +123,24 @@ def as_points(
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
     if highest != 1:
         points[:, 3] /= highest
+    if options.unit_m != 1:
+        points[:, :3] *= options.unit_m
     return points
 
 
-def read_bin(file: Path, columns: int, intensity_max: float | None, usual: float = 1.0) -> Points:
-    """The first four of some float32 columns: (n, 4), see as_points.
+def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> Points:
+    """The first four of some float32 columns, or `options.columns`: (n, 4), see as_points.
 
     Raises FormatError for a file cut short, and as as_points does.
     """
-    size = file.stat().st_size
+    columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
         raise FormatError(
             f"{file}: found {size} bytes, allowed a multiple of {4 * columns} ({columns} float32 "
             "a point)"
         )
     found = np.fromfile(file, dtype="<f4").reshape(-1, columns)
-    return as_points(file, list(found.T[:4]), intensity_max, usual)
+    return as_points(file, list(found.T[:4]), options, usual)
 
 
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:

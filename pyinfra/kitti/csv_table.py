@@ -14,9 +14,9 @@ from pyinfra.kitti.layout import FormatError
 # Columns of text, in every table that the project writes; all others hold numbers.
 WORDS = frozenset(
     (
-        "scene lidar preset detector tier run stressor dial unit ground_truth measure world label_time "
-        "road set quality "
-        "aggregation detail source what claim statement verdict dominated_by pareto model "
+        "scene lidar preset detector tier run stressor dial unit ground_truth measure world "
+        "label_time road set quality aggregation detail source what claim statement verdict "
+        "dominated_by pareto model "
         "price_source price_date inputs recipe findings reason command version latency_version "
         "latency_machine machine"
     ).split()

@@ -15,7 +15,13 @@ from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
 from pyinfra.data import regions, split
 from pyinfra.data.frame_tables import Vehicles, other_types, read_vehicles
-from pyinfra.data.frames import PERIOD_S, check_no_data_set, data_set_of, frame_numbers
+from pyinfra.data.frames import (
+    PERIOD_S,
+    check_no_data_set,
+    data_set_of,
+    frame_numbers,
+    has_labels,
+)
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 
 if TYPE_CHECKING:
@@ -45,6 +51,8 @@ class Source:
 def read_source(folder: Path, tier: Tier) -> Source:
     """The train frames of a folder: those of ImageSets/train.txt, else the split by time.
 
+    Without a label all frames are train frames.
+
     Raises FileNotFoundError, FormatError and ValueError.
     """
     check_no_data_set(folder)
@@ -52,12 +60,13 @@ def read_source(folder: Path, tier: Tier) -> Source:
     listed = folder / "ImageSets/train.txt"
     if listed.is_file():
         numbers: Sequence[int] = frame_numbers(folder, "train")
+    elif not has_labels(folder):
+        numbers = kitti.frames(folder)  # nothing to test on
     else:
         numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
     frames = spread(numbers, MOST_FRAMES[tier])
     files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     vehicles = cache(partial(read_vehicles, folder, frames))
-    roads = data_set_of(folder) / "roads.csv"
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
@@ -66,9 +75,7 @@ def read_source(folder: Path, tier: Tier) -> Source:
         clouds=tuple(partial(kitti.read_points, file) for file in files),
         read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
         read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
-        region=regions.roads_region(regions.read_roads(roads), lidar.T_world_levelled)
-        if roads.is_file()
-        else None,
+        region=regions.region_of(folder, lidar.T_world_levelled),
     )
 
 

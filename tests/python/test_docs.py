@@ -5,11 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import doc_pages
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
-from pyinfra import cli
+from pyinfra import cli, kitti
+from pyinfra.exchange.pcd_file import write_pcd
 from scripts import tables
 
 pytest.importorskip("torch", reason="the extra `detectors` is not installed")
@@ -28,7 +30,22 @@ def make_recording(infrasim: Callable[..., object], run_command: Callable[..., l
     assert cli.main(["export", "site/helios_16", *words]) == 0
 
 
-GIVEN = {"own_data": make_recording}
+def make_clouds(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
+    """30 clouds over 18 s as a LiDAR's own writer leaves them: intensities to 255, no labels."""
+    words = run_command(
+        "helios_16", frames="0:180:6", preset="datasheet", out=Path("site").resolve()
+    )
+    infrasim(*words, check=True)
+    Path("recordings/street").mkdir(parents=True)
+    kind = [(name, "<f4") for name in ("x", "y", "z")] + [("intensity", "u1")]
+    for file in sorted(Path("site/helios_16/training/velodyne").iterdir()):
+        points = kitti.read_points(file)
+        rows = zip(*points[:, :3].T, np.rint(255 * points[:, 3]), strict=True)
+        records = np.array(list(rows), dtype=kind)
+        write_pcd(Path(f"recordings/street/{1651673050 + int(file.stem) / 10:.6f}.pcd"), records)
+
+
+GIVEN = {"own_data": make_recording, "own_recording": make_clouds}
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}
 
 

@@ -41,9 +41,7 @@ def section(material: Material) -> Section | None:
     blocks: list[Block] = [*_patterns(material, exact[0]), _plans(exact), _sheet(material, exact)]
     blocks += [_cutouts(material, d) for d in exact]
     blocks += [*_aggregations(material), *_boxes(material), _speeds(exact)]
-    lead = (
-        "Bootstrapped from frames on disk; x is along the LiDAR's view, y to its left, in metres."
-    )
+    lead = "Drawn from frames on disk; x is along the LiDAR's view, y to its left, in metres."
     return Section("pictures", "What the LiDARs see", lead, blocks)
 
 

@@ -1,0 +1,64 @@
+"""The roadside part of DAIR-V2X: velodyne/*.pcd, label/virtuallidar/*.json, data_info.json.
+
+After its public description of the data's structure. Points are in the *virtual LiDAR's* frame,
+whose x-y plane is said to be parallel to the ground; intensities are 0 to 255.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.arrays import FloatArray
+from pyinfra.exchange.frame_times import seconds_of_stamp
+from pyinfra.exchange.json_boxes import read_json, read_objects
+from pyinfra.exchange.pcd import points_of
+from pyinfra.exchange.pcd_file import read_pcd
+from pyinfra.exchange.recording import (
+    NO_BOXES,
+    Options,
+    RecordedFrame,
+    Recording,
+    check_pairs,
+    sorted_files,
+    stem,
+)
+
+SIDES = ("single-infrastructure-side", "infrastructure-side", ".")
+LABELS = ("label/virtuallidar", "label/lidar")
+
+
+def read(source: Path, options: Options) -> Recording:
+    """The folder with `velodyne` in it, or one that has it as a side of the road.
+
+    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    frame FormatError.
+    """
+    side = next((source / n for n in SIDES if (source / n / "velodyne").is_dir()), source)
+    clouds = sorted_files(side / "velodyne", [".pcd"])
+    there = (side / name for name in LABELS if (side / name).is_dir())
+    folder = options.labels or next(there, None)
+    if folder is not None:
+        check_pairs(clouds, sorted_files(folder, [".json"]))
+    names = tuple(stem(file) for file in clouds)
+
+    def frame(i: int) -> RecordedFrame:
+        points = points_of(clouds[i], read_pcd(clouds[i]), options)
+        boxes = read_objects(folder / f"{names[i]}.json") if folder is not None else NO_BOXES
+        return RecordedFrame(points, boxes)
+
+    return Recording(names, frame, folder is not None, times=lambda: _times(side, names))
+
+
+def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:
+    """pointcloud_timestamp of data_info.json, where all frames have one."""
+    file = side / "data_info.json"
+    rows = read_json(file) if file.is_file() else []
+    known = {}
+    for row in rows if isinstance(rows, list) else []:
+        stamp = row.get("pointcloud_timestamp") if isinstance(row, dict) else None
+        if str(stamp).isdecimal() and len(str(stamp)) < 20:
+            known[Path(str(row.get("pointcloud_path"))).stem] = seconds_of_stamp(float(str(stamp)))
+    times = [known.get(name) for name in names]
+    return None if None in times else np.array(times, dtype=np.float64)

@@ -1,0 +1,130 @@
+"""When the frames of a recording were taken, and what is wrong with its clock."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from pyinfra.arrays import FloatArray, IntArray
+from pyinfra.exchange.recording import Recording
+from pyinfra.kitti.lidar import PERIOD_S
+
+# Digits after ten of seconds, or of a whole number, and what one of them is worth.
+FRACTIONS = {3: 1e-3, 6: 1e-6, 9: 1e-9}
+WHOLE = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
+EARLIEST_S, LATEST_S = 1e8, 1e11  # of seconds since 1970 that are a clock's
+REGULAR = (0.5, 1.5)  # of the usual step
+MOST_NUMBER = 999_999
+
+
+def seconds_of(name: str) -> float | None:
+    """The time that a file's name stands for, s since 1970; None if it is none.
+
+    Such as 1651673050.454284, 1651673050_454284855 or 1651673050454 at the beginning or alone.
+    """
+    found = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
+    if found:
+        whole, decimals, counted = found.groups()
+        if counted is not None:
+            unit = FRACTIONS.get(len(counted))
+            return None if unit is None else int(whole) + int(counted) * unit
+        return float(f"{whole}.{decimals or 0}")
+    found = re.match(r"\D*(\d{13,19})(?!\d)", name)
+    unit = WHOLE.get(len(found[1])) if found else None
+    return int(found[1]) * unit if found and unit else None
+
+
+def seconds_of_stamp(value: float) -> float | None:
+    """A clock's number of unknown unit as s since 1970; None if it is none."""
+    for unit in WHOLE.values():
+        if EARLIEST_S < value * unit < LATEST_S:
+            return value * unit
+    return None
+
+
+def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
+    """The recording in order of time, with period and numbers by its clock, and what was found.
+
+    period_s: what the user says it is. Without times in the files or their names nothing changes.
+    If the times, sorted, are regular, they are right and frames out of order; else a time that
+    steps back is the clock's fault, and the order of the names holds.
+    """
+    times = _times(recording)
+    if times is None or len(times) < 2:
+        return recording, []
+    found = []
+    steps = np.diff(times)
+    if (steps < 0).any():
+        order = np.argsort(times, kind="stable")
+        if not _regular(np.diff(times[order])):
+            at = int(steps.argmin())
+            found.append(
+                f"the clock steps back by {-steps[at]:.3g} s after {recording.names[at]}: frames "
+                "stay in the order of their names, and the clock is not used"
+            )
+            return recording, found
+        late = int((steps < 0).sum())
+        found.append(
+            f"frames are out of order ({late} times a frame is older than the one before it): "
+            "taken in the order of their times"
+        )
+        recording, times = _reordered(recording, order), times[order]
+        steps = np.diff(times)
+    return _by_clock(recording, steps, period_s, found)
+
+
+def _times(recording: Recording) -> FloatArray | None:
+    if recording.times is not None:
+        return recording.times()
+    named = [seconds_of(name) for name in recording.names]
+    return None if None in named else np.array(named, dtype=np.float64)
+
+
+def _regular(steps: FloatArray) -> bool:
+    usual = float(np.median(steps))
+    return bool(((steps > REGULAR[0] * usual) & (steps < REGULAR[1] * usual)).all())
+
+
+def _reordered(recording: Recording, order: IntArray) -> Recording:
+    names, read = recording.names, recording.read
+    return replace(
+        recording,
+        names=tuple(names[i] for i in order),
+        read=lambda i: read(int(order[i])),
+        times=None,
+        slots=tuple(range(len(names))),
+    )
+
+
+def _by_clock(
+    recording: Recording, steps: FloatArray, period_s: float | None, found: list[str]
+) -> tuple[Recording, list[str]]:
+    usual = float(np.median(steps))
+    names = recording.names
+    if (steps == 0).any():
+        at = int((steps == 0).argmax())
+        found.append(
+            f"{int((steps == 0).sum())} frames have the time of another, as {names[at + 1]}"
+        )
+    if not PERIOD_S[0] <= usual <= PERIOD_S[1]:
+        return recording, found
+    if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
+        found.append(
+            f"--period-s says {period_s:g} s, the clock {usual:.4g} s: {period_s:g} is taken"
+        )
+    period = period_s or recording.period_s or round(usual, 4)
+    apart = np.maximum(np.round(steps / usual), 1).astype(np.int64)
+    slots = [0, *np.cumsum(apart).tolist()]
+    if (apart > 1).any():
+        at = int(steps.argmax())
+        numbered = slots[-1] <= MOST_NUMBER and (recording.counted or recording.slots is not None)
+        found.append(
+            f"the clock jumps {int((apart > 1).sum())} times, the most by {steps[at]:.4g} s after "
+            f"{names[at]}: "
+            + ("the numbers leave that time out" if numbered else "the numbers do not show it")
+        )
+        if numbered:
+            recording = replace(recording, slots=tuple(slots))
+    return replace(recording, period_s=period), found

@@ -1,0 +1,100 @@
+"""Boxes as DAIR-V2X and RCooper write them: a list of objects a file, one file a cloud.
+
+An object has `type`, `3d_dimensions` (h w l), `3d_location` (x y z of the box's centre, in the
+frame of the cloud), `rotation` (rad, from x towards y) and maybe `occluded_state` and `track_id`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyinfra.arrays import FloatArray
+from pyinfra.exchange.recording import Boxes
+from pyinfra.kitti import FormatError
+from pyinfra.kitti.layout import FARTHEST_M
+
+VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}  # of occluded_state: not, partly, mostly
+PLACE = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
+LEAST_M, MOST_M = 0.001, 1000.0
+
+
+def read_json(file: Path) -> Any:
+    """Raises FormatError for a file that is no JSON."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, endless digits
+        raise FormatError(f"{file}: is not JSON: {error}") from None
+
+
+def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
+    """The objects of a file. ids: numbers of tracks, which grow; None: there are no tracks.
+
+    Raises FormatError that names the object and the key.
+    """
+    objects = read_json(file)
+    if not isinstance(objects, list) or not all(isinstance(own, dict) for own in objects):
+        raise FormatError(f"{file}: found something else, allowed a list of objects")
+    rows = [_box(file, i, own) for i, own in enumerate(objects)]
+    names = [str(own.get("type", "unknown")) or "unknown" for own in objects]
+    seen = [VISIBILITY.get(_state(own), 1.0) for own in objects]
+    tracks = None
+    if ids is not None:
+        words = [_key(file, i, own, "track_id") for i, own in enumerate(objects)]
+        tracks = np.array([ids.setdefault(str(word), len(ids)) for word in words], dtype=np.int64)
+        if len(set(tracks.tolist())) < len(tracks):
+            raise FormatError(f"{file}: track_id: found one twice, allowed once a file")
+    boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    return Boxes(np.array(names, dtype=np.str_), boxes, tracks, np.array(seen, dtype=np.float64))
+
+
+def checked_box(place: str, values: FloatArray) -> FloatArray:
+    """A box (7,) whose numbers can be one. Raises FormatError, which begins with `place`."""
+    xyz, sizes = values[:3], values[3:6]
+    finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
+    if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
+        allowed = f"allowed sizes of more than {LEAST_M:g} to {MOST_M:g} m within 10 km"
+        raise FormatError(f"{place}: found sizes {sizes} at {xyz}, {allowed}")
+    if abs(values[6]) > 2 * math.pi + 0.01:
+        raise FormatError(f"{place}: rotation: found {values[6]:g}, allowed -2 pi to 2 pi, radians")
+    return values
+
+
+def _box(file: Path, i: int, own: Mapping[str, Any]) -> FloatArray:
+    numbers = []
+    for key, letters in PLACE:
+        group = _key(file, i, own, key)
+        for letter in letters:
+            inside = group if isinstance(group, dict) else {}
+            numbers.append(number(f"{file}: object {i}: {key}.{letter}", inside.get(letter)))
+    numbers.append(number(f"{file}: object {i}: rotation", own.get("rotation")))
+    return checked_box(f"{file}: object {i}", np.array(numbers))
+
+
+def number(place: str, found: object) -> float:
+    """Numbers, also as text: both are in use. Raises FormatError, which begins with `place`."""
+    try:
+        value = float(found)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise FormatError(f"{place}: found {str(found)[:40]!r}, allowed a finite number")
+    return value
+
+
+def _key(file: Path, i: int, own: Mapping[str, Any], key: str) -> Any:
+    if key not in own:
+        raise FormatError(f"{file}: object {i}: found no '{key}', needed")
+    return own[key]
+
+
+def _state(own: Mapping[str, Any]) -> int:
+    try:
+        return int(own.get("occluded_state", -1))
+    except (TypeError, ValueError):
+        return -1

@@ -1,0 +1,75 @@
+"""One LiDAR of a sequence of RCooper: data/SCENE/POLE/seq-N/lidar/TIME.pcd and its labels.
+
+After its public converters. Labels are beside, in label(s)/SCENE/POLE/seq-N/TIME.json, in the frame
+of the LiDAR; calib/lidar2world/POLE.json says how it leans.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.exchange.data_set import levelled
+from pyinfra.exchange.json_boxes import read_json, read_objects
+from pyinfra.exchange.nuscenes_tables import angles_of
+from pyinfra.exchange.pcd import points_of
+from pyinfra.exchange.pcd_file import read_pcd
+from pyinfra.exchange.recording import (
+    NO_BOXES,
+    Options,
+    RecordedFrame,
+    Recording,
+    check_pairs,
+    sorted_files,
+    stem,
+)
+from pyinfra.kitti import FormatError, WorldPose
+
+LABELS = ("label", "labels")
+
+
+def read(source: Path, options: Options) -> Recording:
+    """The folder of a sequence in data/SCENE/POLE.
+
+    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    frame FormatError.
+    """
+    clouds = sorted_files(source / "lidar", [".pcd"])
+    scene, pole, sequence = source.resolve().parts[-3:]
+    top = source.resolve().parents[3]
+    beside = (top / name / scene / pole / sequence for name in LABELS)
+    folder = options.labels or next((own for own in beside if own.is_dir()), None)
+    if folder is not None:
+        check_pairs(clouds, sorted_files(folder, [".json"]))
+    names = tuple(stem(file) for file in clouds)
+    pose, tilt = _pose(top / f"calib/lidar2world/{pole}.json")
+    leaning = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
+    ids: dict[str, int] = {}
+
+    def frame(i: int) -> RecordedFrame:
+        points = points_of(clouds[i], read_pcd(clouds[i]), options)
+        boxes = read_objects(folder / f"{names[i]}.json", ids) if folder is not None else NO_BOXES
+        own = RecordedFrame(points, boxes)
+        return levelled(own, leaning) if tilt else own
+
+    return Recording(names, frame, folder is not None, pose=pose, tilt=tilt)
+
+
+def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
+    """Where the LiDAR stands and how it leans; None, None without the file."""
+    if not file.is_file():
+        return None, None
+    content = read_json(file)
+    try:
+        turn = np.array(content["rotation"], dtype=np.float64).reshape(3, 3)
+        x, y, z = (float(v) for v in np.array(content["translation"], dtype=np.float64).ravel())
+    except (KeyError, TypeError, ValueError):
+        raise FormatError(
+            f"{file}: found no rotation (3 x 3) and translation (3), needed"
+        ) from None
+    if not np.allclose(turn @ turn.T, np.eye(3), atol=0.01) or np.linalg.det(turn) < 0:
+        raise FormatError(f"{file}: rotation: found {turn.tolist()}, allowed a turn")
+    yaw, pitch, roll = angles_of(turn)
+    return WorldPose(x, y, z, yaw), (pitch, roll)

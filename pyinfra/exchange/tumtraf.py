@@ -1,0 +1,137 @@
+"""TUMTraf: a folder of .pcd clouds of one LiDAR, and OpenLABEL files of the same names.
+
+After its public development kit. A label file holds one frame; a cuboid's ten numbers are x y z,
+quaternion x y z w, length width height in the frame of the cloud, which leans with the LiDAR: the
+road is looked for in the points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.exchange.json_boxes import checked_box, number, read_json
+from pyinfra.exchange.pcd import points_of
+from pyinfra.exchange.pcd_file import read_pcd
+from pyinfra.exchange.recording import (
+    NO_BOXES,
+    Boxes,
+    Options,
+    RecordedFrame,
+    Recording,
+    check_pairs,
+    sorted_files,
+    stem,
+)
+from pyinfra.kitti import FormatError
+
+CLOUDS = ("point_clouds", "_point_clouds", "_points_clouds", "_points")
+LABELS = ("labels_point_clouds", "_labels_point_clouds", "_labels")
+VISIBILITY = {"NOT_OCCLUDED": 0.9, "PARTIALLY_OCCLUDED": 0.6, "MOSTLY_OCCLUDED": 0.2}
+
+
+def read(source: Path, options: Options) -> Recording:
+    """A folder of clouds such as point_clouds/s110_lidar_ouster_south, or the one above both.
+
+    `options.channel` says which LiDAR of several. Raises FileNotFoundError, ValueError for labels
+    that do not pair with clouds or several LiDARs, and on reading a frame FormatError.
+    """
+    folder = _cloud_folder(source, options.channel)
+    clouds = sorted_files(folder, [".pcd"])
+    labels = options.labels or _label_folder(folder)
+    if labels is not None:
+        check_pairs(clouds, sorted_files(labels, [".json"]))
+    names = tuple(stem(file) for file in clouds)
+    ids: dict[str, int] = {}
+
+    def frame(i: int) -> RecordedFrame:
+        points = points_of(clouds[i], read_pcd(clouds[i]), options)
+        boxes = NO_BOXES if labels is None else read_cuboids(labels / f"{names[i]}.json", ids)
+        return RecordedFrame(points, boxes)
+
+    return Recording(names, frame, labels is not None)
+
+
+def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
+    """The cuboids of a file's one frame. ids: numbers of the objects, which grow.
+
+    Raises FormatError that names the object.
+    """
+    names, rows, own_ids, seen = [], [], [], []
+    for key, data in _objects(file):
+        cuboid = data.get("cuboid")
+        cuboid = cuboid[0] if isinstance(cuboid, list) and cuboid else cuboid
+        cuboid = cuboid if isinstance(cuboid, dict) else {}
+        values = cuboid.get("val")
+        place = f"{file}: object {key}"
+        if not isinstance(values, list) or len(values) != 10:
+            raise FormatError(f"{place}: found no cuboid of ten numbers, needed")
+        x, y, z, *turn, length, width, height = (number(place, value) for value in values)
+        if not 0.9 <= np.linalg.norm(turn) <= 1.1:
+            raise FormatError(f"{place}: found {turn}, allowed a quaternion of length 1")
+        ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
+        heading = float(np.arctan2(ahead[1], ahead[0]))
+        rows.append(checked_box(place, np.array([x, y, z, length, width, height, heading])))
+        names.append(str(data.get("type") or "unknown"))
+        own_ids.append(ids.setdefault(key, len(ids)))
+        seen.append(_visibility(cuboid))
+    boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    return Boxes(
+        np.array(names, dtype=np.str_),
+        boxes,
+        np.array(own_ids, dtype=np.int64),
+        np.array(seen, dtype=np.float64),
+    )
+
+
+def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Key and object_data of each object of the one frame."""
+    content = read_json(file)
+    try:
+        frames = list(content["openlabel"]["frames"].values())
+        objects = [own for frame in frames for own in frame.get("objects", {}).items()]
+        found = [(key, own["object_data"]) for key, own in objects]
+    except (AttributeError, KeyError, TypeError):
+        raise FormatError(f"{file}: found no openlabel.frames with objects, needed") from None
+    if len(frames) > 1:
+        raise FormatError(f"{file}: found {len(frames)} frames, allowed one a cloud")
+    for key, data in found:
+        if not isinstance(data, dict):
+            raise FormatError(f"{file}: object {key}: found no object_data, needed")
+        yield key, data
+
+
+def _visibility(cuboid: dict[str, Any]) -> float:
+    attributes = cuboid.get("attributes")
+    texts = attributes.get("text", []) if isinstance(attributes, dict) else []
+    for own in texts if isinstance(texts, list) else []:
+        if isinstance(own, dict) and own.get("name") == "occlusion_level":
+            return VISIBILITY.get(str(own.get("val")), 1.0)
+    return 1.0
+
+
+def _cloud_folder(source: Path, channel: str | None) -> Path:
+    inside = next((source / name for name in CLOUDS if (source / name).is_dir()), None)
+    if inside is None:
+        return source
+    lidars = sorted(folder for folder in inside.iterdir() if folder.is_dir())
+    chosen = [folder for folder in lidars if channel in (None, folder.name)]
+    if not lidars:
+        return inside
+    if len(chosen) != 1:
+        names = ", ".join(folder.name for folder in lidars)
+        raise ValueError(f"{inside}: found LiDARs {names}, allowed one of them: --channel")
+    return chosen[0]
+
+
+def _label_folder(clouds: Path) -> Path | None:
+    """Beside the folder of all clouds, or of this LiDAR's; None without labels."""
+    for top, inside in ((clouds.parent.parent, clouds.name), (clouds.parent, "")):
+        for name in LABELS:
+            if (top / name / inside).is_dir():
+                return top / name / inside
+    return None

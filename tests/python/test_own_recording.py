@@ -1,0 +1,358 @@
+"""A folder of clouds without labels: what is found, said and refused. Clouds are simulated."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from pyinfra import cli, kitti
+from pyinfra.exchange.data_set import LidarFacts
+from pyinfra.exchange.frame_times import seconds_of
+from pyinfra.exchange.imports import import_recording, warnings
+from pyinfra.exchange.pcd_file import write_pcd
+from pyinfra.exchange.recording import Options
+from pyinfra.exchange.road_plane import find_plane
+from pyinfra.exchange.survey import UPS
+
+ABOUT = LidarFacts("pole", "junction")
+HEIGHT_M = 6.0
+HALF_ROAD_M = 16.0
+LIDARS = ("livox_avia", "helios_16", "ruby_plus")
+Clouds = list[np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def site(
+    infrasim: Callable[..., object],
+    run_command: Callable[..., list[str]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """20 frames over 20 s of a motorway whose road lies 6 m below three LiDARs."""
+    out = tmp_path_factory.mktemp("site") / "data"
+    words = run_command(*LIDARS, frames="0:200:10", preset="datasheet", out=out)
+    infrasim(*words, check=True)
+    return out
+
+
+def clouds_of(site: Path, lidar: str) -> Clouds:
+    folder = site / lidar
+    files = [kitti.frame_file(folder, "velodyne", k) for k in kitti.frames(folder)]
+    return [kitti.read_points(file) for file in files]
+
+
+def with_place(clouds: Clouds, change: Callable[[np.ndarray], np.ndarray]) -> Clouds:
+    return [np.column_stack([change(c[:, :3].astype(np.float64)), c[:, 3]]) for c in clouds]
+
+
+def write(folder: Path, clouds: Clouds, names: list[str] | None = None) -> Path:
+    """The clouds as .bin files."""
+    folder.mkdir()
+    for i, cloud in enumerate(clouds):
+        name = names[i] if names else f"cloud_{i}"
+        cloud.astype("<f4").tofile(folder / f"{name}.bin")
+    return folder
+
+
+def taken(source: Path, **options: object) -> tuple[Path, str]:
+    """The folder of an import from .bin files, and all that was said of it."""
+    out = source.parent / f"in_{source.name}/pole"
+    found, labelled = import_recording(source, "bin", out, ABOUT, Options(), **options)
+    return out, "\n".join([*found.assumed, *warnings(found, labelled)])
+
+
+def road_at(folder: Path) -> float:
+    """z of the levelled frame's road, of the written frames themselves."""
+    plane = find_plane([kitti.read_points(f) for f in (folder / "training/velodyne").iterdir()])
+    assert plane is not None
+    assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.15)
+    return -plane.height_m
+
+
+# --- the road
+
+
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_the_road_of_a_leaning_sensor_is_found(site: Path, lidar: str, tmp_path: Path) -> None:
+    lean = Rotation.from_euler("ZYX", [0, math.radians(12), math.radians(-4)]).as_matrix()
+    clouds = with_place(clouds_of(site, lidar), lambda p: p @ lean)  # T_sensor_levelled
+    folder, said = taken(write(tmp_path / "source", clouds))
+    assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
+    tilt = kitti.read_tilt(folder)
+    assert np.degrees([tilt.pitch, tilt.roll]) == pytest.approx([12, -4], abs=0.1)
+    assert kitti.read_lidar(folder).T_world_levelled.z == pytest.approx(HEIGHT_M, abs=0.03)
+    assert "the road lies 6.0" in said or "the road lies 5.9" in said
+    assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == said.splitlines()[:2]
+
+
+@pytest.mark.parametrize(
+    ("lidar", "up"),
+    [*(("helios_16", up) for up in UPS), ("livox_avia", "y down"), ("ruby_plus", "z down")],
+)
+def test_any_axis_may_be_up(site: Path, lidar: str, up: str, tmp_path: Path) -> None:
+    clouds = with_place(clouds_of(site, lidar), lambda p: p @ np.array(UPS[up], dtype=np.float64))
+    folder, said = taken(write(tmp_path / "source", clouds))
+    assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
+    assert (f"{up}: turned so that z is up" in said) == (up != "z up")
+    first = kitti.read_points(kitti.frame_file(folder, "velodyne", 0))
+    truth = clouds_of(site, lidar)[0]
+    assert np.abs(first - truth).max() < 0.6  # turned back, but for a tilt below the road's noise
+
+
+@pytest.mark.parametrize("turn", list(UPS.values()))
+def test_turns_to_upright_axes_mirror_nothing(turn: list[list[int]]) -> None:
+    assert np.linalg.det(np.array(turn)) == 1
+
+
+@pytest.mark.parametrize(
+    ("lidar", "lower_m"),
+    [
+        ("livox_avia", 0.5),
+        ("livox_avia", 1),
+        ("helios_16", 0.5),
+        ("helios_16", 2),
+        ("ruby_plus", 1),
+    ],
+)
+def test_a_field_beside_the_road_is_not_taken_for_it(
+    site: Path, lidar: str, lower_m: float
+) -> None:
+    """The field is larger than the road, and flat, as the road is."""
+
+    def sunk(place: np.ndarray) -> np.ndarray:
+        field = np.abs(place[:, 1]) > HALF_ROAD_M
+        return place - np.outer(field * lower_m, [0, 0, 1])
+
+    plane = find_plane(with_place(clouds_of(site, lidar), sunk))
+    assert plane is not None
+    assert plane.height_m == pytest.approx(HEIGHT_M, abs=0.03)
+    assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.15)
+
+
+@pytest.mark.parametrize("slope", [0.014, 0.02, 0.028])
+def test_a_crowned_road_is_levelled_evenly(site: Path, slope: float) -> None:
+    """The sensor stands four metres to the right of the middle, where the road falls to it."""
+
+    def crowned(place: np.ndarray) -> np.ndarray:
+        aside = np.minimum(np.abs(place[:, 1] - 4), HALF_ROAD_M)
+        return place - np.outer(slope * aside, [0, 0, 1])
+
+    plane = find_plane(with_place(clouds_of(site, "livox_avia"), crowned))
+    assert plane is not None
+    assert plane.crown == pytest.approx(slope, abs=0.003)
+    assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.25)  # one side alone: 0.8 to 1.6
+    assert plane.residual_m < 0.03
+
+
+def test_the_plane_near_the_height_that_is_given(site: Path, tmp_path: Path) -> None:
+    source = write(tmp_path / "source", clouds_of(site, "helios_16"))
+    about = LidarFacts("pole", "junction", height_m=6.3)
+    import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+    pose = kitti.read_lidar(tmp_path / "in/pole").T_world_levelled
+    assert pose.z == pytest.approx(HEIGHT_M, abs=0.03)
+
+
+# --- what is wrong, and what is made of it
+
+
+def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
+    source = write(tmp_path / "source", clouds_of(site, "helios_16"))
+    about = LidarFacts("pole", "junction", height_m=9)
+    with pytest.raises(ValueError, match=r"source: --height-m: found 9, allowed (6\.0|5\.9)"):
+        import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+    assert not (tmp_path / "in/pole").exists()
+
+
+@pytest.mark.parametrize("up", ["z up", "z down"])
+def test_clouds_at_road_level_need_the_height(site: Path, up: str, tmp_path: Path) -> None:
+    turn = np.array(UPS[up], dtype=np.float64)
+    clouds = with_place(clouds_of(site, "helios_16"), lambda p: np.add(p, (0, 0, HEIGHT_M)) @ turn)
+    source = write(tmp_path / "source", clouds)
+    with pytest.raises(ValueError, match=r"found the road -?0\.0\d m below the origin"):
+        taken(source)
+    about = LidarFacts("pole", "junction", height_m=HEIGHT_M)
+    found, _ = import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+    assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
+    assert any("moved down by" in line for line in found.assumed)
+
+
+def test_millimetres_are_metres_afterwards(site: Path, tmp_path: Path) -> None:
+    clouds = with_place(clouds_of(site, "livox_avia"), lambda p: p * 1000)
+    folder, said = taken(write(tmp_path / "source", clouds))
+    assert "coordinates are millimetres: divided by 1000" in said
+    assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
+
+
+def test_other_units_are_refused_and_can_be_said(site: Path, tmp_path: Path) -> None:
+    clouds = with_place(clouds_of(site, "helios_16"), lambda p: p * 30)
+    source = write(tmp_path / "source", clouds)
+    with pytest.raises(ValueError, match=r"returns \d+ from the sensor .* --unit-m"):
+        taken(source)
+    import_recording(source, "bin", tmp_path / "in/pole", ABOUT, Options(unit_m=1 / 30))
+    assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
+
+
+@pytest.mark.parametrize(("most", "said_of"), [(1, None), (255, "255"), (65535, "65535")])
+def test_intensities_become_shares(
+    site: Path, most: int, said_of: str | None, tmp_path: Path
+) -> None:
+    clouds = clouds_of(site, "helios_16")
+    scaled = [np.column_stack([c[:, :3], c[:, 3] / c[:, 3].max() * most]) for c in clouds]
+    folder, said = taken(write(tmp_path / "source", scaled))
+    first = kitti.read_points(kitti.frame_file(folder, "velodyne", 0))
+    assert first[:, 3].max() == pytest.approx(1)
+    assert (f"divided by {said_of}" in said) == (said_of is not None)
+
+
+def test_points_without_a_place_or_intensity(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")
+    clouds[0][:7, 1] = np.nan
+    clouds[1][:5, 3] = np.nan
+    clouds[2] = np.zeros((9, 4), dtype=np.float32)
+    folder, said = taken(write(tmp_path / "source", clouds))
+    assert "left out 16 points without a return" in said
+    assert "5 intensities are not finite: taken as 0" in said
+    assert "1 frame (cloud_2) without a return" in said
+    assert len(kitti.read_points(kitti.frame_file(folder, "velodyne", 2))) == 0
+
+
+def test_doubled_frames_are_left_out(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:6]
+    folder, said = taken(write(tmp_path / "source", [*clouds[:4], clouds[3], *clouds[4:]]))
+    assert "1 frame (cloud_4) with the same points as another: left out" in said
+    assert kitti.frames(folder) == [0, 1, 2, 3, 5, 6]
+
+
+def test_no_road_is_said(tmp_path: Path) -> None:
+    draw = np.random.default_rng(1)
+    clouds = [draw.uniform(-30, 30, (4000, 4)) % 30 + [0, 0, 1, 0] for _ in range(3)]
+    _, said = taken(write(tmp_path / "source", clouds))
+    assert "no road was found: points stay as they are" in said
+
+
+# --- regions
+
+
+def outline(tmp_path: Path, corners: str) -> Path:
+    file = tmp_path / "outline.yaml"
+    file.write_text(f"outline_m: {corners}\n")
+    return file
+
+
+def test_an_outline_goes_with_the_frames(site: Path, tmp_path: Path) -> None:
+    from pyinfra.training.sources import read_source
+
+    source = write(tmp_path / "source", clouds_of(site, "helios_16"))
+    file = outline(tmp_path, "[[-60, -16], [60, -16], [60, 16], [-60, 16]]")
+    folder, _ = taken(source, region=file)
+    region = read_source(folder, "quick").region
+    assert region is not None
+    assert region(np.array([[50.0, 15, 0], [50, 18, 0]]), 0.0).tolist() == [True, False]
+
+
+def test_an_empty_region_is_refused(site: Path, tmp_path: Path) -> None:
+    source = write(tmp_path / "source", clouds_of(site, "helios_16"))
+    far = outline(tmp_path, "[[900, 900], [960, 900], [960, 960]]")
+    with pytest.raises(ValueError, match=r"outline\.yaml: outline_m: found no return inside"):
+        taken(source, region=far)
+    assert not (tmp_path / "in_source/pole").exists()
+
+
+# --- clocks
+
+START = 1_651_673_050.0
+
+
+def names_at(times: list[float]) -> list[str]:
+    return [f"{START + t:.6f}" for t in times]
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("1651673050.454284", 1651673050.454284),
+        ("1651673050_454284855_south", 1651673050.454284855),
+        ("1651673050_454", 1651673050.454),
+        ("1651673050454", 1651673050.454),
+        ("lidar_1651673050454284855", 1651673050.454284855),
+        ("1651673050", 1651673050.0),
+        ("000123", None),
+        ("frame_16516730501", None),
+    ],
+)
+def test_names_that_are_times(name: str, seconds: float | None) -> None:
+    assert seconds_of(name) == (pytest.approx(seconds, abs=1e-6) if seconds else None)
+
+
+def test_the_period_is_that_of_the_clock(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")
+    folder, _ = taken(write(tmp_path / "source", clouds, names_at([0.05 * i for i in range(20)])))
+    assert kitti.read_lidar(folder).period_s == pytest.approx(0.05)
+    assert kitti.frames(folder) == list(range(20))
+
+
+def test_a_jump_of_the_clock_leaves_numbers_out(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:6]
+    times = [0, 0.1, 0.2, 3.2, 3.3, 3.4]
+    folder, said = taken(write(tmp_path / "source", clouds, names_at(times)))
+    assert "the clock jumps 1 times, the most by 3 s after 1651673050.200000" in said
+    assert kitti.frames(folder) == [0, 1, 2, 32, 33, 34]
+
+
+def write_stamped(folder: Path, clouds: Clouds, times: list[float]) -> Path:
+    """.pcd files whose points have the time of their frame."""
+    folder.mkdir()
+    kind = [(name, "<f4") for name in ("x", "y", "z", "intensity")] + [("timestamp", "<f8")]
+    for i, (cloud, time) in enumerate(zip(clouds, times, strict=True)):
+        records = np.zeros(len(cloud), dtype=kind)
+        for column, name in enumerate(("x", "y", "z", "intensity")):
+            records[name] = cloud[:, column]
+        records["timestamp"] = START + time
+        write_pcd(folder / f"{i:06d}.pcd", records)
+    return folder
+
+
+def test_frames_out_of_order_are_sorted(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:5]
+    source = write_stamped(tmp_path / "source", clouds, [0, 0.1, 0.3, 0.2, 0.4])
+    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    assert any("out of order (1 times" in line for line in found.assumed)
+    rows = (tmp_path / "in/pole/sources.csv").read_text().splitlines()[1:]
+    assert rows == ["0,000000", "1,000001", "2,000003", "3,000002", "4,000004"]
+
+
+def test_a_clock_that_steps_back_is_not_used(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:5]
+    source = write_stamped(tmp_path / "source", clouds, [90, 90.1, 0.2, 0.3, 0.4])
+    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    assert any("the clock steps back by 89.9 s after 000001" in line for line in found.assumed)
+    assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
+    assert kitti.frames(tmp_path / "in/pole") == [0, 1, 2, 3, 4]
+
+
+# --- at once
+
+
+def test_boxes_and_a_view_follow_at_once(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write(tmp_path / "source", clouds_of(site, "ruby_plus"))
+    data, run = tmp_path / "data/site/pole", tmp_path / "run"
+    recipe = Path("configs/detectors/background.yaml").resolve()
+    for words in (
+        ["import", source, "--from", "bin", "--out", data],
+        ["train", recipe, "--data", data, "--out", run],
+        ["detect", run, "--data", data, "--out", run / "predictions"],
+        ["pictures", data.parent, "--out", tmp_path / "pictures"],
+        ["view", data, "--pred", run / "predictions", "--out", tmp_path / "view.html"],
+    ):
+        assert cli.main([str(word) for word in words]) == 0, words
+    assert len(list((tmp_path / "pictures").iterdir())) == 2  # of the LiDAR, and the sheet
+    printed = capsys.readouterr()
+    assert "assumed: the road lies" in printed.out
+    assert "not split" not in printed.err
+    labels = [kitti.read_labels(f, scores=True) for f in (run / "predictions").glob("*.txt")]
+    assert sum(map(len, labels)) > 100

@@ -1,0 +1,177 @@
+"""What a detector does on frames without labels tells a good one from a bad one."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pyinfra import cli, kitti
+from pyinfra.arrays import FloatArray
+from pyinfra.evaluation.trust import COLUMNS, BoxSeries, Trust, stands, travels, trust
+from pyinfra.training.trust import trust_of
+
+FRAMES = 50
+CAR = (4.5, 1.9, 1.6)
+Boxes = tuple[FloatArray, FloatArray]
+Made = Callable[[np.random.Generator, FloatArray], Boxes]
+
+
+@pytest.fixture(scope="module")
+def lidar(
+    infrasim: Callable[..., object],
+    run_command: Callable[..., list[str]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Five seconds of a motorway, frame by frame."""
+    out = tmp_path_factory.mktemp("row") / "data"
+    words = run_command("hesai_xt32", frames=f"0:{FRAMES}", preset="datasheet", out=out)
+    infrasim(*words, check=True)
+    return out / "hesai_xt32"
+
+
+def good(draw: np.random.Generator, truth: FloatArray) -> Boxes:
+    """Nearly all vehicles, 10 cm off."""
+    boxes = truth[draw.random(len(truth)) < 0.95].copy()
+    boxes[:, :2] += draw.normal(0, 0.1, (len(boxes), 2))
+    return boxes, draw.uniform(0.7, 1, len(boxes))
+
+
+def cars_at(places: FloatArray) -> FloatArray:
+    rows = np.tile([-5.2, *CAR, 0.0], (len(places), 1))
+    return np.column_stack([places, rows])
+
+
+def and_ghosts(draw: np.random.Generator, truth: FloatArray) -> Boxes:
+    boxes, scores = good(draw, truth)
+    ghosts = cars_at(draw.uniform(-60, 60, (8, 2)))
+    return np.concatenate([boxes, ghosts]), np.append(scores, draw.uniform(0.1, 0.45, 8))
+
+
+def and_hedges(draw: np.random.Generator, truth: FloatArray) -> Boxes:
+    boxes, scores = good(draw, truth)
+    hedges = cars_at(np.column_stack([np.arange(-50.0, 50, 10), np.full(10, 25.0)]))
+    hedges[:, :2] += draw.normal(0, 0.1, (10, 2))
+    return np.concatenate([boxes, hedges]), np.append(scores, draw.uniform(0.1, 0.45, 10))
+
+
+def half_blind(draw: np.random.Generator, truth: FloatArray) -> Boxes:
+    boxes, scores = good(draw, truth)
+    keep = draw.random(len(boxes)) < 0.5
+    return boxes[keep], scores[keep]
+
+
+def predictions(lidar: Path, made: Made, to: Path) -> Path:
+    draw = np.random.default_rng(0)
+    to.mkdir()
+    for frame in kitti.frames(lidar):
+        objects = kitti.read_objects(kitti.frame_file(lidar, "objects", frame))
+        boxes, scores = made(draw, objects.label_boxes("scan")[objects.points >= 3])
+        labels = kitti.Labels(np.full(len(boxes), "vehicle"), boxes, scores)
+        kitti.write_labels(to / f"{frame:06d}.txt", labels, None)
+    return to
+
+
+@pytest.fixture(scope="module")
+def tables(lidar: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Trust]]:
+    folder = tmp_path_factory.mktemp("pred")
+    kinds = (good, and_ghosts, and_hedges, half_blind)
+    return {m.__name__: trust_of(lidar, predictions(lidar, m, folder / m.__name__)) for m in kinds}
+
+
+def test_a_good_detector_looks_good(tables: dict[str, list[Trust]]) -> None:
+    low = tables["good"][0]
+    assert low.frames == FRAMES
+    assert low.confirmed_share > 0.7
+    assert low.found_share > 0.8
+    assert low.flicker_share < 0.05
+    assert low.standing_share < 0.05
+
+
+def test_ghosts_flicker_and_nothing_moves_in_them(tables: dict[str, list[Trust]]) -> None:
+    ghosts, low = tables["and_ghosts"][0], tables["good"][0]
+    assert ghosts.flicker_share > low.flicker_share + 0.2
+    assert ghosts.confirmed_share < low.confirmed_share - 0.2
+    assert ghosts.off_region_share > low.off_region_share + 0.1
+    assert ghosts.found_share == pytest.approx(low.found_share, abs=0.05)
+
+
+def test_hedges_stand(tables: dict[str, list[Trust]]) -> None:
+    hedges, low = tables["and_hedges"][0], tables["good"][0]
+    assert hedges.standing_share > low.standing_share + 0.3
+    assert hedges.confirmed_share < low.confirmed_share - 0.2
+    assert hedges.flicker_share < 0.05
+
+
+def test_a_blind_detector_finds_less_of_what_travels(tables: dict[str, list[Trust]]) -> None:
+    blind, low = tables["half_blind"][0], tables["good"][0]
+    assert blind.found_share < low.found_share - 0.3
+    assert blind.confirmed_share == pytest.approx(low.confirmed_share, abs=0.1)
+
+
+def test_a_higher_cut_leaves_the_ghosts_out(tables: dict[str, list[Trust]]) -> None:
+    cut = next(row for row in tables["and_ghosts"] if row.score == 0.5)
+    low = tables["good"][0]
+    assert cut.boxes_per_frame == pytest.approx(low.boxes_per_frame, rel=0.05)
+    assert cut.confirmed_share == pytest.approx(low.confirmed_share, abs=0.05)
+
+
+def test_the_command_prints_and_writes_the_table(
+    lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pred = predictions(lidar, and_ghosts, tmp_path / "pred")
+    words = ["validate", lidar, "--pred", pred, "--unlabelled", "--out", tmp_path / "out"]
+    assert cli.main([str(word) for word in words]) == 0
+    table = pd.read_csv(tmp_path / "out/trust.csv")
+    assert tuple(table) == COLUMNS
+    assert table.score.tolist() == [0.1, 0.2, 0.3, 0.5, 0.7]
+    assert "confirmed_share" in capsys.readouterr().out
+
+
+def test_labelled_frames_are_asked_for_it(
+    lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pred = predictions(lidar, good, tmp_path / "pred")
+    assert cli.main(["validate", str(lidar), "--pred", str(pred)]) == 0
+    assert "confirmed_share" not in capsys.readouterr().out
+    assert cli.main(["validate", str(lidar), "--unlabelled"]) == 2
+    assert "allowed with --pred alone" in capsys.readouterr().err
+
+
+# --- tracks by hand
+
+
+def row(places: list[list[tuple[float, float]]]) -> BoxSeries:
+    """Boxes of frames 0, 1, ..."""
+    frame = np.repeat(np.arange(len(places)), [len(own) for own in places])
+    xy = np.array([place for own in places for place in own], dtype=np.float64).reshape(-1, 2)
+    return BoxSeries(frame, cars_at(xy), np.ones(len(frame)))
+
+
+def test_what_goes_straight_travels_and_leaves_do_not() -> None:
+    car = [(1.5 * k, 0.0) for k in range(8)]
+    leaf = [(50 + 2.0 * (k % 2), 30 + 1.5 * (k // 2 % 2)) for k in range(8)]
+    parked = [(0.1 * (k % 2), -20.0) for k in range(8)]
+    seen = row([list(own) for own in zip(car, leaf, parked, strict=True)])
+    assert travels(seen, 0.1).tolist() == [True, False, False] * 8
+
+
+def test_a_gap_in_the_frames_ends_a_track() -> None:
+    seen = row([[(1.5 * k, 0.0)] for k in range(6)])
+    apart = BoxSeries(np.array([0, 1, 2, 10, 11, 12]), seen.boxes, seen.scores)
+    assert travels(seen, 0.1).all()
+    assert not travels(apart, 0.1).any()
+
+
+def test_what_moves_in_its_place_does_not_stand() -> None:
+    seen = row([[(10.0, 0.0), (20.0, 0.0), (1.5 * k, 9.0)] for k in range(10)])
+    confirmed = np.tile([False, True, True], 10)
+    assert stands(seen, confirmed, 10).tolist() == [True, False, False] * 10
+
+
+def test_nothing_found_has_no_shares() -> None:
+    nothing = BoxSeries(np.empty(0, np.int64), np.empty((0, 7)), np.empty(0))
+    (low, *_) = trust(range(10), 0.1, nothing, np.empty(0, np.int64), None, nothing)
+    assert low.boxes_per_frame == 0
+    assert np.isnan([low.confirmed_share, low.found_share, low.off_region_share]).all()
