@@ -47,6 +47,14 @@ void bind_simulation(py::module_& m) {
              return read_lidar(file, preset);
            }),
            py::arg("file"), py::arg("preset"))
+      .def(
+          "with_free_motors",
+          [](LidarConfig lidar) {
+            for (LidarUnit& unit : lidar.units)
+              if (unit.pattern.spinning) unit.pattern.spinning->phase = MotorPhase::kFree;
+            return lidar;
+          },
+          "The same, its turns begun at a draw of the scene's seed, whatever its file says.")
       .def_readonly("name", &LidarConfig::name)
       .def_readonly("preset", &LidarConfig::preset)
       .def("dump", &dump_lidar, "Every key with its value, as YAML.")
@@ -63,6 +71,17 @@ void bind_simulation(py::module_& m) {
            }),
            py::arg("file"), py::arg("assignments") = std::vector<std::string>{},
            py::arg("preset") = "datasheet")
+      .def_static(
+          "of_text",
+          [](const std::string& text, const std::string& name, const std::string& preset) {
+            const py::gil_scoped_release release;
+            return std::make_unique<World>(build_world(parse_scene(text, name, preset)));
+          },
+          py::arg("text"), py::arg("name"), py::arg("preset") = "datasheet",
+          "A scene that is no file; name stands for one in messages.")
+      .def(
+          "roads_csv", [](const World& w) { return w.region.roads_csv(); },
+          "The evaluation region, as roads.csv has it.")
       .def(
           "dump", [](const World& w) { return dump_scene(w.scene); },
           "Every key with its value, as YAML.")

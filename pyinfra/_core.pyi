@@ -131,6 +131,10 @@ class Lidar:
         """
         (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame; free motors start as if locked unless a seed is given.
         """
+    def with_free_motors(self) -> Lidar:
+        """
+        The same, its turns begun at a draw of the scene's seed, whatever its file says.
+        """
     @property
     def name(self) -> str:
         ...
@@ -141,6 +145,11 @@ class World:
     """
     A scene made ready.
     """
+    @staticmethod
+    def of_text(text: str, name: str, preset: str = 'datasheet') -> World:
+        """
+        A scene that is no file; name stands for one in messages.
+        """
     def __init__(self, file: str, assignments: collections.abc.Sequence[str] = [], preset: str = 'datasheet') -> None:
         ...
     def dump(self) -> str:
@@ -154,6 +163,10 @@ class World:
     def mesh(self, frame: typing.SupportsInt | typing.SupportsIndex, share: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """
         All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; levelled frame.
+        """
+    def roads_csv(self) -> str:
+        """
+        The evaluation region, as roads.csv has it.
         """
     @property
     def frames(self) -> int:

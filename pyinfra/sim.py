@@ -9,6 +9,7 @@ from typing import TypeAlias
 from warnings import warn
 
 import numpy as np
+import yaml
 
 from pyinfra._core import (
     BackgroundModel,
@@ -53,6 +54,7 @@ __all__ = [
     "learn_background",
     "load_lidar",
     "load_scene",
+    "make_world",
     "points",
     "scan_pattern",
     "simulate",
@@ -88,6 +90,15 @@ def load_scene(
     if seed is not None:
         assignments.append(f"seed={seed}")
     return World(str(file), assignments, preset)
+
+
+def make_world(scene: Mapping[str, object], *, preset: str = "datasheet") -> World:
+    """A scene made ready from its keys as plain data; messages name it in place of a file.
+
+    Paths in it are relative to the working folder. Raises ConfigError and IoError.
+    """
+    text = yaml.safe_dump(dict(scene), sort_keys=False, default_flow_style=None)
+    return World.of_text(text, str(scene.get("name", "scene")), preset)
 
 
 def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:

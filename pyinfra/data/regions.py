@@ -8,7 +8,7 @@ and the last s of its file. Where no roads are known, a user's outline may stand
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -89,7 +89,11 @@ class Window:
 
 def read_roads(file: Path) -> list[Road]:
     """Roads of a data set, in the order of the file. Raises FormatError with file and line."""
-    lines = lines_of(file, whole=True)
+    return roads_of(lines_of(file, whole=True), file)
+
+
+def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
+    """The same from the lines of a file, or of a world that has none."""
     try:
         rows = list(csv.reader(lines))
     except csv.Error as error:

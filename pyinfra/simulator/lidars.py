@@ -44,6 +44,12 @@ def catalogue_files() -> list[Path]:
     return sorted((catalogue.configs() / "lidars").glob("*.yaml"))
 
 
+def presets_of(file: Path) -> tuple[str, ...]:
+    """Names of a LiDAR's presets; of a bundle, those of its first unit."""
+    presets: tuple[str, ...] = _plain(file)["presets"]
+    return presets
+
+
 def read_sheet(file: Path, preset: str = "") -> LidarSheet:
     """A LiDAR's sheet, by default of the preset that is nearest to LiDARs one can buy.
 

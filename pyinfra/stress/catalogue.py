@@ -13,10 +13,11 @@ from pyinfra.simulator.catalogue import LIDARS, SCENES
 from pyinfra.statistics.selection import PRESETS
 from pyinfra.stress import clouds, limits, worlds
 from pyinfra.stress.worlds import Base, World
+from pyinfra.training import sensor_faults
 
 Dial = float | str
 OWN = "own"  # no stress, where a dial is a name
-CloudChange = Callable[[Points, float, clouds.Draws], Points]
+CloudChange = Callable[[Points, float, sensor_faults.Draws], Points]
 WorldChange = Callable[[Base, Dial], World]
 Need = Callable[[Base], str]  # why a base lacks it, or nothing
 
@@ -83,10 +84,10 @@ NONE = Stressor("none", "", (0.0,))
 STRESSORS = {
     row.name: row
     for row in (
-        Stressor("drop_out", "share", (0.0, 0.5, 0.75, 0.9, 0.97), clouds.drop_out),
+        Stressor("drop_out", "share", (0.0, 0.5, 0.75, 0.9, 0.97), sensor_faults.drop_out),
         Stressor("rain", "mm/h", (0.0, 10.0, 50.0, 100.0, 200.0), clouds.rain),
         Stressor("fog", "1/km", (0.0, 5.0, 10.0, 20.0, 40.0), clouds.fog),
-        Stressor("range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), clouds.range_noise),
+        Stressor("range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), sensor_faults.range_noise),
         Stressor("height_error", "m", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.height_error),
         Stressor("roll_error", "deg", (0.0, 0.5, 1.0, 2.0, 4.0), clouds.roll_error),
         Stressor("pitch_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.pitch_error),
@@ -95,7 +96,7 @@ STRESSORS = {
             "lost_lines",
             "share",
             (0.0, 0.5, 0.75, 0.9, 0.97),
-            clouds.lost_lines,
+            sensor_faults.lost_lines,
             each_frame=False,
         ),
         Stressor("blocked_sector", "deg", (0.0, 10.0, 20.0, 40.0, 80.0), clouds.blocked_sector),

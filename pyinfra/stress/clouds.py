@@ -12,26 +12,11 @@ import math
 import numpy as np
 
 from pyinfra.arrays import FloatArray, Points
+from pyinfra.training.sensor_faults import Draws, ranges_of, scaled
 
-Draws = np.random.Generator
-
-ROW_DEG = 40 / 127  # spacing of 128 even channels over 40 degrees
-ROWS = 1024  # more than there are of ROW_DEG from pole to pole
 DROPS_SHARE = 0.1  # of the points lost in rain or fog: they come back as a drop (assumed)
 DROPS_FROM_M = 1.0
 DROPS_INTENSITY = 0.05
-
-
-def drop_out(points: Points, share: float, draws: Draws) -> Points:
-    """Each point goes with this probability."""
-    return points[draws.random(len(points)) >= share]
-
-
-def range_noise(points: Points, sigma_m: float, draws: Draws) -> Points:
-    """Normal noise along the ray; no point passes the sensor."""
-    ranges = _ranges(points)
-    noisy = np.maximum(ranges + sigma_m * draws.normal(size=len(points)), 0)
-    return _scaled(points, np.divide(noisy, ranges, out=np.ones_like(ranges), where=ranges > 0))
 
 
 def rain(points: Points, mm_per_h: float, draws: Draws) -> Points:
@@ -40,14 +25,6 @@ def rain(points: Points, mm_per_h: float, draws: Draws) -> Points:
 
 def fog(points: Points, extinction_per_km: float, draws: Draws) -> Points:
     return _attenuated(points, extinction_per_km / 1000, draws)
-
-
-def lost_lines(points: Points, share: float, draws: Draws) -> Points:
-    """Rows of elevation go with this probability."""
-    flat = np.hypot(points[:, 0].astype(np.float64), points[:, 1])
-    elevation_deg = np.degrees(np.arctan2(points[:, 2], flat))
-    row = np.floor(elevation_deg / ROW_DEG).astype(np.int64) + ROWS // 2
-    return points[draws.random(ROWS)[row] >= share]
 
 
 def blocked_sector(points: Points, width_deg: float, _: Draws) -> Points:
@@ -95,7 +72,7 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatAr
 
 def _attenuated(points: Points, extinction_per_m: float, draws: Draws) -> Points:
     """What comes through, fainter, and then the drops that some lost rays hit."""
-    ranges = _ranges(points)
+    ranges = ranges_of(points)
     stays, drop, place = draws.random((3, len(points)))
     transmission = np.exp(-2 * extinction_per_m * ranges)
     through = stays < transmission
@@ -104,16 +81,6 @@ def _attenuated(points: Points, extinction_per_m: float, draws: Draws) -> Points
     drops = ~through & (drop < DROPS_SHARE) & (ranges > DROPS_FROM_M)
     # Inverse of the distribution with density 1/z^2 between DROPS_FROM_M and the range.
     near, far = 1 / DROPS_FROM_M, 1 / ranges[drops]
-    fallen = _scaled(points[drops], 1 / (near - place[drops] * (near - far)) / ranges[drops])
+    fallen = scaled(points[drops], 1 / (near - place[drops] * (near - far)) / ranges[drops])
     fallen[:, 3] = DROPS_INTENSITY
     return np.concatenate([kept, fallen])
-
-
-def _scaled(points: Points, factor: FloatArray) -> Points:
-    out = points.copy()
-    out[:, :3] = points[:, :3] * factor[:, None]
-    return out
-
-
-def _ranges(points: Points) -> FloatArray:
-    return np.asarray(np.linalg.norm(points[:, :3].astype(np.float64), axis=1))

@@ -27,7 +27,7 @@ from pyinfra.detectors.network import Network, keep_memory, one_thread
 from pyinfra.training import checkpoint
 from pyinfra.training.checkpoint import About, Checkpoint
 from pyinfra.training.recipe import Learning, Precision, Recipe
-from pyinfra.training.samples import Augmentation, Frames, augmented
+from pyinfra.training.samples import Augmentation, Frames, Samples, augmented
 from pyinfra.training.validation import Checks
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
@@ -57,7 +57,7 @@ class Progress:
 
 def train(
     network: Network,
-    frames: Frames,
+    frames: Samples,
     recipe: Recipe,
     about: About,
     out: Path,
@@ -123,17 +123,16 @@ def check_finite(name: str, value: float, step: int, last: Path) -> None:
         raise TrainingDiverged(f"step {step}: the {name} is {value}; {good}")
 
 
-def batch_of(frames: Frames, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
+def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
     """The frames of a step, or this process's share: each comes once before one comes twice."""
     size = recipe.learning.batch
     samples, centres = [], []
     for n in range(step * size + processes.rank(), (step + 1) * size, processes.count()):
-        turn, place = divmod(n, len(frames))
-        order = np.random.default_rng([seed, turn]).permutation(len(frames))
+        i = frames.nth(seed, n)
         draw = np.random.default_rng([seed, 1, n])
         paste = recipe.augmentation.pasted > 0
-        other = frames.another(int(order[place]), draw) if paste else None
-        sample = augmented(frames.sample(int(order[place])), other, recipe.augmentation, draw)
+        other = frames.another(i, draw) if paste else None
+        sample = augmented(frames.sample(i), other, recipe.augmentation, draw)
         samples.append(sample)
         centres.append(windows.centre_of(sample, network.site.area, draw))
     batch = make_batch(samples, network.site.area)

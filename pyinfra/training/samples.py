@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import bisect
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray, Points
-from pyinfra.boxes import bev_iou, points_in_box
+from pyinfra.arrays import BoolArray, FloatArray, Points
+from pyinfra.boxes import bev_iou, points_in_box, points_in_boxes
 from pyinfra.config import ruled
+from pyinfra.data.regions import Region
 from pyinfra.detectors.batch import Sample
+from pyinfra.training import sensor_faults
 
 
 @dataclass(frozen=True)
@@ -23,6 +27,35 @@ class Augmentation:
     scale: float = ruled(0.0, 0, 0.5)  # up to this share, either way
     pasted: int = ruled(0, 0, 100)  # vehicles of another frame, where they stood
     least_points: int = ruled(5, 0, 1000)  # of a pasted vehicle
+    drop_out: float = ruled(0.0, 0, 0.99)  # up to this share of the points goes
+    lost_lines: float = ruled(0.0, 0, 0.99)  # up to this share of the rows of elevation goes
+    range_noise_m: float = ruled(0.0, 0, 10)  # up to this standard deviation along the rays
+
+
+@dataclass(frozen=True, eq=False)
+class SiteSample(Sample):
+    """A frame that knows where it was taken; levelled LiDAR frame, as its points and boxes."""
+
+    region: Region  # where vehicles can be
+    road_z: float  # of the road nearest to the sensor's foot
+
+
+class Samples(Protocol):
+    """What a run learns from, numbered from 0."""
+
+    def __len__(self) -> int:
+        """How many there are before one comes again."""
+        ...
+
+    def nth(self, seed: int, n: int) -> int:
+        """Which one is the n-th to learn from; there is one for each n."""
+        ...
+
+    def sample(self, i: int) -> Sample: ...
+
+    def another(self, i: int, draw: np.random.Generator) -> Sample:
+        """Any of the LiDAR of sample i in its place."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +78,11 @@ class Frames:
         """Of the frames of one LiDAR."""
         return Frames(self.clouds[rows], self.boxes[rows])
 
+    def nth(self, seed: int, n: int) -> int:
+        """Each comes once before one comes twice."""
+        turn, place = divmod(n, len(self))
+        return int(np.random.default_rng([seed, turn]).permutation(len(self))[place])
+
     def sample(self, i: int) -> Sample:
         return Sample(self.clouds[i](), self.boxes[i])
 
@@ -63,7 +101,29 @@ def augmented(
     turn = np.deg2rad(draw.uniform(-how.rotation_deg, how.rotation_deg))
     scale = 1 + draw.uniform(-how.scale, how.scale)
     flip = how.flip and draw.random() < 0.5
-    return moved(sample, turn=float(turn), scale=float(scale), flip=flip)
+    sample = moved(sample, turn=float(turn), scale=float(scale), flip=flip)
+    return with_faults(sample, how, draw)
+
+
+def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
+    """As a sensor with faults has it: each of them up to its dial, evenly drawn.
+
+    Vehicles that lose their last point are no longer to be found. Without a dial nothing is drawn.
+    """
+    points = sample.points
+    for most, fault in (
+        (how.lost_lines, sensor_faults.lost_lines),
+        (how.drop_out, sensor_faults.drop_out),
+    ):
+        if most > 0:
+            points = fault(points, draw.uniform(0, most), draw)
+    boxes = sample.boxes
+    if len(points) < len(sample.points):
+        lost = (points_in_boxes(points, boxes) == 0) & (points_in_boxes(sample.points, boxes) > 0)
+        boxes = boxes[~lost]
+    if how.range_noise_m > 0:
+        points = sensor_faults.range_noise(points, draw.uniform(0, how.range_noise_m), draw)
+    return replace(sample, points=points, boxes=boxes)
 
 
 def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
@@ -78,7 +138,16 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
     boxes[:, :3] = boxes[:, :3] @ linear
     boxes[:, 3:6] *= scale
     boxes[:, 6] = (side * boxes[:, 6] + turn + np.pi) % (2 * np.pi) - np.pi
-    return Sample(points, boxes)
+    if not isinstance(sample, SiteSample):
+        return replace(sample, points=points, boxes=boxes)
+    region = partial(_in_moved, sample.region, linear[:2, :2])
+    return replace(sample, points=points, boxes=boxes, region=region, road_z=scale * sample.road_z)
+
+
+def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: float) -> BoolArray:
+    """Which places lie in a region that was moved by (2, 2): row vectors from the right."""
+    before = places[:, :2] @ np.linalg.inv(linear)
+    return region(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
 
 
 def with_pasted(
@@ -100,4 +169,4 @@ def with_pasted(
         points[0] = points[0][~here]
         points.append(own)
         boxes.append(other.boxes[i : i + 1])
-    return Sample(np.concatenate(points), np.concatenate(boxes))
+    return replace(sample, points=np.concatenate(points), boxes=np.concatenate(boxes))

@@ -26,6 +26,8 @@ from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 
 if TYPE_CHECKING:
     from pyinfra import sim
+    from pyinfra.detectors.site import Site
+    from pyinfra.training.samples import Samples
 
 Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
@@ -46,6 +48,18 @@ class Source:
     read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
     read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
     region: regions.Region | None = None  # where vehicles can be, if that is known
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Samples of many LiDARs and sites, which are made when they are asked for."""
+
+    lidar: str  # names of all, with blanks between, as the next three
+    preset: str
+    scene: str
+    label_time: str
+    samples: Samples
+    site: Site  # what a network looks at around each sensor
 
 
 def read_source(folder: Path, tier: Tier) -> Source:
@@ -132,15 +146,18 @@ def boxes_of_simulation(
 ) -> tuple[FloatArray, ...]:
     from pyinfra import sim
 
-    at = "scan_" if sim.label_time(world, lidar) == "scan" else ""
+    time = sim.label_time(world, lidar)
+    simulated = sim.simulate(world, [lidar], frames, threads=1)
+    return tuple(boxes_of_frame(frame, time) for _, (frame,) in simulated)
+
+
+def boxes_of_frame(frame: sim.Frame, label_time: kitti.LabelTime) -> FloatArray:
+    """(k, 7) of a simulated frame's vehicles that have a point."""
+    at = "scan_" if label_time == "scan" else ""
     pose = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
-    found = []
-    for _, (frame,) in sim.simulate(world, [lidar], frames, threads=1):
-        o = frame.objects
-        hit = np.isin(o["class_id"], VEHICLE_CLASSES) & (o["points"] > 0)
-        columns = [o[name][hit] for name in pose]
-        found.append(np.stack(columns, axis=1))
-    return tuple(found)
+    o = frame.objects
+    hit = np.isin(o["class_id"], VEHICLE_CLASSES) & (o["points"] > 0)
+    return np.stack([o[name][hit] for name in pose], axis=1)
 
 
 def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:

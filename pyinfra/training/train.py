@@ -17,7 +17,7 @@ from pyinfra.detectors.background import Background
 from pyinfra.kitti import LabelTime
 from pyinfra.training.recipe import Precision, Recipe
 from pyinfra.training.samples import Frames
-from pyinfra.training.sources import Source, spread
+from pyinfra.training.sources import Source, Stream, spread
 
 if TYPE_CHECKING:
     from pyinfra.training.loop import Description, Progress
@@ -32,7 +32,7 @@ OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0
 
 def train(
     recipe: Recipe,
-    sources: Sequence[Source],
+    sources: Sequence[Source] | Stream,
     out: Path,
     *,
     seed: int = 1,
@@ -53,7 +53,9 @@ def train(
     return _train_network(recipe, sources, out, seed, device, precision, quiet)
 
 
-def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> Path:
+def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
+    if isinstance(sources, Stream):
+        raise ValueError("background: found a stream of sites, allowed one LiDAR: it stands there")
     if len(sources) != 1:
         raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
     (source,) = sources
@@ -66,7 +68,7 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source], out: Path) -> P
 
 def _train_network(
     recipe: Recipe,
-    sources: Sequence[Source],
+    sources: Sequence[Source] | Stream,
     out: Path,
     seed: int,
     device: str,
@@ -77,22 +79,21 @@ def _train_network(
 
     from pyinfra.detectors import processes, windows
     from pyinfra.detectors.network import device_of
-    from pyinfra.detectors.site import site_of
     from pyinfra.training import checkpoint, loop
 
-    frames, held_out = _frames(sources, recipe.learning.validate_frames)
+    stream, held_out = _stream(sources, recipe.learning.validate_frames)
+    frames = stream.samples
     torch.manual_seed(seed)
-    site = site_of(frames.boxes)
-    network = checkpoint.build(recipe.detector, recipe.network, site)
+    network = checkpoint.build(recipe.detector, recipe.network, stream.site)
     windows.check(network, recipe.learning.window_m2)
     about = checkpoint.About(
         detector=recipe.detector,
         network=as_plain(recipe.network),
-        site=site,
-        lidar=" ".join(sorted({s.lidar for s in sources})),
-        preset=" ".join(sorted({s.preset for s in sources})),
-        scene=" ".join(sorted({s.scene for s in sources})),
-        label_time=common_label_time(sources),
+        site=stream.site,
+        lidar=stream.lidar,
+        preset=stream.preset,
+        scene=stream.scene,
+        label_time=stream.label_time,
         seed=seed,
         step=0,
         steps=recipe.learning.steps,
@@ -157,6 +158,27 @@ def _reporting(
 
     with bar, board:
         yield report
+
+
+def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Frames | None]:
+    """What to learn from, and what is kept to choose the best state by; None for 0.
+
+    Raises ValueError as `_frames` does, and if something is to be kept of a stream.
+    """
+    from pyinfra.detectors.site import site_of
+
+    if isinstance(sources, Stream):
+        if kept > 0:
+            raise ValueError(f"learning.validate_frames: found {kept} of a stream, allowed 0")
+        return sources, None
+    frames, held_out = _frames(sources, kept)
+    words = {
+        name: " ".join(sorted({getattr(source, name) for source in sources}))
+        for name in ("lidar", "preset", "scene")
+    }
+    label_time = common_label_time(sources)
+    stream = Stream(**words, label_time=label_time, samples=frames, site=site_of(frames.boxes))
+    return stream, held_out
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:

@@ -136,6 +136,13 @@ NORTH = side_start(0, 60, 90)  # ends away from the main road
 NORTH_LINE = "- {line_m: 200}"
 SMALL = "length_m: 1, width_m: 1, height_m: 3"
 
+
+def parked(row: str) -> Edit:
+    """Standing vehicles on the main road, cars a metre apart."""
+    shares = "class_shares: {Car: 1}"
+    return "traffic:\n", f"parked:\n  - {{road: main, {row}, {shares}}}\ntraffic:\n"
+
+
 ROADS = (
     Site("roads that cross without a junction", (NO_JUNCTION,), "centreline", ("main", "junction"),
          "name: side"),
@@ -226,6 +233,17 @@ STANDING = (
     Site("a gantry's leg in the junction", (("s_m: 60", "s_m: 195"),), "s_m", ("on a lane",),
          "s_m: 195"),
     Site("a gantry beyond its road", (("s_m: 60", "s_m: 401"),), "s_m", ("beyond",), "s_m: 401"),
+    Site("cars parked on a lane", (parked("offset_m: -6, to_m: 100"),), "offset_m",
+         ("a parked vehicle on a lane",), "offset_m: -6"),
+    Site("cars parked in the junction", (parked("offset_m: -9, from_m: 70"),), "offset_m",
+         ("a parked vehicle on a lane",), "offset_m: -9"),
+    Site("cars parked in a barrier", (parked("offset_m: 11, to_m: 100"),), "offset_m",
+         ("in what stands there",), "offset_m: 11, to_m: 100"),
+    Site("cars parked beyond a road", (parked("offset_m: -9, from_m: 400"),), "from_m",
+         ("beyond",), "from_m: 400"),
+    Site("pedestrians parked",
+         (("traffic:\n", parked("offset_m: -9")[1].replace("Car: 1", "Pedestrian: 1")),),
+         "parked.0.class_shares", ("found Pedestrian", "no vehicle"), "Pedestrian"),
 )  # fmt: skip
 SENSORS = (
     Site("a sensor in the ground", (pole(-25, -12, -1),), "mounts.pole.z_m",
@@ -307,6 +325,9 @@ POSSIBLE = (
     Site("a sensor on a roof", (pole(60, 40, 15.01),)),
     Site("a sensor 1 cm before a wall", (pole(44.99, 40, 6),)),
     Site("a sensor under a bridge", (NO_JUNCTION, side_keys("elevation_m: 4.5"), pole(0, -30, 2))),
+    Site("cars parked beside the lanes", (parked("offset_m: -8.6, from_m: 70, to_m: 180"),)),
+    Site("cars parked head to the road",
+         (parked("offset_m: -14, to_m: 150, turn_deg: 90, gap_m: 0.4"),)),
     Site("a sensor over a gantry", (pole(-140, 2, 7.01),)),
     Site("a sensor 4 km away", (pole(-4300, -12, 6),)),
     Site("no cyclists in lanes", ((SHARES, "{Car: 1, Cyclist: 0}"),)),

@@ -102,7 +102,7 @@ def imports(path: Path) -> Iterator[str]:
 ROOMS = (
     *("arrays", "atomic", "boxes", "config"),
     *("kitti", "simulator", "sim", "data", "drawing", "statistics", "evaluation"),
-    *("detectors", "training", "benchmark", "stress", "exchange", "viewer", "report"),
+    *("detectors", "training", "sites", "benchmark", "stress", "exchange", "viewer", "report"),
     *("cli", "commands"),
 )
 EVERYWHERE = {"_core"}

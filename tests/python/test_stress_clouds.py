@@ -11,6 +11,7 @@ from pyinfra import kitti
 from pyinfra.arrays import Points
 from pyinfra.stress import clouds
 from pyinfra.stress.catalogue import STRESSORS, Stressor
+from pyinfra.training import sensor_faults
 
 CLOUD_STRESSORS = [row for row in STRESSORS.values() if row.acts_on == "cloud"]
 
@@ -76,13 +77,13 @@ def test_other_frames_have_other_draws_but_the_same_lost_lines() -> None:
 
 
 def test_the_share_that_drops_out_is_the_dial() -> None:
-    kept = clouds.drop_out(random_cloud(40_000), 0.75, draws())
+    kept = sensor_faults.drop_out(random_cloud(40_000), 0.75, draws())
     assert len(kept) == pytest.approx(10_000, abs=400)
 
 
 def test_noise_is_along_the_ray_and_as_wide_as_the_dial() -> None:
     points = cloud(*[(30.0, 40.0, 0.0)] * 20_000)
-    out = clouds.range_noise(points, 0.2, draws()).astype(np.float64)
+    out = sensor_faults.range_noise(points, 0.2, draws()).astype(np.float64)
     ranges = np.linalg.norm(out[:, :3], axis=1)
     assert ranges.std() == pytest.approx(0.2, rel=0.03)
     assert ranges.mean() == pytest.approx(50, abs=0.01)
@@ -92,7 +93,7 @@ def test_noise_is_along_the_ray_and_as_wide_as_the_dial() -> None:
 
 def test_noise_leaves_a_point_at_the_sensor_and_none_passes_it() -> None:
     points = cloud((0, 0, 0), *[(0.1, 0, 0)] * 100)
-    out = clouds.range_noise(points, 5, draws())
+    out = sensor_faults.range_noise(points, 5, draws())
     assert np.isfinite(out).all()
     np.testing.assert_array_equal(out[0], points[0])
     assert out[:, 0].min() == 0
@@ -123,7 +124,7 @@ def test_a_lost_line_takes_all_of_its_points_and_no_other() -> None:
     rows = np.radians(-25 + 40 / 127 * np.arange(128))
     ring = [(20 * np.cos(a), 0, 20 * np.sin(a)) for a in rows]
     points = np.concatenate([cloud(*ring), cloud(*[(-x, y, z) for x, y, z in ring])])
-    out = clouds.lost_lines(points, 0.5, draws())
+    out = sensor_faults.lost_lines(points, 0.5, draws())
     ahead, behind = out[out[:, 0] > 0], out[out[:, 0] < 0]
     np.testing.assert_array_equal(ahead[:, 2], behind[:, 2])
     assert 40 < len(ahead) < 90

@@ -20,8 +20,9 @@ from detector_data import road_sample  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
 
 from pyinfra import cli, kitti  # noqa: E402
-from pyinfra.boxes import points_in_box  # noqa: E402
+from pyinfra.boxes import points_in_box, points_in_boxes  # noqa: E402
 from pyinfra.config import ConfigError  # noqa: E402
+from pyinfra.data import regions  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
 from pyinfra.training import (  # noqa: E402
     checkpoint,
@@ -34,8 +35,10 @@ from pyinfra.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.training.samples import (  # noqa: E402
     Augmentation,
     Frames,
+    SiteSample,
     augmented,
     moved,
+    with_faults,
     with_pasted,
 )
 from pyinfra.training.sources import Source, read_source, simulated_source  # noqa: E402
@@ -625,6 +628,61 @@ def test_pasted_vehicles_bring_their_points_and_stand_on_nobody() -> None:
         assert points_in_box(found.points, box).sum() >= 100
     same = augmented(sample, None, Augmentation(), np.random.default_rng(1))
     np.testing.assert_array_equal(same.points, sample.points)
+
+
+def test_faults_that_no_dial_asks_for_draw_nothing() -> None:
+    """So that runs of recipes without them are those they were."""
+    draw, other = np.random.default_rng(1), np.random.default_rng(1)
+    sample = road_sample(14)
+    assert with_faults(sample, Augmentation(), draw).points is sample.points
+    assert draw.random() == other.random()
+
+
+def test_dropped_points_and_lines_are_some_up_to_the_dial() -> None:
+    sample = road_sample(15)
+    for how in (Augmentation(drop_out=0.9), Augmentation(lost_lines=0.9)):
+        shares = []
+        for k in range(40):
+            found = with_faults(sample, how, np.random.default_rng(k))
+            assert {tuple(p) for p in found.points} <= {tuple(p) for p in sample.points}
+            shares.append(len(found.points) / len(sample.points))
+        assert min(shares) < 0.35
+        assert max(shares) > 0.85
+
+
+def test_vehicles_without_a_point_left_are_no_longer_to_be_found() -> None:
+    sample = road_sample(16)
+    few = dataclasses.replace(sample, points=sample.points[::40])
+    lost = 0
+    for k in range(20):
+        found = with_faults(few, Augmentation(drop_out=0.99), np.random.default_rng(k))
+        assert (points_in_boxes(found.points, found.boxes) > 0).all()
+        lost += len(sample.boxes) - len(found.boxes)
+    assert lost > 0
+
+
+def test_range_noise_is_along_the_rays() -> None:
+    sample = road_sample(17)
+    found = with_faults(sample, Augmentation(range_noise_m=0.2), np.random.default_rng(3))
+    before, after = (s.points[:, :3].astype(np.float64) for s in (sample, found))
+    np.testing.assert_allclose(np.cross(before, after), 0, atol=1e-3)
+    assert 0.001 < np.std(np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1)) < 0.25
+    np.testing.assert_array_equal(found.boxes, sample.boxes)
+
+
+def test_a_region_moves_with_the_points_of_its_sample() -> None:
+    sample = road_sample(18)
+    outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 4.0], [0.0, 4.0]])
+    region = partial(regions.in_outline, outline)
+    of_site = SiteSample(sample.points, sample.boxes, region, -6.0)
+    before = region(sample.points.astype(np.float64), 0.0)
+    assert 0 < before.sum() < len(before)
+    for turn, scale, flip in ((0.3, 1.05, False), (-2.0, 0.95, True)):
+        after = moved(of_site, turn=turn, scale=scale, flip=flip)
+        assert isinstance(after, SiteSample)
+        same = after.region(after.points.astype(np.float64), 0.0) == before
+        assert same.mean() > 0.999  # but for points on its edge
+        assert after.road_z == pytest.approx(-6 * scale)
 
 
 def test_the_simulator_gives_the_frames_that_a_run_writes(

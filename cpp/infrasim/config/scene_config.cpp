@@ -239,36 +239,58 @@ void visit(Fields& f, SpeedConfig& c) {
   f.field("std_km_h", c.std_km_h, "its standard deviation", between(0, 50));
 }
 
+/// Classes of vehicles by weight; `why_not` says what keeps the others out.
+template <class Fields>
+void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::string& why_not) {
+  f.field("class_shares", shares, "weight of each object class", [] {
+    auto rule = at_least_one();
+    rule.min = 0;
+    rule.max = 1;
+    return rule;
+  }());
+  double sum = 0;
+  for (const auto& [name, share] : shares) {
+    const ObjectClass* object_class = find_class(name);
+    f.check(object_class != nullptr, "class_shares",
+            "found unknown class '" + name + "', allowed Car, Van, Truck, Bus, Motorcycle");
+    f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
+            "found " + name + ", which " + why_not + ", allowed Car, Van, Truck, Bus, Motorcycle" +
+                "; trajectories may have all");
+    sum += share;
+  }
+  f.check(sum > 0, "class_shares", "found a sum of 0, allowed above 0");
+}
+
 template <class Fields>
 void visit(Fields& f, TrafficConfig& c) {
   f.here(c.place);
   f.field("vehicles_per_km_lane", c.vehicles_per_km_lane, "density", required(between(0, 100)));
   f.field("speed", c.speed, "desired speeds", required());
   f.field("warm_up_s", c.warm_up_s, "driven before frame 0", between(0, 1e4));
-  f.field("class_shares", c.class_shares, "weight of each object class", [] {
-    auto rule = at_least_one();
-    rule.min = 0;
-    rule.max = 1;
-    return rule;
-  }());
+  visit_shares(f, c.class_shares, "has no speed and way of its own in traffic");
   double sum = 0, sum_of_lengths = 0;
   for (const auto& [name, share] : c.class_shares) {
-    const ObjectClass* object_class = find_class(name);
-    f.check(object_class != nullptr, "class_shares",
-            "found unknown class '" + name + "', allowed Car, Van, Truck, Bus, Motorcycle");
-    f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
-            "found " + name +
-                ", which has no speed and way of its own in traffic, allowed Car, Van, Truck, Bus, "
-                "Motorcycle; trajectories may have all");
     sum += share;
-    if (object_class != nullptr) sum_of_lengths += share * object_class->length_m.mean;
+    if (const ObjectClass* object_class = find_class(name))
+      sum_of_lengths += share * object_class->length_m.mean;
   }
-  f.check(sum > 0, "class_shares", "found a sum of 0, allowed above 0");
   const double most = std::floor(1000 / (sum_of_lengths / sum + kStandstillGap_m));
   f.check(!(c.vehicles_per_km_lane > most), "vehicles_per_km_lane",
           "found " + config::number_text(c.vehicles_per_km_lane) + ", allowed up to " +
               config::number_text(most) + ", vehicles of these classes with " +
               config::number_text(kStandstillGap_m) + " m between them");
+}
+
+template <class Fields>
+void visit(Fields& f, ParkedConfig& c) {
+  f.here(c.place);
+  visit_side(f, c);
+  visit_stations(f, c);
+  f.field("turn_deg", c.turn_deg, "of the vehicles from the road's direction", between(-90, 90));
+  f.field("gap_m", c.gap_m, "mean of the gaps between two", between(0.2, 1000));
+  f.field("occupied", c.occupied, "share of the places that a vehicle stands in", between(0, 1));
+  f.field("base_m", c.base_m, "their base above the road", between(-100, 100));
+  visit_shares(f, c.class_shares, "is no vehicle");
 }
 
 template <class Fields>
@@ -401,6 +423,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("junctions", c.junctions, "signals where roads cross");
   f.field("filters", c.filters, "steps that thin out every frame, in order");
   f.field("traffic", c.traffic, "simulated vehicles");
+  f.field("parked", c.parked, "rows of standing vehicles along roads");
   f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
   f.field("static_layers", c.static_layers,
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");
@@ -434,8 +457,9 @@ SceneConfig read_scene(const std::filesystem::path& file, std::span<const std::s
   return scene;
 }
 
-SceneConfig parse_scene(const std::string& text, const std::string& name) {
-  return scene_of(config::parse_tree(text, name), {}, "");
+SceneConfig parse_scene(const std::string& text, const std::string& name,
+                        const std::string& preset) {
+  return scene_of(config::parse_tree(text, name), {}, preset);
 }
 
 std::size_t road_index(const SceneConfig& scene, const std::string& name,

@@ -196,6 +196,20 @@ struct TrafficConfig {
   config::Place place;
 };
 
+/// Vehicles that stand in a row along a road.
+struct ParkedConfig {
+  std::string road;
+  double offset_m = 0;  ///< of their middles, to the left of the centreline
+  double from_m = 0;
+  double to_m = 1e9;
+  double turn_deg = 0;    ///< from the road's direction
+  double gap_m = 1;       ///< between two of them, mean
+  double occupied = 0.8;  ///< share of the places that a vehicle stands in
+  double base_m = 0;      ///< above the road
+  std::map<std::string, double> class_shares;
+  config::Place place;
+};
+
 /// A pose of the LiDARs of a run.
 struct MountConfig {
   double x_m = 0;
@@ -255,6 +269,7 @@ struct SceneConfig {
   std::vector<JunctionConfig> junctions;
   std::vector<FilterConfig> filters;
   std::optional<TrafficConfig> traffic;
+  std::optional<std::vector<ParkedConfig>> parked;
   std::string trajectories;  ///< a file instead of traffic; relative to the scene file
   /// By LiDAR, a file in place of casting what stands still; relative to the scene file.
   std::optional<std::map<std::string, std::string>> static_layers;
@@ -280,8 +295,9 @@ SceneConfig read_scene(const std::filesystem::path& file,
 std::size_t road_index(const SceneConfig& scene, const std::string& name,
                        const config::Place& place, const char* key);
 
-/// The same from text, without a preset; `name` stands for the file in messages.
-SceneConfig parse_scene(const std::string& text, const std::string& name);
+/// The same from text; `name` stands for the file in messages.
+SceneConfig parse_scene(const std::string& text, const std::string& name,
+                        const std::string& preset = "");
 
 /// Every key with its value, as YAML that reads back to the same scene.
 std::string dump_scene(const SceneConfig& scene);

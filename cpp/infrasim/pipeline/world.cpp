@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/scene/parked.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/traffic.h"
@@ -14,8 +15,7 @@ namespace {
 
 constexpr double kChecked_s = 60;  // of simulated traffic
 
-Trajectories load_trajectories(const SceneConfig& scene) {
-  if (scene.traffic) return simulate_traffic(scene);
+Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
   Trajectories trajectories = read_trajectories(file);
   const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
@@ -24,7 +24,38 @@ Trajectories load_trajectories(const SceneConfig& scene) {
         file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
         " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
   trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
+  if (!scene.parked) return trajectories;
+  for (const auto& states : trajectories.rows)
+    if (!states.empty() && states.back().id >= kFirstParkedId)
+      throw ConfigError(file.string() + ": id: found " + std::to_string(states.back().id) +
+                        ", allowed below " + std::to_string(kFirstParkedId) +
+                        ", where those of parked vehicles begin");
   return trajectories;
+}
+
+/// Hands over every instant with the vehicles that stand for the whole of it.
+TakeInstant with_parked(const SceneConfig& scene, const TakeInstant& take) {
+  std::vector<ObjectState> parked;
+  for (const ParkedVehicle& vehicle : parked_vehicles(scene)) parked.push_back(vehicle.state);
+  if (parked.empty()) return take;
+  return [parked = std::move(parked), take](std::vector<ObjectState> states) {
+    states.insert(states.end(), parked.begin(), parked.end());
+    take(states);
+  };
+}
+
+/// The vehicles of a scene that was checked, one instant after the other.
+void take_instants(const SceneConfig& scene, const TakeInstant& take) {
+  const TakeInstant all = with_parked(scene, take);
+  if (scene.traffic) return simulate_traffic(scene, all);
+  const Trajectories recorded = load_recorded(scene);
+  for (const auto& states : recorded.rows) all(states);
+}
+
+Trajectories load_trajectories(const SceneConfig& scene) {
+  Trajectories out;
+  take_instants(scene, [&](const auto& states) { out.rows.push_back(states); });
+  return out;
 }
 
 std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& scene) {
@@ -68,9 +99,7 @@ World build_world(const SceneConfig& scene) {
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
   // What stands still is no part of the rows, but a scene is right as a whole or not at all.
   check_site(scene);
-  if (scene.traffic) return simulate_traffic(scene, take);
-  const Trajectories recorded = load_trajectories(scene);
-  for (const auto& states : recorded.rows) take(states);
+  take_instants(scene, take);
 }
 
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {

@@ -7,6 +7,7 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/parked.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/vegetation.h"
 
@@ -103,6 +104,8 @@ std::string what_holds(const SceneConfig& scene, const Sensor& sensor) {
       if (holds(piece, sensor)) return "a barrier of '" + barrier.road + "'";
   for (const LeafVolume& leaves : leaf_volumes(scene))
     if (holds(leaves, {sensor.foot.x, sensor.foot.y, sensor.z})) return leaves.kind;
+  for (const ParkedVehicle& vehicle : parked_vehicles(scene))
+    if (holds(vehicle.state.box, sensor)) return "a parked vehicle";
   return "";
 }
 

@@ -7,6 +7,7 @@
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/outline_index.h"
+#include "infrasim/scene/parked.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/vegetation.h"
@@ -100,6 +101,7 @@ class Site {
       check_beside_lanes(upright.box, upright.place, upright.key, "");
     for (const LeafVolume& leaves : leaf_volumes(scene_))
       check_beside_lanes(leaves.box, leaves.place, leaves.key, leaves.kind);
+    check_parked();
   }
 
  private:
@@ -267,6 +269,34 @@ class Site {
                    "found " + (kind.empty() ? "it" : kind) +
                        " on a lane, allowed beside the lanes or " + number_text(kClearance_m) +
                        " m above them");
+  }
+
+  /// Parked vehicles stand beside the lanes, and where nothing else does.
+  void check_parked() const {
+    const std::vector<ParkedVehicle> parked = parked_vehicles(scene_);
+    if (parked.empty()) return;
+    std::vector<Box3d> solid;
+    for (const Upright& upright : uprights(scene_)) solid.push_back(upright.box);
+    for (const BarrierConfig& barrier : scene_.barriers)
+      for (const Box3d& piece : barrier_pieces(scene_, barrier)) solid.push_back(piece);
+    OutlineIndex index;
+    for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
+    for (const auto& [vehicle, place] : parked) {
+      const Box3d& box = vehicle.box;
+      check_beside_lanes(box, place, "offset_m", "a parked vehicle");
+      const auto outline = footprint(box);
+      const auto shares_place = [&](std::size_t i) {
+        const Box3d& other = solid[i];
+        return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
+               footprints_overlap(outline, footprint(other));
+      };
+      if (index.any_near(outline, shares_place))
+        config::fail(place, "offset_m",
+                     "found a parked vehicle in another, or in what stands there, near " +
+                         at_text({box.x, box.y}) + ", allowed where nothing is");
+      index.add(outline, solid.size());
+      solid.push_back(box);
+    }
   }
 
   const SceneConfig& scene_;

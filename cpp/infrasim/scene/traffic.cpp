@@ -5,6 +5,7 @@
 
 #include "infrasim/config/fields.h"
 #include "infrasim/core/rng.h"
+#include "infrasim/scene/fleet.h"
 
 namespace infrasim {
 
@@ -169,13 +170,11 @@ class Traffic {
     Vehicle v;
     v.id = next_id_++;
     v.lane = lane;
-    v.object_class = &draw_class(rng.uniform(0));
-    const auto size = [&](const Spread& spread, unsigned j) {
-      return spread.mean + spread.std * std::clamp(rng.normal(j), -2.0, 2.0);
-    };
-    v.dx = size(v.object_class->length_m, 1);
-    v.dy = size(v.object_class->width_m, 3);
-    v.dz = size(v.object_class->height_m, 5);
+    v.object_class = &class_at(config_.class_shares, rng.uniform(0));
+    const VehicleSize size = draw_size(*v.object_class, rng);
+    v.dx = size.dx;
+    v.dy = size.dy;
+    v.dz = size.dz;
     const double deviation = std::clamp(rng.normal(7), -2.5, 2.5);
     v.desired_speed =
         std::max(1.0, (config_.speed.mean_km_h + config_.speed.std_km_h * deviation) / 3.6);
@@ -208,16 +207,6 @@ class Traffic {
     v.dy = std::min(v.dy, narrowest_m_ - 2 * beside);
     const double free = narrowest_m_ / 2 - v.dy / 2 - beside;
     v.lateral = std::clamp(v.lateral, -free, free);
-  }
-
-  const ObjectClass& draw_class(double u) const {
-    double sum = 0;
-    for (const auto& [name, share] : config_.class_shares) sum += share;
-    for (const auto& [name, share] : config_.class_shares) {
-      u -= share / sum;
-      if (u < 0) return *find_class(name);
-    }
-    return *find_class(config_.class_shares.rbegin()->first);
   }
 
   /// Puts the vehicles that wait for an entry where the last one ahead leaves room.

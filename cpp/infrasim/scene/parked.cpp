@@ -1,0 +1,88 @@
+#include "infrasim/scene/parked.h"
+
+#include <algorithm>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/core/rng.h"
+#include "infrasim/scene/curve.h"
+#include "infrasim/scene/fleet.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kAside_m = 0.15;       // most that a vehicle stands beside its row, nominal
+constexpr double kAskew_deg = 2;        // and turned from it
+constexpr std::size_t kMost = 2'000;    // in a scene: each is looked at in every frame
+constexpr unsigned kDrawsOfOthers = 7;  // class and size
+
+/// The line that the middles of a row's vehicles stand on.
+Curve line_of(const RoadConfig& road, const ParkedConfig& row) {
+  const Curve whole = centreline(road);
+  const double to = std::min(row.to_m, whole.length());
+  if (row.from_m >= to)
+    config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+  return whole.part(row.from_m, to).offset(row.offset_m);
+}
+
+class Row {
+ public:
+  Row(const RoadConfig& road, const ParkedConfig& config, Rng rng)
+      : config_(config), rng_(rng), line_(line_of(road, config)), road_(road) {}
+
+  void append_to(std::vector<ParkedVehicle>& out) const {
+    double s = 0;
+    for (std::uint64_t place = 1;; ++place) {
+      const Rng rng = rng_.at(place);
+      const ObjectClass& kind = class_at(config_.class_shares, rng.uniform(0));
+      const VehicleSize size = draw_size(kind, rng);
+      const double askew = rad(kAskew_deg) * (2 * rng.uniform(kDrawsOfOthers) - 1);
+      const double turn = rad(config_.turn_deg) + askew;
+      const double taken = std::abs(std::cos(turn)) * size.dx + std::abs(std::sin(turn)) * size.dy;
+      if (s + taken > line_.length()) return;
+      if (rng.uniform(kDrawsOfOthers + 1) < config_.occupied) {
+        if (out.size() == kMost)
+          config::fail(config_.place, "to_m",
+                       "found more than " + std::to_string(kMost) +
+                           " parked vehicles up to this row, allowed " + std::to_string(kMost));
+        const int id = kFirstParkedId + static_cast<int>(out.size());
+        out.push_back({state(id, kind, size, s + taken / 2, turn, rng), config_.place});
+      }
+      s += taken + config_.gap_m * (0.6 + 0.8 * rng.uniform(kDrawsOfOthers + 2));
+    }
+  }
+
+ private:
+  ObjectState state(int id, const ObjectClass& kind, const VehicleSize& size, double s, double turn,
+                    const Rng& rng) const {
+    const CurvePoint p = line_.at(s);
+    const double aside = kAside_m * (2 * rng.uniform(kDrawsOfOthers + 3) - 1);
+    const Vec2 xy = p.position + aside * heading_vector(p.heading + kPi / 2);
+    const bool along = config_.turn_deg == 0;
+    const bool back = along ? config_.offset_m > 0 : rng.uniform(kDrawsOfOthers + 4) < 0.5;
+    const double z = road_.elevation_m + config_.base_m + size.dz / 2;
+    const double heading = p.heading + turn + (back ? kPi : 0);
+    return rounded({id, kind.id, {xy.x, xy.y, z, size.dx, size.dy, size.dz, heading}, 0});
+  }
+
+  const ParkedConfig& config_;
+  Rng rng_;
+  Curve line_;
+  const RoadConfig& road_;
+};
+
+}  // namespace
+
+std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene) {
+  std::vector<ParkedVehicle> out;
+  if (!scene.parked) return out;
+  const Rng rng = Rng::of(scene.seed, "parked");
+  for (std::size_t i = 0; i < scene.parked->size(); ++i) {
+    const ParkedConfig& row = (*scene.parked)[i];
+    const RoadConfig& road = scene.roads[road_index(scene, row.road, row.place, "road")];
+    Row(road, row, rng.at(i + 1)).append_to(out);
+  }
+  return out;
+}
+
+}  // namespace infrasim

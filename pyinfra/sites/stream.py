@@ -1,0 +1,203 @@
+"""Samples of generated sites, cast when they are asked for; nothing is on disk.
+
+A visit is one site with some LiDARs and some frames of each: its world is built once, all its
+samples are cast, and it is thrown away. Some visits are mixed: a group of them is held in memory,
+and its samples are given in a drawn order. Sample n is a function of the plan and n alone, so a run
+goes on from any n at the price of one group.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pyinfra import sim
+from pyinfra.data import regions
+from pyinfra.detectors.batch import Area
+from pyinfra.detectors.site import Site
+from pyinfra.kitti import LabelTime, WorldPose
+from pyinfra.sites import catalogue
+from pyinfra.sites.draws import VERSION
+from pyinfra.sites.generator import make_site
+from pyinfra.sites.layout import Keys
+from pyinfra.training.samples import SiteSample
+from pyinfra.training.sources import Stream, boxes_of_frame
+
+# What is looked at around a sensor, metres: x and y to the end of the regions and of parked crowds,
+# z from below the road to over a truck, for sensors of 3.5 to 9 m.
+AREA = Area((-110.0, -110.0, -10.0), (110.0, 110.0, 2.0))
+FLOOR_Z = -6.2  # of the road, in the middle
+REDRAWN, TRIES = 1_000_000_000, 5
+ABOVE_ROAD = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
+
+
+@dataclass(frozen=True)
+class StreamPlan:
+    """Which sites, and how they are visited."""
+
+    seed: int = 1  # of LiDARs, frames and order
+    sites: int = 1000
+    first_site: int = 0
+    lidars: int = 4  # of a visit
+    frames: int = 2  # of each of its LiDARs
+    mixed: int = 6  # visits in memory
+    label_time: LabelTime | None = None  # None: as each site has it
+    above_road: bool = False  # z from the road below the sensor, in place of from the sensor
+
+    @property
+    def of_visit(self) -> int:
+        return self.lidars * self.frames
+
+    @property
+    def of_group(self) -> int:
+        return self.mixed * self.of_visit
+
+
+@dataclass
+class Cost:
+    """CPU seconds that making samples took so far, by what for."""
+
+    visits: int = 0
+    samples: int = 0
+    building_s: float = 0.0  # sites and worlds
+    casting_s: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        return self.building_s + self.casting_s
+
+
+@dataclass
+class SiteSamples:
+    """Samples (`pyinfra.training.samples.Samples`) of a plan."""
+
+    plan: StreamPlan
+    sensors: catalogue.Sensors
+    cost: Cost = field(default_factory=Cost)
+    make_keys: Callable[[int], Keys] = make_site
+    _group: tuple[int, list[SiteSample]] = (-1, [])
+
+    def __post_init__(self) -> None:
+        if self.plan.lidars > len(self.sensors.files):
+            raise ValueError(
+                f"lidars: found {self.plan.lidars}, allowed up to {len(self.sensors.files)}"
+            )
+
+    def __len__(self) -> int:
+        """Of one round over the sites; the next one has other LiDARs and frames."""
+        return self.plan.sites * self.plan.of_visit
+
+    def nth(self, _seed: int, n: int) -> int:
+        """In the stream's own order, so that a world is built once."""
+        return n
+
+    def sample(self, i: int) -> SiteSample:
+        group, place = divmod(i, self.plan.of_group)
+        return self._samples(group)[self._order(group)[place]]
+
+    def another(self, i: int, draw: np.random.Generator) -> SiteSample:
+        """Of the same visit and LiDAR."""
+        group, place = divmod(i, self.plan.of_group)
+        first = self._order(group)[place] // self.plan.frames * self.plan.frames
+        return self._samples(group)[first + int(draw.integers(self.plan.frames))]
+
+    def _order(self, group: int) -> list[int]:
+        random = np.random.default_rng([VERSION, self.plan.seed, 1, group])
+        return [int(k) for k in random.permutation(self.plan.of_group)]
+
+    def _samples(self, group: int) -> list[SiteSample]:
+        if self._group[0] != group:
+            self._group = (-1, [])  # never two in memory
+            visits = range(group * self.plan.mixed, (group + 1) * self.plan.mixed)
+            self._group = (group, [s for visit in visits for s in self._visit(visit)])
+        return self._group[1]
+
+    def _visit(self, visit: int) -> list[SiteSample]:
+        start = time.process_time()
+        random = np.random.default_rng([VERSION, self.plan.seed, 0, visit])
+        keys, world = self._world(self.plan.first_site + visit % self.plan.sites)
+        built = time.process_time()
+        samples = []
+        for lidar in self.sensors.draw(random, self.plan.lidars):
+            # Drawn, not evenly spaced: a pattern that nearly repeats would show few phases.
+            frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
+            samples += samples_of(world, keys, lidar, frames, above_road=self.plan.above_road)
+        self.cost.visits += 1
+        self.cost.samples += len(samples)
+        self.cost.building_s += built - start
+        self.cost.casting_s += time.process_time() - built
+        return samples
+
+    def _world(self, seed: int) -> tuple[Keys, sim.World]:
+        """Of the seed, or of the next of its stand-ins: one bad draw must not end a long run."""
+        for times in range(TRIES):
+            keys = self.make_keys(redrawn(seed, times))
+            if self.plan.label_time is not None:
+                keys["label_time"] = self.plan.label_time
+            try:
+                return keys, sim.make_world(keys)
+            except sim.ConfigError as error:
+                refused = error
+        raise refused
+
+
+def redrawn(seed: int, times: int) -> int:
+    """The seed of the site that stands in for one that the simulator refuses."""
+    return seed + times * REDRAWN
+
+
+def samples_of(
+    world: sim.World, keys: Keys, lidar: sim.Lidar, frames: list[int], *, above_road: bool = False
+) -> list[SiteSample]:
+    """Frames of a site's LiDAR. Raises what the simulator does."""
+    ((_, mount),) = keys["mounts"].items()
+    yaw = float(np.radians(mount["yaw_deg"]))
+    pose = WorldPose(mount["x_m"], mount["y_m"], mount["z_m"], yaw)
+    roads = regions.roads_of(world.roads_csv().splitlines(), keys["name"])
+    region = regions.roads_region(roads, pose)
+    road_z = road_below(roads, pose)
+    label_time = sim.label_time(world, lidar)
+    samples = []
+    for frame in cast(world, lidar, frames):
+        points, boxes = sim.points(frame), boxes_of_frame(frame, label_time)
+        if above_road:
+            points[:, 2] -= road_z
+            boxes[:, 2] -= road_z
+        samples.append(SiteSample(points, boxes, region, 0.0 if above_road else road_z))
+    return samples
+
+
+def cast(world: sim.World, lidar: sim.Lidar, frames: list[int]) -> list[sim.Frame]:
+    """Without a word on weather, which sites have and not every preset."""
+    with warnings.catch_warnings(action="ignore", category=UserWarning):
+        return [frame for _, (frame,) in sim.simulate(world, [lidar], frames, threads=1)]
+
+
+def road_below(roads: list[regions.Road], pose: WorldPose) -> float:
+    """Height of the nearest road's nearest place in the levelled frame."""
+    x, y, z = (np.concatenate(c) for c in zip(*((*r.xy.T, r.z) for r in roads), strict=True))
+    nearest = np.hypot(x - pose.x, y - pose.y).argmin()
+    return float(z[nearest] - pose.z)
+
+
+def site_stream(plan: StreamPlan, sensors: catalogue.Sensors | None = None) -> Stream:
+    """What `pyinfra.training.train.train` learns from in place of sources.
+
+    Raises ValueError for more LiDARs a visit than there are.
+    """
+    chosen = sensors or catalogue.sensors()
+    samples = SiteSamples(plan, chosen)
+    last = plan.first_site + plan.sites - 1
+    site = Site(ABOVE_ROAD, 0.0) if plan.above_road else Site(AREA, FLOOR_Z)
+    return Stream(
+        lidar=catalogue.names_of(chosen.files),
+        preset=" ".join(sorted(chosen.presets)),
+        scene=f"sites_v{VERSION}_{plan.first_site}_to_{last}_seed_{plan.seed}",
+        label_time=plan.label_time or "frame scan",
+        samples=samples,
+        site=site,
+    )

@@ -1,0 +1,119 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "infrasim/pipeline/world.h"
+#include "infrasim/scene/overlaps.h"
+#include "infrasim/scene/parked.h"
+#include "infrasim/scene/traffic.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::configs;
+using testing::error_of;
+using testing::TestFolder;
+
+/// Five seconds of the curve with rows of parked vehicles.
+SceneConfig with_parked(const std::string& rows) {
+  const std::vector<std::string> assignments{"duration_s=5", "traffic.warm_up_s=5",
+                                             "parked=" + rows};
+  return read_scene(configs() / "scenes/curve.yaml", assignments);
+}
+
+/// Both kerbs and a car park.
+constexpr char kKerbs[] =
+    "[{road: bend, offset_m: -8.6, to_m: 280, class_shares: {Car: 0.8, Van: 0.2}}, "
+    "{road: bend, offset_m: 8.6, class_shares: {Car: 1}, occupied: 0.5}, "
+    "{road: bend, offset_m: 24, from_m: 10, to_m: 80, turn_deg: 90, gap_m: 0.4, "
+    "class_shares: {Car: 1}}]";
+
+TEST(parked, vehicles_stand_apart_and_beside_the_traffic) {
+  const SceneConfig scene = with_parked(kKerbs);
+  EXPECT_GT(parked_vehicles(scene).size(), 80U);
+  EXPECT_TRUE(traffic_overlaps(scene).empty());
+}
+
+TEST(parked, vehicles_stand_for_the_whole_run_and_change_nothing_of_the_traffic) {
+  const SceneConfig scene = with_parked(kKerbs);
+  const std::vector<ParkedVehicle> parked = parked_vehicles(scene);
+  const Trajectories traffic = simulate_traffic(scene);
+  const World world = build_world(scene);
+  ASSERT_EQ(world.trajectories.rows.size(), traffic.rows.size());
+  for (std::size_t k = 0; k < traffic.rows.size(); ++k) {
+    const auto& row = world.trajectories.rows[k];
+    ASSERT_EQ(row.size(), traffic.rows[k].size() + parked.size());
+    const ObjectState& last = row.back();
+    EXPECT_EQ(last.id, kFirstParkedId + static_cast<int>(parked.size()) - 1);
+    EXPECT_EQ(last.box.x, parked.back().state.box.x);
+    EXPECT_EQ(last.speed_m_s, 0);
+    EXPECT_EQ(row.front().box.x, traffic.rows[k].front().box.x);
+  }
+}
+
+TEST(parked, vehicles_are_a_draw_of_the_seed) {
+  SceneConfig scene = with_parked(kKerbs);
+  const double x = parked_vehicles(scene).front().state.box.x;
+  EXPECT_EQ(parked_vehicles(scene).front().state.box.x, x);
+  scene.seed = 2;
+  EXPECT_NE(parked_vehicles(scene).front().state.box.x, x);
+}
+
+TEST(parked, vehicles_at_a_kerb_face_as_the_traffic_beside_them) {
+  const SceneConfig scene = with_parked(kKerbs);
+  for (const auto& [vehicle, place] : parked_vehicles(scene)) {
+    if (vehicle.box.x > -50) continue;  // the bend
+    const double ahead = std::cos(vehicle.box.heading);
+    const double y = vehicle.box.y;
+    const double wanted = y > 12 ? 0 : (y < 0 ? 1 : -1);
+    EXPECT_NEAR(ahead, wanted, y > 12 ? 0.04 : 0.001);
+  }
+}
+
+TEST(parked, no_place_is_taken_of_a_row_that_is_not_occupied) {
+  EXPECT_TRUE(parked_vehicles(with_parked("[{road: bend, offset_m: -8.6, occupied: 0, "
+                                          "class_shares: {Car: 1}}]"))
+                  .empty());
+}
+
+TEST(parked, rows_in_one_place_are_refused) {
+  const std::string message = error_of([] {
+    build_world(
+        with_parked("[{road: bend, offset_m: -9, class_shares: {Car: 1}}, "
+                    "{road: bend, offset_m: -9.5, class_shares: {Car: 1}}]"));
+  });
+  EXPECT_NE(message.find("offset_m: found a parked vehicle in another"), std::string::npos)
+      << message;
+}
+
+TEST(parked, more_vehicles_than_are_looked_at_are_refused) {
+  const std::string message = error_of([] {
+    SceneConfig scene = with_parked("[{road: bend, offset_m: -9, class_shares: {Motorcycle: 1}}]");
+    scene.roads[0].centreline[0].line_m = 9000;
+    parked_vehicles(scene);
+  });
+  EXPECT_NE(message.find("allowed 2000"), std::string::npos) << message;
+}
+
+TEST(parked, vehicles_stand_beside_recorded_ones_with_other_ids) {
+  const auto recorded = [](int id) {
+    const TestFolder folder;
+    std::string rows = "t,id,class,x,y,z,heading,dx,dy,dz,speed\n";
+    for (const char* t : {"0", "0.1", "0.2"})
+      rows += std::string(t) + "," + std::to_string(id) + ",Car,0,-5.25,0.8,0,4.5,2,1.6,0\n";
+    folder.write("recorded.csv", rows);
+    SceneConfig scene = with_parked("[{road: bend, offset_m: -8.6, class_shares: {Car: 1}}]");
+    scene.folder = folder.path();
+    scene.traffic.reset();
+    scene.trajectories = "recorded.csv";
+    scene.duration_s = 0.2;
+    return build_world(scene).trajectories.rows.back().size();
+  };
+  EXPECT_GT(recorded(7), 20U);
+  const std::string message = error_of([&] { recorded(kFirstParkedId); });
+  EXPECT_NE(message.find("id: found 1000000000, allowed below"), std::string::npos) << message;
+}
+
+}  // namespace
+}  // namespace infrasim

@@ -1,0 +1,350 @@
+"""Generated sites: the same for the same seed, possible, and streamed without files."""
+
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from conftest import BINARY
+
+from pyinfra import sim
+from pyinfra.cli import main
+from pyinfra.kitti import WorldPose, read_keys
+from pyinfra.simulator.catalogue import configs, lidar_file
+from pyinfra.sites import generator
+from pyinfra.sites.catalogue import Sensors, sensors
+from pyinfra.sites.generator import make_site
+from pyinfra.sites.layout import DrawnRoad, Keys
+from pyinfra.sites.ranges import HABITATS, RANGES
+from pyinfra.sites.stream import SiteSamples, StreamPlan, samples_of, site_stream
+from pyinfra.training.recipe import read_recipe
+from pyinfra.training.samples import SiteSample
+from pyinfra.training.sources import Stream
+from pyinfra.training.train import train
+
+MANY = 200
+SITES = [make_site(seed) for seed in range(MANY)]
+
+
+def test_a_seed_gives_the_same_site_again_and_another_seed_another() -> None:
+    assert make_site(7) == SITES[7]
+    without_name = [
+        yaml.safe_dump({k: v for k, v in s.items() if k not in ("name", "seed")}) for s in SITES
+    ]
+    assert len(set(without_name)) == MANY
+
+
+def test_a_site_is_plain_data_that_a_scene_file_holds() -> None:
+    assert yaml.safe_load(yaml.safe_dump(SITES[3])) == SITES[3]
+
+
+def test_a_seed_below_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match="seed: found -1"):
+        make_site(-1)
+
+
+@pytest.mark.parametrize("seed", range(0, MANY, 8))
+def test_a_site_can_be(seed: int, tmp_path: Path) -> None:
+    file = tmp_path / "site.yaml"
+    file.write_text(yaml.safe_dump(SITES[seed]))
+    result = subprocess.run([BINARY, "check", file], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.slow
+def test_vehicles_of_sites_share_no_place(tmp_path: Path) -> None:
+    for seed in range(0, MANY, 10):
+        file = tmp_path / f"{seed}.yaml"
+        file.write_text(yaml.safe_dump(SITES[seed]))
+        command = [BINARY, "check", file, "--traffic"]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, result.stderr
+
+
+def count(of: str) -> int:
+    return sum(1 for site in SITES if site.get(of))
+
+
+def test_sites_have_what_stands_beside_real_roads() -> None:
+    assert count("vegetation") > 0.8 * MANY
+    assert count("barriers") > 0.4 * MANY
+    assert count("buildings") > 0.6 * MANY
+    assert count("parked") > 0.15 * MANY
+    assert count("junctions") > 0.15 * MANY
+    assert count("gantries") > 0.02 * MANY
+    assert sum("embankment" in site["roads"][0] for site in SITES) > 0.1 * MANY
+    assert {site["label_time"] for site in SITES} == {"frame", "scan"}
+
+
+def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
+    mounts = [site["mounts"]["pole"] for site in SITES]
+    heights = np.array([mount["z_m"] for mount in mounts])
+    assert heights.min() >= 3.5
+    assert heights.max() <= 9
+    assert np.ptp(heights) > 4
+    near = [DrawnRoad(s["roads"][0]).distance(np.array([[m["x_m"], m["y_m"]]])) for s, m in
+            zip(SITES, mounts, strict=True)]  # fmt: skip
+    assert np.max(near) < 40
+
+
+def test_classes_fit_the_lanes_of_their_bends_as_the_simulator_has_it() -> None:
+    for name, lane, radius in (("Bus", 3.5, 40.0), ("Truck", 3.0, 25.0), ("Car", 2.8, 12.0)):
+        length, _ = generator.MEAN_SIZE_M[name]
+        assert generator.fits(name, lane, 1e6) == generator.fits(name, lane, np.inf)
+        assert not generator.fits(name, lane, length / 4)
+        assert isinstance(generator.fits(name, lane, radius), bool)
+
+
+def test_mean_sizes_are_those_of_the_simulator(tmp_path: Path) -> None:
+    """A scene of one class has vehicles of that size on average."""
+    for name, (length, width) in generator.MEAN_SIZE_M.items():
+        keys = parked_only(name)
+        boxes = boxes_of(sim.make_world(keys), keys)
+        assert np.abs(boxes[:, 3].mean() - length) < 0.35
+        assert np.abs(boxes[:, 4].mean() - width) < 0.1
+
+
+def parked_only(name: str) -> Keys:
+    """Rows of vehicles beside a road without traffic."""
+    rows = [
+        {"road": "main", "offset_m": off, "gap_m": 1, "occupied": 1, "class_shares": {name: 1}}
+        for off in (-9, 9, 14, -14)
+    ]
+    road = {
+        "name": "main",
+        "start": {"x_m": -60, "y_m": 0},
+        "centreline": [{"line_m": 120}],
+        "lanes": {"each_way": 1},
+    }
+    return {
+        "name": "parked",
+        "duration_s": 1,
+        "label_time": "frame",
+        "mounts": {"pole": {"x_m": 0, "y_m": 0, "z_m": 9, "yaw_deg": 0}},
+        "roads": [road],
+        "traffic": {
+            "vehicles_per_km_lane": 0,
+            "speed": {"mean_km_h": 50},
+            "class_shares": {"Car": 1},
+        },
+        "parked": rows,
+    }
+
+
+def boxes_of(world: sim.World, keys: Keys) -> np.ndarray:
+    lidar = sim.load_lidar(lidar_file("ruby_plus"), "equal")
+    (sample,) = samples_of(world, keys, lidar, [0])
+    return sample.boxes
+
+
+def test_parked_vehicles_are_labelled_as_others_and_stand_still() -> None:
+    keys = parked_only("Car")
+    world = sim.make_world(keys)
+    lidar = sim.load_lidar(lidar_file("ruby_plus"), "equal")
+    frames = [objects for _, (frame,) in sim.simulate(world, [lidar], [0, 9])
+              for objects in [frame.objects]]  # fmt: skip
+    assert len(frames[0]) > 60
+    assert (frames[0]["speed"] == 0).all()
+    assert (frames[0]["id"] >= 1_000_000_000).all()
+    assert (frames[0]["x"] == frames[1]["x"]).all()
+    assert (frames[0]["points"] > 0).mean() > 0.8
+
+
+# --- the stream -----------------------------------------------------------------------------------
+
+FEW = Sensors((lidar_file("velodyne_vlp_16"), lidar_file("livox_mid_70")))
+PLAN = StreamPlan(sites=3, lidars=2, frames=2, mixed=2)
+
+
+def test_a_sample_is_a_function_of_plan_and_number_alone() -> None:
+    forwards, alone = SiteSamples(PLAN, FEW), SiteSamples(PLAN, FEW)
+    ahead = [forwards.sample(i) for i in range(10)]
+    for i in (9, 2):
+        again = alone.sample(i)
+        np.testing.assert_array_equal(again.points, ahead[i].points)
+        np.testing.assert_array_equal(again.boxes, ahead[i].boxes)
+        assert again.road_z == ahead[i].road_z
+    assert len({len(sample.points) for sample in ahead}) > 5
+
+
+def test_a_site_that_cannot_be_is_drawn_again() -> None:
+    """And a simulator that refuses all of them says why."""
+
+    def with_a_house_on_the_road(seed: int) -> Keys:
+        keys = make_site(seed)
+        x, y, _ = DrawnRoad(keys["roads"][0]).place(20.0, keys["roads"][0]["lanes"]["width_m"])
+        house = {"x_m": x, "y_m": y, "length_m": 9, "width_m": 9, "height_m": 9}
+        return keys | ({"buildings": [house]} if seed < refused else {})
+
+    refused = 2_000_000_000
+    usual = SiteSamples(replace(PLAN, first_site=refused), FEW)
+    found = SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road)
+    np.testing.assert_array_equal(found.sample(0).points, usual.sample(0).points)
+    refused = 10**12
+    with pytest.raises(sim.ConfigError, match="on a lane"):
+        SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road).sample(0)
+
+
+def test_each_world_is_built_once_a_visit() -> None:
+    samples = SiteSamples(PLAN, FEW)
+    for i in range(8):
+        samples.sample(i)
+    assert samples.cost.visits == 2
+    assert samples.cost.samples == 8
+    assert samples.cost.seconds > 0
+
+
+def test_a_sample_knows_its_region_and_the_road_below_its_sensor() -> None:
+    samples = SiteSamples(PLAN, FEW)
+    for i in range(8):
+        sample = samples.sample(i)
+        assert -9 <= sample.road_z <= -3.5
+        bottoms = sample.boxes[:, 2] - sample.boxes[:, 5] / 2
+        on_road = sample.region(sample.boxes, 0.0)
+        np.testing.assert_allclose(bottoms[on_road], sample.road_z, atol=1e-3)
+
+
+def test_z_is_from_the_road_where_asked() -> None:
+    levelled = SiteSamples(PLAN, FEW).sample(0)
+    above = SiteSamples(
+        StreamPlan(sites=3, lidars=2, frames=2, mixed=2, above_road=True), FEW
+    ).sample(0)
+    assert above.road_z == 0
+    np.testing.assert_allclose(above.boxes[:, 2], levelled.boxes[:, 2] - levelled.road_z)
+
+
+def test_another_sample_is_of_the_same_visit_and_lidar() -> None:
+    samples = SiteSamples(PLAN, FEW)
+    draw = np.random.default_rng(0)
+    for i in range(4):
+        own = samples.sample(i)
+        others = [samples.another(i, draw) for _ in range(12)]
+        assert all(other.road_z == own.road_z for other in others)
+        assert any(other is not own for other in others)
+
+
+def test_a_stream_says_what_it_is_of() -> None:
+    stream = site_stream(PLAN, FEW)
+    assert stream.lidar == "livox_mid_70 velodyne_vlp_16"
+    assert stream.label_time == "frame scan"
+    assert len(stream.samples) == 12
+
+
+def test_more_lidars_than_there_are_is_refused() -> None:
+    with pytest.raises(ValueError, match="lidars: found 4, allowed up to 2"):
+        site_stream(StreamPlan(), FEW)
+
+
+def test_lidars_can_be_held_out_by_name() -> None:
+    names = [file.stem for file in sensors(without=["ruby_plus", "helios_16"]).files]
+    assert "ruby_plus" not in names
+    assert {"livox_avia", "bundle_5_livox_avia"} <= set(names)
+    with pytest.raises(ValueError, match="without: found 'no_such'"):
+        sensors(without=["no_such"])
+
+
+def test_free_motors_start_where_the_seed_says() -> None:
+    lidar = sim.load_lidar(lidar_file("ruby_plus"), "paper")
+    free = lidar.with_free_motors()
+    first = [free.pattern(0, 1, 1, seed)[0, 0] for seed in (1, 2)]
+    locked = [lidar.pattern(0, 1, 1, seed)[0, 0] for seed in (1, 2)]
+    assert first[0] != first[1]
+    assert locked[0] == locked[1]
+
+
+def test_the_road_below_is_that_of_the_nearest_road() -> None:
+    from pyinfra.data.regions import Road
+    from pyinfra.sites.stream import road_below
+
+    def flat(y: float, z: float) -> Road:
+        s = np.arange(3.0)
+        return Road("r", s, np.stack([s, s * 0 + y], axis=1), s * 0 + z, s * 0, s * 0 + 4)
+
+    roads = [flat(0, 2.0), flat(50, 7.0)]
+    assert road_below(roads, WorldPose(0, 3, 8, 0)) == -6
+    assert road_below(roads, WorldPose(0, 40, 8, 0)) == -1
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+def test_the_command_writes_scene_files_and_a_sheet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sites", "--seed", "5", "--count", "2", "--out", str(tmp_path)]) == 0
+    assert yaml.safe_load((tmp_path / "site_000006.yaml").read_text()) == SITES[6]
+    assert (tmp_path / "sheet.png").stat().st_size > 10_000
+    assert capsys.readouterr().out.split()[-1].endswith("sheet.png")
+
+
+def test_the_command_says_what_is_allowed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sites", "--count", "0", "--out", str(tmp_path)]) == 2
+    assert "--count: found 0, allowed 1 or more" in capsys.readouterr().err
+
+
+def test_every_range_rises() -> None:
+    spans = [
+        value
+        for part in (*HABITATS.values(), RANGES.mount, RANGES.things, RANGES.parking, RANGES.sky)
+        for value in vars(part).values()
+        if isinstance(value, tuple)
+    ]
+    assert len(spans) > 50
+    assert all(low <= high for low, high in spans)
+
+
+# --- learning from a stream -----------------------------------------------------------------------
+
+
+def run_of(out: Path, steps: int, stop_at: int | None = None) -> bytes:
+    """Weights of a small network after so many steps, stopped on the way and gone on with."""
+    recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
+    recipe = replace(recipe, learning=replace(recipe.learning, steps=steps, batch=2, window_m2=900))
+    plan = replace(PLAN, above_road=True)
+    if stop_at is not None:
+        with pytest.raises(KeyboardInterrupt):
+            train(recipe, stream_until(plan, stop_at), out, quiet=True)
+    return train(recipe, site_stream(plan, FEW), out, quiet=True).read_bytes()
+
+
+class Interrupted(SiteSamples):
+    """A stream in which a key is pressed at a sample."""
+
+    last = 0
+
+    def sample(self, i: int) -> SiteSample:
+        if i >= self.last:
+            raise KeyboardInterrupt
+        return super().sample(i)
+
+
+def stream_until(plan: StreamPlan, sample: int) -> Stream:
+    samples = Interrupted(plan, FEW)
+    samples.last = sample
+    return replace(site_stream(plan, FEW), samples=samples)
+
+
+@pytest.mark.slow
+def test_a_run_on_a_stream_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+    whole = run_of(tmp_path / "whole", 6)
+    assert run_of(tmp_path / "parts", 6, stop_at=7) == whole
+    described = read_keys(tmp_path / "whole/run.yaml")
+    assert described["lidar"] == "livox_mid_70 velodyne_vlp_16"
+    assert described["label_time"] == "frame scan"
+
+
+def test_background_learns_from_no_stream(tmp_path: Path) -> None:
+    recipe = read_recipe(configs() / "detectors/background.yaml", "smoke")
+    with pytest.raises(ValueError, match="background: found a stream of sites"):
+        train(recipe, site_stream(PLAN, FEW), tmp_path / "run")
+
+
+def test_nothing_is_kept_of_a_stream_to_validate_by(tmp_path: Path) -> None:
+    recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
+    recipe = replace(recipe, learning=replace(recipe.learning, validate_frames=3))
+    with pytest.raises(ValueError, match="validate_frames: found 3 of a stream"):
+        train(recipe, site_stream(PLAN, FEW), tmp_path / "run")
