@@ -25,14 +25,21 @@ REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
 _CHUNK = 20_000
-# Which places (n, 2 or more) of a levelled LiDAR frame lie in it, or up to so many metres outside.
-Region = Callable[[FloatArray, float], BoolArray]
 
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
 _RULES = (
     between(["s", "x", "y", "z"], -1e6, 1e6),
     ColumnRule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0 to 1000"),
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where vehicles can be; levelled LiDAR frame."""
+
+    # Which places (n, 2 or more) lie in it, or up to so many metres outside.
+    holds: Callable[[FloatArray, float], BoolArray]
+    corners: FloatArray  # (k, 2) that enclose it
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +136,21 @@ def to_world(points: FloatArray, pose: WorldPose) -> FloatArray:
     return np.stack([pose.x + cos * x - sin * y, pose.y + sin * x + cos * y], axis=1)
 
 
+def to_levelled(points: FloatArray, pose: WorldPose) -> FloatArray:
+    """Points (n, 2) of the world as x y (n, 2) of a levelled frame."""
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    x, y = points[:, 0] - pose.x, points[:, 1] - pose.y
+    return np.stack([cos * x + sin * y, -sin * x + cos * y], axis=1)
+
+
 def roads_region(roads: list[Road], pose: WorldPose) -> Region:
     """The evaluation region in a levelled frame with that pose."""
-    return partial(_on_roads, roads, pose)
+    sides = [
+        offset_curve(road.xy, road.heading, side * road.half_width)
+        for road in roads
+        for side in (1, -1)
+    ]
+    return Region(partial(_on_roads, roads, pose), to_levelled(np.concatenate(sides), pose))
 
 
 def _on_roads(roads: list[Road], pose: WorldPose, points: FloatArray, margin_m: float) -> BoolArray:
@@ -151,7 +170,8 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
 
 def outline_region(file: Path) -> Region:
     """That of an `Outline` file. Raises ConfigError with file, line and key."""
-    return partial(in_outline, read_outline(file))
+    corners = read_outline(file)
+    return Region(partial(in_outline, corners), corners)
 
 
 def read_outline(file: Path) -> FloatArray:

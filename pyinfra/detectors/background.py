@@ -280,7 +280,7 @@ def _inside_region(region: Region | None, s: Config) -> BoolArray:
     if region is None or not s.within_region:
         return np.ones((n, n), np.bool_)
     x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
-    return region(np.column_stack([x, y]).astype(np.float64), s.region_margin_m).reshape(n, n)
+    return region.holds(np.column_stack([x, y]).astype(np.float64), s.region_margin_m).reshape(n, n)
 
 
 def _ground(clouds: Sequence[Floats], s: Config) -> Floats:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pyinfra.arrays import FloatArray
+from pyinfra.data.regions import Region
 from pyinfra.detectors.batch import Area
 
 MARGIN_M = 1.0
+REGION_MARGIN_M = 8.0  # half a long vehicle, so that one whose centre is at the end is whole
 
 
 @dataclass(frozen=True)
@@ -21,10 +23,11 @@ class Site:
     floor_z: float  # of the vehicles' bottoms, median
 
 
-def site_of(boxes: Iterable[FloatArray]) -> Site:
-    """The area that holds all boxes (k, 7) with a margin of 1 m.
+def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site:
+    """The area that holds the regions with a margin of 8 m, as high as the boxes (k, 7) with 1 m.
 
-    Raises ValueError if there is no box.
+    It is the same for every LiDAR of a site, however far each of them sees. Without a region: that
+    of the boxes with a margin of 1 m. Raises ValueError if there is no box.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
@@ -41,4 +44,8 @@ def site_of(boxes: Iterable[FloatArray]) -> Site:
     high = [*(every[:, :2] + half).max(axis=0), (bottom + every[:, 5]).max()]
     x0, y0, z0 = (float(v) - MARGIN_M for v in low)
     x1, y1, z1 = (float(v) + MARGIN_M for v in high)
+    if regions:
+        corners = np.concatenate([region.corners for region in regions])
+        x0, y0 = (float(v) - REGION_MARGIN_M for v in corners.min(axis=0))
+        x1, y1 = (float(v) + REGION_MARGIN_M for v in corners.max(axis=0))
     return Site(Area((x0, y0, z0), (x1, y1, z1)), float(np.median(bottom)))

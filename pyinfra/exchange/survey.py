@@ -108,7 +108,7 @@ def check_region(file: Path, region: Region, recording: Recording, found: Survey
     for i in chosen:
         xyz = recording.read(i).points[:, :3].astype(np.float64) @ tilt.T
         xyz = xyz[np.isfinite(xyz).all(axis=1)]
-        if region(xyz, 0.0).any():
+        if region.holds(xyz, 0.0).any():
             return
         reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
     raise ValueError(

@@ -25,7 +25,7 @@ from pyinfra.sites.draws import VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
 from pyinfra.training.samples import SiteSample
-from pyinfra.training.sources import Stream, boxes_of_frame
+from pyinfra.training.sources import Stream, boxes_of_frame, pose_of
 
 # What is looked at around a sensor, metres: x and y to the end of the regions and of parked crowds,
 # z from below the road to over a truck, for sensors of 3.5 to 9 m.
@@ -154,9 +154,7 @@ def samples_of(
     world: sim.World, keys: Keys, lidar: sim.Lidar, frames: list[int], *, above_road: bool = False
 ) -> list[SiteSample]:
     """Frames of a site's LiDAR. Raises what the simulator does."""
-    ((_, mount),) = keys["mounts"].items()
-    yaw = float(np.radians(mount["yaw_deg"]))
-    pose = WorldPose(mount["x_m"], mount["y_m"], mount["z_m"], yaw)
+    pose = pose_of(keys)
     roads = regions.roads_of(world.roads_csv().splitlines(), keys["name"])
     region = regions.roads_region(roads, pose)
     road_z = road_below(roads, pose)

@@ -140,14 +140,15 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
     boxes[:, 6] = (side * boxes[:, 6] + turn + np.pi) % (2 * np.pi) - np.pi
     if not isinstance(sample, SiteSample):
         return replace(sample, points=points, boxes=boxes)
-    region = partial(_in_moved, sample.region, linear[:2, :2])
+    level = linear[:2, :2]
+    region = Region(partial(_in_moved, sample.region, level), sample.region.corners @ level)
     return replace(sample, points=points, boxes=boxes, region=region, road_z=scale * sample.road_z)
 
 
 def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: float) -> BoolArray:
     """Which places lie in a region that was moved by (2, 2): row vectors from the right."""
     before = places[:, :2] @ np.linalg.inv(linear)
-    return region(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
+    return region.holds(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
 
 
 def with_pasted(

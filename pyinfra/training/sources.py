@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import yaml
@@ -131,7 +131,22 @@ def simulated_source(
         label_time=sim.label_time(world, unit),
         clouds=tuple(partial(cast, world, unit, k) for k in frames),
         read_boxes=partial(boxes_of_simulation, world, unit, frames),
+        region=region_of_simulation(world),
     )
+
+
+def region_of_simulation(world: sim.World) -> regions.Region:
+    """Of the world's one mount."""
+    keys = yaml.safe_load(world.dump())
+    roads = regions.roads_of(world.roads_csv().splitlines(), Path(keys["name"]))
+    return regions.roads_region(roads, pose_of(keys))
+
+
+def pose_of(scene: Mapping[str, Any]) -> kitti.WorldPose:
+    """Of a scene's one mount."""
+    ((_, mount),) = scene["mounts"].items()
+    yaw = float(np.radians(mount["yaw_deg"]))
+    return kitti.WorldPose(mount["x_m"], mount["y_m"], mount["z_m"], yaw)
 
 
 def cast(world: sim.World, lidar: sim.Lidar, frame: int) -> Points:

@@ -177,8 +177,9 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
         for name in ("lidar", "preset", "scene")
     }
     label_time = common_label_time(sources)
-    stream = Stream(**words, label_time=label_time, samples=frames, site=site_of(frames.boxes))
-    return stream, held_out
+    regions = [source.region for source in sources if source.region is not None]
+    site = site_of(frames.boxes, regions if len(regions) == len(sources) else ())
+    return Stream(**words, label_time=label_time, samples=frames, site=site), held_out
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:

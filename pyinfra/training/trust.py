@@ -71,4 +71,4 @@ def _second_opinion(
 
 
 def _off(region: Region | None, boxes: FloatArray) -> BoolArray | None:
-    return None if region is None else ~region(boxes, OFF_M)
+    return None if region is None else ~region.holds(boxes, OFF_M)

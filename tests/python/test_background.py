@@ -218,7 +218,7 @@ def test_an_outline_may_have_a_bay_and_a_margin_makes_it_wider(
     region = outline(tmp_path, "[[0, 0], [30, 0], [30, 30], [15, 5], [0, 30]]")
     points = np.array([[5.0, 5], [25, 20], [15, 25], [15, 6], [-1, 10], [33, 10]])
     wider = margin > 0
-    assert region(points, margin).tolist() == [True, True, False, wider, wider, False]
+    assert region.holds(points, margin).tolist() == [True, True, False, wider, wider, False]
 
 
 @pytest.mark.parametrize(

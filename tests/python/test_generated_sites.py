@@ -202,7 +202,7 @@ def test_a_sample_knows_its_region_and_the_road_below_its_sensor() -> None:
         sample = samples.sample(i)
         assert -9 <= sample.road_z <= -3.5
         bottoms = sample.boxes[:, 2] - sample.boxes[:, 5] / 2
-        on_road = sample.region(sample.boxes, 0.0)
+        on_road = sample.region.holds(sample.boxes, 0.0)
         np.testing.assert_allclose(bottoms[on_road], sample.road_z, atol=1e-3)
 
 

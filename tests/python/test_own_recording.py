@@ -250,7 +250,7 @@ def test_an_outline_goes_with_the_frames(site: Path, tmp_path: Path) -> None:
     folder, _ = taken(source, region=file)
     region = read_source(folder, "quick").region
     assert region is not None
-    assert region(np.array([[50.0, 15, 0], [50, 18, 0]]), 0.0).tolist() == [True, False]
+    assert region.holds(np.array([[50.0, 15, 0], [50, 18, 0]]), 0.0).tolist() == [True, False]
 
 
 def test_an_empty_region_is_refused(site: Path, tmp_path: Path) -> None:

@@ -675,12 +675,12 @@ def test_a_region_moves_with_the_points_of_its_sample() -> None:
     outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 4.0], [0.0, 4.0]])
     region = partial(regions.in_outline, outline)
     of_site = SiteSample(sample.points, sample.boxes, region, -6.0)
-    before = region(sample.points.astype(np.float64), 0.0)
+    before = region.holds(sample.points.astype(np.float64), 0.0)
     assert 0 < before.sum() < len(before)
     for turn, scale, flip in ((0.3, 1.05, False), (-2.0, 0.95, True)):
         after = moved(of_site, turn=turn, scale=scale, flip=flip)
         assert isinstance(after, SiteSample)
-        same = after.region(after.points.astype(np.float64), 0.0) == before
+        same = after.region.holds(after.points.astype(np.float64), 0.0) == before
         assert same.mean() > 0.999  # but for points on its edge
         assert after.road_z == pytest.approx(-6 * scale)
 

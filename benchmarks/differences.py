@@ -1,0 +1,144 @@
+"""Intervals of a dozen differences, as 0.2.0 had them and as they are: pairs of LiDARs.
+
+Background on the test frames of `quick`, two scenes. As 0.2.0: AP at 40 recalls, percentiles over
+blocks of 5 s, differences as if the two were independent. Then one thing at a time: paired, fine,
+and blocks as long as a vehicle stays. Writes results/differences.csv:
+    .venv/bin/python benchmarks/differences.py --work data/differences
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra import __version__, kitti, machine
+from pyinfra.benchmark.frames import split_by_time
+from pyinfra.benchmark.matrix import Parts
+from pyinfra.data.frame_tables import read_cameras, read_predictions
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation import ap
+from pyinfra.evaluation.ground_truth import SETS, Set, read_ground_truth
+from pyinfra.evaluation.judge import Settings, contest, judge
+from pyinfra.evaluation.prediction_checks import find_files
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.statistics.compare import Bootstrapped, Measured
+from pyinfra.training import detect
+from pyinfra.training.recipe import read_recipe
+from pyinfra.training.sources import read_source
+from pyinfra.training.train import train
+
+ROOT = Path(__file__).resolve().parent.parent
+LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
+SCENES = ("highway", "crossroad")
+OLD_BLOCK_S = 5.0
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A way to an interval."""
+
+    name: str
+    recalls: int
+    old_blocks: bool
+    paired: bool
+
+
+RULES = (
+    Rule("0.2: R40, 5 s, unpaired", ap.RECALLS, old_blocks=True, paired=False),
+    Rule("paired", ap.RECALLS, old_blocks=True, paired=True),
+    Rule("paired, fine", ap.FINE_RECALLS, old_blocks=True, paired=True),
+    Rule("paired, fine, as long as a stay", ap.FINE_RECALLS, old_blocks=False, paired=True),
+)
+
+
+def simulated(scene: str, work: Path) -> Path:
+    lidars = [lidar_file(name) for name in LIDARS]
+    words = ["--preset", "paper", "--frames", "0:5000:5"]
+    infrasim("run", scene_file(scene), "--lidar", *lidars, *words, "--out", work / scene)
+    split_by_time(work / scene, Parts())
+    return work / scene
+
+
+def predictions(folder: Path) -> Path:
+    run = folder.parent / f"{folder.name}_run"
+    train(
+        read_recipe(ROOT / "configs/detectors/background.yaml", "quick"),
+        [read_source(folder, "quick")],
+        run,
+        quiet=True,
+    )
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    detect.detect(detect.load_detector(run), files, run / "predictions")
+    return run / "predictions"
+
+
+def figures(folder: Path, pred: Path) -> Iterator[tuple[Set, int, bool, Bootstrapped]]:
+    """AP by ground truth and recalls, with draws of old blocks and of new."""
+    frames = frame_numbers(folder)
+    truth = read_ground_truth(folder, frames, beyond_range=True)
+    files = find_files(pred, frames, frames).files
+    own = read_predictions(files, read_cameras(folder, frames))
+    for old in (True, False):
+        settings = Settings(ground_truths=SETS, block_s=OLD_BLOCK_S if old else None)
+        one = contest(truth, own, "vehicle", settings, "bev")
+        took = one.match(settings.ious[0], strict=False)
+        for which, recalls in itertools.product(SETS, (ap.RECALLS, ap.FINE_RECALLS)):
+            judged = judge(one, which, took, settings.min_points)
+            ranking = judged.ranking()
+            value = float(ap.average_precision(ranking, recalls)[0])
+            drawn = ap.average_precision(ranking, recalls, judged.weights)
+            yield which, recalls, old, Bootstrapped(value, drawn, one.blocks.count)
+
+
+def percentiles(one: Bootstrapped) -> Measured:
+    low, high = np.percentile(one.draws, [2.5, 97.5])
+    return Measured(one.value, float(low), float(high))
+
+
+def difference(a: Bootstrapped, b: Bootstrapped, rule: Rule) -> Measured:
+    if rule.paired:
+        return percentiles(a.less(b)) if rule.old_blocks else a.less(b).measured()
+    one, other = percentiles(a), percentiles(b)
+    value = one.value - other.value
+    down = math.hypot(one.value - one.low, other.high - other.value)
+    up = math.hypot(one.high - one.value, other.value - other.low)
+    return Measured(value, value - down, value + up)
+
+
+def rows(scene: str, work: Path) -> Iterator[dict[str, object]]:
+    data = simulated(scene, work)
+    found = {
+        (lidar, which, recalls, old): one
+        for lidar in LIDARS
+        for which, recalls, old, one in figures(data / lidar, predictions(data / lidar))
+    }
+    for (a, b), which, rule in itertools.product(itertools.combinations(LIDARS, 2), SETS, RULES):
+        pair = [found[name, which, rule.recalls, rule.old_blocks] for name in (a, b)]
+        m = difference(pair[0], pair[1], rule)
+        ends = {"value": m.value, "low": m.low, "high": m.high}
+        yield {"scene": scene, "lidar": a, "less": b, "ground_truth": which, "rule": rule.name} | {
+            key: round(v, 2) for key, v in ends.items()
+        }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 2 GB")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "differences.csv")
+    args = parser.parse_args()
+    table = pd.DataFrame([row for scene in SCENES for row in rows(scene, args.work)])
+    about = {"command": "benchmarks/differences.py", "seed": 1, "version": __version__}
+    table.assign(**about, machine=machine()).to_csv(args.out, index=False)
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
