@@ -43,7 +43,7 @@ from pyinfra.statistics.intervals import Blocks
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 CAUSES = ("ghost", "duplicate", "localisation")
-LABELS_BLOCK_S = 15.0  # as on a motorway: without objects no one knows how long a vehicle stays
+LABELS_BLOCK_S = 20.0  # as on a motorway: without objects no one knows how long a vehicle stays
 
 
 @dataclass(frozen=True)

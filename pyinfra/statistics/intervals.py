@@ -20,6 +20,7 @@ from pyinfra.arrays import AnyArray, FloatArray, IntArray
 
 SLOT_S = 1.0  # of time, drawn whole
 BLOCK_STEP_S = 5.0  # lengths of blocks are multiples of it, so that LiDARs of a world agree
+LEAST_BLOCK_S = 20.0  # ghosts come in bouts, which do not end with a vehicle's stay
 DRAWS = 1000
 SEED = 1
 MIN_BLOCKS = 4.0  # of a block's length; what is shorter gives no interval
@@ -115,12 +116,13 @@ def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
     """How long errors last at most: as long as the vehicle that a look meets is there.
 
     frame, ids: (n,) the frame and the id of every vehicle that is there to be found, whichever
-    LiDAR finds it; apart_s: from one frame to the next. Whole steps of BLOCK_STEP_S. If a vehicle
-    were found in all of its frames or in none, this would be the whole correlation of the frames.
+    LiDAR finds it; apart_s: from one frame to the next. Whole steps of BLOCK_STEP_S, LEAST_BLOCK_S
+    or more. If a vehicle were found in all of its frames or in none, its stay would be the whole
+    correlation of the frames.
     """
     stay = np.unique(ids, return_counts=True)[1].astype(np.float64)
     seconds = apart_s * float((stay**2).sum() / stay.sum()) if len(stay) else 0.0
-    return BLOCK_STEP_S * max(1, math.ceil(seconds / BLOCK_STEP_S - 1e-9))
+    return max(LEAST_BLOCK_S, BLOCK_STEP_S * math.ceil(seconds / BLOCK_STEP_S - 1e-9))
 
 
 def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[FloatArray, FloatArray]:

@@ -187,9 +187,10 @@ def test_a_block_is_as_long_as_the_vehicle_that_a_look_meets_stays() -> None:
     # One vehicle in 30 frames, three in 10: a look meets the first in half of the cases.
     ids = np.repeat([1, 2, 3, 4], [30, 10, 10, 10])
     frame = np.concatenate([np.arange(30), *[np.arange(10)] * 3])
-    assert block_seconds(frame, ids, 0.5) == 10  # 20 frames are 10 s
-    assert block_seconds(frame, ids, 0.55) == 15
-    assert block_seconds(frame[:0], ids[:0], 0.5) == 5
+    assert block_seconds(frame, ids, 1.5) == 30  # 20 frames are 30 s
+    assert block_seconds(frame, ids, 1.55) == 35
+    assert block_seconds(frame, ids, 0.5) == 20
+    assert block_seconds(frame[:0], ids[:0], 0.5) == 20
 
 
 def test_an_interval_of_few_blocks_is_wider_as_student_says() -> None:
