@@ -25,6 +25,7 @@ from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
 from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.data.frames import frame_numbers
+from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import Set, read_ground_truth
 from pyinfra.evaluation.judge import Settings, contest, judge
 from pyinfra.evaluation.prediction_checks import find_files
@@ -116,6 +117,12 @@ def turned(file: Path, motor: Motor) -> str:
     return str(yaml.safe_dump(keys, sort_keys=False))
 
 
+def trained(trial: Trial, learnt: Path, run: Path) -> Detector:
+    recipe = read_recipe(ROOT / f"configs/detectors/{trial.detector}.yaml", "quick")
+    train(recipe, [read_source(learnt, "quick")], run, seed=trial.trained_seed, quiet=True)
+    return detect.load_detector(run)
+
+
 def average_precisions(folder: Path, pred: Path) -> dict[Set, Bootstrapped]:
     """Fine AP by ground truth."""
     frames = frame_numbers(folder, "all")
@@ -134,14 +141,13 @@ def rows(trial: Trial, work: Path) -> Iterator[dict[str, object]]:
     """Of every motor and ground truth."""
     learnt = learnt_from(trial, work)
     run = work / trial.frames / f"{trial.detector}_{trial.trained_seed}"
-    recipe = read_recipe(ROOT / f"configs/detectors/{trial.detector}.yaml", "quick")
-    train(recipe, [read_source(learnt, "quick")], run, seed=trial.trained_seed, quiet=True)
-    detector = detect.load_detector(run)
+    detector: Detector | None = None
     base: dict[Set, Bootstrapped] = {}
     for motor in [AS_LEARNT, *motors()]:
         folder = tested_on(trial, motor, learnt, work)
         files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder, "all")]
         if len(list((run / motor.name).glob("*.txt"))) < len(files):
+            detector = detector or trained(trial, learnt, run)
             detect.detect(detector, files, run / motor.name)
         found = average_precisions(folder, run / motor.name)
         base = base or found
