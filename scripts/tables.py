@@ -354,9 +354,9 @@ def label_times() -> str:
     return markdown(heads, rows)
 
 
-def ladder() -> str:
+def ladder(name: str = "ladder") -> str:
     """AP of each model of a scene, one dial away from the default; CPU seconds of the run."""
-    table = results("ladder")
+    table = results(name)
     dials = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
     table = table.astype(dict.fromkeys(dials, str))
     usual = {dial: table[dial].mode()[0] for dial in dials}
@@ -365,9 +365,32 @@ def ladder() -> str:
         other = [f"{d} `{v}`" for d, v in zip(dials, model, strict=True) if v != usual[d]]
         seconds = own.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
         by_lidar = own.set_index("lidar")[["ap", "ap_low", "ap_high"]].astype(float)
-        cells = [with_interval_of_ap(*by_lidar.loc[lidar]) for lidar in LIDARS]
+        lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
+        cells = [with_interval_of_ap(*by_lidar.loc[lidar]) for lidar in lidars]
         rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *cells])
-    return markdown(["model", "CPU, s", *LIDARS.values()], rows)
+    return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
+
+
+def coverage() -> str:
+    """How often intervals held the truth, and how wide they were, by scene, span and rule."""
+    table = results("coverage")
+    rows = []
+    for (scene, span, rule), own in table.groupby(["scene", "span_s", "rule"], sort=False):
+        cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in own.itertuples()]
+        rows.append([scene, f"{span}", rule, f"{own.block_s.iloc[0]:.0f}", *cells])
+    figures = list(dict.fromkeys(table.figure))
+    return markdown(["scene", "test, s", "rule", "block, s", *figures], rows)
+
+
+def differences() -> str:
+    """Of each pair of LiDARs and ground truth `all`: the interval by each rule."""
+    table = results("differences")
+    table = table[table.ground_truth == "all"]
+    rows = []
+    for (scene, a, b), own in table.groupby(["scene", "lidar", "less"], sort=False):
+        cells = [f"{r.value:+.1f} [{r.low:+.1f}, {r.high:+.1f}]" for r in own.itertuples()]
+        rows.append([scene, f"{LIDARS[a]} less {LIDARS[b]}", *cells])
+    return markdown(["scene", "LiDARs", *dict.fromkeys(table.rule)], rows)
 
 
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
@@ -388,6 +411,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "label times": label_times,
     "deskew by seam": deskew_by_seam,
     "ladder": ladder,
+    "ladder of PointPillars": partial(ladder, "ladder_pointpillars"),
+    "coverage": coverage,
+    "differences": differences,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 
