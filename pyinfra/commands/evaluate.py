@@ -67,11 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cut-first", action="store_true", help="also match within each window alone; slow"
     )
-    parser.add_argument("--draws", type=int, default=default.draws, help="of the bootstrap")
-    parser.add_argument(
-        "--block-s", type=float, help="of the bootstrap; default as long as a vehicle stays"
-    )
-    parser.add_argument("--seed", type=int, default=default.seed, help="of the bootstrap")
+    add_bootstrap(parser, default)
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(
         "--split", help="train, val, ... of ImageSets, or all; default val if there is one"
@@ -81,6 +77,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--allow-missing", action="store_true", help="a missing file means nothing found"
     )
     parser.add_argument("--no-figures", action="store_true")
+
+
+def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
+    bootstrap = parser.add_argument_group("bootstrap of the intervals")
+    bootstrap.add_argument("--draws", type=int, default=default.draws)
+    bootstrap.add_argument(
+        "--block-s", type=float, help="length of a block; default as long as a vehicle stays"
+    )
+    bootstrap.add_argument("--seed", type=int, default=default.seed)
 
 
 def run(args: argparse.Namespace) -> int:
