@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E402
 
 from pyinfra import boxes as exact  # noqa: E402
+from pyinfra.data.regions import Region, in_outline  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
 from pyinfra.detectors import network as network_module  # noqa: E402
 from pyinfra.detectors.anchors import (  # noqa: E402
@@ -384,6 +386,16 @@ def test_the_site_holds_every_vehicle_and_stands_on_the_road() -> None:
         assert site.area.holds(sample.boxes[:, :3]).all()
     with pytest.raises(ValueError, match="found no vehicle"):
         site_of([np.empty((0, 7))])
+
+
+def test_the_site_is_as_wide_as_the_region_whatever_a_lidar_sees_of_it() -> None:
+    corners = np.array([[-20.0, -5.0], [80.0, -5.0], [80.0, 10.0], [-20.0, 10.0]])
+    region = Region(partial(in_outline, corners), corners)
+    near, far = np.array([[5.0, 0, -5, 4, 2, 2, 0]]), np.array([[300.0, 0, -5, 4, 2, 2, 0]])
+    sites = [site_of([boxes], [region]) for boxes in (near, np.concatenate([near, far]))]
+    assert sites[0] == sites[1]
+    assert sites[0].area.low == (-28, -13, -7)
+    assert sites[0].area.high == (88, 18, -3)
 
 
 def test_residuals_of_anchors_round_trip_through_every_heading() -> None:

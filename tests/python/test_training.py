@@ -673,7 +673,7 @@ def test_range_noise_is_along_the_rays() -> None:
 def test_a_region_moves_with_the_points_of_its_sample() -> None:
     sample = road_sample(18)
     outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 4.0], [0.0, 4.0]])
-    region = partial(regions.in_outline, outline)
+    region = regions.Region(partial(regions.in_outline, outline), outline)
     of_site = SiteSample(sample.points, sample.boxes, region, -6.0)
     before = region.holds(sample.points.astype(np.float64), 0.0)
     assert 0 < before.sum() < len(before)
