@@ -2,7 +2,8 @@
 
 Background, tested on 800 frames of 400 s, two scenes. As 0.2.0: AP at 40 recalls, percentiles over
 blocks of 5 s, differences as if the two were independent. Then one thing at a time: paired, fine,
-and blocks as long as a vehicle stays. Writes results/differences.csv:
+and blocks as long as a vehicle stays. Writes results/differences.csv, and how long the detections
+themselves say that errors last as results/correlation.csv:
     .venv/bin/python benchmarks/differences.py --work data/differences
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra import __version__, kitti, machine
+from pyinfra.arrays import FloatArray
 from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
 from pyinfra.data.frame_tables import read_cameras, read_predictions
@@ -99,6 +101,42 @@ def figures(folder: Path, pred: Path) -> Iterator[tuple[Set, int, bool, Bootstra
             yield which, recalls, old, Bootstrapped(value, drawn, one.blocks.count)
 
 
+def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
+    """By ground truth the integrated correlation of the frames' influence on fine AP, seconds."""
+    frames = frame_numbers(folder)
+    truth = read_ground_truth(folder, frames, beyond_range=True)
+    files = find_files(pred, frames, frames).files
+    own = read_predictions(files, read_cameras(folder, frames))
+    one = contest(truth, own, "vehicle", Settings(), "bev")
+    took = one.match(Settings().ious[0], strict=False)
+    for which in SETS:
+        judged = judge(one, which, took, 1)
+        use = np.flatnonzero(judged.hit | judged.wrong)
+        counts = np.bincount(one.vehicles.frame[judged.counted], minlength=len(frames))
+        ranking = ap.rank(
+            one.predictions.scores[use], judged.hit[use], counts, one.predictions.frame[use]
+        )
+        without = np.ones((len(frames), len(frames)), np.int64) - np.eye(
+            len(frames), dtype=np.int64
+        )
+        influence = ap.average_precision(ranking, ap.FINE_RECALLS, without)
+        apart_s = float(np.median(np.diff(frames))) * truth.period_s
+        lasts = apart_s * integrated(influence)
+        about = {"ground_truth": which, "correlation_s": round(lasts, 2)}
+        yield about | {"block_s": one.blocks.block_s}
+
+
+def integrated(series: FloatArray) -> float:
+    """Sum of the autocorrelation over both sides, to where it first falls to 0.05."""
+    centred = series - series.mean()
+    spectrum = np.fft.rfft(centred, 2 * len(series))
+    at = np.fft.irfft(spectrum * np.conj(spectrum))[: len(series)]
+    at /= np.arange(len(series), 0, -1)
+    at /= at[0]
+    ends = int(np.argmax(at <= 0.05))
+    return float(1 + 2 * at[1:ends].sum())
+
+
 def percentiles(one: Bootstrapped) -> Measured:
     low, high = np.percentile(one.draws, [2.5, 97.5])
     return Measured(one.value, float(low), float(high))
@@ -114,8 +152,7 @@ def difference(a: Bootstrapped, b: Bootstrapped, rule: Rule) -> Measured:
     return Measured(value, value - down, value + up)
 
 
-def rows(scene: str, work: Path) -> Iterator[dict[str, object]]:
-    data = simulated(scene, work)
+def rows(scene: str, data: Path) -> Iterator[dict[str, object]]:
     found = {
         (lidar, which, recalls, old): one
         for lidar in LIDARS
@@ -135,10 +172,21 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 2 GB")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "differences.csv")
     args = parser.parse_args()
-    table = pd.DataFrame([row for scene in SCENES for row in rows(scene, args.work)])
+    data = {scene: simulated(scene, args.work) for scene in SCENES}
+    lasts = [
+        {"scene": scene, "lidar": lidar} | row
+        for scene, folder in data.items()
+        for lidar in LIDARS
+        for row in correlation(folder / lidar, predictions(folder / lidar))
+    ]
     about = {"command": "benchmarks/differences.py", "seed": 1, "version": __version__}
-    table.assign(**about, machine=machine()).to_csv(args.out, index=False)
-    print(table.to_string(index=False))
+    about |= {"machine": machine()}
+    for file, table in (
+        (args.out.with_name("correlation.csv"), pd.DataFrame(lasts)),
+        (args.out, pd.DataFrame([row for s in SCENES for row in rows(s, data[s])])),
+    ):
+        table.assign(**about).to_csv(file, index=False)
+        print(table.to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -382,6 +382,18 @@ def coverage() -> str:
     return markdown(["scene", "test, s", "rule", "block, s", *figures], rows)
 
 
+def correlation() -> str:
+    """How long errors of Background last by its own detections, of each LiDAR, and the block."""
+    table = results("correlation")
+    table = table[table.ground_truth == "all"]
+    by_lidar = table.pivot(index="scene", columns="lidar", values="correlation_s")
+    rows = [
+        [scene, f"{own.block_s.iloc[0]:.0f}", *(f"{by_lidar.loc[scene, x]:.0f}" for x in LIDARS)]
+        for scene, own in table.groupby("scene", sort=False)
+    ]
+    return markdown(["scene", "block, s", *LIDARS.values()], rows)
+
+
 def differences() -> str:
     """Of each pair of LiDARs and ground truth `all`: the interval by each rule."""
     table = results("differences")
@@ -413,6 +425,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "ladder": ladder,
     "ladder of PointPillars": partial(ladder, "ladder_pointpillars"),
     "coverage": coverage,
+    "correlation": correlation,
     "differences": differences,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
