@@ -122,8 +122,8 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
         influence = ap.average_precision(ranking, ap.FINE_RECALLS, without)
         apart_s = float(np.median(np.diff(frames))) * truth.period_s
         lasts = apart_s * integrated(influence)
-        about = {"ground_truth": which, "correlation_s": round(lasts, 2)}
-        yield about | {"block_s": one.blocks.block_s}
+        figures = {"correlation_s": round(lasts, 2), "block_s": one.blocks.block_s}
+        yield {"ground_truth": which, **figures}
 
 
 def integrated(series: FloatArray) -> float:
