@@ -43,6 +43,14 @@ def test_the_answer_comes_first_and_names_lidar_and_detector(whole: Path) -> Non
     assert "AP 92.5 [90.5, 93.5]; cannot be told from Livox Avia with PointPillars" in first
 
 
+def test_without_draws_it_is_said_once_that_nothing_is_told_apart(tmp_path: Path) -> None:
+    tables = report_data.tables()
+    del tables["quick_draws.csv"]
+    text = Read(report(report_data.write(tmp_path / "results", tables))).text
+    assert text.count("whether the best can be told from the next is not known") == 1
+    assert "cannot be told from" not in text
+
+
 def test_the_cheapest_choice_says_what_it_does_not_see(whole: Path) -> None:
     assert "US$ 2,079, AP 91.2, but 45.6 on all vehicles" in Read(whole).text
 

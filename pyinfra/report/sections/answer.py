@@ -16,6 +16,10 @@ from pyinfra.simulator.catalogue import SCENES
 
 COLUMN = {"captured": "ap_fine", "common": "ap_common_fine", "all": "ap_all_fine"}
 TITLE = "Which LiDAR and detector for what"
+UNTOLD = (
+    "The table is of a version that kept no draws: whether the best can be told from the next is "
+    "not known. A new pyinfra benchmark says it."
+)
 CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
@@ -59,6 +63,8 @@ def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
     if len(done) > len(cells):
         text = f'Presets here: {named}. Others are under "{accuracy.TITLE}"; the choice can differ.'
         blocks.append(Text(text))
+    if material.results.table("draws").empty:
+        blocks.append(Text(UNTOLD))
     return blocks
 
 
@@ -158,12 +164,12 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
     """Which others cannot be told from the best, by the paired difference of fine AP."""
     others = rows[rows.index != best.name].sort_values(COLUMN[truth], ascending=False)
-    pairs = CellDraws(material.results.table("draws"))
+    draws = CellDraws(material.results.table("draws"))
     if others.empty:
         return ""
-    if pairs.row(best, truth, "ap_fine") is None:
-        return "; the table keeps no draws to tell it from others"
-    alike = pairs.alike(best, (row for _, row in others.iterrows()), truth)
+    if draws.row(best, truth, "ap_fine") is None:
+        return ""
+    alike = draws.alike(best, (row for _, row in others.iterrows()), truth)
     return f"; cannot be told from {_listed(material, others.iloc[alike])}" if alike else ""
 
 

@@ -48,8 +48,7 @@ def section(material: Material) -> Section | None:
     presets = in_order(rows.preset, PRESETS)
     table = Table(
         "A row for each thing tested. A claim holds if its 95 % interval lies inside the stated "
-        "range, fails if outside, and is undecided otherwise; for numbers of areas the interval is "
-        "the range from those that are decided to those and the undecided ones.",
+        "range, fails if outside, and is undecided otherwise.",
         [Column("Claim"), Column("Tested on"), *(Column(f"Preset {p}") for p in presets)],
         _table_rows(rows, presets, material.names),
         TableFile("report_claims.csv", rows.drop(columns=["key"])),
