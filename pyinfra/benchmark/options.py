@@ -108,8 +108,8 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
     distance = found.table("distance")
     here = distance[(distance.scene == scene) & (distance.preset == preset)]
     table = joined(table, road(here, wish), file_of(found, "distance"))
-    pairs = CellDraws(found.table("draws"))
-    options = [option(row, pairs) for _, row in table.iterrows()]
+    draws = CellDraws(found.table("draws"))
+    options = [option(row, draws) for _, row in table.iterrows()]
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_all.value), o.price_usd))
 
 
@@ -194,7 +194,7 @@ def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
     return pd.concat(metres, axis=1).reset_index()
 
 
-def option(row: pd.Series, pairs: CellDraws) -> Option:
+def option(row: pd.Series, draws: CellDraws) -> Option:
     return Option(
         scene=row.scene,
         preset=row.preset,
@@ -212,5 +212,5 @@ def option(row: pd.Series, pairs: CellDraws) -> Option:
         latency_ms=row.latency_p50_ms,
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
-        draws=pairs.row(row, "all", "ap_fine"),
+        draws=draws.row(row, "all"),
     )

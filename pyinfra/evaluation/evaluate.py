@@ -41,7 +41,7 @@ def evaluate(
     chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
     settings = settings or default_settings(gt)
     found = find_files(pred, chosen, known, allow_missing=allow_missing)
-    truth = read_ground_truth(gt, chosen, beyond_range="all" in settings.ground_truths)
+    truth = read_ground_truth(gt, chosen, beyond_range=True)
     predictions = read_predictions(found.files, read_cameras(gt, chosen))
     types = settings.types
     findings = list(ground_truth_findings(gt, chosen, truth.vehicles, types))

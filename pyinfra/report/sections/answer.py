@@ -167,7 +167,7 @@ def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -
     draws = CellDraws(material.results.table("draws"))
     if others.empty:
         return ""
-    if draws.row(best, truth, "ap_fine") is None:
+    if draws.row(best, truth) is None:
         return ""
     alike = draws.alike(best, (row for _, row in others.iterrows()), truth)
     return f"; cannot be told from {_listed(material, others.iloc[alike])}" if alike else ""
