@@ -254,8 +254,11 @@ void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::s
     f.check(object_class != nullptr, "class_shares",
             "found unknown class '" + name + "', allowed Car, Van, Truck, Bus, Motorcycle");
     f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
-            "found " + name + ", which " + why_not + ", allowed Car, Van, Truck, Bus, Motorcycle" +
-                "; trajectories may have all");
+            std::string("found ")
+                .append(name)
+                .append(", which ")
+                .append(why_not)
+                .append(", allowed Car, Van, Truck, Bus, Motorcycle; trajectories may have all"));
     sum += share;
   }
   f.check(sum > 0, "class_shares", "found a sum of 0, allowed above 0");
