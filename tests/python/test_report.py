@@ -272,6 +272,14 @@ def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> N
     assert not same["frames", "50"]
 
 
+def test_a_ladder_without_draws_recommends_nothing(tmp_path: Path) -> None:
+    table = report_data.ladder()
+    kept = table[[name for name in table if not name.startswith("draw")]]
+    report_data.write(tmp_path, {"ladder.csv": kept})
+    words, _ = ladder.blocks(read_material(tmp_path, [], [], None))
+    assert words == ladder.UNTOLD
+
+
 def test_the_parts_of_vehicles_are_a_dial_where_the_ladder_has_them(tmp_path: Path) -> None:
     usual = report_data.ladder().assign(parts="glass+gap+coat")
     turned = usual[:2].assign(

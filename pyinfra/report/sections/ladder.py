@@ -16,6 +16,7 @@ from pyinfra.report.material import Material
 from pyinfra.report.sections.distance import legend
 from pyinfra.statistics import compare
 
+UNTOLD = "The table keeps no draws: which model leaves the conclusions as they are is not known."
 # Of each dial the values from cheap to dear; the last is what the others are held against.
 DIALS = {
     "detail": ("box", "low", "mid", "fine"),
@@ -46,7 +47,8 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
         return "", []
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
     found = rungs(table)
-    return recommendation(found), [_figure(material, table), _table(material, found)]
+    words = recommendation(found) if keeps_draws(table) else UNTOLD
+    return words, [_figure(material, table), _table(material, found)]
 
 
 def rungs(table: pd.DataFrame) -> list[Rung]:
