@@ -18,6 +18,7 @@ from pyinfra.evaluation.ground_truth import SETS
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti.csv_table import read_csv
+from pyinfra.statistics.selection import AP_COLUMNS, AP_ENDS, AP_OF
 from pyinfra.training import detect
 from pyinfra.training.recipe import Recipe
 from pyinfra.training.sources import read_source
@@ -25,10 +26,8 @@ from pyinfra.training.train import train
 
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SETS)
-NAMES = {"captured": "ap", "common": "ap_common", "all": "ap_all"}  # of a ground truth's columns
-ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
 MEASURED = (
-    *(f"{name}{end}" for name in NAMES.values() for end in ENDS),
+    *AP_COLUMNS,
     *("objects", "train_seconds"),
     *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
 )
@@ -99,8 +98,8 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -
         **asdict(cell),
         **{
             f"{name}{end}": found[f"ap{end}"][which]
-            for which, name in NAMES.items()
-            for end in ENDS
+            for which, name in AP_OF.items()
+            for end in AP_ENDS
         },
         "objects": int(found.objects["captured"]),
         "block_s": found.block_s["captured"],

@@ -17,7 +17,7 @@ import pandas as pd
 from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.csv_table import numbers, read_words
-from pyinfra.statistics.selection import CELL, first_seed, with_fine
+from pyinfra.statistics.selection import AP_COLUMNS, CELL, first_seed, with_fine
 from pyinfra.training.sources import TIERS
 
 
@@ -47,19 +47,13 @@ def _kind(file: str, texts: str, numbers: str, key: str = "", later: str = "") -
     return Kind(file, *(tuple(words.split()) for words in (texts, numbers, key, later)))
 
 
-_AP = tuple(
-    f"{name}{fine}{end}"
-    for name in ("ap", "ap_common", "ap_all")
-    for fine in ("", "_fine")
-    for end in ("", "_low", "_high")
-)
 _SHARE = (0.0, 100.0)
 _FROM_ZERO = (0.0, sys.float_info.max)
 _FINITE = (-sys.float_info.max, sys.float_info.max)
 _ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
 # What a column of numbers may hold, in whichever table; the others: 0 or more.
 RANGES = {
-    **dict.fromkeys((*_AP, "outside_box_percent"), _SHARE),
+    **dict.fromkeys((*AP_COLUMNS, "outside_box_percent"), _SHARE),
     **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
     **dict.fromkeys("value low high".split(), _ANY),
     **dict.fromkeys("s change_percent".split(), _FINITE),
@@ -68,7 +62,7 @@ RANGES = {
     "units": (1.0, 1e6),
 }
 ENDS = (  # of intervals
-    *((name, f"{name.removesuffix('_low')}_high") for name in _AP if name.endswith("_low")),
+    *((name, f"{name.removesuffix('_low')}_high") for name in AP_COLUMNS if name.endswith("_low")),
     ("p_low", "p_high"),
     ("ci_low", "ci_high"),
     ("low", "high"),
@@ -84,7 +78,7 @@ KINDS = {
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _CELL,
-        " ".join(_AP[3:]),
+        " ".join(AP_COLUMNS),
     ),
     "draws": _kind(
         "{tier}_draws.csv",

@@ -8,7 +8,7 @@ which.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -65,15 +65,9 @@ def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Bootstrapp
     return Bootstrapped(float(gain @ windows.ap), gain @ draws, blocks)
 
 
-def draw_rows(
-    truth: GroundTruth,
-    blocks: Blocks,
-    seed: int,
-    which: str,
-    found: Iterator[tuple[str, Bootstrapped]],
-) -> pd.DataFrame:
-    """The rows of one ground truth, with columns COLUMNS and the draws."""
-    same = {
+def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
+    """The columns SAME of an evaluation's rows."""
+    return {
         "world": world_of(truth),
         "version": version_of(truth),
         "label_time": truth.lidar.label_time if truth.lidar else "",
@@ -82,6 +76,12 @@ def draw_rows(
         "draws": len(blocks.draws),
         "draws_seed": seed,
     }
+
+
+def draw_rows(
+    same: Mapping[str, object], which: str, found: Iterable[tuple[str, Bootstrapped]]
+) -> pd.DataFrame:
+    """The rows of one ground truth, with columns COLUMNS and the draws; same: of `same_of`."""
     rows = []
     for measure, one in found:
         own = {"ground_truth": which, "measure": measure, "value": one.value}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pyinfra.data.frame_tables import Predictions
-from pyinfra.evaluation.draws import draw_rows, figures
+from pyinfra.evaluation.draws import draw_rows, figures, same_of
 from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Contest, Settings, blocks_of, contest, judge
 from pyinfra.evaluation.matching import Metric
@@ -93,6 +93,7 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
     """The other tables: first class, metric and threshold, by the definition, each ground truth."""
     iou = settings.ious[0]
     took = one.match(iou, strict=False)
+    same = same_of(one.truth, one.blocks, settings.seed)
     tables: dict[str, list[pd.DataFrame]] = {}
     for which in settings.ground_truths:
         judgement = judge(one, which, took, settings.min_points)
@@ -111,9 +112,8 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
         }.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
-        kept = figures(judgement, distance, draws)
-        rows = draw_rows(one.truth, one.blocks, settings.seed, which, kept)
-        tables.setdefault("draws", []).append(rows)
+        kept = draw_rows(same, which, figures(judgement, distance, draws))
+        tables.setdefault("draws", []).append(kept)
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
 
 

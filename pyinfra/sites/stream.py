@@ -25,7 +25,12 @@ from pyinfra.sites.draws import VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
 from pyinfra.training.samples import SiteSample
-from pyinfra.training.sources import Stream, boxes_of_frame, pose_of
+from pyinfra.training.sources import (
+    Stream,
+    boxes_of_frame,
+    pose_of,
+    roads_of_simulation,
+)
 
 # What is looked at around a sensor, metres: x and y to the end of the regions and of parked crowds,
 # z from below the road to over a truck, for sensors of 3.5 to 9 m.
@@ -155,7 +160,7 @@ def samples_of(
 ) -> list[SiteSample]:
     """Frames of a site's LiDAR. Raises what the simulator does."""
     pose = pose_of(keys)
-    roads = regions.roads_of(world.roads_csv().splitlines(), keys["name"])
+    roads = roads_of_simulation(world, keys["name"])
     region = regions.roads_region(roads, pose)
     road_z = road_below(roads, pose)
     label_time = sim.label_time(world, lidar)

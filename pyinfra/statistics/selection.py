@@ -6,13 +6,17 @@ import pandas as pd
 
 CELL = ("scene", "lidar", "preset", "detector", "tier")  # and the seed
 CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
+# Columns of AP of each ground truth, at 40 recalls and at 1,000, with the ends of their intervals.
+AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all"}
+AP_ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
+AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
 PRESETS = ("paper", "equal", "datasheet")  # of the catalogue; the last is nearest to what one buys
 
 
 def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
     """With AP at 1,000 recalls; where an earlier version measured none, that at 40 stands in."""
     found = {}
-    for name in ("ap", "ap_common", "ap_all"):
+    for name in AP_OF.values():
         for end in ("", "_low", "_high"):
             if f"{name}{end}" in cells:
                 fine = cells.get(f"{name}_fine{end}")

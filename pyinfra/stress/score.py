@@ -17,7 +17,7 @@ from pyinfra.arrays import FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions
 from pyinfra.detectors import Detections
 from pyinfra.evaluation import ap
-from pyinfra.evaluation.draws import draw_rows
+from pyinfra.evaluation.draws import draw_rows, same_of
 from pyinfra.evaluation.ground_truth import GroundTruth
 from pyinfra.evaluation.judge import Contest, Judgement, Settings, causes, contest
 from pyinfra.evaluation.judge import judge as judged
@@ -58,14 +58,14 @@ def scored(
     row = ap_row(judgement, IOU, "definition")
     wrong = causes(judgement, IOU, strict=False)
     gains = forgiven(judgement)
-    kept = iter([("ap_fine", fine_ap(judgement))])
+    same = same_of(truth, one.blocks, settings.seed)
     return {
         **{name: row[name] for name in COLUMNS[: COLUMNS.index("objects") + 1]},
         "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / len(truth.frames),
         **{f"recall_{band}": _recall(judgement, ends) for band, ends in BANDS_M.items()},
         **_box_errors(judgement),
         **{f"forgiven_{error}": gains[error] for error in ERRORS},
-    }, draw_rows(truth, one.blocks, settings.seed, "captured", kept)
+    }, draw_rows(same, "captured", [("ap_fine", fine_ap(judgement))])
 
 
 def as_predictions(found: Sequence[Detections]) -> Predictions:

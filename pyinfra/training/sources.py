@@ -122,24 +122,23 @@ def simulated_source(
 
     world = sim.load_scene(scene, preset=preset, seed=seed, set=set)
     unit = sim.load_lidar(lidar, preset)
+    keys = yaml.safe_load(world.dump())
     numbers = split.by_time(range(world.frames), PERIOD_S).train
     frames = spread(numbers, MOST_FRAMES[tier])
     return Source(
         lidar=unit.name,
         preset=unit.preset,
-        scene=str(yaml.safe_load(world.dump())["name"]),
+        scene=str(keys["name"]),
         label_time=sim.label_time(world, unit),
         clouds=tuple(partial(cast, world, unit, k) for k in frames),
         read_boxes=partial(boxes_of_simulation, world, unit, frames),
-        region=region_of_simulation(world),
+        region=regions.roads_region(roads_of_simulation(world, keys["name"]), pose_of(keys)),
     )
 
 
-def region_of_simulation(world: sim.World) -> regions.Region:
-    """Of the world's one mount."""
-    keys = yaml.safe_load(world.dump())
-    roads = regions.roads_of(world.roads_csv().splitlines(), Path(keys["name"]))
-    return regions.roads_region(roads, pose_of(keys))
+def roads_of_simulation(world: sim.World, name: str) -> list[regions.Road]:
+    """name: of the scene, for messages."""
+    return regions.roads_of(world.roads_csv().splitlines(), Path(name))
 
 
 def pose_of(scene: Mapping[str, Any]) -> kitti.WorldPose:

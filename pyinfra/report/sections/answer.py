@@ -13,8 +13,8 @@ from pyinfra.report.material import Material
 from pyinfra.report.names import detector
 from pyinfra.report.sections import accuracy, recommendation
 from pyinfra.simulator.catalogue import SCENES
+from pyinfra.statistics.selection import AP_OF
 
-COLUMN = {"captured": "ap_fine", "common": "ap_common_fine", "all": "ap_all_fine"}
 TITLE = "Which LiDAR and detector for what"
 UNTOLD = (
     "The table is of a version that kept no draws: whether the best can be told from the next is "
@@ -163,7 +163,7 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 
 def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
     """Which others cannot be told from the best, by the paired difference of fine AP."""
-    others = rows[rows.index != best.name].sort_values(COLUMN[truth], ascending=False)
+    others = rows[rows.index != best.name].sort_values(f"{AP_OF[truth]}_fine", ascending=False)
     draws = CellDraws(material.results.table("draws"))
     if others.empty:
         return ""
