@@ -57,6 +57,14 @@ def test_simulator_includes_point_downwards(path: Path) -> None:
     assert ours <= MAY_INCLUDE[folder] | {folder}
 
 
+def test_constants_and_types_of_sources_have_names_of_their_own() -> None:
+    """A unity build compiles sources together, which ones depends on how many there are."""
+    pattern = r"^(?:const.* (?=k[A-Z])|enum (?:class )?|struct |class )(\w+)(?= *[\[={:])"
+    found = [set(re.findall(pattern, path.read_text(), re.M)) for path in SIMULATOR.rglob("*.cpp")]
+    names = Counter(name for names in found for name in names)
+    assert {name for name, count in names.items() if count > 1} == set()
+
+
 def test_simulator_includes_its_own_headers_by_their_full_name() -> None:
     for path in sources(SIMULATOR):
         quoted = re.findall(r'#include "([^"]+)"', path.read_text())

@@ -18,7 +18,7 @@ static_assert(std::endian::native == std::endian::little, "the files are little-
 
 namespace {
 
-constexpr std::string_view kMagic = "\x93NUMPY";
+constexpr std::string_view kNpyMagic = "\x93NUMPY";
 
 /// What a file consists of; the parts lie in its bytes.
 struct NpyFile {
@@ -28,7 +28,7 @@ struct NpyFile {
 
 /// Format: NumPy enhancement proposal 1. Nothing if the bytes do not begin so.
 std::optional<NpyFile> split_npy(std::string_view bytes) {
-  if (!bytes.starts_with(kMagic) || bytes.size() < 12) return std::nullopt;
+  if (!bytes.starts_with(kNpyMagic) || bytes.size() < 12) return std::nullopt;
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
   const unsigned version = byte(6);
   if (version < 1 || version > 3) return std::nullopt;
@@ -76,7 +76,7 @@ void write_npy(const std::filesystem::path& file, std::span<const double> values
                        "), }";
   header.append(63 - (10 + header.size()) % 64, ' ');
   header += '\n';
-  std::string bytes = std::string(kMagic) + '\x01' + '\x00';
+  std::string bytes = std::string(kNpyMagic) + '\x01' + '\x00';
   bytes += static_cast<char>(header.size() % 256);
   bytes += static_cast<char>(header.size() / 256);
   bytes += header;

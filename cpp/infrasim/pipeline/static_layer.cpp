@@ -13,12 +13,12 @@ namespace infrasim {
 
 namespace {
 
-constexpr std::int64_t kTile = kPacketRays;
+constexpr std::int64_t kTileRays = kPacketRays;
 constexpr std::int64_t kLeastColumns = 4;  // of a block: as wide as tiles are high
 
 /// Groups of a block of near rays.
 std::int64_t block_groups(std::int64_t group_size) {
-  return std::max(kLeastColumns, kTile / group_size);
+  return std::max(kLeastColumns, kTileRays / group_size);
 }
 
 /// Calls use(rays) for block after block of a period.
@@ -87,7 +87,7 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits)
   RayBatch rays;
   for_each_block(pattern, rays, [&](const RayBatch& block) {
     for (std::size_t i = 0; i < order_.size(); ++i) {
-      if (i % kTile == 0) tiles_.emplace_back();
+      if (i % kTileRays == 0) tiles_.emplace_back();
       const std::uint32_t k = order_[i];
       if (k < block.size()) tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
     }
@@ -125,11 +125,11 @@ void StaticLayer::select(std::int64_t first_group, std::int64_t last_group, cons
   const std::int64_t from = first_group % hits_.groups * hits_.group_size;
   const std::int64_t to = from + (last_group - first_group) * hits_.group_size;
   const std::int64_t block_rays = block_groups_ * hits_.group_size;
-  const std::int64_t tiles = (block_rays + kTile - 1) / kTile;
+  const std::int64_t tiles = (block_rays + kTileRays - 1) / kTileRays;
   for (std::int64_t block = from / block_rays; block * block_rays < to; ++block)
     for (std::int64_t t = 0; t < tiles; ++t) {
       if (!bodies.any_in(tiles_[static_cast<std::size_t>(block * tiles + t)])) continue;
-      for (std::int64_t i = t * kTile; i < std::min((t + 1) * kTile, block_rays); ++i) {
+      for (std::int64_t i = t * kTileRays; i < std::min((t + 1) * kTileRays, block_rays); ++i) {
         const std::int64_t ray = block * block_rays + order_[static_cast<std::size_t>(i)];
         if (ray >= from && ray < to) selected.push_back(static_cast<std::uint32_t>(ray - from));
       }

@@ -20,7 +20,7 @@ static_assert(std::endian::native == std::endian::little, "the file is little-en
 
 namespace {
 
-constexpr std::string_view kMagic = "infrasim-static-layer 1\n";
+constexpr std::string_view kLayerMagic = "infrasim-static-layer 1\n";
 constexpr std::int32_t kMostUnits = 1024, kMostGroups = 1 << 30, kMostMembers = 65535;
 constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
 
@@ -127,7 +127,7 @@ std::string size_text(const StaticHits& unit) {
 }  // namespace
 
 std::string static_layer_to_bytes(std::span<const StaticHits> units) {
-  std::string bytes(kMagic);
+  std::string bytes(kLayerMagic);
   put(bytes, static_cast<std::int32_t>(units.size()));
   for (const StaticHits& unit : units) {
     put(bytes, unit.directions);
@@ -145,9 +145,9 @@ std::string static_layer_to_bytes(std::span<const StaticHits> units) {
 
 StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::string& name) {
   Reader reader(bytes, name);
-  if (!bytes.starts_with(kMagic))
+  if (!bytes.starts_with(kLayerMagic))
     reader.fail_here("found another kind of file, allowed a static layer");
-  reader.skip(kMagic.size());
+  reader.skip(kLayerMagic.size());
   std::vector<StaticHits> units;
   const std::int32_t count = reader.take_count("units", kMostUnits);
   for (std::int32_t i = 0; i < count; ++i) units.push_back(take_header(reader));

@@ -6,7 +6,7 @@ namespace infrasim {
 
 namespace {
 
-enum Draw : unsigned { kLeaf, kFirstVolume };
+enum VolumeDraw : unsigned { kLeaf, kFirstVolume };
 
 }  // namespace
 

@@ -20,34 +20,36 @@ struct Profile {
   double roof_width = 1;
 };
 
-constexpr Station kCar[] = {{-.50, .86, .60}, {-.45, 1, .68}, {-.34, 1, .92}, {-.22, 1, 1.0},
-                            {.04, 1, 1.0},    {.22, 1, .63},  {.44, 1, .54},  {.50, .80, .42}};
-constexpr Station kVan[] = {{-.50, .96, .94}, {-.47, 1, 1.0}, {.16, 1, 1.0},
-                            {.34, 1, .62},    {.46, 1, .52},  {.50, .84, .42}};
-constexpr Station kTruck[] = {{-.50, 1, 1.0},  {.18, 1, 1.0},   {.20, .94, .84},
-                              {.44, .94, .82}, {.49, .94, .50}, {.50, .92, .46}};
-constexpr Station kBus[] = {{-.50, .97, .95}, {-.48, 1, 1.0}, {.46, 1, 1.0}, {.50, .95, .90}};
-constexpr Station kRider[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22, .80, .92},
-                              {-.02, 1, 1.0},   {.08, .86, .88},  {.20, .96, .64},
-                              {.34, .30, .56},  {.50, .22, .36}};
-constexpr Station kPerson[] = {
+constexpr Station kCarStations[] = {{-.50, .86, .60}, {-.45, 1, .68}, {-.34, 1, .92},
+                                    {-.22, 1, 1.0},   {.04, 1, 1.0},  {.22, 1, .63},
+                                    {.44, 1, .54},    {.50, .80, .42}};
+constexpr Station kVanStations[] = {{-.50, .96, .94}, {-.47, 1, 1.0}, {.16, 1, 1.0},
+                                    {.34, 1, .62},    {.46, 1, .52},  {.50, .84, .42}};
+constexpr Station kTruckStations[] = {{-.50, 1, 1.0},  {.18, 1, 1.0},   {.20, .94, .84},
+                                      {.44, .94, .82}, {.49, .94, .50}, {.50, .92, .46}};
+constexpr Station kBusStations[] = {
+    {-.50, .97, .95}, {-.48, 1, 1.0}, {.46, 1, 1.0}, {.50, .95, .90}};
+constexpr Station kRiderStations[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22, .80, .92},
+                                      {-.02, 1, 1.0},   {.08, .86, .88},  {.20, .96, .64},
+                                      {.34, .30, .56},  {.50, .22, .36}};
+constexpr Station kPersonStations[] = {
     {-.50, .40, .80}, {-.25, .9, .95}, {0, 1, 1.0}, {.25, .9, .95}, {.50, .40, .80}};
 
 Profile profile_of(Class object_class) {
   switch (object_class) {
     case Class::kVan:
-      return {kVan, .50, .84};
+      return {kVanStations, .50, .84};
     case Class::kTruck:
-      return {kTruck, 1, 1};
+      return {kTruckStations, 1, 1};
     case Class::kBus:
-      return {kBus, .50, .94};
+      return {kBusStations, .50, .94};
     case Class::kMotorcycle:
     case Class::kCyclist:
-      return {kRider, .60, .55};
+      return {kRiderStations, .60, .55};
     case Class::kPedestrian:
-      return {kPerson, .70, .50};
+      return {kPersonStations, .70, .50};
     default:
-      return {kCar, .58, .76};
+      return {kCarStations, .58, .76};
   }
 }
 

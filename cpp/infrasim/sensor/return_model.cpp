@@ -13,7 +13,7 @@ namespace {
 
 constexpr float kCarlaAttenuation = 0.004F;  // 1/m, CARLA's atmosphere_attenuation_rate
 
-enum Draw : unsigned { kLoss, kKeep, kDetection, kNoise };
+enum ReturnDraw : unsigned { kLoss, kKeep, kDetection, kNoise };
 
 double extinction(const WeatherConfig& weather) {
   const double rain = 3.65e-4 * std::pow(weather.rain_mm_per_h, 0.63);

@@ -9,7 +9,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kTile = 4;
+constexpr int kTileSide = 4;
 
 double positive_fmod(double value, double period) {
   const double r = std::fmod(value, period);
@@ -256,10 +256,10 @@ std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
     std::iota(order.begin(), order.end(), 0U);
     return order;
   }
-  for (int g0 = 0; g0 < groups; g0 += kTile)
-    for (int r0 = 0; r0 < group_size_; r0 += kTile)
-      for (int g = g0; g < std::min(g0 + kTile, groups); ++g)
-        for (int r = r0; r < std::min(r0 + kTile, group_size_); ++r)
+  for (int g0 = 0; g0 < groups; g0 += kTileSide)
+    for (int r0 = 0; r0 < group_size_; r0 += kTileSide)
+      for (int g = g0; g < std::min(g0 + kTileSide, groups); ++g)
+        for (int r = r0; r < std::min(r0 + kTileSide, group_size_); ++r)
           order.push_back(static_cast<std::uint32_t>(g * group_size_) + member_of_ring_[r]);
   return order;
 }
