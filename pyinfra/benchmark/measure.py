@@ -77,7 +77,7 @@ def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) ->
 def detected(run: Path, folder: Path, device: str, *, every: int = 1) -> FloatArray:
     """Milliseconds of each `every`-th test frame, points to boxes; writes the predictions."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)[::every]]
-    detector = detect.load_detector(run, device=device)
+    detector = detect.detector_at(run, folder, device=device)
     detect.detect(detector, files[:5], None)  # the first calls are slower
     return detect.detect(detector, files, run / "predictions")[1]
 

@@ -10,10 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
+from pyinfra.arrays import Points
 from pyinfra.data.frames import frame_numbers, has_labels
-from pyinfra.detectors import Detections
-from pyinfra.training.detect import PERCENTILES, detect, load_detector, model_file, transfer
+from pyinfra.data.ground import level_ground
+from pyinfra.data.regions import outline_region
+from pyinfra.detectors import Detections, Detector
+from pyinfra.exchange import pcd, pcd_file
+from pyinfra.exchange.recording import Options
+from pyinfra.training.detect import (
+    PERCENTILES,
+    detect,
+    load_detector,
+    model_file,
+    place_of,
+    transfer,
+)
 from pyinfra.training.sources import spread
+
+MOST_HEIGHT_M = 100.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,8 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: pyinfra detect runs/pillars --data data/highway/ruby_plus "
         "--out runs/pillars/predictions"
     )
-    parser.add_argument("model", metavar="RUN", type=Path, help="folder of `pyinfra train`")
-    parser.add_argument("cloud", nargs="*", type=Path, help=".bin files, x y z intensity")
+    parser.add_argument(
+        "run", metavar="RUN", nargs="?", type=Path, help="folder of `pyinfra train`, or --model"
+    )
+    parser.add_argument(
+        "cloud", nargs="*", type=Path, help=".bin files, x y z intensity, or .pcd files"
+    )
+    parser.add_argument(
+        "--model", type=Path, help="in place of RUN: of the package, as generalist, or a file"
+    )
     parser.add_argument("--data", type=Path, help="folder of a LiDAR")
     parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
     parser.add_argument(
@@ -36,6 +57,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="last",
         help="default: last; best: by the recipe's validate_frames",
     )
+    parser.add_argument(
+        "--height-m", type=float, help="of the sensor above the road; default: what --data says"
+    )
+    parser.add_argument(
+        "--region",
+        type=Path,
+        metavar="FILE",
+        help="where vehicles can be, `outline_m: [[x, y], ...]`; default: what --data says",
+    )
     parser.add_argument("--device", default="cpu", help="of a network: cpu, cuda, cuda:1, ...")
     parser.add_argument(
         "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
@@ -45,10 +75,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if args.frames < 0:
         raise ValueError(f"--frames: found {args.frames}, allowed 0 or more")
+    if args.model is not None and args.run is not None:  # it is the first cloud
+        args.run, args.cloud = None, [args.run, *args.cloud]
+    if args.model is None and args.run is None:
+        raise ValueError("detect: found no detector, allowed RUN or --model")
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
-    model = model_file(args.model, args.checkpoint)
-    detector = load_detector(model, device=args.device)
+    model = model_file(args.model or args.run, args.checkpoint)
+    detector = _detector(model, args)
     files = args.cloud
     if args.data is not None:
         numbers = frame_numbers(args.data, args.split)
@@ -57,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         warn(model, args)
     if not files:
         raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
-    found, times = detect(detector, files, args.out)
+    found, times = detect(detector, files, args.out, read=_read)
     if args.out is None:
         _print_boxes(files, found)
     low, high = np.percentile(times, PERCENTILES)
@@ -67,6 +101,26 @@ def run(args: argparse.Namespace) -> int:
         file=sys.stderr if args.out is None else sys.stdout,
     )
     return 0
+
+
+def _detector(model: Path, args: argparse.Namespace) -> Detector:
+    """Where the data were taken, but for what the user says of the place."""
+    if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
+        raise ValueError(
+            f"--height-m: found {args.height_m:g}, allowed more than 0 to {MOST_HEIGHT_M:g}"
+        )
+    ground, region = place_of(args.data) if args.data is not None else (None, None)
+    if args.height_m is not None:
+        ground = level_ground(-args.height_m)
+    if args.region is not None:
+        region = outline_region(args.region)
+    return load_detector(model, ground=ground, region=region, device=args.device)
+
+
+def _read(cloud: Path) -> Points:
+    if cloud.suffix.lower() != ".pcd":
+        return kitti.read_points(cloud)
+    return pcd.points_of(cloud, pcd_file.read_pcd(cloud), Options())
 
 
 def warn(model: Path, args: argparse.Namespace) -> None:

@@ -12,7 +12,7 @@ from typing import get_args
 from pyinfra.data.regions import outline_region
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.training.recipe import Precision, Recipe, read_recipe
-from pyinfra.training.sources import TIERS, Source, read_source, simulated_source
+from pyinfra.training.sources import TIERS, Source, Stream, read_source, simulated_source
 from pyinfra.training.train import OF_NETWORKS, train
 
 
@@ -26,6 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", nargs="+", type=Path, default=[], help="folders of LiDARs")
     parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
     parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
+    parser.add_argument(
+        "--sites", type=Path, metavar="FILE", help="in place of --data: file of configs/streams"
+    )
     parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
     parser.add_argument(
         "--region",
@@ -62,9 +65,11 @@ def run(args: argparse.Namespace) -> int:
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"--{key}" for key in given)
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
-    sources = _with_region(args, recipe, _sources(args))
-    for warning in filter(None, (source.read_warning() for source in sources)):
-        print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
+    sources = _sources(args)
+    if not isinstance(sources, Stream):
+        sources = _with_region(args, recipe, sources)
+        for warning in filter(None, (source.read_warning() for source in sources)):
+            print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
     how = {"seed": args.seed, "device": args.device, "precision": args.precision}
     model = train(recipe, sources, args.out, **how)
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first
@@ -93,9 +98,16 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     return sources
 
 
-def _sources(args: argparse.Namespace) -> list[Source]:
-    if (args.scene is None) == (not args.data) or (args.scene is None) != (args.lidar is None):
-        raise ValueError("found no or two sources, allowed --data, or --scene with --lidar")
+def _sources(args: argparse.Namespace) -> list[Source] | Stream:
+    kinds = [bool(args.data), args.scene is not None, args.sites is not None]
+    if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
+        raise ValueError(
+            "found no or two sources, allowed --data, or --scene with --lidar, or --sites"
+        )
+    if args.sites is not None:
+        from pyinfra.sites.stream import read_stream  # needs the extension
+
+        return read_stream(args.sites)
     if args.scene is None:
         return [read_source(folder, args.tier) for folder in args.data]
     return [simulated_source(args.scene, args.lidar, args.tier, preset=args.preset)]

@@ -27,6 +27,7 @@ class Config:
 
     pillar_m: float = ruled(0.2, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
+    intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat and box share
 
@@ -39,7 +40,9 @@ class CenterPointPillar(Network):
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
-        self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width)
+        self.encoder = PillarEncoder(
+            area, config.pillar_m, config.pillar_width, intensity=config.intensity
+        )
         self.bev = BevNetwork(config.bev, config.pillar_width)
         cell_m = config.bev.strides[0] * config.pillar_m
         self.head = CentreHead(self.bev.channels, config.head_width, self.site, cell_m)

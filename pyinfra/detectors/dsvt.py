@@ -212,7 +212,7 @@ class Dsvt(Network):
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
         width = config.width
-        self.encoder = PillarEncoder(area, config.pillar_m, width, config.point_layers)
+        self.encoder = PillarEncoder(area, config.pillar_m, width, layers=config.point_layers)
         self.transformer = Transformer(config)
         self.bev = BevNetwork(config.bev, width, residual=True)
         cell_m = config.bev.strides[0] * config.pillar_m

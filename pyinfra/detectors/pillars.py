@@ -16,18 +16,26 @@ from pyinfra.detectors.batch import Area, Batch, CanvasPart
 class PillarEncoder(nn.Module):
     """Points (n, 4) -> canvas (B, width, H, W); row = y, column = x.
 
-    Of each point: x y z intensity, offset to the mean of its pillar (3), offset to the middle of
-    the pillar (3); a linear layer, batch norm, ReLU, the maximum over the pillar. With more than
-    one layer, each but the last is half as wide and hands on a point's features and the pillar's.
+    Of each point: x y z, offset to the mean of its pillar (3), offset to the middle of the pillar
+    (3), intensity if asked for; a linear layer, batch norm, ReLU, the maximum over the pillar. With
+    more than one layer, each but the last is half as wide and hands on a point's features and the
+    pillar's.
     """
 
-    FEATURES = 10
-
-    def __init__(self, area: Area, pillar_m: float, width: int, layers: int = 1) -> None:
+    def __init__(
+        self,
+        area: Area,
+        pillar_m: float,
+        width: int,
+        *,
+        layers: int = 1,
+        intensity: bool = True,
+    ) -> None:
         super().__init__()
         self.area, self.pillar_m, self.width = area, pillar_m, width
+        self.features = 10 if intensity else 9
         self.columns, self.rows = (round(area.size[axis] / pillar_m) for axis in (0, 1))
-        inputs = [self.FEATURES, *[2 * (width // 2)] * (layers - 1)]
+        inputs = [self.features, *[2 * (width // 2)] * (layers - 1)]
         self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
         self.linear, self.norm = _layer(inputs[-1], width)
 
@@ -41,7 +49,7 @@ class PillarEncoder(nn.Module):
         # several processes the norm waits for all of them, and knows what to do.
         if len(batch.points) < (2 if self.training else 1) and processes.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
-        features = self.point_features(batch, pillar, member)  # (n, 10)
+        features = self.point_features(batch, pillar, member)  # (n, 9 or 10)
         for layer in self.before:
             found = torch.relu(layer(features))  # (n, width / 2)
             features = torch.cat([found, _most(found, member, len(pillar))[member]], dim=1)
@@ -88,7 +96,7 @@ class PillarEncoder(nn.Module):
         return (batch.frame * self.rows + row) * self.columns + column
 
     def point_features(self, batch: Batch, pillar: Tensor, member: Tensor) -> Tensor:
-        """(n, 10); pillar: (p,) numbers on the canvas, member: (n,) index into them."""
+        """(n, 9 or 10); pillar: (p,) numbers on the canvas, member: (n,) index into them."""
         xyz = batch.points[:, :3]
         count = xyz.new_zeros(len(pillar)).index_add(0, member, torch.ones_like(xyz[:, 0]))
         mean = xyz.new_zeros(len(pillar), 3).index_add(0, member, xyz) / count.clamp(min=1)[:, None]
@@ -102,7 +110,7 @@ class PillarEncoder(nn.Module):
             dim=1,
         )
         place = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
-        return torch.cat([place, batch.points[:, 3:]], dim=1)
+        return torch.cat([place, batch.points[:, 3:]], dim=1)[:, : self.features]
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
         """(p, width): the largest of each feature over the points of a pillar."""

@@ -31,6 +31,7 @@ class Config:
 
     pillar_m: float = ruled(0.16, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
+    intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
     bev: BevConfig = field(default_factory=BevConfig)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
 
@@ -120,7 +121,9 @@ class PointPillars(Network):
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
-        self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width)
+        self.encoder = PillarEncoder(
+            area, config.pillar_m, config.pillar_width, intensity=config.intensity
+        )
         self.bev = BevNetwork(config.bev, config.pillar_width)
         stride = config.bev.strides[0]
         grid = (self.encoder.rows // stride, self.encoder.columns // stride)

@@ -1,4 +1,4 @@
-"""What a detector knows of where it stands: its area and how high the road lies."""
+"""What a network looks at around a sensor."""
 
 from __future__ import annotations
 
@@ -17,17 +17,21 @@ REGION_MARGIN_M = 8.0  # half a long vehicle, so that one whose centre is at the
 
 @dataclass(frozen=True)
 class Site:
-    """Levelled LiDAR frame, metres."""
+    """x and y of the levelled LiDAR frame, z from the local road; metres.
+
+    Networks of version 0.2 have z from the sensor, and the floor where vehicles stood.
+    """
 
     area: Area
-    floor_z: float  # of the vehicles' bottoms, median
+    floor_z: float = 0.0
 
 
 def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site:
     """The area that holds the regions with a margin of 8 m, as high as the boxes (k, 7) with 1 m.
 
-    It is the same for every LiDAR of a site, however far each of them sees. Without a region: that
-    of the boxes with a margin of 1 m. Raises ValueError if there is no box.
+    boxes: above the road. The area is the same for every LiDAR of a site, however far each of them
+    sees. Without a region: that of the boxes with a margin of 1 m. Raises ValueError if there is no
+    box.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
@@ -45,7 +49,20 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
     x0, y0, z0 = (float(v) - MARGIN_M for v in low)
     x1, y1, z1 = (float(v) + MARGIN_M for v in high)
     if regions:
-        corners = np.concatenate([region.corners for region in regions])
-        x0, y0 = (float(v) - REGION_MARGIN_M for v in corners.min(axis=0))
-        x1, y1 = (float(v) + REGION_MARGIN_M for v in corners.max(axis=0))
-    return Site(Area((x0, y0, z0), (x1, y1, z1)), float(np.median(bottom)))
+        (x0, y0), (x1, y1) = _ends(regions)
+    return Site(Area((x0, y0, z0), (x1, y1, z1)))
+
+
+def around(region: Region, site: Site) -> Site:
+    """The site as high as it is, with a region's area."""
+    low, high = _ends([region])
+    area = Area((*low, site.area.low[2]), (*high, site.area.high[2]))
+    return Site(area, site.floor_z)
+
+
+def _ends(regions: Sequence[Region]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """x y, lowest and highest, of regions with the margin."""
+    corners = np.concatenate([region.corners for region in regions])
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    margin = REGION_MARGIN_M
+    return (float(x0) - margin, float(y0) - margin), (float(x1) + margin, float(y1) + margin)

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from pyinfra import sim
+from pyinfra.config import ruled
 from pyinfra.simulator.lidars import catalogue_files, presets_of
+
+
+@dataclass(frozen=True)
+class PresetShares:
+    """How often each preset is drawn, of those that a LiDAR has; 0: never.
+
+    Real sensors are as `datasheet`; the study's figures are of the others.
+    """
+
+    datasheet: float = ruled(0.6, 0, 1)
+    equal: float = ruled(0.2, 0, 1)
+    paper: float = ruled(0.2, 0, 1)
 
 
 @dataclass(frozen=True)
@@ -18,10 +31,7 @@ class Sensors:
     """LiDAR files, and how often each preset is drawn."""
 
     files: tuple[Path, ...]
-    # Real sensors are as `datasheet`; the study's figures are of the others.
-    presets: Mapping[str, float] = field(
-        default_factory=lambda: {"datasheet": 0.6, "equal": 0.2, "paper": 0.2}
-    )
+    presets: Mapping[str, float] = field(default_factory=lambda: asdict(PresetShares()))
 
     def draw(self, random: np.random.Generator, count: int) -> list[sim.Lidar]:
         """So many LiDARs, no file twice; motors start anywhere."""

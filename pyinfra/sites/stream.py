@@ -11,16 +11,20 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from pyinfra import sim
+from pyinfra.config import ConfigError, read_config, ruled
 from pyinfra.data import regions
+from pyinfra.data.ground import ground_of_roads
 from pyinfra.detectors.batch import Area
 from pyinfra.detectors.site import Site
-from pyinfra.kitti import LabelTime, WorldPose
+from pyinfra.kitti import LabelTime
 from pyinfra.sites import catalogue
+from pyinfra.sites.catalogue import PresetShares
 from pyinfra.sites.draws import VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
@@ -33,25 +37,22 @@ from pyinfra.training.sources import (
 )
 
 # What is looked at around a sensor, metres: x and y to the end of the regions and of parked crowds,
-# z from below the road to over a truck, for sensors of 3.5 to 9 m.
-AREA = Area((-110.0, -110.0, -10.0), (110.0, 110.0, 2.0))
-FLOOR_Z = -6.2  # of the road, in the middle
+# z from below the local road to over a truck.
+AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
 REDRAWN, TRIES = 1_000_000_000, 5
-ABOVE_ROAD = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
 
 
 @dataclass(frozen=True)
 class StreamPlan:
     """Which sites, and how they are visited."""
 
-    seed: int = 1  # of LiDARs, frames and order
-    sites: int = 1000
-    first_site: int = 0
-    lidars: int = 4  # of a visit
-    frames: int = 2  # of each of its LiDARs
-    mixed: int = 6  # visits in memory
+    seed: int = ruled(1, 0, 2**62)  # of LiDARs, frames and order
+    sites: int = ruled(1000, 1, REDRAWN)
+    first_site: int = ruled(0, 0, REDRAWN - 1)
+    lidars: int = ruled(4, 1, 100)  # of a visit
+    frames: int = ruled(2, 1, 100)  # of each of its LiDARs
+    mixed: int = ruled(6, 1, 1000)  # visits in memory
     label_time: LabelTime | None = None  # None: as each site has it
-    above_road: bool = False  # z from the road below the sensor, in place of from the sensor
 
     @property
     def of_visit(self) -> int:
@@ -130,7 +131,7 @@ class SiteSamples:
         for lidar in self.sensors.draw(random, self.plan.lidars):
             # Drawn, not evenly spaced: a pattern that nearly repeats would show few phases.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
-            samples += samples_of(world, keys, lidar, frames, above_road=self.plan.above_road)
+            samples += samples_of(world, keys, lidar, frames)
         self.cost.visits += 1
         self.cost.samples += len(samples)
         self.cost.building_s += built - start
@@ -156,21 +157,17 @@ def redrawn(seed: int, times: int) -> int:
 
 
 def samples_of(
-    world: sim.World, keys: Keys, lidar: sim.Lidar, frames: list[int], *, above_road: bool = False
+    world: sim.World, keys: Keys, lidar: sim.Lidar, frames: list[int]
 ) -> list[SiteSample]:
-    """Frames of a site's LiDAR. Raises what the simulator does."""
+    """Frames of a site's LiDAR, above its road. Raises what the simulator does."""
     pose = pose_of(keys)
     roads = roads_of_simulation(world, keys["name"])
-    region = regions.roads_region(roads, pose)
-    road_z = road_below(roads, pose)
+    region, ground = regions.roads_region(roads, pose), ground_of_roads(roads, pose)
     label_time = sim.label_time(world, lidar)
     samples = []
     for frame in cast(world, lidar, frames):
         points, boxes = sim.points(frame), boxes_of_frame(frame, label_time)
-        if above_road:
-            points[:, 2] -= road_z
-            boxes[:, 2] -= road_z
-        samples.append(SiteSample(points, boxes, region, 0.0 if above_road else road_z))
+        samples.append(SiteSample(ground.above(points), ground.above(boxes), region))
     return samples
 
 
@@ -180,11 +177,23 @@ def cast(world: sim.World, lidar: sim.Lidar, frames: list[int]) -> list[sim.Fram
         return [frame for _, (frame,) in sim.simulate(world, [lidar], frames, threads=1)]
 
 
-def road_below(roads: list[regions.Road], pose: WorldPose) -> float:
-    """Height of the nearest road's nearest place in the levelled frame."""
-    x, y, z = (np.concatenate(c) for c in zip(*((*r.xy.T, r.z) for r in roads), strict=True))
-    nearest = np.hypot(x - pose.x, y - pose.y).argmin()
-    return float(z[nearest] - pose.z)
+@dataclass(frozen=True)
+class StreamFile:
+    """`configs/streams/*.yaml`: what `pyinfra train --sites` learns from."""
+
+    plan: StreamPlan = field(default_factory=StreamPlan)
+    without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not learnt from
+    presets: PresetShares = field(default_factory=PresetShares)
+
+
+def read_stream(file: Path) -> Stream:
+    """Raises ConfigError with file, line and key, and FileNotFoundError."""
+    said = read_config(file, StreamFile)
+    try:
+        chosen = catalogue.sensors(without=said.without, presets=asdict(said.presets))
+        return site_stream(said.plan, chosen)
+    except ValueError as error:
+        raise ConfigError(f"{file}: {error}") from None
 
 
 def site_stream(plan: StreamPlan, sensors: catalogue.Sensors | None = None) -> Stream:
@@ -195,12 +204,11 @@ def site_stream(plan: StreamPlan, sensors: catalogue.Sensors | None = None) -> S
     chosen = sensors or catalogue.sensors()
     samples = SiteSamples(plan, chosen)
     last = plan.first_site + plan.sites - 1
-    site = Site(ABOVE_ROAD, 0.0) if plan.above_road else Site(AREA, FLOOR_Z)
     return Stream(
         lidar=catalogue.names_of(chosen.files),
         preset=" ".join(sorted(chosen.presets)),
         scene=f"sites_v{VERSION}_{plan.first_site}_to_{last}_seed_{plan.seed}",
         label_time=plan.label_time or "frame scan",
         samples=samples,
-        site=site,
+        site=Site(AREA),
     )

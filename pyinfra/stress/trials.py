@@ -21,7 +21,7 @@ from pyinfra.kitti.csv_table import WORDS, read_csv
 from pyinfra.stress import lidar, score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
-from pyinfra.training.detect import detect, load_detector, model_file
+from pyinfra.training.detect import detect, detector_at, model_file
 
 # What a row is of; a trial with such a row is not computed again.
 KEY = "detector run lidar preset scene stressor dial seed frames".split()
@@ -52,9 +52,9 @@ class TrainedRun:
     def name(self) -> str:
         return self.folder.resolve().name
 
-    @cached_property
-    def model(self) -> Detector:
-        return load_detector(self.folder)
+    def model(self, frames: Path) -> Detector:
+        """Where the frames of a LiDAR's folder were taken."""
+        return detector_at(self.folder, frames)
 
     @cached_property
     def digest(self) -> str:
@@ -155,12 +155,12 @@ def row_of(
     if stressor.world:
         name = f"{base.scene_name}_{stressor.name}_{key['dial']}"
         folder = worlds.simulated(base, stressor.world(base, dial), cache, name)
-    found = []
+    found, model = [], trial.run.model(folder)
     for k in base.frames:
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", k))
         if stressor.cloud:
             points = stressor.apply(points, float(dial), seed, k)
-        found.append(trial.run.model.predict(points))
+        found.append(model.predict(points))
     extra = [dial] if stressor.name == "vehicle_class" and dial not in VEHICLE_TYPES else []
     types = (*VEHICLE_TYPES, *map(str, extra))
     chosen = "" if stressor is NONE else f" --stressors {stressor.name} --dials {key['dial']}"
@@ -272,7 +272,7 @@ def seconds_of(trials: Sequence[Trial], base: Base) -> float:
     per_run = {}
     for run in {trial.run.folder: trial.run for trial in trials}.values():
         start = time.perf_counter()
-        detect(run.model, files, None)
+        detect(run.model(base.folder), files, None)
         per_run[run.folder] = (time.perf_counter() - start) / len(files)
     new = {(c.stressor.name, c.dial) for c in trials if c.stressor.world}
     return len(new) * WORLD_S + len(base.frames) * sum(per_run[c.run.folder] for c in trials)

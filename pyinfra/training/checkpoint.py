@@ -19,9 +19,10 @@ from torch import Tensor, nn
 from pyinfra import __version__
 from pyinfra.atomic import replacing
 from pyinfra.config import ConfigError, as_plain, from_plain
+from pyinfra.data.regions import Region
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.detectors.network import Network
-from pyinfra.detectors.site import Site
+from pyinfra.detectors.site import Site, around
 
 FORMAT = 1
 CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at the sensor"
@@ -41,6 +42,9 @@ class About:
     step: int
     steps: int
     label_time: str = "frame"  # as all had it up to version 0.2
+    above_road: bool = False  # whether z of what the network sees is from the road; 0.2: sensor
+    # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
+    ground: tuple[float, float, float] | None = None
     format: int = FORMAT
     convention: str = CONVENTION
     version: str = __version__
@@ -61,9 +65,13 @@ class Checkpoint:
             if name.startswith("network.")
         }
 
-    def network(self) -> Network:
-        """The network in eval mode. Raises ConfigError if the weights do not fit its Config."""
-        network = build(self.about.detector, self.about.network, self.about.site)
+    def network(self, region: Region | None = None) -> Network:
+        """The network in eval mode, that looks at a region, or where it learnt.
+
+        Raises ConfigError if the weights do not fit its Config.
+        """
+        site = self.about.site if region is None else around(region, self.about.site)
+        network = build(self.about.detector, self.about.network, site)
         try:
             network.load_state_dict(self.weights())
         except RuntimeError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -11,33 +11,74 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
+from pyinfra.data.ground import Ground, ground_of
+from pyinfra.data.regions import Region, region_of
 from pyinfra.detectors import Detections, Detector
 from pyinfra.detectors.background import Background
 from pyinfra.kitti import Labels
 from pyinfra.training.sources import scene_of
 
+MODELS = Path(__file__).resolve().parents[1] / "models"  # that come with the package
 PERCENTILES = (50, 95)
 
 
-def load_detector(run: Path, *, device: str = "cpu") -> Detector:
-    """The detector of a run's folder, or of a file in it.
+def load_detector(
+    run: Path, *, ground: Ground | None = None, region: Region | None = None, device: str = "cpu"
+) -> Detector:
+    """The detector of a run's folder, of a file in it, or of the name of a shipped one.
 
-    Raises FileNotFoundError, and ValueError for a file that is no model.
+    ground, region: of the road where it is to find vehicles; None: those where it learnt, if they
+    are known. Raises FileNotFoundError, and ValueError for a file that is no model, and without
+    any ground.
     """
     file = model_file(run)
     if file.suffix == ".npz":
         return Background.load(file)
     from pyinfra.detectors.fused import fused
     from pyinfra.detectors.network import device_of
+    from pyinfra.detectors.on_road import OnRoad
     from pyinfra.training import checkpoint
 
-    return fused(checkpoint.load(file).network()).to(device_of(device))
+    found = checkpoint.load(file)
+    about = found.about
+    if not about.above_road:  # of version 0.2: it finds vehicles where it learnt
+        return fused(found.network()).to(device_of(device))
+    if ground is None and about.ground is not None:
+        ground = Ground(about.ground)
+    if ground is None:
+        raise ValueError(f"{run}: found no height of the road, allowed one: --height-m says it")
+    return OnRoad(fused(found.network(region)).to(device_of(device)), ground)
+
+
+def detector_at(run: Path, lidar_folder: Path, *, device: str = "cpu") -> Detector:
+    """The detector where the frames of a LiDAR's folder were taken; raises as load_detector."""
+    ground, region = place_of(lidar_folder)
+    return load_detector(run, ground=ground, region=region, device=device)
+
+
+def place_of(lidar_folder: Path) -> tuple[Ground | None, Region | None]:
+    """The road where the frames of a folder were taken, as far as it is known.
+
+    Raises FormatError, and ConfigError for an outline.
+    """
+    if not (lidar_folder / "lidar.yaml").is_file():
+        return None, None
+    pose = kitti.read_lidar(lidar_folder).T_world_levelled
+    return ground_of(lidar_folder), region_of(lidar_folder, pose)
+
+
+def shipped() -> list[str]:
+    """Names of the models that come with the package."""
+    return sorted(file.stem for file in MODELS.glob("*.safetensors"))
 
 
 def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
-    """The model in a run's folder, or the file itself. Raises FileNotFoundError."""
+    """The model in a run's folder, the file itself, or a shipped one; raises FileNotFoundError."""
     if run.is_file():
         return run
+    shipped = MODELS / f"{run}.safetensors"
+    if not run.exists() and shipped.is_file():
+        return shipped
     names = (f"{which}.safetensors", "background.npz")
     for name in names:
         if (run / name).is_file():
@@ -67,7 +108,11 @@ def transfer(run: Path, lidar_folder: Path) -> str:
 
 
 def detect(
-    detector: Detector, files: Sequence[Path], out: Path | None
+    detector: Detector,
+    files: Sequence[Path],
+    out: Path | None,
+    *,
+    read: Callable[[Path], Points] = kitti.read_points,
 ) -> tuple[list[Detections], FloatArray]:
     """Detections and milliseconds, points to boxes, of each cloud; written as KITTI results.
 
@@ -80,7 +125,7 @@ def detect(
         once(files)
         out.mkdir(parents=True, exist_ok=True)
     for file in files:
-        points = kitti.read_points(file)
+        points = read(file)
         detections, seconds = timed(detector, points)
         found.append(detections)
         times.append(1000 * seconds)

@@ -34,10 +34,9 @@ class Augmentation:
 
 @dataclass(frozen=True, eq=False)
 class SiteSample(Sample):
-    """A frame that knows where it was taken; levelled LiDAR frame, as its points and boxes."""
+    """A frame that knows where it was taken; points and boxes are above the road."""
 
     region: Region  # where vehicles can be
-    road_z: float  # of the road nearest to the sensor's foot
 
 
 class Samples(Protocol):
@@ -142,7 +141,7 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
         return replace(sample, points=points, boxes=boxes)
     level = linear[:2, :2]
     region = Region(partial(_in_moved, sample.region, level), sample.region.corners @ level)
-    return replace(sample, points=points, boxes=boxes, region=region, road_z=scale * sample.road_z)
+    return replace(sample, points=points, boxes=boxes, region=region)
 
 
 def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: float) -> BoolArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -22,6 +22,7 @@ from pyinfra.data.frames import (
     frame_numbers,
     has_labels,
 )
+from pyinfra.data.ground import Ground, ground_of, ground_of_boxes, ground_of_roads
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 
 if TYPE_CHECKING:
@@ -48,11 +49,12 @@ class Source:
     read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
     read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
     region: regions.Region | None = None  # where vehicles can be, if that is known
+    ground: Ground | None = None  # how high the road lies; None: as the vehicles stand
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Samples of many LiDARs and sites, which are made when they are asked for."""
+    """Samples above the road of many LiDARs and sites, made when they are asked for."""
 
     lidar: str  # names of all, with blanks between, as the next three
     preset: str
@@ -60,6 +62,7 @@ class Stream:
     label_time: str
     samples: Samples
     site: Site  # what a network looks at around each sensor
+    ground: Ground | None = None  # if it is the same for all
 
 
 def read_source(folder: Path, tier: Tier) -> Source:
@@ -90,7 +93,27 @@ def read_source(folder: Path, tier: Tier) -> Source:
         read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
         read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
         region=regions.region_of(folder, lidar.T_world_levelled),
+        ground=ground_of(folder),
     )
+
+
+def on_road(source: Source) -> Source:
+    """With clouds and boxes above the road, as networks are given them.
+
+    Raises ValueError if neither the road's height is known nor a vehicle is there.
+    """
+    boxes = source.read_boxes()
+    ground = source.ground or ground_of_boxes(boxes)
+    return replace(
+        source,
+        clouds=tuple(partial(_above, ground, cloud) for cloud in source.clouds),
+        read_boxes=lambda: tuple(map(ground.above, boxes)),
+        ground=ground,
+    )
+
+
+def _above(ground: Ground, cloud: Callable[[], Points]) -> Points:
+    return ground.above(cloud())
 
 
 def scene_of(folder: Path) -> str:
@@ -125,6 +148,7 @@ def simulated_source(
     keys = yaml.safe_load(world.dump())
     numbers = split.by_time(range(world.frames), PERIOD_S).train
     frames = spread(numbers, MOST_FRAMES[tier])
+    roads, pose = roads_of_simulation(world, keys["name"]), pose_of(keys)
     return Source(
         lidar=unit.name,
         preset=unit.preset,
@@ -132,7 +156,8 @@ def simulated_source(
         label_time=sim.label_time(world, unit),
         clouds=tuple(partial(cast, world, unit, k) for k in frames),
         read_boxes=partial(boxes_of_simulation, world, unit, frames),
-        region=regions.roads_region(roads_of_simulation(world, keys["name"]), pose_of(keys)),
+        region=regions.roads_region(roads, pose),
+        ground=ground_of_roads(roads, pose),
     )
 
 

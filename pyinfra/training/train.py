@@ -17,7 +17,7 @@ from pyinfra.detectors.background import Background
 from pyinfra.kitti import LabelTime
 from pyinfra.training.recipe import Precision, Recipe
 from pyinfra.training.samples import Frames
-from pyinfra.training.sources import Source, Stream, spread
+from pyinfra.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
     from pyinfra.training.loop import Description, Progress
@@ -94,6 +94,8 @@ def _train_network(
         preset=stream.preset,
         scene=stream.scene,
         label_time=stream.label_time,
+        above_road=True,
+        ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
         seed=seed,
         step=0,
         steps=recipe.learning.steps,
@@ -171,6 +173,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
         if kept > 0:
             raise ValueError(f"learning.validate_frames: found {kept} of a stream, allowed 0")
         return sources, None
+    sources = [on_road(source) for source in sources]
     frames, held_out = _frames(sources, kept)
     words = {
         name: " ".join(sorted({getattr(source, name) for source in sources}))
@@ -179,7 +182,9 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
     label_time = common_label_time(sources)
     regions = [source.region for source in sources if source.region is not None]
     site = site_of(frames.boxes, regions if len(regions) == len(sources) else ())
-    return Stream(**words, label_time=label_time, samples=frames, site=site), held_out
+    ground = sources[0].ground if len(sources) == 1 else None
+    stream = Stream(**words, label_time=label_time, samples=frames, site=site, ground=ground)
+    return stream, held_out
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:

@@ -378,10 +378,9 @@ def test_a_grown_area_holds_the_old_one_in_whole_cells(step: float) -> None:
     assert (grown.low[2], grown.high[2]) == (area.low[2], area.high[2])
 
 
-def test_the_site_holds_every_vehicle_and_stands_on_the_road() -> None:
+def test_the_site_holds_every_vehicle() -> None:
     samples = [road_sample(seed) for seed in range(5)]
     site = site_of([sample.boxes for sample in samples])
-    assert site.floor_z == pytest.approx(FLOOR_Z)
     for sample in samples:
         assert site.area.holds(sample.boxes[:, :3]).all()
     with pytest.raises(ValueError, match="found no vehicle"):

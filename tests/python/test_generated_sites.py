@@ -11,14 +11,15 @@ from conftest import BINARY
 
 from pyinfra import sim
 from pyinfra.cli import main
-from pyinfra.kitti import WorldPose, read_keys
+from pyinfra.config import ConfigError
+from pyinfra.kitti import read_keys
 from pyinfra.simulator.catalogue import configs, lidar_file
 from pyinfra.sites import generator
 from pyinfra.sites.catalogue import Sensors, sensors
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import DrawnRoad, Keys
 from pyinfra.sites.ranges import HABITATS, RANGES
-from pyinfra.sites.stream import SiteSamples, StreamPlan, samples_of, site_stream
+from pyinfra.sites.stream import SiteSamples, StreamPlan, read_stream, samples_of, site_stream
 from pyinfra.training.recipe import read_recipe
 from pyinfra.training.samples import SiteSample
 from pyinfra.training.sources import Stream
@@ -165,7 +166,6 @@ def test_a_sample_is_a_function_of_plan_and_number_alone() -> None:
         again = alone.sample(i)
         np.testing.assert_array_equal(again.points, ahead[i].points)
         np.testing.assert_array_equal(again.boxes, ahead[i].boxes)
-        assert again.road_z == ahead[i].road_z
     assert len({len(sample.points) for sample in ahead}) > 5
 
 
@@ -196,23 +196,14 @@ def test_each_world_is_built_once_a_visit() -> None:
     assert samples.cost.seconds > 0
 
 
-def test_a_sample_knows_its_region_and_the_road_below_its_sensor() -> None:
-    samples = SiteSamples(PLAN, FEW)
+def test_a_sample_knows_its_region_and_has_z_from_the_road() -> None:
+    samples, on_road = SiteSamples(PLAN, FEW), 0
     for i in range(8):
         sample = samples.sample(i)
-        assert -9 <= sample.road_z <= -3.5
-        bottoms = sample.boxes[:, 2] - sample.boxes[:, 5] / 2
-        on_road = sample.region.holds(sample.boxes, 0.0)
-        np.testing.assert_allclose(bottoms[on_road], sample.road_z, atol=1e-3)
-
-
-def test_z_is_from_the_road_where_asked() -> None:
-    levelled = SiteSamples(PLAN, FEW).sample(0)
-    above = SiteSamples(
-        StreamPlan(sites=3, lidars=2, frames=2, mixed=2, above_road=True), FEW
-    ).sample(0)
-    assert above.road_z == 0
-    np.testing.assert_allclose(above.boxes[:, 2], levelled.boxes[:, 2] - levelled.road_z)
+        inside = sample.boxes[sample.region.holds(sample.boxes, 0.0)]
+        np.testing.assert_allclose(inside[:, 2], inside[:, 5] / 2, atol=2e-3)
+        on_road += len(inside)
+    assert on_road > 5
 
 
 def test_another_sample_is_of_the_same_visit_and_lidar() -> None:
@@ -221,7 +212,7 @@ def test_another_sample_is_of_the_same_visit_and_lidar() -> None:
     for i in range(4):
         own = samples.sample(i)
         others = [samples.another(i, draw) for _ in range(12)]
-        assert all(other.road_z == own.road_z for other in others)
+        assert all(other.region is own.region for other in others)
         assert any(other is not own for other in others)
 
 
@@ -254,17 +245,21 @@ def test_free_motors_start_where_the_seed_says() -> None:
     assert locked[0] == locked[1]
 
 
-def test_the_road_below_is_that_of_the_nearest_road() -> None:
-    from pyinfra.data.regions import Road
-    from pyinfra.sites.stream import road_below
-
-    def flat(y: float, z: float) -> Road:
-        s = np.arange(3.0)
-        return Road("r", s, np.stack([s, s * 0 + y], axis=1), s * 0 + z, s * 0, s * 0 + 4)
-
-    roads = [flat(0, 2.0), flat(50, 7.0)]
-    assert road_below(roads, WorldPose(0, 3, 8, 0)) == -6
-    assert road_below(roads, WorldPose(0, 40, 8, 0)) == -1
+def test_a_file_says_what_is_streamed(tmp_path: Path) -> None:
+    file = tmp_path / "stream.yaml"
+    file.write_text("plan: {sites: 7, label_time: scan}\nwithout: [ruby_plus]\n")
+    stream = read_stream(file)
+    assert "ruby_plus" not in stream.lidar.split()
+    assert (stream.label_time, stream.preset) == ("scan", "datasheet equal paper")
+    assert len(stream.samples) == 7 * 4 * 2
+    for text, found in (
+        ("plan: {lidars: 0}\n", r"stream.yaml:1: plan.lidars: found 0, allowed 1 to 100"),
+        ("without: [none]\n", r"stream.yaml: without: found 'none', allowed bundle"),
+        ("plan: {lidars: 99}\n", r"stream.yaml: lidars: found 99, allowed up to"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ConfigError, match=found):
+            read_stream(file)
 
 
 # --- the command ----------------------------------------------------------------------------------
@@ -304,11 +299,10 @@ def run_of(out: Path, steps: int, stop_at: int | None = None) -> bytes:
     """Weights of a small network after so many steps, stopped on the way and gone on with."""
     recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
     recipe = replace(recipe, learning=replace(recipe.learning, steps=steps, batch=2, window_m2=900))
-    plan = replace(PLAN, above_road=True)
     if stop_at is not None:
         with pytest.raises(KeyboardInterrupt):
-            train(recipe, stream_until(plan, stop_at), out, quiet=True)
-    return train(recipe, site_stream(plan, FEW), out, quiet=True).read_bytes()
+            train(recipe, stream_until(PLAN, stop_at), out, quiet=True)
+    return train(recipe, site_stream(PLAN, FEW), out, quiet=True).read_bytes()
 
 
 class Interrupted(SiteSamples):
