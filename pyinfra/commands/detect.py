@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out runs/pillars/predictions"
     )
     parser.add_argument(
-        "run", metavar="RUN", nargs="?", type=Path, help="folder of `pyinfra train`, or --model"
+        "trained", metavar="RUN", nargs="?", type=Path, help="folder of `pyinfra train`, or --model"
     )
     parser.add_argument(
         "cloud", nargs="*", type=Path, help=".bin files, x y z intensity, or .pcd files"
@@ -75,13 +75,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if args.frames < 0:
         raise ValueError(f"--frames: found {args.frames}, allowed 0 or more")
-    if args.model is not None and args.run is not None:  # it is the first cloud
-        args.run, args.cloud = None, [args.run, *args.cloud]
-    if args.model is None and args.run is None:
+    if args.model is not None and args.trained is not None:  # it is the first cloud
+        args.trained, args.cloud = None, [args.trained, *args.cloud]
+    if args.model is None and args.trained is None:
         raise ValueError("detect: found no detector, allowed RUN or --model")
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
-    model = model_file(args.model or args.run, args.checkpoint)
+    model = model_file(args.model or args.trained, args.checkpoint)
     detector = _detector(model, args)
     files = args.cloud
     if args.data is not None:

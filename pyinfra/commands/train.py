@@ -36,6 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="of background: where vehicles can be, `outline_m: [[x, y], ...]`; default: the roads",
     )
+    parser.add_argument(
+        "--from",
+        dest="start",
+        type=Path,
+        metavar="RUN",
+        help="begin with a trained network's weights: a folder, a file, or one of the package",
+    )
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
     parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
@@ -63,14 +70,14 @@ def run(args: argparse.Namespace) -> int:
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
-        words = ", ".join(f"--{key}" for key in given)
+        words = ", ".join(f"--{key}" for key in given).replace("--start", "--from")
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
     sources = _sources(args)
     if not isinstance(sources, Stream):
         sources = _with_region(args, recipe, sources)
         for warning in filter(None, (source.read_warning() for source in sources)):
             print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
-    how = {"seed": args.seed, "device": args.device, "precision": args.precision}
+    how = {name: getattr(args, name) for name in ("seed", "device", "precision", "start")}
     model = train(recipe, sources, args.out, **how)
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first
         print(model)

@@ -76,6 +76,7 @@ class Network(nn.Module, abc.ABC):
     def __init__(self, site: Site) -> None:
         super().__init__()
         self.site = site
+        self.calibration: tuple[float, float] | None = None  # of scores, see calibrated
 
     @abc.abstractmethod
     def losses(self, batch: Batch) -> Losses:
@@ -94,11 +95,22 @@ class Network(nn.Module, abc.ABC):
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
-        return [suppressed(*pair) for pair in self.candidates(batch.to(device))]
+        return [
+            suppressed(boxes, calibrated(scores, self.calibration))
+            for boxes, scores in self.candidates(batch.to(device))
+        ]
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.detectors.Detector."""
         return self.find([points])[0]
+
+
+def calibrated(scores: Tensor, calibration: tuple[float, float] | None) -> Tensor:
+    """(n,) scores whose logits are a line of what they were (Platt, 1999); None: as they were."""
+    if calibration is None:
+        return scores
+    a, b = calibration
+    return torch.sigmoid(a * torch.logit(scores, 1e-7) + b)
 
 
 def suppressed(boxes: Tensor, scores: Tensor) -> Detections:

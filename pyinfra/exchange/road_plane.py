@@ -67,7 +67,7 @@ class RoadPlane:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class LowestPoints:
     """What lies lowest in each column of all frames, a point a column."""
 
     xyz: FloatArray  # (n, 3)
@@ -126,9 +126,9 @@ def _within_reach(clouds: Sequence[Floats]) -> tuple[FloatArray, IntArray]:
     return np.concatenate([np.empty((0, 3)), *parts]), frame
 
 
-def _ground(xyz: FloatArray, frame: IntArray, frames: int) -> Ground:
+def _ground(xyz: FloatArray, frame: IntArray, frames: int) -> LowestPoints:
     if len(xyz) == 0:
-        return Ground(np.empty((0, 3)), np.empty(0), np.empty(0, np.bool_), 0.0)
+        return LowestPoints(np.empty((0, 3)), np.empty(0), np.empty(0, np.bool_), 0.0)
     cell = np.floor(xyz[:, :2] / COLUMN_M).astype(np.int64)
     different, column = np.unique(cell[:, 0] * 2**20 + cell[:, 1], return_inverse=True)
     columns = len(different)
@@ -140,7 +140,7 @@ def _ground(xyz: FloatArray, frame: IntArray, frames: int) -> Ground:
     thin = np.column_stack(mean)
     near = 1 / (1 + (np.hypot(thin[:, 0], thin[:, 1]) / HALF_WEIGHT_M) ** 2)
     moved = _moved(over, column, frame, columns, frames)
-    return Ground(thin, near, moved, float((over > MOVED_M).mean()))
+    return LowestPoints(thin, near, moved, float((over > MOVED_M).mean()))
 
 
 def _low(z: FloatArray, column: IntArray, columns: int) -> FloatArray:
@@ -162,7 +162,9 @@ def _moved(
     return np.asarray((share >= MOVED_SHARE[0]) & (share <= MOVED_SHARE[1]))
 
 
-def _tries(ground: Ground, heights_m: tuple[float, float], most_tilt_deg: float) -> FloatArray:
+def _tries(
+    ground: LowestPoints, heights_m: tuple[float, float], most_tilt_deg: float
+) -> FloatArray:
     """Planes (m, 4) n d with n x + d = 0 through three points each, n up, d the height."""
     n = len(ground.xyz)
     if n < 3:
@@ -188,12 +190,12 @@ def _allowed(plane: FloatArray, heights_m: tuple[float, float], most_tilt_deg: f
     return bool(upright and heights_m[0] <= plane[3] <= heights_m[1])
 
 
-def _score(ground: Ground, plane: FloatArray) -> float:
+def _score(ground: LowestPoints, plane: FloatArray) -> float:
     share, moved = _shares(ground, plane)
     return share + (0.0 if math.isnan(moved) else MOVED_WEIGHT * moved)
 
 
-def _shares(ground: Ground, plane: FloatArray) -> tuple[float, float]:
+def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
     on = np.abs(ground.xyz @ plane[:3] + plane[3]) <= ON_M
     near = float(ground.near[on].sum() / ground.near.sum())
     if ground.moved.sum() < MOVED_COLUMNS:
@@ -202,7 +204,7 @@ def _shares(ground: Ground, plane: FloatArray) -> tuple[float, float]:
     return near, float(weight[on[ground.moved]].sum() / weight.sum())
 
 
-def _fitted(ground: Ground, plane: FloatArray) -> FloatArray:
+def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
     """The plane through what lies about it, ever closer."""
     for near in (3 * NEAR_M, 2 * NEAR_M, NEAR_M, NEAR_M, NEAR_M):
         rows, off = _about(ground, plane, near)
@@ -224,7 +226,7 @@ def _plane_of(along_x: float, along_y: float, level: float) -> FloatArray:
     return np.array([*(normal / length), -level / length])
 
 
-def _about(ground: Ground, plane: FloatArray, near: float) -> tuple[IntArray, FloatArray]:
+def _about(ground: LowestPoints, plane: FloatArray, near: float) -> tuple[IntArray, FloatArray]:
     """Which points of FIT_M lie so near a plane, and how far above it they are."""
     off = ground.xyz @ plane[:3] + plane[3]
     flat = np.hypot(ground.xyz[:, 0], ground.xyz[:, 1])
@@ -232,7 +234,7 @@ def _about(ground: Ground, plane: FloatArray, near: float) -> tuple[IntArray, Fl
     return rows, off[rows]
 
 
-def _with_crown(ground: Ground, plane: FloatArray, *, crowned: bool) -> RoadPlane:
+def _with_crown(ground: LowestPoints, plane: FloatArray, *, crowned: bool) -> RoadPlane:
     """The plane that a crown stands evenly on, or the plane itself."""
     rows, off = _about(ground, plane, NEAR_M)
     weight = ground.near[rows] / (1 + (off / SOFT_M) ** 2)
@@ -245,7 +247,7 @@ def _with_crown(ground: Ground, plane: FloatArray, *, crowned: bool) -> RoadPlan
     return RoadPlane((x, y, z), height, residual, share, moved, ground.above, crown)
 
 
-def _roof(ground: Ground, plane: FloatArray) -> tuple[float, FloatArray, float] | None:
+def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, float] | None:
     """Slope to either side, the plane beneath and the residual; None where a crown fits no better.
 
     Fitted twice, the second time to what lies about the first.

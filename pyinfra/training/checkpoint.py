@@ -6,6 +6,7 @@ renamed, so it is whole or not there.
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,9 @@ class About:
     above_road: bool = False  # whether z of what the network sees is from the road; 0.2: sensor
     # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
     ground: tuple[float, float, float] | None = None
+    start: str = ""  # digest of the weights that it began with; empty: drawn
+    # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes
+    calibration: tuple[float, float] | None = None
     format: int = FORMAT
     convention: str = CONVENTION
     version: str = __version__
@@ -60,7 +64,7 @@ class Checkpoint:
     def weights(self) -> dict[str, Tensor]:
         """Those of the network, by the names it has for them."""
         return {
-            name.removeprefix("network."): tensor
+            name.removeprefix("network."): tensor.float() if tensor.is_floating_point() else tensor
             for name, tensor in self.tensors.items()
             if name.startswith("network.")
         }
@@ -77,6 +81,7 @@ class Checkpoint:
         except RuntimeError as error:
             first = str(error).splitlines()[-1].strip()
             raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
+        network.calibration = self.about.calibration
         return network.eval()
 
 
@@ -91,6 +96,10 @@ def build(detector: str, config: Any, site: Site) -> Network:
         config = from_plain(config, module.Config, f"{detector}: network")
     network: Network = getattr(module, entry.name)(config, site)
     return network
+
+
+def digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def save(file: Path, network: nn.Module, optimizer: dict[str, Tensor], about: About) -> None:

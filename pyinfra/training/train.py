@@ -12,14 +12,16 @@ import yaml
 from tqdm import tqdm
 
 from pyinfra.atomic import replacing
-from pyinfra.config import as_plain
+from pyinfra.config import ConfigError, as_plain
 from pyinfra.detectors.background import Background
 from pyinfra.kitti import LabelTime
+from pyinfra.training.detect import model_file
 from pyinfra.training.recipe import Precision, Recipe
 from pyinfra.training.samples import Frames
 from pyinfra.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
+    from pyinfra.detectors.network import Network
     from pyinfra.training.loop import Description, Progress
 
 
@@ -27,7 +29,7 @@ BACKGROUND_FRAMES = 100
 
 
 # What a method that does not learn by steps has no use for, and its default.
-OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0}
+OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0, "start": None}
 
 
 def train(
@@ -39,10 +41,12 @@ def train(
     device: str = "cpu",
     precision: Precision = "float32",
     quiet: bool = False,
+    start: Path | None = None,
 ) -> Path:
     """Trains a detector into the folder `out`, or goes on there; returns the model's file.
 
-    Raises what reading frames and training raise.
+    start: a network's run, file or name, whose weights are the first ones. Raises what reading
+    frames and training raise.
     """
     out.mkdir(parents=True, exist_ok=True)
     other = "last.safetensors" if recipe.detector == "background" else "background.npz"
@@ -50,7 +54,7 @@ def train(
         raise FileExistsError(f"{out}: {other}: is there already, of another detector")
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
-    return _train_network(recipe, sources, out, seed, device, precision, quiet)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet, start)
 
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
@@ -74,6 +78,7 @@ def _train_network(
     device: str,
     precision: Precision,
     quiet: bool,
+    start: Path | None,
 ) -> Path:
     import torch
 
@@ -86,6 +91,8 @@ def _train_network(
     torch.manual_seed(seed)
     network = checkpoint.build(recipe.detector, recipe.network, stream.site)
     windows.check(network, recipe.learning.window_m2)
+    if start is not None:
+        _begin_with(network, start)
     about = checkpoint.About(
         detector=recipe.detector,
         network=as_plain(recipe.network),
@@ -96,6 +103,7 @@ def _train_network(
         label_time=stream.label_time,
         above_road=True,
         ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
+        start=checkpoint.digest(model_file(start)) if start is not None else "",
         seed=seed,
         step=0,
         steps=recipe.learning.steps,
@@ -120,6 +128,17 @@ def _train_network(
                 report=report,
             )
     return out / "last.safetensors"
+
+
+def _begin_with(network: Network, start: Path) -> None:
+    """Raises FileNotFoundError, and ConfigError for weights of another network."""
+    from pyinfra.training import checkpoint
+
+    try:
+        network.load_state_dict(checkpoint.load(model_file(start)).weights())
+    except RuntimeError as error:
+        first = str(error).splitlines()[-1].strip()
+        raise ConfigError(f"{start}: found weights of another network: {first}") from None
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
