@@ -23,7 +23,9 @@ from pyinfra import cli, kitti  # noqa: E402
 from pyinfra.boxes import points_in_box, points_in_boxes  # noqa: E402
 from pyinfra.config import ConfigError  # noqa: E402
 from pyinfra.data import regions  # noqa: E402
+from pyinfra.data.ground import level_ground  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
+from pyinfra.exchange import pcd_file  # noqa: E402
 from pyinfra.training import (  # noqa: E402
     checkpoint,
     detect,
@@ -554,6 +556,92 @@ def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) ->
     (tmp_path / "background.npz").touch()
     with pytest.raises(FileExistsError, match=r"background.npz: is there already, of another"):
         run(lidar_folder, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def sure(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file of the trained network that is sure of what it finds, wherever it stands."""
+    file = tmp_path_factory.mktemp("sure") / "sure.safetensors"
+    calibration = [1.0, 8.0]
+    return changed(trained / "last.safetensors", file, calibration=calibration, ground=None)
+
+
+def rows_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[list[str]]:
+    """What `pyinfra detect` prints, but for the names of files."""
+    assert cli.main(["detect", *map(str, words)]) == 0
+    return [row.split(",")[1:] for row in capsys.readouterr().out.splitlines()]
+
+
+def test_scores_are_calibrated_before_any_is_left_out(trained: Path, lidar_folder: Path) -> None:
+    cloud = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", 9))
+    points = level_ground(-6.0).above(cloud)
+    network = checkpoint.load(trained / "last.safetensors").network()
+    network.calibration = (1.0, 8.0)
+    many = network.predict(points)
+    network.calibration = (1.0, 7.0)
+    fewer = network.predict(points)
+    assert len(many) >= len(fewer) > 0
+    np.testing.assert_allclose(many.boxes[: len(fewer)], fewer.boxes)
+    logits = [np.log(s / (1 - s)) for s in (many.scores[: len(fewer)], fewer.scores)]
+    np.testing.assert_allclose(logits[0] - logits[1], 1, atol=1e-3)
+
+
+def test_a_model_of_anywhere_needs_the_height_of_the_road(
+    sure: Path, lidar_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
+    assert cli.main(["detect", "--model", str(sure), str(cloud)]) == 2
+    assert "found no height of the road, allowed one: --height-m" in capsys.readouterr().err
+    rows = rows_of(capsys, "--model", sure, cloud, "--height-m", 6)
+    assert len(rows) > 1
+    lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
+    assert lower != rows
+    assert cli.main(["detect", str(sure), str(cloud), "--height-m", "-6"]) == 2
+    assert "--height-m: found -6, allowed more than 0" in capsys.readouterr().err
+
+
+def test_a_pcd_file_gives_the_boxes_of_the_bin(
+    sure: Path, lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
+    records = np.rec.fromarrays(
+        kitti.read_points(cloud).T, dtype=[(name, "<f4") for name in ("x", "y", "z", "intensity")]
+    )
+    pcd_file.write_pcd(tmp_path / "cloud.pcd", records)
+    words = ["--model", sure, "--height-m", 6]
+    expected = rows_of(capsys, *words, cloud)
+    assert rows_of(capsys, *words, tmp_path / "cloud.pcd") == expected
+    assert len(expected) > 1
+
+
+def test_vehicles_are_looked_for_in_the_region(
+    sure: Path, lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "near.yaml").write_text("outline_m: [[10, -4], [14, -4], [14, 4], [10, 4]]\n")
+    cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
+    words = [sure, cloud, "--height-m", 6]
+    everywhere = np.array(rows_of(capsys, *words)[1:])[:, 1:3].astype(float)
+    near = rows_of(capsys, *words, "--region", tmp_path / "near.yaml")[1:]
+    x = np.array(near)[:, 1].astype(float)
+    assert ((x > -1) & (x < 26)).all()  # 8 m around, and the grid's rim
+    assert everywhere[:, 0].max() > 26
+
+
+def test_a_training_begins_with_the_weights_of_another(
+    trained: Path, lidar_folder: Path, tmp_path: Path
+) -> None:
+    source = read_source(lidar_folder, "smoke")
+    slow = recipe(1)
+    slow = dataclasses.replace(slow, learning=dataclasses.replace(slow.learning, rate=1e-7))
+    file = train.train(slow, [source], tmp_path / "tuned", quiet=True, start=trained)
+    found, before = checkpoint.load(file), checkpoint.load(trained / "last.safetensors")
+    assert found.about.start == checkpoint.digest(trained / "last.safetensors")
+    for name, weights in before.weights().items():
+        if "running" not in name and "num_batches" not in name:
+            torch.testing.assert_close(found.weights()[name], weights, atol=1e-5, rtol=1e-4)
+    other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
+    with pytest.raises(ConfigError, match="found weights of another network"):
+        train.train(other, [source], tmp_path / "other", quiet=True, start=trained)
 
 
 def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
