@@ -23,12 +23,11 @@ from pyinfra import __version__, kitti, machine
 from pyinfra.atomic import replacing
 from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
-from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.data.frames import frame_numbers
 from pyinfra.detectors import Detector
-from pyinfra.evaluation.ground_truth import Set, read_ground_truth
-from pyinfra.evaluation.judge import Settings, contest, judge
-from pyinfra.evaluation.prediction_checks import find_files
+from pyinfra.evaluation.evaluate import judged
+from pyinfra.evaluation.ground_truth import Set
+from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.tables import fine_ap
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
@@ -41,9 +40,9 @@ from pyinfra.training.sources import read_source
 from pyinfra.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
-SETTINGS = Settings(draws=1000)
 LEARNT_FRAMES, TEST_FRAMES = "0:5000:5", "0:5000:20"
 GROUND_TRUTHS: tuple[Set, ...] = ("captured", "all")
+SETTINGS = Settings(draws=1000, ground_truths=GROUND_TRUTHS)
 
 
 @dataclass(frozen=True)
@@ -125,16 +124,8 @@ def trained(trial: Trial, learnt: Path, run: Path) -> Detector:
 
 def average_precisions(folder: Path, pred: Path) -> dict[Set, Bootstrapped]:
     """Fine AP by ground truth."""
-    frames = frame_numbers(folder, "all")
-    truth = read_ground_truth(folder, frames, beyond_range=True)
-    files = find_files(pred, frames, frames).files
-    predictions = read_predictions(files, read_cameras(folder, frames))
-    one = contest(truth, predictions, "vehicle", SETTINGS, "bev")
-    took = one.match(SETTINGS.ious[0], strict=False)
-    found = {}
-    for which in GROUND_TRUTHS:
-        found[which] = fine_ap(judge(one, which, took, SETTINGS.min_points))
-    return found
+    found = judged(folder, pred, SETTINGS, "all")
+    return dict(zip(GROUND_TRUTHS, map(fine_ap, found), strict=True))
 
 
 def rows(trial: Trial, work: Path) -> Iterator[dict[str, object]]:

@@ -17,7 +17,7 @@ from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.evaluation.ground_truth_checks import ground_truth_findings
-from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.judge import Judgement, Settings, contest, judge
 from pyinfra.evaluation.prediction_checks import check_predictions, find_files
 from pyinfra.evaluation.result import Evaluation, evaluate_tables
 
@@ -51,6 +51,20 @@ def evaluate(
         *check_predictions(predictions, found.files, of_types, types, settings.min_score),
     ]
     return evaluate_tables(truth, predictions, settings, findings)
+
+
+def judged(gt: Path, pred: Path, settings: Settings, split: str | None = None) -> list[Judgement]:
+    """What became of each prediction, for each ground truth of the settings.
+
+    By footprints, of the first class and IoU, in the frames of the split; raises as `evaluate`.
+    """
+    frames = frame_numbers(gt, split)
+    truth = read_ground_truth(gt, frames, beyond_range=True)
+    files = find_files(pred, frames, frame_numbers(gt, "all")).files
+    predictions = read_predictions(files, read_cameras(gt, frames))
+    one = contest(truth, predictions, next(iter(settings.classes)), settings, "bev")
+    took = one.match(settings.ious[0], strict=False)
+    return [judge(one, which, took, settings.min_points) for which in settings.ground_truths]
 
 
 def default_settings(gt: Path) -> Settings:

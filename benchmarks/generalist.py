@@ -1,0 +1,171 @@
+"""A generalist against specialists: AP where neither learnt, after a little training, and alone.
+
+A cell is a site (one of the study's scenes, or a generated one that no training saw), a world of it
+(the seed of its traffic) and a LiDAR. In each the generalist is tested as it comes (`none`), after
+some steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about so many seconds of
+one core), and beside a network of the same kind that learnt there alone (`specialist`). Rows go to
+results/generalist.csv as they come, with their draws; what is there is not computed again.
+    .venv/bin/python benchmarks/generalist.py --work data/generalist
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from pyinfra import __version__, kitti, machine
+from pyinfra.benchmark import store
+from pyinfra.benchmark.frames import split_by_time
+from pyinfra.benchmark.matrix import Parts
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation.draws import draw_rows, same_of
+from pyinfra.evaluation.evaluate import judged
+from pyinfra.evaluation.judge import Judgement, Settings
+from pyinfra.evaluation.tables import fine_ap
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.sites.generator import make_site
+from pyinfra.training import detect
+from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.training.sources import read_source
+from pyinfra.training.train import train
+
+ROOT = Path(__file__).resolve().parent.parent
+RECIPES = ROOT / "configs/detectors"
+SCENES = ("highway", "crossroad", "curve")
+FIRST_SITE = 2_000_000  # no training and no calibration saw it
+HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
+STUDIED = ("ruby_plus", "livox_avia", "helios_16", "pandar_64")
+FRAMES = "0:5000:10"  # of 500 s; the first 400 s are learnt from, the last 90 s tested
+CUT = 0.5  # of calibrated scores: from here on a box is shown
+ARMS = ("none", "tuned_30", "tuned_120", "specialist")
+SETTINGS = Settings(ground_truths=("captured",))
+KEY = ["site", "seed", "lidar", "preset", "arm"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One LiDAR at one site in one world."""
+
+    site: str
+    seed: int
+    lidar: str
+    preset: str = "datasheet"
+
+    @property
+    def name(self) -> str:
+        return "_".join(map(str, asdict(self).values()))
+
+
+def cells(sites: int, seeds: int) -> Iterator[Cell]:
+    """Every site in every world, with the next LiDAR in turn."""
+    lidars = itertools.cycle((*STUDIED, *HELD_OUT))
+    generated = [f"site_{FIRST_SITE + i}" for i in range(sites)]
+    for seed, site in itertools.product(range(1, seeds + 1), (*SCENES, *generated)):
+        yield Cell(site, seed, next(lidars))
+
+
+def simulated(cell: Cell, work: Path) -> Path:
+    """The LiDAR's folder, split by time."""
+    scene = scene_file(cell.site) if cell.site in SCENES else work / f"{cell.site}.yaml"
+    if cell.site not in SCENES:
+        work.mkdir(parents=True, exist_ok=True)
+        keys = make_site(int(cell.site.split("_")[1])) | {"duration_s": 500.0}
+        scene.write_text(yaml.safe_dump(keys))
+    words = ["--preset", cell.preset, "--seed", str(cell.seed), "--label-time", "scan"]
+    words += ["--frames", FRAMES, "--out", str(work / cell.name), "--threads", "1"]
+    infrasim("run", scene, "--lidar", lidar_file(cell.lidar), *words)
+    split_by_time(work / cell.name, Parts())
+    return work / cell.name / cell.lidar
+
+
+def recipe_of(arm: str) -> Recipe:
+    """How an arm learns at the site."""
+    if arm == "specialist":
+        return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
+    return read_recipe(RECIPES / "generalist.yaml", "smoke" if arm == "tuned_30" else "quick")
+
+
+def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int, float]:
+    """The arm's model, its steps and the CPU seconds of its training."""
+    if arm == "none":
+        return model, 0, 0.0
+    recipe = recipe_of(arm)
+    start = None if arm == "specialist" else model
+    file = train(recipe, [read_source(folder, "quick")], run, quiet=True, start=start)
+    seconds = float(pd.read_csv(run / "log.csv").cpu_seconds.sum())
+    return file, recipe.learning.steps, seconds
+
+
+def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
+    run = folder.parent / f"{folder.name}_{arm}"
+    file, steps, seconds = model_of(arm, model, folder, run)
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    _, times = detect.detect(detect.detector_at(file, folder), files, run / "predictions")
+    (judgement,) = judged(folder, run / "predictions", SETTINGS)
+    found = fine_ap(judgement)
+    ap = found.measured()
+    same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
+    draws = draw_rows(same, "captured", [("ap_fine", found)]).iloc[0]
+    return {
+        "arm": arm,
+        "steps": steps,
+        "train_cpu_s": round(seconds, 1),
+        "latency_p50_ms": round(float(np.median(times)), 1),
+        "ap_fine": round(ap.value, 3),
+        "ap_fine_low": round(ap.low, 3),
+        "ap_fine_high": round(ap.high, 3),
+        "objects": judgement.objects,
+        **at_cut(judgement),
+        **draws.to_dict(),
+    }
+
+
+def at_cut(judgement: Judgement) -> dict[str, float]:
+    """Precision and recall of the boxes that are shown, and what the scores say of them."""
+    scores, hit = judgement.contest.predictions.scores, judgement.hit
+    counted = hit | judgement.wrong
+    shown = counted & (scores >= CUT)
+    figures = {
+        "precision": hit[shown].mean() if shown.any() else np.nan,
+        "precision_said": scores[shown].mean() if shown.any() else np.nan,
+        "recall": hit[shown].sum() / judgement.objects,
+        "recall_said": scores[shown].sum() / max(scores[counted].sum(), 1e-9),
+    }
+    return {name: round(float(value), 4) for name, value in figures.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 1 GB")
+    parser.add_argument("--model", type=Path, default=Path("generalist"), help="run, file or name")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "generalist.csv")
+    parser.add_argument("--sites", type=int, default=13, help="generated ones; default: 13")
+    parser.add_argument("--seeds", type=int, default=3, help="worlds of each site; default: 3")
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS))
+    args = parser.parse_args()
+    about = {"version": __version__, "machine": machine(), "command": "benchmarks/generalist.py"}
+    for cell in cells(args.sites, args.seeds):
+        key = asdict(cell)
+        table = store.read(args.out, KEY)
+        arms = [a for a in args.arms if not store.has(table, {**key, "arm": a})]
+        if not arms:
+            continue
+        folder = simulated(cell, args.work)
+        for arm in arms:
+            found = {**key, **row(folder, arm, args.model), **about}
+            store.put(args.out, pd.DataFrame([found]), KEY)
+            print(*(found[name] for name in (*KEY, "ap_fine", "train_cpu_s")), flush=True)
+        shutil.rmtree(folder.parent)
+
+
+if __name__ == "__main__":
+    main()

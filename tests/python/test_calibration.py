@@ -1,0 +1,30 @@
+"""Scores that are shares of right boxes."""
+
+import numpy as np
+import pytest
+
+from pyinfra.training.calibration import calibrated, fit, logit
+
+
+@pytest.mark.parametrize("line", [(1.0, 0.0), (2.0, -1.5), (0.5, 1.0)])
+def test_the_line_that_the_boxes_were_drawn_with_is_found(line: tuple[float, float]) -> None:
+    draw = np.random.default_rng(3)
+    scores = draw.uniform(0.02, 0.98, 40_000)
+    right = draw.random(len(scores)) < calibrated(scores, line)
+    assert fit(scores, right) == pytest.approx(line, abs=0.06)
+
+
+def test_scores_are_then_shares_of_right_boxes() -> None:
+    draw = np.random.default_rng(4)
+    scores = draw.beta(0.7, 0.9, 30_000)
+    right = draw.random(len(scores)) < scores**2  # no line of logits
+    found = calibrated(scores, fit(scores, right))
+    for low in (0.1, 0.3, 0.5, 0.7):
+        here = (found >= low) & (found < low + 0.2)
+        assert found[here].mean() == pytest.approx(right[here].mean(), abs=0.06)
+
+
+def test_sure_scores_stay_finite() -> None:
+    assert np.isfinite(logit(np.array([0.0, 1.0]))).all()
+    with pytest.raises(ValueError, match="found 2 right boxes of 2"):
+        fit(np.array([0.2, 0.9]), np.array([True, True]))
