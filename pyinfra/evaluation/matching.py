@@ -98,6 +98,19 @@ def match(
     return np.array(taken, dtype=np.int64)
 
 
+def hits(
+    prediction_frame: IntArray,
+    predictions: FloatArray,
+    scores: FloatArray,
+    vehicle_frame: IntArray,
+    vehicles: FloatArray,
+) -> BoolArray:
+    """(p,) which predictions take a vehicle by footprints; arguments as of overlapping_pairs."""
+    pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles)
+    pairs = in_order(pairs, scores, predictions, vehicles)
+    return np.asarray(match(pairs, len(predictions), len(vehicles), IOU) >= 0)
+
+
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:
     """Whether an overlap is enough; a difference below TIE is none."""
     return np.asarray(iou > threshold + TIE if strict else iou >= threshold - TIE)

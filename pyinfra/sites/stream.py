@@ -125,7 +125,8 @@ class SiteSamples:
     def _visit(self, visit: int) -> list[SiteSample]:
         start = time.process_time()
         random = np.random.default_rng([VERSION, self.plan.seed, 0, visit])
-        keys, world = self._world(self.plan.first_site + visit % self.plan.sites)
+        seed = self.plan.first_site + visit % self.plan.sites
+        keys, world = world_of(seed, self.plan.label_time, self.make_keys)
         built = time.process_time()
         samples = []
         for lidar in self.sensors.draw(random, self.plan.lidars):
@@ -138,17 +139,23 @@ class SiteSamples:
         self.cost.casting_s += time.process_time() - built
         return samples
 
-    def _world(self, seed: int) -> tuple[Keys, sim.World]:
-        """Of the seed, or of the next of its stand-ins: one bad draw must not end a long run."""
-        for times in range(TRIES):
-            keys = self.make_keys(redrawn(seed, times))
-            if self.plan.label_time is not None:
-                keys["label_time"] = self.plan.label_time
-            try:
-                return keys, sim.make_world(keys)
-            except sim.ConfigError as error:
-                refused = error
-        raise refused
+
+def world_of(
+    seed: int, label_time: LabelTime | None = None, make_keys: Callable[[int], Keys] = make_site
+) -> tuple[Keys, sim.World]:
+    """A seed's site, or that of the next of its stand-ins, and its world.
+
+    One bad draw must not end a long run. Raises ConfigError if the simulator refuses all of them.
+    """
+    for times in range(TRIES):
+        keys = make_keys(redrawn(seed, times))
+        if label_time is not None:
+            keys["label_time"] = label_time
+        try:
+            return keys, sim.make_world(keys)
+        except sim.ConfigError as error:
+            refused = error
+    raise refused
 
 
 def redrawn(seed: int, times: int) -> int:

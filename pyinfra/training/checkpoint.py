@@ -49,6 +49,7 @@ class About:
     start: str = ""  # digest of the weights that it began with; empty: drawn
     # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes
     calibration: tuple[float, float] | None = None
+    figures: Any = None  # what it was found to do, by name
     format: int = FORMAT
     convention: str = CONVENTION
     version: str = __version__
@@ -106,6 +107,11 @@ def save(file: Path, network: nn.Module, optimizer: dict[str, Tensor], about: Ab
     """Raises OSError, and leaves the file that was there."""
     tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
     tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
+    write(file, tensors, about)
+
+
+def write(file: Path, tensors: dict[str, Tensor], about: About) -> None:
+    """Tensors by the names of a checkpoint, of any precision. Raises OSError as `save`."""
     try:
         with replacing(file) as beside:
             save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(about))})

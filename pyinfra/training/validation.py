@@ -35,9 +35,7 @@ def average_precision(network: Network, frames: Frames) -> float:
     boxes = np.concatenate([detections.boxes for detections in found])
     scores = np.concatenate([detections.scores for detections in found])
     vehicles = np.concatenate(frames.boxes)
-    pairs = matching.overlapping_pairs(_frame_of(found), boxes, _frame_of(frames.boxes), vehicles)
-    pairs = matching.in_order(pairs, scores, boxes, vehicles)
-    hit = matching.match(pairs, len(boxes), len(vehicles), matching.IOU) >= 0
+    hit = matching.hits(_frame_of(found), boxes, scores, _frame_of(frames.boxes), vehicles)
     return float(ap.average_precision(ap.rank(scores, hit, len(vehicles)))[0])
 
 

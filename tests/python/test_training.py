@@ -586,6 +586,23 @@ def test_scores_are_calibrated_before_any_is_left_out(trained: Path, lidar_folde
     np.testing.assert_allclose(logits[0] - logits[1], 1, atol=1e-3)
 
 
+def test_weights_in_half_precision_find_what_whole_ones_do(
+    sure: Path, lidar_folder: Path, tmp_path: Path
+) -> None:
+    whole = checkpoint.load(sure)
+    half = {f"network.{k}": v.half() if v.ndim > 1 else v for k, v in whole.weights().items()}
+    checkpoint.write(tmp_path / "half.safetensors", half, whole.about)
+    points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", 9))
+    files = (sure, tmp_path / "half.safetensors")
+    ground = level_ground(-6.0)
+    a, b = (detect.load_detector(file, ground=ground).predict(points) for file in files)
+    assert files[1].stat().st_size < 0.6 * files[0].stat().st_size
+    assert len(a) == pytest.approx(len(b), abs=5)
+    assert len(a) > 20
+    near = np.abs(a.boxes[:, None, :2] - b.boxes[None, :, :2]).sum(axis=2).min(axis=1)
+    assert np.median(near) < 0.02
+
+
 def test_a_model_of_anywhere_needs_the_height_of_the_road(
     sure: Path, lidar_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
