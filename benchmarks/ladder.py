@@ -133,7 +133,7 @@ def main() -> None:
         table = pd.concat([table, pd.DataFrame(rows).assign(**about)], ignore_index=True)
         with replacing(args.out) as beside:
             table.to_csv(beside, index=False)
-        print(*rows, sep="\n", flush=True)
+        print(name, *(f"{one['lidar']} {one['ap_fine']}" for one in rows), flush=True)
         shutil.rmtree(folder)
 
 
