@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.evaluation.draws import are_pairs, difference
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -355,20 +357,33 @@ def label_times() -> str:
 
 
 def ladder(name: str = "ladder") -> str:
-    """AP of each model of a scene, one dial away from the default; CPU seconds of the run."""
+    """Fine AP of the default model of a scene; of others one dial away, how far they are from it.
+
+    In pairs where the worlds are one, else AP. CPU seconds of the run.
+    """
     table = results(name)
     dials = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
     table = table.astype(dict.fromkeys(dials, str))
     usual = {dial: table[dial].mode()[0] for dial in dials}
-    rows = []
+    lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
+    rows, default = [], None
     for model, own in table.groupby(dials, sort=False):
         other = [f"{d} `{v}`" for d, v in zip(dials, model, strict=True) if v != usual[d]]
         seconds = own.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
-        by_lidar = own.set_index("lidar")[["ap", "ap_low", "ap_high"]].astype(float)
-        lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
-        cells = [with_interval_of_ap(*by_lidar.loc[lidar]) for lidar in lidars]
+        by_lidar = own.set_index("lidar")
+        default = by_lidar if default is None else default
+        cells = [_step(by_lidar.loc[x], default.loc[x] if other else None) for x in lidars]
         rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *cells])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
+
+
+def _step(own: pd.Series, default: pd.Series | None) -> str:
+    """AP, or a signed difference, bold where its interval does not hold 0."""
+    if default is None or not are_pairs(own, default):
+        return with_interval_of_ap(*own[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float))
+    found = difference(own, default).measured()
+    text = f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
+    return f"**{text}**" if found.low > 0 or found.high < 0 else text
 
 
 def coverage() -> str:

@@ -92,10 +92,11 @@ def time_blocks(
         raise ValueError("frames: found a frame that is not after the one before it")
     # A frame that starts on the border of a slot belongs to the later one.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
-    found, slot = np.unique(numbers, return_inverse=True)
-    count = len(found)
-    apart_s = SLOT_S * float(np.median(np.diff(found))) if count > 1 else SLOT_S
-    length = max(1, round(block_s / apart_s))
+    _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)
+    count = len(first)
+    # Of frames 2.5 s apart, slots are 2 and 3 apart in turn.
+    apart_s = period_s * float(np.median(np.diff(frames[first]))) if count > 1 else SLOT_S
+    length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length
     random = np.random.default_rng(seed)
     taken = _runs(count, length, draws if enough else 0, random)

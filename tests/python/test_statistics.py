@@ -183,6 +183,12 @@ def test_too_short_a_time_gives_no_interval() -> None:
     assert math.isnan(table.ci_low[0])
 
 
+def test_frames_between_whole_seconds_make_blocks_as_long_as_others() -> None:
+    apart = time_blocks(np.arange(0, 900, 25), 0.1, block_s=20)  # 2 and 3 slots apart in turn
+    assert apart.length == 8
+    assert len(apart.draws) > 0
+
+
 def test_a_block_is_as_long_as_the_vehicle_that_a_look_meets_stays() -> None:
     # One vehicle in 30 frames, three in 10: a look meets the first in half of the cases.
     ids = np.repeat([1, 2, 3, 4], [30, 10, 10, 10])
