@@ -110,7 +110,10 @@ def main() -> None:
     table.to_csv(args.table, index=False, float_format="%.4g")
     figures = {name: round(float(table[name].mean()), 3) for name in ("precision", "recall")}
     about = replace(
-        found.about, calibration=line, figures={"cut": CUT, "sites": args.sites, **figures}
+        found.about,
+        anywhere=True,
+        calibration=line,
+        figures={"cut": CUT, "sites": args.sites, **figures},
     )
     args.out.parent.mkdir(exist_ok=True)
     checkpoint.write(args.out, halved(found.weights()), about)

@@ -218,4 +218,5 @@ def site_stream(plan: StreamPlan, sensors: catalogue.Sensors | None = None) -> S
         label_time=plan.label_time or "frame scan",
         samples=samples,
         site=Site(AREA),
+        anywhere=True,
     )

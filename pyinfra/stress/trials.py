@@ -86,7 +86,7 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
     from pyinfra.training import checkpoint
 
     about = checkpoint.load(model_file(folder)).about
-    if base.lidar.name not in about.lidar.split():
+    if not about.anywhere and base.lidar.name not in about.lidar.split():
         raise ValueError(f"{folder}: lidar: found {about.lidar}, allowed {base.lidar.name}")
     description = folder / "run.yaml"
     said = kitti.read_keys(description) if description.is_file() else {}

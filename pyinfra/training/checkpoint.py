@@ -46,6 +46,7 @@ class About:
     above_road: bool = False  # whether z of what the network sees is from the road; 0.2: sensor
     # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
     ground: tuple[float, float, float] | None = None
+    anywhere: bool = False  # learnt at so many sites that it is meant for others
     start: str = ""  # digest of the weights that it began with; empty: drawn
     # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes
     calibration: tuple[float, float] | None = None

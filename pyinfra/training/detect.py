@@ -76,9 +76,13 @@ def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
     """The model in a run's folder, the file itself, or a shipped one; raises FileNotFoundError."""
     if run.is_file():
         return run
-    shipped = MODELS / f"{run}.safetensors"
-    if not run.exists() and shipped.is_file():
-        return shipped
+    if not run.exists() and str(run) in shipped():
+        return MODELS / f"{run}.safetensors"
+    if not run.exists():
+        ours = ", ".join(shipped()) or "none"
+        raise FileNotFoundError(
+            2, f"No such run or file, nor a model of the package ({ours})", str(run)
+        )
     names = (f"{which}.safetensors", "background.npz")
     for name in names:
         if (run / name).is_file():
@@ -94,6 +98,8 @@ def transfer(run: Path, lidar_folder: Path) -> str:
     from pyinfra.training import checkpoint
 
     about, lidar = checkpoint.load(file).about, kitti.read_lidar(lidar_folder)
+    if about.anywhere:
+        return ""
     pairs = {
         "LiDAR": (about.lidar, lidar.name),
         "preset": (about.preset, lidar.preset),

@@ -63,6 +63,7 @@ class Stream:
     samples: Samples
     site: Site  # what a network looks at around each sensor
     ground: Ground | None = None  # if it is the same for all
+    anywhere: bool = False  # whether sites are so many that another one is meant to be found in
 
 
 def read_source(folder: Path, tier: Tier) -> Source:

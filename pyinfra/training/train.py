@@ -104,6 +104,7 @@ def _train_network(
         above_road=True,
         ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
         start=checkpoint.digest(model_file(start)) if start is not None else "",
+        anywhere=stream.anywhere,
         seed=seed,
         step=0,
         steps=recipe.learning.steps,
@@ -194,15 +195,15 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
         return sources, None
     sources = [on_road(source) for source in sources]
     frames, held_out = _frames(sources, kept)
-    words = {
-        name: " ".join(sorted({getattr(source, name) for source in sources}))
+    lidar, preset, scene = (
+        " ".join(sorted({getattr(source, name) for source in sources}))
         for name in ("lidar", "preset", "scene")
-    }
+    )
     label_time = common_label_time(sources)
     regions = [source.region for source in sources if source.region is not None]
     site = site_of(frames.boxes, regions if len(regions) == len(sources) else ())
     ground = sources[0].ground if len(sources) == 1 else None
-    stream = Stream(**words, label_time=label_time, samples=frames, site=site, ground=ground)
+    stream = Stream(lidar, preset, scene, label_time, frames, site, ground)
     return stream, held_out
 
 
