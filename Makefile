@@ -13,7 +13,7 @@ configure = cmake --preset $(1) -DCMAKE_UNITY_BUILD=$(UNITY) -DPython_EXECUTABLE
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset debian13 test lint stubs reference docs viewer bench wheel wheels hashes sanitize fuzz clean
+.PHONY: setup build demo dataset generalist debian13 test lint stubs reference docs viewer bench wheel wheels hashes sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -35,6 +35,12 @@ demo: build
 # About 29 GB; a stopped one goes on.
 dataset: build
 	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
+
+# The model that comes with the package: some nine hours of one core; a stopped one goes on.
+generalist: build
+	@scripts/setup.sh detectors
+	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --out out/generalist
+	$(PYTHON) scripts/pack_generalist.py out/generalist
 
 # A wheel for each Python, each tried in a Debian with that Python alone. As root on Debian 12; 2 GB in build/roots.
 wheels: build wheel

@@ -14,7 +14,7 @@ from torch import Tensor
 from pyinfra.config import ruled
 from pyinfra.detectors.batch import Batch
 from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
-from pyinfra.detectors.centre_head import CentreHead
+from pyinfra.detectors.centre_head import AxisHead, CentreHead
 from pyinfra.detectors.network import Losses, Network
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.site import Site
@@ -30,6 +30,7 @@ class Config:
     intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat and box share
+    axis: bool = False  # whether boxes have an axis and a way, for sites with traffic any way
 
 
 class CenterPointPillar(Network):
@@ -45,7 +46,8 @@ class CenterPointPillar(Network):
         )
         self.bev = BevNetwork(config.bev, config.pillar_width)
         cell_m = config.bev.strides[0] * config.pillar_m
-        self.head = CentreHead(self.bev.channels, config.head_width, self.site, cell_m)
+        head = AxisHead if config.axis else CentreHead
+        self.head = head(self.bev.channels, config.head_width, self.site, cell_m)
 
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)

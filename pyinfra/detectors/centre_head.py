@@ -8,19 +8,21 @@ weighs 0.5, where its published weight is 0.25 or 2, by the data set.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from pyinfra.detectors.anchors import in_half_turn, is_backwards
 from pyinfra.detectors.bev import conv
 from pyinfra.detectors.losses import heat_map_focal, start_rare
 from pyinfra.detectors.network import Losses
 from pyinfra.detectors.processes import of_all
 from pyinfra.detectors.site import Site
 
-BOX_WEIGHT = 0.5
+BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
 BOX = 8  # x y z, log sizes (3), sine and cosine of the heading
 PEAKS = 512  # the highest ones that become boxes
 LEAST_CELLS = 0.6  # standard deviation of a Gaussian
@@ -118,3 +120,34 @@ class CentreHead(nn.Module):
     def score(self, heat: Tensor, at: Tensor) -> Tensor:
         """(k,) of peaks with this heat (k,) and what was found at them (k, 8)."""
         return heat
+
+
+class AxisHead(CentreHead):
+    """Boxes carry their axis, as sine and cosine of twice the heading, and which way is forwards.
+
+    Front and back look alike where traffic may come from anywhere. A mean of the two ways is no
+    heading, but the axis has one.
+    """
+
+    def __init__(self, channels: int, width: int, site: Site, cell_m: float) -> None:
+        super().__init__(channels, width, site, cell_m)
+        self.box = nn.Conv2d(width, BOX + 1, 3, padding=1)
+
+    def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
+        backwards = is_backwards(boxes[:, 6]).to(at)
+        direction = functional.binary_cross_entropy_with_logits(
+            at[:, BOX], backwards, reduction="sum"
+        )
+        found = super().box_losses(at, boxes, row, column)
+        return {**found, "direction": DIRECTION_WEIGHT * direction}
+
+    def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        twice = boxes.clone()
+        twice[:, 6] *= 2
+        return super().encode(twice, row, column)
+
+    def decode(self, found: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        boxes = super().decode(found, row, column)
+        heading = in_half_turn(boxes[:, 6] / 2) + math.pi * (found[:, BOX] > 0)
+        boxes[:, 6] = (heading + math.pi) % (2 * math.pi) - math.pi
+        return boxes

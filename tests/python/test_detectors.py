@@ -26,7 +26,7 @@ from pyinfra.detectors.anchors import (  # noqa: E402
 )
 from pyinfra.detectors.batch import Area, Sample, make_batch  # noqa: E402
 from pyinfra.detectors.catalogue import DETECTORS  # noqa: E402
-from pyinfra.detectors.centre_head import CentreHead  # noqa: E402
+from pyinfra.detectors.centre_head import AxisHead, CentreHead  # noqa: E402
 from pyinfra.detectors.fused import fused  # noqa: E402
 from pyinfra.detectors.network import Network, one_thread  # noqa: E402
 from pyinfra.detectors.pillars import PillarEncoder  # noqa: E402
@@ -439,6 +439,18 @@ def test_a_centre_survives_its_cell_and_has_all_the_heat() -> None:
     assert (heat[row, column] == 1).all()
     assert heat.max() == 1
     assert (heat == 1).sum() == len(boxes)
+
+
+def test_an_axis_and_a_way_are_a_heading() -> None:
+    head = AxisHead(4, 4, SITE, 0.8)
+    boxes = torch.from_numpy(road_sample(8).boxes[:1]).float().repeat(64, 1)
+    boxes[:, 6] = torch.linspace(-math.pi, math.pi, 65)[:64]
+    row, column = head.cells_of(boxes, (32, 48))
+    for sign in (1, -1):  # of a way that is right, and one that is wrong
+        way = torch.where(is_backwards(boxes[:, 6]), sign, -sign)[:, None].float()
+        found = torch.cat([head.encode(boxes, row, column), way], dim=1)
+        turned = head.decode(found, row, column)[:, 6] - boxes[:, 6]
+        torch.testing.assert_close(turned.cos(), torch.full((64,), float(sign)), atol=1e-5, rtol=0)
 
 
 def test_a_centre_that_float32_rounds_onto_the_rim_is_in_the_last_cell() -> None:
