@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +19,13 @@ from pyinfra.exchange import pcd, pcd_file
 from pyinfra.exchange.recording import Options
 from pyinfra.training.detect import (
     PERCENTILES,
+    accumulation_of,
+    check_single,
     detect,
     load_detector,
     model_file,
     place_of,
+    stacking,
     transfer,
 )
 from pyinfra.training.sources import spread
@@ -82,16 +85,21 @@ def run(args: argparse.Namespace) -> int:
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
     model = model_file(args.model or args.trained, args.checkpoint)
+    accumulation = accumulation_of(model)
+    if args.data is None:
+        check_single(model, accumulation.frames)
     detector = _detector(model, args)
     files = args.cloud
+    read: Callable[[Path], Points] = _read
     if args.data is not None:
         numbers = frame_numbers(args.data, args.split)
         chosen = spread(numbers, args.frames) if args.frames else numbers
         files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
+        read = stacking(args.data, chosen, accumulation)
         warn(model, args)
     if not files:
         raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
-    found, times = detect(detector, files, args.out, read=_read)
+    found, times = detect(detector, files, args.out, read=read)
     if args.out is None:
         _print_boxes(files, found)
     low, high = np.percentile(times, PERCENTILES)
@@ -114,7 +122,7 @@ def _detector(model: Path, args: argparse.Namespace) -> Detector:
         ground = level_ground(-args.height_m)
     if args.region is not None:
         region = outline_region(args.region)
-    return load_detector(model, ground=ground, region=region, device=args.device)
+    return load_detector(model, ground=ground, region=region, device=args.device, stacks=True)
 
 
 def _read(cloud: Path) -> Points:

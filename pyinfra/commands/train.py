@@ -11,6 +11,7 @@ from typing import get_args
 
 from pyinfra.data.regions import outline_region
 from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.training.accumulation import Accumulation, LabelAt
 from pyinfra.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.training.sources import TIERS, Source, Stream, read_source, simulated_source
 from pyinfra.training.train import OF_NETWORKS, train
@@ -44,6 +45,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="begin with a trained network's weights: a folder, a file, or one of the package",
     )
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument(
+        "--accumulate",
+        type=int,
+        default=1,
+        metavar="N",
+        help="of a network: stack so many frames into one cloud; default: 1",
+    )
+    parser.add_argument(
+        "--label-at",
+        choices=get_args(LabelAt),
+        default="newest",
+        help="of the stacked frames, the one whose vehicles are found; default: newest",
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
     parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
     parser.add_argument("--device", default=OF_NETWORKS["device"], help="cpu, cuda, cuda:1, ...")
@@ -111,10 +125,17 @@ def _sources(args: argparse.Namespace) -> list[Source] | Stream:
         raise ValueError(
             "found no or two sources, allowed --data, or --scene with --lidar, or --sites"
         )
+    accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
+        if accumulation.frames > 1:
+            raise ValueError(
+                f"--accumulate: found {accumulation.frames} with --sites, allowed 1: streams give "
+                "single frames"
+            )
         from pyinfra.sites.stream import read_stream  # needs the extension
 
         return read_stream(args.sites)
     if args.scene is None:
-        return [read_source(folder, args.tier) for folder in args.data]
-    return [simulated_source(args.scene, args.lidar, args.tier, preset=args.preset)]
+        return [read_source(folder, args.tier, accumulation) for folder in args.data]
+    how = {"preset": args.preset, "accumulation": accumulation}
+    return [simulated_source(args.scene, args.lidar, args.tier, **how)]

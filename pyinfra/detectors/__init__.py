@@ -28,6 +28,8 @@ class Detector(Protocol):
     def predict(self, points: Points) -> Detections:
         """points: (n, 4) float32, x y z intensity, levelled LiDAR frame; n may be 0.
 
+        A detector of stacked frames takes (n, 5): the age of each point, seconds, comes last.
+
         Points that are not finite or out of the detector's range are left out.
         """
         ...

@@ -37,7 +37,7 @@ class Area:
         return inside
 
     def crop(self, points: Points) -> Points:
-        """The points (n, 4) inside, with finite intensities."""
+        """The points (n, 4 or more) inside, with finite intensities."""
         keep = self.holds(points[:, :3]) & np.isfinite(points[:, 3])
         return points[keep]
 
@@ -55,7 +55,7 @@ class Area:
 class Sample:
     """One frame to learn from."""
 
-    points: Points  # (n, 4)
+    points: Points  # (n, 4), stacked (n, 5) with ages
     boxes: FloatArray  # (k, 7) of the vehicles with a point of this LiDAR
 
 
@@ -80,7 +80,7 @@ class CanvasPart:
 class Batch:
     """Frames under one another."""
 
-    points: Tensor  # (n, 4) float32
+    points: Tensor  # (n, 4) float32, (n, 5) of a network that looks at ages
     frame: Tensor  # (n,) int64, ascending
     boxes: tuple[Tensor, ...]  # of each frame (k, 7) float32
     windows: Windows | None = None  # None: the whole area
@@ -94,9 +94,18 @@ class Batch:
         return Batch(self.points.to(device), self.frame.to(device), boxes, self.windows)
 
 
-def make_batch(samples: Sequence[Sample], area: Area) -> Batch:
-    """The points inside the area, and the boxes whose centre is."""
-    clouds = [area.crop(sample.points) for sample in samples]
+def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch:
+    """The first columns of the points inside the area, and the boxes whose centre is.
+
+    Raises ValueError for a cloud of fewer columns.
+    """
+    for sample in samples:
+        if sample.points.shape[1] < columns:
+            raise ValueError(
+                f"points: found {sample.points.shape[1]} columns, allowed {columns}: "
+                "the network looks at the ages of stacked frames"
+            )
+    clouds = [area.crop(sample.points)[:, :columns] for sample in samples]
     counts = torch.tensor([len(cloud) for cloud in clouds])
     return Batch(
         points=torch.from_numpy(np.concatenate(clouds).astype(np.float32)),

@@ -29,6 +29,7 @@ class Config:
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
     intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
     place: bool = True  # whether x and y themselves are; a network of many sites does without
+    age: bool = False  # whether a point's is looked at, of stacked frames (--accumulate)
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat and box share
     axis: bool = False  # whether boxes have an axis and a way, for sites with traffic any way
@@ -42,7 +43,8 @@ class CenterPointPillar(Network):
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
-        looks_at = {"intensity": config.intensity, "place": config.place}
+        self.columns = 5 if config.age else 4
+        looks_at = {"intensity": config.intensity, "place": config.place, "age": config.age}
         self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
         self.bev = BevNetwork(config.bev, config.pillar_width)
         cell_m = config.bev.strides[0] * config.pillar_m

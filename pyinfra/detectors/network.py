@@ -72,6 +72,7 @@ class Network(nn.Module, abc.ABC):
     """A detector whose weights are learnt. Subclasses say what is lost and what is found."""
 
     learns_in_windows = False  # of a wide site (windows.py)
+    columns = 4  # of a cloud that it looks at: x y z intensity, and with 5 the age
 
     def __init__(self, site: Site) -> None:
         super().__init__()
@@ -91,7 +92,8 @@ class Network(nn.Module, abc.ABC):
     def find(self, clouds: Sequence[Points]) -> list[Detections]:
         """The vehicles of some frames. The network must be in eval mode."""
         keep_memory()
-        batch = make_batch([Sample(cloud, np.empty((0, 7))) for cloud in clouds], self.site.area)
+        samples = [Sample(cloud, np.empty((0, 7))) for cloud in clouds]
+        batch = make_batch(samples, self.site.area, self.columns)
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device

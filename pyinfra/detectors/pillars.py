@@ -14,14 +14,15 @@ from pyinfra.detectors.batch import Area, Batch, CanvasPart
 
 
 class PillarEncoder(nn.Module):
-    """Points (n, 4) -> canvas (B, width, H, W); row = y, column = x.
+    """Points (n, 4 or 5) -> canvas (B, width, H, W); row = y, column = x.
 
     Of each point: x y z, offset to the mean of its pillar (3), offset to the middle of the pillar
-    (3), intensity; a linear layer, batch norm, ReLU, the maximum over the pillar. With more than
-    one layer, each but the last is half as wide and hands on a point's features and the pillar's.
+    (3), age, intensity; a linear layer, batch norm, ReLU, the maximum over the pillar. With more
+    than one layer, each but the last is half as wide and hands on a point's features and the
+    pillar's.
 
-    intensity: whether it is looked at. place: whether x and y are; without them a vehicle looks
-    the same wherever it stands.
+    intensity, age: whether it is looked at. place: whether x and y are; without them a vehicle
+    looks the same wherever it stands.
     """
 
     def __init__(
@@ -33,10 +34,12 @@ class PillarEncoder(nn.Module):
         layers: int = 1,
         intensity: bool = True,
         place: bool = True,
+        age: bool = False,
     ) -> None:
         super().__init__()
         self.area, self.pillar_m, self.width = area, pillar_m, width
-        self.first, self.last = (0 if place else 2), (10 if intensity else 9)
+        self.age = age
+        self.first, self.last = (0 if place else 2), 9 + age + intensity
         self.columns, self.rows = (round(area.size[axis] / pillar_m) for axis in (0, 1))
         inputs = [self.last - self.first, *[2 * (width // 2)] * (layers - 1)]
         self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
@@ -52,7 +55,7 @@ class PillarEncoder(nn.Module):
         # several processes the norm waits for all of them, and knows what to do.
         if len(batch.points) < (2 if self.training else 1) and processes.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
-        features = self.point_features(batch, pillar, member)  # (n, 7 to 10)
+        features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
         for layer in self.before:
             found = torch.relu(layer(features))  # (n, width / 2)
             features = torch.cat([found, _most(found, member, len(pillar))[member]], dim=1)
@@ -99,7 +102,7 @@ class PillarEncoder(nn.Module):
         return (batch.frame * self.rows + row) * self.columns + column
 
     def point_features(self, batch: Batch, pillar: Tensor, member: Tensor) -> Tensor:
-        """(n, 7 to 10); pillar: (p,) numbers on the canvas, member: (n,) index into them."""
+        """(n, 7 to 11); pillar: (p,) numbers on the canvas, member: (n,) index into them."""
         xyz = batch.points[:, :3]
         count = xyz.new_zeros(len(pillar)).index_add(0, member, torch.ones_like(xyz[:, 0]))
         mean = xyz.new_zeros(len(pillar), 3).index_add(0, member, xyz) / count.clamp(min=1)[:, None]
@@ -113,7 +116,9 @@ class PillarEncoder(nn.Module):
             dim=1,
         )
         place = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
-        return torch.cat([place, batch.points[:, 3:]], dim=1)[:, self.first : self.last]
+        intensity, age = batch.points[:, 3:4], batch.points[:, 4:5]
+        parts = [place, age, intensity] if self.age else [place, intensity]
+        return torch.cat(parts, dim=1)[:, self.first : self.last]  # either end may be left out
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
         """(p, width): the largest of each feature over the points of a pillar."""

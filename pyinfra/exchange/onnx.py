@@ -21,7 +21,7 @@ from pyinfra.detectors.centerpoint_pillar import CenterPointPillar
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.pointpillars import PointPillars
 from pyinfra.training import checkpoint
-from pyinfra.training.detect import model_file
+from pyinfra.training.detect import check_single, model_file
 
 DENSE = (PointPillars, CenterPointPillar)
 OPSET = 18  # the first whose scatter can take the largest
@@ -51,8 +51,11 @@ def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
 
 
 def export(run: Path, file: Path) -> None:
-    """Raises ValueError for a detector that is not dense, ImportError without onnxscript."""
+    """Raises ValueError for a detector that is not dense or is one of stacked frames, and
+    ImportError without onnxscript.
+    """
     found = checkpoint.load(model_file(run))
+    check_single(run, found.about.accumulate)
     network = found.network()
     if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
         raise ValueError(

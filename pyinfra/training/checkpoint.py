@@ -24,6 +24,7 @@ from pyinfra.data.regions import Region
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.detectors.network import Network
 from pyinfra.detectors.site import Site, around
+from pyinfra.training.accumulation import LabelAt
 
 FORMAT = 1
 CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at the sensor"
@@ -47,6 +48,8 @@ class About:
     # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
     ground: tuple[float, float, float] | None = None
     anywhere: bool = False  # learnt at so many sites that it is meant for others
+    accumulate: int = 1  # frames of one cloud
+    label_at: LabelAt = "newest"  # of them, whose labels it learnt
     start: str = ""  # digest of the weights that it began with; empty: drawn
     # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes
     calibration: tuple[float, float] | None = None

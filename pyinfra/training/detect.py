@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -11,25 +12,33 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
+from pyinfra.data.frames import PERIOD_S, frame_numbers
 from pyinfra.data.ground import Ground, ground_of
 from pyinfra.data.regions import Region, region_of
 from pyinfra.detectors import Detections, Detector
 from pyinfra.detectors.background import Background
 from pyinfra.kitti import Labels
-from pyinfra.training.sources import scene_of
+from pyinfra.training.accumulation import Accumulation
+from pyinfra.training.sources import read_frame, scene_of
 
 MODELS = Path(__file__).resolve().parents[1] / "models"  # that come with the package
 PERCENTILES = (50, 95)
 
 
 def load_detector(
-    run: Path, *, ground: Ground | None = None, region: Region | None = None, device: str = "cpu"
+    run: Path,
+    *,
+    ground: Ground | None = None,
+    region: Region | None = None,
+    device: str = "cpu",
+    stacks: bool = False,
 ) -> Detector:
     """The detector of a run's folder, of a file in it, or of the name of a shipped one.
 
     ground, region: of the road where it is to find vehicles; None: those where it learnt, if they
-    are known. Raises FileNotFoundError, and ValueError for a file that is no model, and without
-    any ground.
+    are known. stacks: whether it will be given what its `accumulation_of` says, not single frames.
+    Raises FileNotFoundError, and ValueError for a file that is no model, without any ground, and
+    for a model of stacked frames that would be given single ones.
     """
     file = model_file(run)
     if file.suffix == ".npz":
@@ -41,6 +50,8 @@ def load_detector(
 
     found = checkpoint.load(file)
     about = found.about
+    if not stacks:
+        check_single(run, about.accumulate)
     if not about.above_road:  # of version 0.2: it finds vehicles where it learnt
         return fused(found.network()).to(device_of(device))
     if ground is None and about.ground is not None:
@@ -48,6 +59,41 @@ def load_detector(
     if ground is None:
         raise ValueError(f"{run}: found no height of the road, allowed one: --height-m says it")
     return OnRoad(fused(found.network(region)).to(device_of(device)), ground)
+
+
+def check_single(run: Path, frames: int) -> None:
+    """Raises ValueError for a model of more than one frame where each is looked at alone."""
+    if frames > 1:
+        raise ValueError(
+            f"{run}: found a model of {frames} stacked frames, allowed one of single frames: only "
+            "`pyinfra detect --data` stacks them"
+        )
+
+
+def accumulation_of(file: Path) -> Accumulation:
+    """What a model's clouds are made of. Raises as checkpoint.load."""
+    if file.suffix == ".npz":
+        return Accumulation()
+    from pyinfra.training import checkpoint
+
+    about = checkpoint.load(file).about
+    return Accumulation(about.accumulate, about.label_at)
+
+
+def stacking(
+    lidar_folder: Path, frames: Sequence[int], accumulation: Accumulation
+) -> Callable[[Path], Points]:
+    """What reads the cloud of a frame's file with its neighbours, of whichever split.
+
+    Raises ValueError if no frame has one.
+    """
+    timed = (lidar_folder / "lidar.yaml").is_file()
+    period_s = kitti.read_lidar(lidar_folder).period_s if timed else PERIOD_S
+    there = frame_numbers(lidar_folder, "all")
+    clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, there, period_s)
+    files = [kitti.frame_file(lidar_folder, "velodyne", k) for k in frames]
+    by_file = dict(zip(files, clouds, strict=True))
+    return lambda file: by_file[file]()
 
 
 def detector_at(run: Path, lidar_folder: Path, *, device: str = "cpu") -> Detector:

@@ -135,7 +135,7 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
         sample = augmented(frames.sample(i), other, recipe.augmentation, draw)
         samples.append(sample)
         centres.append(windows.centre_of(sample, network.site.area, draw))
-    batch = make_batch(samples, network.site.area)
+    batch = make_batch(samples, network.site.area, network.columns)
     if recipe.learning.window_m2 == 0:
         return batch
     seen = Windows(recipe.learning.window_m2, torch.tensor(np.array(centres)))

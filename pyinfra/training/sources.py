@@ -24,6 +24,7 @@ from pyinfra.data.frames import (
 )
 from pyinfra.data.ground import Ground, ground_of, ground_of_boxes, ground_of_roads
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
+from pyinfra.training.accumulation import Accumulation
 
 if TYPE_CHECKING:
     from pyinfra import sim
@@ -35,6 +36,7 @@ TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
 VEHICLE_CLASSES = range(10, 15)  # of the simulator: Car to Motorcycle
+ONE_FRAME = Accumulation()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,7 @@ class Source:
     read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
     region: regions.Region | None = None  # where vehicles can be, if that is known
     ground: Ground | None = None  # how high the road lies; None: as the vehicles stand
+    accumulation: Accumulation = ONE_FRAME  # of the clouds: (n, 5), of one frame (n, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,38 +67,63 @@ class Stream:
     site: Site  # what a network looks at around each sensor
     ground: Ground | None = None  # if it is the same for all
     anywhere: bool = False  # whether sites are so many that another one is meant to be found in
+    accumulation: Accumulation = ONE_FRAME
 
 
-def read_source(folder: Path, tier: Tier) -> Source:
+def read_source(folder: Path, tier: Tier, accumulation: Accumulation = ONE_FRAME) -> Source:
     """The train frames of a folder: those of ImageSets/train.txt, else the split by time.
 
-    Without a label all frames are train frames.
+    Without a label all frames are train frames. Stacked with them are train frames and those that
+    lie between them, never one to test on.
 
     Raises FileNotFoundError, FormatError and ValueError.
     """
     check_no_data_set(folder)
     lidar = kitti.read_lidar(folder)
-    listed = folder / "ImageSets/train.txt"
-    if listed.is_file():
-        numbers: Sequence[int] = frame_numbers(folder, "train")
-    elif not has_labels(folder):
-        numbers = kitti.frames(folder)  # nothing to test on
-    else:
-        numbers = split.by_time(kitti.frames(folder), lidar.period_s).train
+    numbers = _train_frames(folder, lidar.period_s)
     frames = spread(numbers, MOST_FRAMES[tier])
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
+    there = _stackable(folder, numbers) if accumulation.frames > 1 else numbers
+    read = partial(read_frame, folder)
     vehicles = cache(partial(read_vehicles, folder, frames))
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
         scene=scene_of(folder),
         label_time=lidar.label_time,
-        clouds=tuple(partial(kitti.read_points, file) for file in files),
+        clouds=accumulation.clouds(read, frames, there, lidar.period_s),
         read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
         read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
         region=regions.region_of(folder, lidar.T_world_levelled),
         ground=ground_of(folder),
+        accumulation=accumulation,
     )
+
+
+def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
+    if (folder / "ImageSets/train.txt").is_file():
+        return frame_numbers(folder, "train")
+    if not has_labels(folder):
+        return kitti.frames(folder)  # nothing to test on
+    return split.by_time(kitti.frames(folder), period_s).train
+
+
+def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
+    """Train frames, and those between them that are not to be tested on.
+
+    With a list of train frames and none of test frames the others may all be to test on.
+    """
+    lists = folder / "ImageSets"
+    named = [part for part in ("val", "test") if (lists / f"{part}.txt").is_file()]
+    if not train or ((lists / "train.txt").is_file() and not named):
+        return set(train)
+    tested = {k for part in named for k in frame_numbers(folder, part)}
+    between = range(train[0], train[-1] + 1)
+    return {k for k in kitti.frames(folder) if k in between} - tested
+
+
+def read_frame(folder: Path, frame: int) -> Points:
+    """The cloud (n, 4) of a frame of a LiDAR's folder. Raises FormatError."""
+    return kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
 
 
 def on_road(source: Source) -> Source:
@@ -137,6 +165,7 @@ def simulated_source(
     preset: str = "datasheet",
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
+    accumulation: Accumulation = ONE_FRAME,
 ) -> Source:
     """The same frames as a run would write, cast when they are asked for; nothing is on disk.
 
@@ -155,10 +184,11 @@ def simulated_source(
         preset=unit.preset,
         scene=str(keys["name"]),
         label_time=sim.label_time(world, unit),
-        clouds=tuple(partial(cast, world, unit, k) for k in frames),
+        clouds=accumulation.clouds(partial(cast, world, unit), frames, numbers, PERIOD_S),
         read_boxes=partial(boxes_of_simulation, world, unit, frames),
         region=regions.roads_region(roads, pose),
         ground=ground_of_roads(roads, pose),
+        accumulation=accumulation,
     )
 
 

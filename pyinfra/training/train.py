@@ -15,6 +15,7 @@ from pyinfra.atomic import replacing
 from pyinfra.config import ConfigError, as_plain
 from pyinfra.detectors.background import Background
 from pyinfra.kitti import LabelTime
+from pyinfra.training.accumulation import Accumulation
 from pyinfra.training.detect import model_file
 from pyinfra.training.recipe import Precision, Recipe
 from pyinfra.training.samples import Frames
@@ -22,6 +23,7 @@ from pyinfra.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
     from pyinfra.detectors.network import Network
+    from pyinfra.training.checkpoint import About
     from pyinfra.training.loop import Description, Progress
 
 
@@ -63,6 +65,11 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     if len(sources) != 1:
         raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
     (source,) = sources
+    if source.accumulation.frames > 1:
+        raise ValueError(
+            f"--accumulate: found {source.accumulation.frames} for background, allowed 1: it "
+            "knows what moves by single frames"
+        )
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
     clouds = [source.clouds[i]() for i in chosen]
@@ -91,24 +98,11 @@ def _train_network(
     torch.manual_seed(seed)
     network = checkpoint.build(recipe.detector, recipe.network, stream.site)
     windows.check(network, recipe.learning.window_m2)
+    if network.columns > 4 and stream.accumulation.frames == 1:
+        raise ValueError("network.age: found true of single frames, allowed with --accumulate")
     if start is not None:
         _begin_with(network, start)
-    about = checkpoint.About(
-        detector=recipe.detector,
-        network=as_plain(recipe.network),
-        site=stream.site,
-        lidar=stream.lidar,
-        preset=stream.preset,
-        scene=stream.scene,
-        label_time=stream.label_time,
-        above_road=True,
-        ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
-        start=checkpoint.digest(model_file(start)) if start is not None else "",
-        anywhere=stream.anywhere,
-        seed=seed,
-        step=0,
-        steps=recipe.learning.steps,
-    )
+    about = _about(recipe, stream, seed, start)
     description = loop.describe(about, recipe, len(frames), precision)
     with processes.joined(device_of(device)) as where:
         processes.check_batch(recipe.learning.batch)
@@ -129,6 +123,30 @@ def _train_network(
                 report=report,
             )
     return out / "last.safetensors"
+
+
+def _about(recipe: Recipe, stream: Stream, seed: int, start: Path | None) -> About:
+    """What the checkpoint will say before the first step."""
+    from pyinfra.training import checkpoint
+
+    return checkpoint.About(
+        detector=recipe.detector,
+        network=as_plain(recipe.network),
+        site=stream.site,
+        lidar=stream.lidar,
+        preset=stream.preset,
+        scene=stream.scene,
+        label_time=stream.label_time,
+        above_road=True,
+        ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
+        start=checkpoint.digest(model_file(start)) if start is not None else "",
+        anywhere=stream.anywhere,
+        accumulate=stream.accumulation.frames,
+        label_at=stream.accumulation.label_at,
+        seed=seed,
+        step=0,
+        steps=recipe.learning.steps,
+    )
 
 
 def _begin_with(network: Network, start: Path) -> None:
@@ -152,6 +170,20 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
                 f"{first.label_time} as of {first.lidar} in {first.scene}"
             )
     return first.label_time
+
+
+def common_accumulation(sources: Sequence[Source]) -> Accumulation:
+    """Raises ValueError for sources that are stacked in several ways."""
+    first = sources[0]
+    for other in sources:
+        if other.accumulation != first.accumulation:
+            raise ValueError(
+                f"{other.lidar} in {other.scene}: accumulation: found "
+                f"{other.accumulation.frames} frames, {other.accumulation.label_at}, allowed "
+                f"{first.accumulation.frames}, {first.accumulation.label_at} as of {first.lidar} "
+                f"in {first.scene}"
+            )
+    return first.accumulation
 
 
 @contextmanager
@@ -203,7 +235,10 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
     regions = [source.region for source in sources if source.region is not None]
     site = site_of(frames.boxes, regions if len(regions) == len(sources) else ())
     ground = sources[0].ground if len(sources) == 1 else None
-    stream = Stream(lidar, preset, scene, label_time, frames, site, ground)
+    stream = Stream(
+        *(lidar, preset, scene, label_time, frames, site, ground),
+        accumulation=common_accumulation(sources),
+    )
     return stream, held_out
 
 
