@@ -97,10 +97,16 @@ def build(detector: str, config: Any, site: Site) -> Network:
         learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
         raise ConfigError(f"detector: found '{detector}', allowed {learnt}")
     module = importlib.import_module(entry.module)
-    if not isinstance(config, module.Config):
-        config = from_plain(config, module.Config, f"{detector}: network")
-    network: Network = getattr(module, entry.name)(config, site)
+    network: Network = getattr(module, entry.name)(config_of(detector, config), site)
     return network
+
+
+def config_of(detector: str, config: Any) -> Any:
+    """A learnt detector's Config, from its plain form: keys of later versions have defaults."""
+    kind = importlib.import_module(DETECTORS[detector].module).Config
+    if isinstance(config, kind):
+        return config
+    return from_plain(config, kind, f"{detector}: network")
 
 
 def digest(file: Path) -> str:

@@ -199,6 +199,8 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
         return None
     found = checkpoint.load(file)
     theirs, wanted = as_plain(found.about), as_plain(ours)
+    if found.about.detector == ours.detector:  # of an earlier version it may lack keys
+        theirs["network"] = as_plain(checkpoint.config_of(ours.detector, theirs["network"]))
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
         raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 torch = pytest.importorskip("torch")
 
 from detector_data import SITE, road_sample  # noqa: E402
+from safetensors import safe_open  # noqa: E402
+from safetensors.torch import load_file, save_file  # noqa: E402
 from test_training import CONFIG, LIDAR  # noqa: E402
 
 from pyinfra import cli, kitti  # noqa: E402
@@ -228,6 +231,25 @@ def test_a_model_says_what_it_learnt_and_goes_on_with_that_alone(
     other = read_source(folder, "smoke", THREE)
     with pytest.raises(ConfigError, match="found another run: label_at differ"):
         train(recipe(age=True), [other], trained, quiet=True)
+
+
+def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Path) -> None:
+    train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
+    file = tmp_path / "last.safetensors"
+    about = yaml.safe_load(about_of(file))
+    del about["accumulate"], about["label_at"], about["network"]["age"]
+    save_file(load_file(file), file, metadata={"about": yaml.safe_dump(about)})
+    assert detect.accumulation_of(file) == Accumulation()
+    before = file.read_bytes()
+    train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
+    assert file.read_bytes() == before  # it was finished
+    with pytest.raises(ConfigError, match="found another run: accumulate differ"):
+        train(recipe(), [read_source(folder, "smoke", THREE)], tmp_path, quiet=True)
+
+
+def about_of(file: Path) -> str:
+    with safe_open(file, framework="pt") as opened:
+        return str(opened.metadata()["about"])
 
 
 def test_sources_are_stacked_alike() -> None:
