@@ -124,7 +124,7 @@ def trained(trial: Trial, learnt: Path, run: Path) -> Detector:
 
 def average_precisions(folder: Path, pred: Path) -> dict[Set, Bootstrapped]:
     """Fine AP by ground truth."""
-    found = judged(folder, pred, SETTINGS, "all")
+    found = judged(folder, pred, SETTINGS, split="all")
     return dict(zip(GROUND_TRUTHS, map(fine_ap, found), strict=True))
 
 

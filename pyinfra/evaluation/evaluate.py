@@ -53,12 +53,19 @@ def evaluate(
     return evaluate_tables(truth, predictions, settings, findings)
 
 
-def judged(gt: Path, pred: Path, settings: Settings, split: str | None = None) -> list[Judgement]:
+def judged(
+    gt: Path,
+    pred: Path,
+    settings: Settings,
+    *,
+    frames: Sequence[int] | None = None,
+    split: str | None = None,
+) -> list[Judgement]:
     """What became of each prediction, for each ground truth of the settings.
 
-    By footprints, of the first class and IoU, in the frames of the split; raises as `evaluate`.
+    By footprints, of the first class and IoU; frames, split and errors are as of `evaluate`.
     """
-    frames = frame_numbers(gt, split)
+    frames = frame_numbers(gt, split) if frames is None else sorted(frames)
     truth = read_ground_truth(gt, frames, beyond_range=True)
     files = find_files(pred, frames, frame_numbers(gt, "all")).files
     predictions = read_predictions(files, read_cameras(gt, frames))

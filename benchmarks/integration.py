@@ -1,0 +1,161 @@
+"""AP against integration time: N frames of a fixed sensor stacked, by LiDAR and speed of traffic.
+
+One world is learnt from and another is tested, both with all frames, so that each labelled frame
+has its neighbours. A network gets the stacked points alone (`stacked`) or their age as well
+(`aged`), its labels those of the newest frame or of the middle one. Rows, with their draws, go to
+results/integration.csv as they come; what is there is not computed again.
+    .venv/bin/python benchmarks/integration.py --work data/integration
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra import __version__, kitti, machine
+from pyinfra.atomic import write
+from pyinfra.benchmark import store
+from pyinfra.data.frames import PERIOD_S, frame_numbers
+from pyinfra.evaluation.draws import draw_rows, same_of
+from pyinfra.evaluation.evaluate import judged
+from pyinfra.evaluation.judge import Judgement, Settings
+from pyinfra.evaluation.tables import fine_ap
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.training import detect
+from pyinfra.training.accumulation import Accumulation, LabelAt
+from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.training.sources import TIERS, Tier, read_source
+from pyinfra.training.train import train
+
+ROOT = Path(__file__).resolve().parent.parent
+SCENE = "highway"
+FRAMES = "0:2000"  # of each world, every one: neighbours are stacked
+WAYS: tuple[tuple[str, LabelAt], ...] = (
+    ("stacked", "newest"),
+    ("aged", "newest"),
+    ("aged", "middle"),
+)
+SEEDS = {"learnt": 1, "tested": 2}
+TEST_EVERY = 10  # frames that are tested on
+SETTINGS = Settings(ground_truths=("captured",))
+BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, 1e9)}  # as of stress
+KEY = ["scene", "speed_km_h", "lidar", "preset", "detector", "input", "accumulate", "label_at"]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One network that learns and is tested."""
+
+    scene: str
+    speed_km_h: int
+    lidar: str
+    preset: str
+    detector: str
+    input: str  # stacked or aged
+    accumulate: int
+    label_at: LabelAt
+
+    @property
+    def name(self) -> str:
+        return "_".join(map(str, asdict(self).values()))
+
+
+def trials(args: argparse.Namespace) -> Iterator[Trial]:
+    """One frame once; of more, each way of input and label."""
+    for speed, lidar, frames in itertools.product(args.speeds, args.lidars, args.frames):
+        for way, label_at in WAYS if frames > 1 else WAYS[:1]:
+            yield Trial(SCENE, speed, lidar, args.preset, args.detector, way, frames, label_at)
+
+
+def simulated(trial: Trial, part: str, work: Path) -> Path:
+    """The LiDAR's folder of a world; a stopped run goes on."""
+    out = work / f"{trial.scene}_{trial.speed_km_h}_{part}_{trial.lidar}"
+    words = ["--preset", trial.preset, "--label-time", "scan", "--seed", str(SEEDS[part])]
+    words += ["--set", f"traffic.speed.mean_km_h={trial.speed_km_h}"]
+    words += ["--frames", FRAMES, "--out", str(out), "--threads", "1"]
+    infrasim("run", scene_file(trial.scene), "--lidar", lidar_file(trial.lidar), *words)
+    folder = out / trial.lidar
+    if part == "learnt":  # all of it: another world is tested
+        (folder / "ImageSets").mkdir(exist_ok=True)
+        names = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
+        write(folder / "ImageSets/train.txt", names)
+    return folder
+
+
+def recipe_of(trial: Trial, tier: Tier) -> Recipe:
+    recipe = read_recipe(ROOT / f"configs/detectors/{trial.detector}.yaml", tier)
+    return replace(recipe, network=replace(recipe.network, age=trial.input == "aged"))
+
+
+def row(trial: Trial, tier: Tier, work: Path) -> dict[str, object]:
+    """Learns and tests: AP with its draws, and recalls by distance."""
+    accumulation = Accumulation(trial.accumulate, trial.label_at)
+    learnt, tested = (simulated(trial, part, work) for part in SEEDS)
+    run = work / "runs" / trial.name
+    train(recipe_of(trial, tier), [read_source(learnt, tier, accumulation)], run, quiet=True)
+    chosen = frame_numbers(tested, "all")[::TEST_EVERY]
+    files = [kitti.frame_file(tested, "velodyne", k) for k in chosen]
+    ground, region = detect.place_of(tested)
+    model = detect.load_detector(run, ground=ground, region=region, stacks=True)
+    read = detect.stacking(tested, chosen, accumulation)
+    _, times = detect.detect(model, files, run / "predictions", read=read)
+    (judgement,) = judged(tested, run / "predictions", SETTINGS, frames=chosen)
+    found = fine_ap(judgement)
+    ap = found.measured()
+    same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
+    return {
+        **asdict(trial),
+        "seconds": round(trial.accumulate * PERIOD_S, 3),
+        "ap_fine": round(ap.value, 3),
+        "ap_fine_low": round(ap.low, 3),
+        "ap_fine_high": round(ap.high, 3),
+        "objects": judgement.objects,
+        **recalls(judgement),
+        "latency_p50_ms": round(float(np.median(times)), 1),
+        **draw_rows(same, "captured", [("ap_fine", found)]).iloc[0].to_dict(),
+    }
+
+
+def recalls(judgement: Judgement) -> dict[str, float]:
+    """Share of the vehicles of each band of distance that a box took."""
+    boxes = judgement.contest.vehicles.boxes
+    distance = np.hypot(boxes[:, 0], boxes[:, 1])
+    taken = np.zeros(len(boxes), np.bool_)
+    taken[judgement.took[judgement.hit]] = True
+    found = {}
+    for name, (low, high) in BANDS_M.items():
+        here = judgement.counted & (distance >= low) & (distance < high)
+        found[f"recall_{name}"] = round(float(taken[here].mean()), 4) if here.any() else np.nan
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 18 GB")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "integration.csv")
+    parser.add_argument("--lidars", nargs="+", default=["ruby_plus", "livox_avia", "helios_16"])
+    parser.add_argument("--speeds", nargs="+", type=int, default=[20, 60], help="km/h")
+    parser.add_argument("--frames", nargs="+", type=int, default=[1, 2, 3, 5, 10])
+    parser.add_argument("--preset", default="datasheet")
+    parser.add_argument("--detector", default="pointpillars", help="a network on pillars")
+    parser.add_argument("--tier", choices=TIERS, default="quick")
+    args = parser.parse_args()
+    about = {"version": __version__, "machine": machine()}
+    about |= {"command": f"benchmarks/integration.py --tier {args.tier}"}
+    for trial in trials(args):
+        if store.has(store.read(args.out, KEY), asdict(trial)):
+            continue
+        found = {**row(trial, args.tier, args.work), **about}
+        store.put(args.out, pd.DataFrame([found]), KEY)
+        print(trial.name, found["ap_fine"], flush=True)
+
+
+if __name__ == "__main__":
+    main()
