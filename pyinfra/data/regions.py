@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.config import read_config, ruled
@@ -24,6 +25,7 @@ from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
+AXES_MARGIN_M = 2.0  # beside a carriageway: vehicles at its edge have its axis too
 _CHUNK = 20_000
 
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
@@ -40,6 +42,9 @@ class Region:
     # Which places (n, 2 or more) lie in it, or up to so many metres outside.
     holds: Callable[[FloatArray, float], BoolArray]
     corners: FloatArray  # (k, 2) that enclose it
+    # Sine and cosine of twice the heading of the roads there (n, 2), of places (n, 2): of length 1
+    # where there is one, shorter where several cross, 0 off the roads. None: no roads are known.
+    axes: Callable[[FloatArray], FloatArray] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +155,28 @@ def roads_region(roads: list[Road], pose: WorldPose) -> Region:
         for road in roads
         for side in (1, -1)
     ]
-    return Region(partial(_on_roads, roads, pose), to_levelled(np.concatenate(sides), pose))
+    return Region(
+        partial(_on_roads, roads, pose),
+        to_levelled(np.concatenate(sides), pose),
+        partial(road_axes, roads, pose),
+    )
+
+
+def road_axes(roads: list[Road], pose: WorldPose, places: FloatArray) -> FloatArray:
+    """See `Region.axes`; a road is as wide as its carriageway and AXES_MARGIN_M on both sides."""
+    total, count = np.zeros((len(places), 2)), np.zeros((len(places), 1))
+    for road in roads:
+        centre = to_levelled(road.xy, pose)
+        reach = road.half_width.max() + AXES_MARGIN_M
+        low, high = centre.min(axis=0) - reach, centre.max(axis=0) + reach
+        near = ((places >= low) & (places <= high)).all(axis=1)
+        rows = np.flatnonzero(near)
+        away, nearest = cKDTree(centre).query(places[rows])
+        on_it = away <= road.half_width[nearest] + AXES_MARGIN_M
+        twice = 2 * (road.heading[nearest[on_it]] - pose.yaw)
+        total[rows[on_it]] += np.stack([np.sin(twice), np.cos(twice)], axis=1)
+        count[rows[on_it]] += 1
+    return np.asarray(total / np.maximum(count, 1))
 
 
 def _on_roads(roads: list[Road], pose: WorldPose, points: FloatArray, margin_m: float) -> BoolArray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from torch import Tensor
 
 from pyinfra.config import ruled
+from pyinfra.data.regions import Region
 from pyinfra.detectors.batch import Batch
 from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
 from pyinfra.detectors.centre_head import AxisHead, CentreHead
@@ -54,6 +55,12 @@ class CenterPointPillar(Network):
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
         return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes)
+
+    def know(self, region: Region) -> None:
+        if isinstance(self.head, AxisHead):
+            low, high = self.site.area.low, self.site.area.high
+            columns, rows = (round((high[i] - low[i]) / self.head.cell_m) for i in (0, 1))
+            self.head.know(region, (rows, columns))
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         return self.head.candidates(self.bev(self.encoder(batch)))

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.arrays import Points
+from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 from pyinfra.detectors.batch import Batch, Sample, make_batch
 from pyinfra.detectors.ops.boxes import nms
@@ -86,6 +87,9 @@ class Network(nn.Module, abc.ABC):
     @abc.abstractmethod
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         """Of each frame: boxes (k, 7) and scores (k,), before suppression."""
+
+    def know(self, region: Region) -> None:
+        """Takes what helps it of a region whose frames it will see; most need nothing."""
 
     @torch.inference_mode()
     @one_thread()

@@ -87,6 +87,8 @@ class Checkpoint:
             first = str(error).splitlines()[-1].strip()
             raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
         network.calibration = self.about.calibration
+        if region is not None:
+            network.know(region)
         return network.eval()
 
 

@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E402
 
 from pyinfra import boxes as exact  # noqa: E402
-from pyinfra.data.regions import Region, in_outline  # noqa: E402
+from pyinfra.data.regions import Region, Road, in_outline, roads_region  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
 from pyinfra.detectors import network as network_module  # noqa: E402
 from pyinfra.detectors.anchors import (  # noqa: E402
@@ -31,6 +31,7 @@ from pyinfra.detectors.fused import fused  # noqa: E402
 from pyinfra.detectors.network import Network, one_thread  # noqa: E402
 from pyinfra.detectors.pillars import PillarEncoder  # noqa: E402
 from pyinfra.detectors.site import Site, site_of  # noqa: E402
+from pyinfra.kitti import WorldPose  # noqa: E402
 from pyinfra.training import checkpoint  # noqa: E402
 from pyinfra.training.recipe import read_recipe  # noqa: E402
 
@@ -451,6 +452,41 @@ def test_an_axis_and_a_way_are_a_heading() -> None:
         found = torch.cat([head.encode(boxes, row, column), way], dim=1)
         turned = head.decode(found, row, column)[:, 6] - boxes[:, 6]
         torch.testing.assert_close(turned.cos(), torch.full((64,), float(sign)), atol=1e-5, rtol=0)
+
+
+def crossing(way: float = math.pi / 6) -> Region:
+    """Two roads through the sensor, across each other; the frame is turned, and off the origin."""
+    s = np.arange(-40.0, 41)
+    ahead, same = np.stack([np.cos(way + 0 * s), np.sin(way + 0 * s)], axis=1), np.ones(len(s))
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    middle = [100.0, 50.0]
+    roads = [
+        Road("main", s, middle + s[:, None] * ahead, 0 * s, way * same, 3 * same),
+        Road("side", s, middle + s[:, None] * left, 0 * s, (way + math.pi / 2) * same, 3 * same),
+    ]
+    return roads_region(roads, WorldPose(100, 50, 6, way))
+
+
+def test_roads_have_an_axis_where_one_is_and_none_where_two_cross_or_off_them() -> None:
+    region = crossing()
+    assert region.axes is not None
+    places = np.array([[30.0, 1.0], [-30.0, -4.5], [1.0, -25.0], [1.0, 1.0], [30.0, 9.0]])
+    sin, cos = region.axes(places).T
+    np.testing.assert_allclose(sin, 0, atol=1e-12)
+    np.testing.assert_allclose(cos, [1, 1, -1, 0, 0], atol=1e-12)
+
+
+def test_a_road_s_axis_fills_up_what_was_not_found_of_a_vehicle_s() -> None:
+    head = AxisHead(4, 4, SITE, 0.8)
+    head.know(crossing(), (32, 48))
+    box = torch.tensor([[20.0, 0.5, -4.5, 4.0, 2.0, 1.5, math.pi / 3]])
+    row, column = head.cells_of(box, (32, 48))
+    found = torch.cat([head.encode(box, row, column), torch.zeros(1, 1)], dim=1)
+    sure = head.decode(found, row, column)[0, 6]
+    assert sure == pytest.approx(math.pi / 3, abs=1e-5)
+    unsure = found.clone()
+    unsure[:, 6:8] *= 1e-3
+    assert head.decode(unsure, row, column)[0, 6] == pytest.approx(0, abs=1e-2)
 
 
 def test_a_centre_that_float32_rounds_onto_the_rim_is_in_the_last_cell() -> None:
