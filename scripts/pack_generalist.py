@@ -52,6 +52,7 @@ def found_in(network: Network, samples: list[SiteSample]) -> tuple[FloatArray, B
     """Scores of the boxes in the region, which are right, and how many vehicles there are."""
     scores, right, vehicles = [np.empty(0)], [np.empty(0, np.bool_)], 0
     for sample in samples:
+        network.know(sample.region)
         found = network.predict(sample.points)
         inside = sample.region.holds(found.boxes, 0.0)
         truth = sample.boxes[sample.region.holds(sample.boxes, 0.0)]
@@ -97,10 +98,10 @@ def main() -> None:
     parser.add_argument("--table", type=Path, default=ROOT / "results/generalist_sites.csv")
     args = parser.parse_args()
     found = checkpoint.load(model_file(args.run))
-    network = found.network()
+    network = fused(found.network())
     network.calibration = (1.0, RAISED)  # so that boxes of low scores are there as well
     cells = [
-        (site, lidar, *found_in(fused(network), samples))
+        (site, lidar, *found_in(network, samples))
         for site, lidar, samples in looked_at(args.sites, args.frames)
     ]
     a, b = calibration.fit(*(np.concatenate([cell[i] for cell in cells]) for i in (2, 3)))

@@ -6,10 +6,11 @@ Platt, "Probabilistic outputs for support vector machines", 1999.
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from pyinfra.arrays import BoolArray, FloatArray
 
-STEPS = 50  # of Newton; ten are enough
 STEADY = 1e-3  # pulls the line to scores as they are, where there are next to no boxes
 LEAST = 1e-7  # of a score and of what it lacks to 1
 
@@ -30,17 +31,20 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
         raise ValueError(
             f"found {right.sum()} right boxes of {len(right)}, allowed some and not all"
         )
-    columns = np.stack([logit(scores), np.ones(len(scores))], axis=1)
-    line = np.array([1.0, 0.0])
-    for _ in range(STEPS):
-        share = 1 / (1 + np.exp(-columns @ line))
-        slope = columns.T @ (share - right) + STEADY * (line - [1, 0])
-        curve = (columns * (share * (1 - share))[:, None]).T @ columns + STEADY * np.eye(2)
-        line = line - np.linalg.solve(curve, slope)
-    return float(line[0]), float(line[1])
+    logits = logit(scores)
+
+    def unlikely(line: FloatArray) -> tuple[float, FloatArray]:
+        found = line[0] * logits + line[1]
+        off = expit(found) - right
+        pull = STEADY * (line - [1, 0])
+        value = np.logaddexp(0, found).sum() - found[right].sum() + pull @ pull / (2 * STEADY)
+        return float(value), np.array([off @ logits, off.sum()]) + pull
+
+    a, b = minimize(unlikely, np.array([1.0, 0.0]), jac=True, method="BFGS").x
+    return float(a), float(b)
 
 
 def calibrated(scores: FloatArray, line: tuple[float, float]) -> FloatArray:
     """(n,) as `pyinfra.detectors.network.calibrated` has them."""
     a, b = line
-    return np.asarray(1 / (1 + np.exp(-(a * logit(scores) + b))))
+    return np.asarray(expit(a * logit(scores) + b))

@@ -28,3 +28,12 @@ def test_sure_scores_stay_finite() -> None:
     assert np.isfinite(logit(np.array([0.0, 1.0]))).all()
     with pytest.raises(ValueError, match="found 2 right boxes of 2"):
         fit(np.array([0.2, 0.9]), np.array([True, True]))
+
+
+def test_a_line_far_from_the_scores_as_they_are_is_found() -> None:
+    draw = np.random.default_rng(3)
+    true = draw.normal(-4, 2, 4000)
+    right = draw.random(4000) < 1 / (1 + np.exp(-true))
+    a, b = fit(1 / (1 + np.exp(-(true + 9))), right)
+    assert a == pytest.approx(1, abs=0.15)
+    assert b == pytest.approx(-9, abs=1.2)
