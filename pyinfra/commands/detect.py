@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra import kitti
-from pyinfra.arrays import Points
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.data.frames import frame_numbers, has_labels
-from pyinfra.data.ground import level_ground
-from pyinfra.data.regions import outline_region
+from pyinfra.data.ground import Ground, level_ground
+from pyinfra.data.regions import Region, outline_region
 from pyinfra.detectors import Detections, Detector
 from pyinfra.exchange import pcd, pcd_file
 from pyinfra.exchange.recording import Options
@@ -24,13 +24,18 @@ from pyinfra.training.detect import (
     detect,
     load_detector,
     model_file,
+    once,
     place_of,
     stacking,
     transfer,
+    write,
 )
 from pyinfra.training.sources import spread
+from pyinfra.training.standing import without_standing
 
 MOST_HEIGHT_M = 100.0
+
+Read = Callable[[Path], Points]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +74,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="where vehicles can be, `outline_m: [[x, y], ...]`; default: what --data says",
     )
+    parser.add_argument(
+        "--drop-standing",
+        action="store_true",
+        help="with --data of a minute or more: no boxes that come back where nothing ever moves",
+    )
     parser.add_argument("--device", default="cpu", help="of a network: cpu, cuda, cuda:1, ...")
     parser.add_argument(
         "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
@@ -84,13 +94,15 @@ def run(args: argparse.Namespace) -> int:
         raise ValueError("detect: found no detector, allowed RUN or --model")
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
+    if args.drop_standing and args.data is None:
+        raise ValueError("--drop-standing: found clouds alone, allowed with --data")
     model = model_file(args.model or args.trained, args.checkpoint)
     accumulation = accumulation_of(model)
     if args.data is None:
         check_single(model, accumulation.frames)
     detector = _detector(model, args)
     files = args.cloud
-    read: Callable[[Path], Points] = _read
+    read: Read = _read
     if args.data is not None:
         numbers = frame_numbers(args.data, args.split)
         chosen = spread(numbers, args.frames) if args.frames else numbers
@@ -99,7 +111,10 @@ def run(args: argparse.Namespace) -> int:
         warn(model, args)
     if not files:
         raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
-    found, times = detect(detector, files, args.out, read=read)
+    if args.drop_standing:
+        found, times = _without_standing(detector, files, args, read)
+    else:
+        found, times = detect(detector, files, args.out, read=read)
     if args.out is None:
         _print_boxes(files, found)
     low, high = np.percentile(times, PERCENTILES)
@@ -113,6 +128,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _detector(model: Path, args: argparse.Namespace) -> Detector:
     """Where the data were taken, but for what the user says of the place."""
+    ground, region = _place(args)
+    return load_detector(model, ground=ground, region=region, device=args.device, stacks=True)
+
+
+def _place(args: argparse.Namespace) -> tuple[Ground | None, Region | None]:
     if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
         raise ValueError(
             f"--height-m: found {args.height_m:g}, allowed more than 0 to {MOST_HEIGHT_M:g}"
@@ -122,7 +142,20 @@ def _detector(model: Path, args: argparse.Namespace) -> Detector:
         ground = level_ground(-args.height_m)
     if args.region is not None:
         region = outline_region(args.region)
-    return load_detector(model, ground=ground, region=region, device=args.device, stacks=True)
+    return ground, region
+
+
+def _without_standing(
+    detector: Detector, files: Sequence[Path], args: argparse.Namespace, read: Read
+) -> tuple[list[Detections], FloatArray]:
+    """As `detect`; what stands is known when all frames are."""
+    once(files)
+    every, times = detect(detector, files, None, read=read)
+    found = without_standing(files, every, _place(args)[1])
+    args.out.mkdir(parents=True, exist_ok=True)
+    for file, detections in zip(files, found, strict=True):
+        write(args.out, file, detections)
+    return found, times
 
 
 def _read(cloud: Path) -> Points:

@@ -182,9 +182,14 @@ def detect(
         found.append(detections)
         times.append(1000 * seconds)
         if out is not None:
-            labels = Labels(detections.names, detections.boxes, detections.scores)
-            kitti.write_labels(out / f"{file.stem}.txt", labels, calibration_of(file))
+            write(out, file, detections)
     return found, np.array(times)
+
+
+def write(out: Path, cloud: Path, found: Detections) -> None:
+    """A KITTI result of a cloud. Raises FormatError for its calib file."""
+    labels = Labels(found.names, found.boxes, found.scores)
+    kitti.write_labels(out / f"{cloud.stem}.txt", labels, calibration_of(cloud))
 
 
 def once(files: Sequence[Path]) -> None:

@@ -1,0 +1,57 @@
+"""Boxes that come back where nothing ever moves."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyinfra import cli, kitti
+from pyinfra.detectors import Detections
+from pyinfra.training.standing import standing, without_standing
+
+
+def test_boxes_stand_that_come_back_at_a_place_where_none_moves() -> None:
+    hedge, lane, once = [[20.0, 9.0]] * 4, [[30.0, 0.0]] * 4, [[50.0, 0.0]]
+    centres = np.array(hedge + lane + once)
+    moves = np.zeros(len(centres), np.bool_)
+    moves[5] = True
+    assert standing(centres, moves).tolist() == [True] * 4 + [False] * 5
+    assert standing(np.empty((0, 2)), np.empty(0, np.bool_)).tolist() == []
+
+
+@pytest.fixture(scope="module")
+def lidar(
+    infrasim: Callable[..., object],
+    run_command: Callable[..., list[str]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Twenty seconds of a motorway."""
+    out = tmp_path_factory.mktemp("minute") / "data"
+    infrasim(*run_command("hesai_xt32", frames="0:200:4", preset="datasheet", out=out), check=True)
+    return out / "hesai_xt32"
+
+
+def test_rails_go_and_vehicles_stay(lidar: Path) -> None:
+    files, found, vehicles = [], [], 0
+    rail = np.array([[25.0, 12.0, -7.0, 4.5, 1.9, 1.6, 0.0]])
+    for k in kitti.frames(lidar):
+        objects = kitti.read_objects(kitti.frame_file(lidar, "objects", k))
+        boxes = objects.label_boxes("scan")[objects.points >= 10]
+        vehicles += len(boxes)
+        every = np.concatenate([boxes, rail])
+        files.append(kitti.frame_file(lidar, "velodyne", k))
+        found.append(Detections(every, np.full(len(every), 0.9), np.full(len(every), "vehicle")))
+    left = without_standing(files, found, region=None)
+    boxes = np.concatenate([d.boxes for d in left])
+    assert not (boxes[:, :2] == rail[0, :2]).all(axis=1).any()
+    assert len(boxes) >= 0.97 * vehicles
+    assert sum(map(len, left)) == len(boxes)
+
+
+def test_clouds_alone_say_nothing_of_what_stands(
+    lidar: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = kitti.frame_file(lidar, "velodyne", 0)
+    assert cli.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
+    assert "--drop-standing: found clouds alone, allowed with --data" in capsys.readouterr().err
