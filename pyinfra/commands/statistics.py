@@ -6,6 +6,8 @@ from pathlib import Path
 
 from pyinfra.statistics.study import statistics, write
 
+MOST_FRAMES = 100  # that count as one
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Scanning statistics of data sets, as tables and figures."
@@ -15,13 +17,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--above-road", action="store_true", help="leave out points below road level (need fields)"
     )
+    parser.add_argument(
+        "--accumulate",
+        type=int,
+        default=1,
+        metavar="N",
+        help="N frames one after another count as one: points of a vehicle add up; default: 1",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
+    if not 1 <= args.accumulate <= MOST_FRAMES:
+        raise ValueError(f"--accumulate: found {args.accumulate}, allowed 1 to {MOST_FRAMES}")
     patterns = _extension_is_there()
     if not patterns:
         print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)
-    tables = statistics(args.data, above_road=args.above_road, patterns=patterns)
+    tables = statistics(
+        args.data, above_road=args.above_road, patterns=patterns, accumulate=args.accumulate
+    )
     for file in write(tables, args.out):
         print(file)
     return 0

@@ -1,5 +1,6 @@
 """The vehicles of a data set as all of its LiDARs saw them, and which of them are compared."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -110,6 +111,34 @@ def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
         in_angles=np.stack([angles for angles, _ in views], axis=1),
         in_range=np.stack([ranges for _, ranges in views], axis=1),
     )
+
+
+def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
+    """Frames that end so many one after another, ascending. Raises ValueError if none does."""
+    every = np.array(sorted(frames), dtype=np.int64)
+    runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
+    ends = runs[runs[:, -1] - runs[:, 0] == count - 1, -1]
+    if len(ends) == 0:
+        raise ValueError(f"accumulate: found no {count} frames one after another, allowed some")
+    return np.asarray(ends)
+
+
+def accumulated(vehicles: Sightings, frames: Sequence[int], count: int) -> Sightings:
+    """The vehicles of frames that end so many one after another, with the points of all of them.
+
+    Points add up over what the vehicle was hit by in them, wherever it was; the rest is of the
+    last. Raises ValueError as `ends_of_runs`.
+    """
+    newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))
+    keys = np.stack([vehicles.frame, vehicles.ids], axis=1)
+    points, in_box = np.zeros_like(newest.points), np.zeros_like(newest.points_in_box)
+    for back in range(count):
+        wanted = np.stack([newest.frame - back, newest.ids], axis=1)
+        at = np.minimum(_rows(keys, wanted), len(keys) - 1)
+        there = (keys[at] == wanted).all(axis=1)
+        points[there] += vehicles.points[at[there]]
+        in_box[there] += vehicles.points_in_box[at[there]]
+    return replace(newest, points=points, points_in_box=in_box)
 
 
 def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -> IntArray:

@@ -20,7 +20,14 @@ from pyinfra.kitti.table import is_whole
 from pyinfra.statistics import figures as statistics_figures
 from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.intervals import Blocks
-from pyinfra.statistics.sightings import Sightings, blocks_of, hit_counts, read_sightings
+from pyinfra.statistics.sightings import (
+    Sightings,
+    accumulated,
+    blocks_of,
+    ends_of_runs,
+    hit_counts,
+    read_sightings,
+)
 
 Tables = dict[str, pd.DataFrame]
 
@@ -98,18 +105,30 @@ def pattern_tables(data: DataSet) -> Tables:
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items() if parts}
 
 
-def data_set_tables(data: DataSet, vehicles: Sightings, *, above_road: bool) -> Tables:
+def data_set_tables(
+    data: DataSet, vehicles: Sightings, *, above_road: bool, accumulate: int = 1
+) -> Tables:
     """All tables of one data set but those of its patterns, with columns that name it.
 
-    A recording, which has no trajectories, has no table of speeds.
+    accumulate: frames one after another that count as one. A recording, which has no trajectories,
+    has no table of speeds. Raises ValueError without so many frames one after another.
     """
-    blocks = blocks_of(data, vehicles)
-    counts = {x.name: hit_counts(data, x, above_road=above_road) for x in data.lidars}
-    tables = vehicle_tables(vehicles, blocks)
+    ends = ends_of_runs(data.frames, accumulate)
+    blocks = blocks_of(data, vehicles, ends)
+    tables = vehicle_tables(accumulated(vehicles, data.frames, accumulate), blocks)
+    counts = {}
+    for lidar in data.lidars:
+        each = hit_counts(data, lidar, above_road=above_road)
+        runs = np.convolve(each, np.ones(accumulate, np.int64), "valid")  # of frames that are there
+        last = np.array(data.frames)[accumulate - 1 :]
+        counts[lidar.name] = runs[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
     if data.preset != RECORDED or (data.folder / "trajectories.csv").is_file():
         tables["speed"] = speed_table(data)
-    return {name: described(data, rows, above_road) for name, rows in tables.items()}
+    named = {name: described(data, rows, above_road) for name, rows in tables.items()}
+    if accumulate == 1:
+        return named
+    return {name: rows.assign(accumulate=accumulate) for name, rows in named.items()}
 
 
 def aggregation_table(
@@ -152,9 +171,16 @@ def described(data: DataSet, rows: pd.DataFrame, above_road: bool) -> pd.DataFra
 
 
 def statistics(
-    folders: Sequence[Path], *, above_road: bool = False, patterns: bool = True
+    folders: Sequence[Path],
+    *,
+    above_road: bool = False,
+    patterns: bool = True,
+    accumulate: int = 1,
 ) -> Tables:
     """All tables of the data sets under one another, by name.
+
+    accumulate: frames one after another that count as one, as in `accumulated`; of more than one
+    there is no table `aggregation`.
 
     Raises what read_data_set and read_sightings raise; ImportError for patterns without the
     extension.
@@ -162,13 +188,14 @@ def statistics(
     data_sets = [read_data_set(folder) for folder in folders]
     vehicles = [read_sightings(data, above_road=above_road) for data in data_sets]
     parts = [
-        data_set_tables(data, v, above_road=above_road)
+        data_set_tables(data, v, above_road=above_road, accumulate=accumulate)
         for data, v in zip(data_sets, vehicles, strict=True)
     ]
     tables = _joined(parts)
-    change = aggregation_table(data_sets, vehicles, above_road=above_road)
-    if len(change) > 0:
-        tables["aggregation"] = change
+    if accumulate == 1:
+        change = aggregation_table(data_sets, vehicles, above_road=above_road)
+        if len(change) > 0:
+            tables["aggregation"] = change
     if patterns:
         tables |= _patterns_once(data_sets, above_road)
     return tables

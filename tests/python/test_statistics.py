@@ -16,7 +16,12 @@ from pyinfra.data.data_set import Tilt, field_of_view_mask, read_data_set
 from pyinfra.statistics import patterns, study
 from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.intervals import Blocks, block_seconds, interval, ratio, time_blocks
-from pyinfra.statistics.sightings import Sightings, read_sightings
+from pyinfra.statistics.sightings import (
+    Sightings,
+    accumulated,
+    ends_of_runs,
+    read_sightings,
+)
 
 Infrasim = Callable[..., Any]
 
@@ -187,6 +192,20 @@ def test_frames_between_whole_seconds_make_blocks_as_long_as_others() -> None:
     apart = time_blocks(np.arange(0, 900, 25), 0.1, block_s=20)  # 2 and 3 slots apart in turn
     assert apart.length == 8
     assert len(apart.draws) > 0
+
+
+def test_points_add_up_over_frames_one_after_another() -> None:
+    frames = [0, 1, 2, 5, 6, 7]
+    rows = [(0, 1, 5), (1, 1, 6), (1, 2, 50), (2, 2, 60), (5, 1, 7), (6, 1, 8), (7, 1, 9)]
+    frame, ids, points = (list(column) for column in zip(*rows, strict=True))
+    every = table_of([10.0] * 7, [[n] for n in points], frame, ids=np.array(ids))
+    found = accumulated(every, frames, 2)
+    got = zip(found.frame.tolist(), found.ids.tolist(), found.points[:, 0].tolist(), strict=True)
+    assert list(got) == [(1, 1, 11), (1, 2, 50), (2, 2, 110), (6, 1, 15), (7, 1, 17)]
+    assert ends_of_runs(frames, 3).tolist() == [2, 7]
+    assert accumulated(every, frames, 1).points.tolist() == every.points.tolist()
+    with pytest.raises(ValueError, match="found no 4 frames one after another"):
+        ends_of_runs(frames, 4)
 
 
 def test_a_block_is_as_long_as_the_vehicle_that_a_look_meets_stays() -> None:
