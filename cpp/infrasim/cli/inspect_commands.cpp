@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 
 #include "infrasim/cli/catalogue.h"
@@ -15,6 +16,7 @@
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/npy.h"
 #include "infrasim/pipeline/world.h"
+#include "infrasim/scene/mesh_file.h"
 #include "infrasim/sensor/pattern_table.h"
 
 namespace infrasim::cli {
@@ -54,10 +56,13 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
 }
 
 /// Builds the scene under every preset of the file too, and under none, unless one was asked for.
-SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o) {
+/// @param findings what is no error, each once
+SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o,
+                          std::set<std::string>& findings) {
   const auto checked = [&](const std::string& preset) {
     SceneConfig scene = read_scene(file, o.assignments, preset);
     build_world(scene);
+    for (const std::string& line : flat_triangles(scene)) findings.insert(line);
     if (o.traffic) check_traffic(file, scene);
     return scene;
   };
@@ -81,7 +86,11 @@ void check_command(const CheckOptions& o) {
     std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
     return;
   }
-  std::fputs(dump_scene(checked_scene(file, o)).c_str(), stdout);
+  std::set<std::string> findings;
+  const SceneConfig scene = checked_scene(file, o, findings);
+  for (const std::string& line : findings)
+    std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
+  std::fputs(dump_scene(scene).c_str(), stdout);
 }
 
 struct PatternOptions {

@@ -1,5 +1,7 @@
 #include "infrasim/config/scene_config.h"
 
+#include <set>
+
 #include "infrasim/config/fields.h"
 #include "infrasim/config/filter_declarations.h"
 #include "infrasim/config/key_list.h"
@@ -24,6 +26,11 @@ std::span<const char* const> enum_names(LabelRule) {
 
 std::span<const char* const> enum_names(LabelTime) {
   static constexpr std::array kNames{"frame", "scan"};
+  return kNames;
+}
+
+std::span<const char* const> enum_names(Material) {
+  static constexpr std::array kNames{"road", "sidewalk", "terrain", "structure", "vegetation"};
   return kNames;
 }
 
@@ -65,6 +72,15 @@ void visit(Fields& f, EmbankmentConfig& c) {
   f.field("foot_elevation_m", c.foot_elevation_m, "where the slope ends", required());
 }
 
+/// Of what tables name.
+template <class Fields>
+void check_name(Fields& f, const std::string& name) {
+  f.check(name.find(',') == std::string::npos && name.size() <= 100, "name",
+          "found a comma or more than 100 letters, allowed a short name");
+  f.check(config::begins_as_name(name), "name",
+          "found '" + name + "', allowed a name that begins with a letter, a digit or _");
+}
+
 template <class Fields>
 void visit(Fields& f, RoadConfig& c) {
   f.here(c.place);
@@ -74,10 +90,7 @@ void visit(Fields& f, RoadConfig& c) {
   f.field("elevation_m", c.elevation_m, "world z of the road", between(-1e3, 1e4));
   f.field("lanes", c.lanes, "cross-section", required());
   f.field("embankment", c.embankment, "slopes down from both edges");
-  f.check(c.name.find(',') == std::string::npos && c.name.size() <= 100, "name",
-          "found a comma or more than 100 letters, allowed a short name");
-  f.check(config::begins_as_name(c.name), "name",
-          "found '" + c.name + "', allowed a name that begins with a letter, a digit or _");
+  check_name(f, c.name);
   const LanesConfig& l = c.lanes;
   const double half = l.median_m / 2 + l.each_way * l.width_m + l.shoulder_m + l.sidewalk_m;
   for (const CentrelinePiece& piece : c.centreline)
@@ -102,6 +115,13 @@ void visit(Fields& f, GroundConfig& c) {
   f.check(left && turned < 3 * kPi, "outline_m",
           "found corners that do not turn left once round, allowed a convex outline, "
           "counter-clockwise");
+}
+
+template <class Fields>
+void visit(Fields& f, MeshConfig& c) {
+  f.here(c.place);
+  f.field("file", c.file, ".ply in world coordinates, relative to the scene file", required());
+  f.field("material", c.material, "what its surface is of; glass is not there yet", required());
 }
 
 template <class Fields>
@@ -388,6 +408,33 @@ void visit(Fields& f, FilterConfig& c) {
 }
 
 template <class Fields>
+void visit(Fields& f, RegionConfig& c) {
+  f.here(c.place);
+  f.field("name", c.name, "name of the region", required());
+  check_name(f, c.name);
+  f.field("outline_m", c.outline_m, "corners x y in order, world", required(between(-1e6, 1e6)));
+  const bool area = c.outline_m.size() >= 3 && signed_area(c.outline_m) != 0;
+  f.check(area, "outline_m", "found fewer than 3 corners or no area, allowed an outline with one");
+}
+
+template <class Fields>
+void check_regions(Fields& f, const std::optional<std::vector<RegionConfig>>& regions) {
+  std::set<std::string> names;
+  if (!regions) return;
+  for (const RegionConfig& region : *regions)
+    f.check(names.insert(region.name).second, "regions",
+            "found '" + region.name + "' twice, allowed a name for each");
+}
+
+template <class Fields>
+void visit_ways(Fields& f, SceneConfig& c) {
+  f.field("lanes", c.lanes, "file of lanes with elevation, in place of roads; they are not drawn");
+  f.field("roads", c.roads, "roads; left out with lanes",
+          c.lanes ? config::Rule{} : at_least_one());
+  f.check(!c.lanes || c.roads.empty(), "roads", "found them beside lanes, allowed one of the two");
+}
+
+template <class Fields>
 void visit(Fields& f, SceneConfig& c) {
   f.field("name", c.name, "name of the scene", required());
   f.check(config::begins_as_name(c.name), "name",
@@ -411,12 +458,17 @@ void visit(Fields& f, SceneConfig& c) {
       "the presets paper and equal, else scan");
   f.field("fields", c.point_fields, "write time, ring, class and object of every point");
   f.field("region_half_length_m", c.region_half_length_m,
-          "half length of the evaluation region along each road", between(1, 1e4));
+          "half length of the evaluation region along each road; radius around the mount of lanes",
+          between(1, 1e4));
+  f.field("regions", c.regions, "outlines that the evaluation region is narrowed to",
+          config::Rule{.min_items = 1});
+  check_regions(f, c.regions);
   f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());
   f.check(c.mounts.size() == 1, "mounts", "found more than one mount, allowed one");
   f.field("weather", c.weather,
           "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
-  f.field("roads", c.roads, "roads", at_least_one());
+  visit_ways(f, c);
+  f.field("meshes", c.meshes, "surfaces from files", config::Rule{.min_items = 1});
   f.field("ground", c.ground, "pieces of terrain");
   f.field("buildings", c.buildings, "upright boxes");
   f.field("barriers", c.barriers, "walls along roads");
@@ -430,6 +482,8 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
   f.field("static_layers", c.static_layers,
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");
+  f.check(!c.lanes || !c.traffic, "traffic",
+          "found it with lanes of a file, allowed trajectories: own traffic needs roads");
   f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
           "found both or neither, allowed either traffic or trajectories");
 }
@@ -472,7 +526,8 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
     if (scene.roads[i].name == name) return i;
     names += (names.empty() ? "" : ", ") + scene.roads[i].name;
   }
-  config::fail(place, key, "found unknown road '" + name + "', allowed " + names);
+  const std::string allowed = names.empty() ? "none: the scene has no roads" : names;
+  config::fail(place, key, "found unknown road '" + name + "', allowed " + allowed);
 }
 
 std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }

@@ -69,6 +69,18 @@ struct GroundConfig {
   config::Place place;
 };
 
+/// What a mesh is made of; the values are those of Class.
+enum class Material { kRoad, kSidewalk, kTerrain, kStructure, kVegetation };
+
+std::span<const char* const> enum_names(Material);
+
+/// A surface from a file; world frame.
+struct MeshConfig {
+  std::string file;  ///< .ply, relative to the scene file
+  Material material = Material::kStructure;
+  config::Place place;
+};
+
 /// An upright box: building, pole, or anything that stands.
 struct BuildingConfig {
   double x_m = 0;
@@ -247,6 +259,13 @@ struct FilterConfig {
 inline constexpr double kLongestScene_s = 36000;
 inline constexpr double kClearance_m = 4.5;  ///< of free height over a road: trucks have up to 4.4
 
+/// A piece of the evaluation region; world frame.
+struct RegionConfig {
+  std::string name;
+  std::vector<Vec2> outline_m;
+  config::Place place;
+};
+
 struct SceneConfig {
   std::string name;
   std::uint64_t seed = 1;
@@ -260,7 +279,10 @@ struct SceneConfig {
   double region_half_length_m = 100;
   std::map<std::string, MountConfig> mounts;
   WeatherConfig weather;
+  std::optional<std::vector<RegionConfig>> regions;  ///< nothing: wherever roads or lanes are
+  std::optional<std::string> lanes;  ///< a file in place of roads; relative to the scene file
   std::vector<RoadConfig> roads;
+  std::optional<std::vector<MeshConfig>> meshes;
   std::vector<GroundConfig> ground;
   std::vector<BuildingConfig> buildings;
   std::vector<BarrierConfig> barriers;

@@ -45,4 +45,15 @@ bool covers(std::span<const Vec2> outline, Vec2 point) {
   return true;
 }
 
+bool encloses(std::span<const Vec2> outline, Vec2 point) {
+  bool inside = false;
+  for (std::size_t i = 0, j = outline.size() - 1; i < outline.size(); j = i++) {
+    const Vec2 a = outline[i], b = outline[j];
+    if ((a.y > point.y) != (b.y > point.y) &&
+        point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x))
+      inside = !inside;
+  }
+  return inside;
+}
+
 }  // namespace infrasim

@@ -90,4 +90,8 @@ bool footprints_overlap(std::span<const Vec2> a, std::span<const Vec2> b);
 /// True if the point lies inside the convex outline, counter-clockwise, or on its edge.
 bool covers(std::span<const Vec2> outline, Vec2 point);
 
+/// True if the point lies inside the outline, convex or not: a ray from it towards +x crosses an
+/// odd number of edges.
+bool encloses(std::span<const Vec2> outline, Vec2 point);
+
 }  // namespace infrasim

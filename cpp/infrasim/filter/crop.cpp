@@ -12,17 +12,6 @@ void require(bool allowed, const char* message) {
   if (!allowed) throw std::invalid_argument(message);
 }
 
-/// Even-odd rule: a ray towards +x crosses the outline an odd number of times.
-bool is_inside(const std::vector<Vec2>& outline, Vec2 p) {
-  bool inside = false;
-  for (std::size_t i = 0, j = outline.size() - 1; i < outline.size(); j = i++) {
-    const Vec2 a = outline[i], b = outline[j];
-    if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x))
-      inside = !inside;
-  }
-  return inside;
-}
-
 }  // namespace
 
 std::vector<int> keep(std::span<const float> xyz, const CropBox& box) {
@@ -37,7 +26,7 @@ std::vector<int> keep(std::span<const float> xyz, const CropBox& box) {
 std::vector<int> keep(std::span<const float> xyz, const CropPolygon& polygon) {
   require(polygon.outline_m.size() >= 3 && std::abs(signed_area(polygon.outline_m)) > 0,
           "crop_polygon: at least 3 corners and an area are needed");
-  return keep_if(xyz, [&](Vec3 p) { return is_inside(polygon.outline_m, {p.x, p.y}); });
+  return keep_if(xyz, [&](Vec3 p) { return encloses(polygon.outline_m, {p.x, p.y}); });
 }
 
 std::vector<int> keep(std::span<const float> xyz, const CropRange& range) {

@@ -1,8 +1,12 @@
 #include "infrasim/pipeline/run_folder.h"
 
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <string_view>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/rng.h"
 #include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
@@ -12,11 +16,28 @@ namespace infrasim {
 
 namespace {
 
-std::string run_text(const RunRequest& request) {
+template <class T>
+std::string digest(const std::vector<T>& values) {
+  const std::string_view bytes(reinterpret_cast<const char*>(values.data()),
+                               values.size() * sizeof(T));
+  std::array<char, 17> text{};
+  std::snprintf(text.data(), text.size(), "%016llx",
+                static_cast<unsigned long long>(hash_name(bytes)));
+  return text.data();
+}
+
+/// Of the surfaces that files brought: with others this is another data set.
+std::string surfaces_text(const World& world) {
+  if (!world.scene.meshes) return "";
+  const TriangleMesh& mesh = world.background;
+  return "surfaces: \"" + digest(mesh.vertices) + digest(mesh.triangles) + "\"\n";
+}
+
+std::string run_text(const RunRequest& request, const World& world) {
   SceneConfig scene = request.scene;
   scene.label_time = label_time_of(scene, request.preset);
-  return dump_scene(scene) + "preset: \"" + request.preset + "\"\nversion: \"" +
-         std::string(version()) + "\"\n";
+  return dump_scene(scene) + surfaces_text(world) + "preset: \"" + request.preset +
+         "\"\nversion: \"" + std::string(version()) + "\"\n";
 }
 
 /// Directions and ranges that a unit covers, as one entry of a YAML list.
@@ -60,9 +81,11 @@ void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<std::string> texts;  // first, as they may be refused
   for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(world, lidar));
   create_folder(request.out);
-  claim_file(request.out / "dataset.yaml", run_text(request));
+  claim_file(request.out / "dataset.yaml", run_text(request, world));
   claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));
   claim_file(request.out / "roads.csv", world.region.roads_csv());
+  if (const std::string regions = world.region.regions_csv(); !regions.empty())
+    claim_file(request.out / "regions.csv", regions);
   for (std::size_t i = 0; i < texts.size(); ++i) {
     const auto folder = request.out / request.lidars[i].name;
     create_frame_folders(folder, request.scene.point_fields);

@@ -1,6 +1,22 @@
 #include "infrasim/pipeline/scene_filters.h"
 
+#include <algorithm>
+
+#include "infrasim/scene/lane_file.h"
+
 namespace infrasim {
+
+namespace {
+
+/// Height of the road at the sensor's foot: of the first, or of the nearest lane.
+double road_z(const SceneConfig& scene) {
+  if (!scene.roads.empty()) return scene.roads.front().elevation_m;
+  const MountConfig& mount = scene.mounts.begin()->second;
+  const std::vector<LaneLevel> lanes = lane_levels(scene, {mount.x_m, mount.y_m});
+  return std::ranges::min(lanes, {}, &LaneLevel::away).z;
+}
+
+}  // namespace
 
 std::vector<FilterStep> make_filters(const SceneConfig& scene,
                                      const std::function<std::vector<float>(int)>& empty_frame) {
@@ -13,7 +29,7 @@ std::vector<FilterStep> make_filters(const SceneConfig& scene,
     } else if constexpr (std::is_same_v<Filter, GroundPlane>) {
       GroundPlane plane = filter;
       if (plane.sensor_height_m == 0)
-        plane.sensor_height_m = scene.mounts.begin()->second.z_m - scene.roads.front().elevation_m;
+        plane.sensor_height_m = scene.mounts.begin()->second.z_m - road_z(scene);
       steps.emplace_back(plane);
     } else {
       steps.emplace_back(filter);

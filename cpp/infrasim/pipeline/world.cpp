@@ -77,6 +77,7 @@ World build_world(const SceneConfig& scene) {
   check_site(scene);
   const LevelPose level = level_pose(scene.mounts.begin()->second);
   TriangleMesh background = build_static_mesh(scene, level);
+  check_sensor_above(scene, background);
   std::vector<TriangleMesh> bodies;
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));

@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <iterator>
+#include <set>
 
+#include "infrasim/config/fields.h"
+#include "infrasim/core/errors.h"
 #include "infrasim/scene/lane_network.h"
 
 namespace infrasim {
 
 EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
-    : half_length_(scene.region_half_length_m) {
+    : outlines_(scene.regions.value_or(std::vector<RegionConfig>{})),
+      half_length_(scene.region_half_length_m) {
   const MountConfig& mount = scene.mounts.begin()->second;
   const Vec2 foot{mount.x_m, mount.y_m};
   for (const RoadConfig& road : scene.roads) {
@@ -20,9 +25,61 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
     roads_.push_back({road.name, std::move(along), station, road.elevation_m,
                       carriageway_half_width(road.lanes)});
   }
+  for (const LanePath& lane : lanes_of(scene)) {
+    std::vector<LanePart> parts = parts_within(lane, foot, half_length_);
+    std::ranges::move(parts, std::back_inserter(parts_));
+  }
+  if (scene.lanes && parts_.empty())
+    throw ConfigError((scene.folder / *scene.lanes).string() + ": found no lane within " +
+                      config::number_text(half_length_) + " m of the mount, allowed one or more");
+  check_names(scene);
+  check_outlines(scene);
+}
+
+template <class Take>
+void EvaluationRegion::for_each_row(const Take& take) const {
+  for (const Road& road : roads_) {
+    const double first = std::ceil(std::max(-half_length_, -road.foot)) + 0.0;  // not -0
+    const double last = std::min(half_length_, road.along.length() - road.foot);
+    for (double s = first; s <= last; s += 1) {
+      const CurvePoint p = road.along.at(road.foot + s);
+      take(road.name,
+           LaneRow{s, p.position, road.elevation, wrap_angle(p.heading), road.half_width});
+    }
+  }
+  for (const LanePart& part : parts_)
+    for (const LaneRow& row : part.rows) take(part.name, row);
+}
+
+/// A part must not be taken for a lane: rows of one name are one road.
+void EvaluationRegion::check_names(const SceneConfig& scene) const {
+  std::set<std::string> names;
+  for (const LanePart& part : parts_)
+    if (!names.insert(part.name).second)
+      throw ConfigError((scene.folder / *scene.lanes).string() + ": found a second '" + part.name +
+                        "' in the region, allowed other names: parts of a lane are NAME_2 ...");
+}
+
+void EvaluationRegion::check_outlines(const SceneConfig& scene) const {
+  if (outlines_.empty()) return;
+  bool meet = false;
+  for_each_row([&](const std::string&, const LaneRow& row) { meet |= in_outlines(row.place); });
+  if (!meet)
+    config::fail(scene.regions->front().place, "regions.0.outline_m",
+                 "found no middle of a road or lane in it or in the others, within " +
+                     config::number_text(half_length_) + " m of the mount; allowed some");
+}
+
+bool EvaluationRegion::in_outlines(Vec2 point) const {
+  return outlines_.empty() || std::ranges::any_of(outlines_, [&](const RegionConfig& region) {
+           return encloses(region.outline_m, point);
+         });
 }
 
 bool EvaluationRegion::contains(Vec2 point) const {
+  if (!in_outlines(point)) return false;
+  if (std::ranges::any_of(parts_, [&](const LanePart& part) { return part.contains(point); }))
+    return true;
   return std::ranges::any_of(roads_, [&](const Road& road) {
     const double station = road.along.project(point);
     return std::abs(station - road.foot) <= half_length_ &&
@@ -33,17 +90,22 @@ bool EvaluationRegion::contains(Vec2 point) const {
 std::string EvaluationRegion::roads_csv() const {
   std::string text = "road,s,x,y,z,heading,half_width\n";
   std::array<char, 256> line{};
-  for (const Road& road : roads_) {
-    const double first = std::ceil(std::max(-half_length_, -road.foot)) + 0.0;  // not -0
-    const double last = std::min(half_length_, road.along.length() - road.foot);
-    for (double s = first; s <= last; s += 1) {
-      const CurvePoint p = road.along.at(road.foot + s);
-      std::snprintf(line.data(), line.size(), "%s,%.0f,%.4f,%.4f,%.4f,%.6f,%.4f\n",
-                    road.name.c_str(), s, p.position.x, p.position.y, road.elevation,
-                    wrap_angle(p.heading), road.half_width);
-      text += line.data();
-    }
-  }
+  for_each_row([&](const std::string& name, const LaneRow& row) {
+    std::snprintf(line.data(), line.size(), ",%s,%.4f,%.4f,%.4f,%.6f,%.4f\n",
+                  config::number_text(row.s).c_str(), row.place.x, row.place.y, row.z, row.heading,
+                  row.half_width);
+    text += name + line.data();
+  });
+  return text;
+}
+
+std::string EvaluationRegion::regions_csv() const {
+  if (outlines_.empty()) return "";
+  std::string text = "region,x,y\n";
+  for (const RegionConfig& region : outlines_)
+    for (const Vec2& corner : region.outline_m)
+      text += region.name + "," + config::number_text(corner.x) + "," +
+              config::number_text(corner.y) + "\n";
   return text;
 }
 

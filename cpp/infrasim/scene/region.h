@@ -3,22 +3,28 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/scene/lane_part.h"
 #include "infrasim/scene/static_world.h"
 
 namespace infrasim {
 
-/// The evaluation region: along each road from -half length to +half length around the sensor's
-/// foot, within the carriageway. Stations s are 0 at the foot and grow along the sensor's view.
+/// The evaluation region. With lanes of a file: what of them lies within the half length of the
+/// sensor's foot, each stretch a road of its own that runs with the traffic. With roads: along each
+/// from -half length to +half length around the foot, within the carriageway; stations s are 0 at
+/// the foot and grow along the sensor's view. With `regions`, only what lies in one of them.
 class EvaluationRegion {
  public:
+  /// @throws ConfigError if no lane is near, or none of the roads or lanes meets `regions`
   explicit EvaluationRegion(const SceneConfig& scene);
 
   /// @param point world frame
   bool contains(Vec2 point) const;
 
-  /// Columns road,s,x,y,z,heading,half_width at 1 m steps over the region; world frame, metres,
-  /// radians.
+  /// Columns road,s,x,y,z,heading,half_width at 1 m steps along roads and lanes, whatever
+  /// `regions` leave of them; world frame, metres, radians.
   std::string roads_csv() const;
+  /// Columns region,x,y: corners in order, world frame, metres; empty without `regions`.
+  std::string regions_csv() const;
 
  private:
   struct Road {
@@ -28,7 +34,16 @@ class EvaluationRegion {
     double elevation;
     double half_width;
   };
+  void check_names(const SceneConfig& scene) const;
+  void check_outlines(const SceneConfig& scene) const;
+  bool in_outlines(Vec2 point) const;
+  /// One after the other: road by road, s rising.
+  template <class Take>
+  void for_each_row(const Take& take) const;
+
   std::vector<Road> roads_;
+  std::vector<LanePart> parts_;
+  std::vector<RegionConfig> outlines_;  ///< none: everywhere
   double half_length_;
 };
 

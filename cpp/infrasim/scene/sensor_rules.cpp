@@ -1,11 +1,14 @@
 #include "infrasim/scene/sensor_rules.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
+#include "infrasim/core/classes.h"
+#include "infrasim/scene/lane_file.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/parked.h"
 #include "infrasim/scene/static_world.h"
@@ -53,6 +56,8 @@ double distance_to_surfaces(const SceneConfig& scene, const Sensor& sensor) {
     const double from_line = norm(sensor.foot - line.at(line.project(sensor.foot)).position);
     meet(from_line - outer_half_width(road.lanes), road.elevation_m);
   }
+  for (const LaneLevel& lane : lane_levels(scene, sensor.foot))
+    meet(lane.away - lane.half_width, lane.z);
   for (const GroundConfig& ground : scene.ground)
     meet(distance(ground.outline_m, sensor.foot), ground.elevation_m);
   return nearest;
@@ -84,6 +89,8 @@ std::optional<double> ground_over(const SceneConfig& scene, const Sensor& sensor
     meet(beside <= 0, road.elevation_m);
     if (const auto slope = slope_over(road, beside, sensor.z)) return slope;
   }
+  for (const LaneLevel& lane : lane_levels(scene, sensor.foot))
+    meet(!lane.beyond && lane.away <= lane.half_width, lane.z);
   for (const GroundConfig& ground : scene.ground)
     meet(covers(ground.outline_m, sensor.foot), ground.elevation_m);
   const bool bridge = std::isfinite(under) && over - under >= kClearance_m;
@@ -109,14 +116,48 @@ std::string what_holds(const SceneConfig& scene, const Sensor& sensor) {
   return "";
 }
 
-/// The lane whose vehicles need the space; the line between two lanes is in neither's way.
-std::optional<Lane> lane_around(const SceneConfig& scene, const Sensor& sensor) {
-  for (const Lane& lane : build_lane_network(scene).lanes) {
-    const bool in_height =
-        sensor.z > lane.elevation_m && sensor.z < lane.elevation_m + kClearance_m;
-    if (in_height && distance_beside(lane.curve, sensor.foot) < lane.width_m / 2) return lane;
-  }
+/// z of the lane whose vehicles need the space; the line between two lanes is in neither's way.
+std::optional<double> lane_around(const SceneConfig& scene, const Sensor& sensor) {
+  const auto in_height = [&](double z) { return sensor.z > z && sensor.z < z + kClearance_m; };
+  for (const Lane& lane : build_lane_network(scene).lanes)
+    if (in_height(lane.elevation_m) && distance_beside(lane.curve, sensor.foot) < lane.width_m / 2)
+      return lane.elevation_m;
+  for (const LaneLevel& lane : lane_levels(scene, sensor.foot))
+    if (in_height(lane.z) && !lane.beyond && lane.away < lane.half_width) return lane.z;
   return std::nullopt;
+}
+
+/// Heights over and under the origin at which road, footway or terrain is; infinite without any.
+struct SurfacesAt {
+  double over = kInf;
+  double under = -kInf;
+};
+
+SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
+  SurfacesAt found;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (mesh.class_id[i] > static_cast<std::uint16_t>(Class::kTerrain)) continue;
+    std::array<Vec2, 3> outline;
+    std::array<double, 3> z{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto& v = mesh.vertices[mesh.triangles[i][k]];
+      outline[k] = {v[0], v[1]};
+      z[k] = v[2];
+    }
+    const double twice = cross(outline[1] - outline[0], outline[2] - outline[0]);
+    if (twice == 0) continue;
+    double height = 0;
+    bool here = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double share = cross(outline[(k + 1) % 3], outline[(k + 2) % 3]) / twice;
+      here = here && share >= 0;
+      height += share * z[k];
+    }
+    if (!here) continue;
+    (height < 0 ? found.under : found.over) =
+        height < 0 ? std::max(found.under, height) : std::min(found.over, height);
+  }
+  return found;
 }
 
 }  // namespace
@@ -139,10 +180,22 @@ void check_sensor(const SceneConfig& scene) {
     if (const std::string what = what_holds(scene, sensor); !what.empty())
       fail("x_m", "found it inside " + what + ", allowed outside");
     if (const auto lane = lane_around(scene, sensor))
-      fail("z_m", found + " in the way of the vehicles of a lane at " +
-                      number_text(lane->elevation_m) + ", allowed from " +
-                      number_text(lane->elevation_m + kClearance_m) + " on, or beside the lanes");
+      fail("z_m", found + " in the way of the vehicles of a lane at " + number_text(*lane) +
+                      ", allowed from " + number_text(*lane + kClearance_m) +
+                      " on, or beside the lanes");
   }
+}
+
+void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background) {
+  if (!scene.meshes) return;
+  const auto [over, under] = surfaces_at_origin(background);
+  const bool bridge = std::isfinite(under) && over - under >= kClearance_m;
+  if (!std::isfinite(over) || bridge) return;
+  const auto& [name, mount] = *scene.mounts.begin();
+  config::fail(mount.place, "mounts." + name + ".z_m",
+               "found " + number_text(mount.z_m) + " below a surface of the meshes at " +
+                   number_text(std::round((mount.z_m + over) * 1000) / 1000) +
+                   " m, allowed above, or under a bridge of " + number_text(kClearance_m) + " m");
 }
 
 void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajectories) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "infrasim/config/scene_config.h"
+#include "infrasim/core/triangle_mesh.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
@@ -8,6 +9,10 @@ namespace infrasim {
 /// @throws ConfigError for a sensor in the ground, in what stands there, in the way of the vehicles
 /// of a lane, or out of reach of everything
 void check_sensor(const SceneConfig& scene);
+
+/// @param background in the levelled frame of the scene's mount
+/// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is no bridge
+void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background);
 
 /// @throws ConfigError if a vehicle drives through the sensor
 void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajectories);

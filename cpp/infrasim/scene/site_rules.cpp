@@ -5,6 +5,7 @@
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
+#include "infrasim/scene/lane_file.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/outline_index.h"
 #include "infrasim/scene/parked.h"
@@ -78,7 +79,7 @@ const Strip* first_met(const OutlineIndex& index, const std::vector<Strip>& stri
 
 class Site {
  public:
-  explicit Site(const SceneConfig& scene) : scene_(scene) {
+  explicit Site(const SceneConfig& scene) : scene_(scene), paths_(lanes_of(scene)) {
     check_size();
     network_ = build_lane_network(scene);
     check_number_of_vehicles();
@@ -89,6 +90,10 @@ class Site {
     for (std::size_t i = 0; i < network_.lanes.size(); ++i) {
       const double half = network_.lanes[i].width_m / 2;
       add(cut_into_strips(network_.lanes[i].curve, half, -half, i), lanes_, lanes_index_);
+    }
+    for (std::size_t i = 0; i < paths_.size(); ++i) {
+      const double half = std::ranges::max(paths_[i].width_m) / 2;
+      add(cut_into_strips(paths_[i].line, half, -half, i), path_strips_, paths_index_);
     }
   }
 
@@ -249,10 +254,16 @@ class Site {
   /// True if the box is in the space over a lane that vehicles need.
   bool stands_on_lane(const Box3d& box) const {
     const double low = box.z - box.dz / 2, high = box.z + box.dz / 2;
-    return first_met(lanes_index_, lanes_, footprint(box), [&](const Strip& strip) {
-             const double level = network_.lanes[strip.of].elevation_m;
-             return high > level && low < level + kClearance_m;
-           }) != nullptr;
+    const auto in_way = [&](double level) { return high > level && low < level + kClearance_m; };
+    const auto on_lane = [&](const Strip& strip) {
+      return in_way(network_.lanes[strip.of].elevation_m);
+    };
+    const auto on_path = [&](const Strip& strip) {
+      const LanePath& path = paths_[strip.of];
+      return in_way(path.at(path.z, (strip.from + strip.to) / 2));
+    };
+    return first_met(lanes_index_, lanes_, footprint(box), on_lane) != nullptr ||
+           first_met(paths_index_, path_strips_, footprint(box), on_path) != nullptr;
   }
 
   void check_barrier(const BarrierConfig& barrier) const {
@@ -301,9 +312,10 @@ class Site {
 
   const SceneConfig& scene_;
   LaneNetwork network_;
-  std::vector<Curve> lines_;  ///< of the roads
-  std::vector<Strip> roads_, lanes_;
-  OutlineIndex roads_index_, lanes_index_;
+  std::vector<Curve> lines_;     ///< of the roads
+  std::vector<LanePath> paths_;  ///< of the file of lanes
+  std::vector<Strip> roads_, lanes_, path_strips_;
+  OutlineIndex roads_index_, lanes_index_, paths_index_;
 };
 
 }  // namespace

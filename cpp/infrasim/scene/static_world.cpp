@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "infrasim/core/classes.h"
+#include "infrasim/io/ply_file.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/vegetation.h"
 
@@ -51,6 +52,13 @@ class MeshBuilder {
       quad(at(i, low), at((i + 1) % 4, low), at((i + 1) % 4, high), at(i, high), material);
     quad(at(0, high), at(1, high), at(2, high), at(3, high), material);
     quad(at(0, low), at(1, low), at(2, low), at(3, low), material);
+  }
+
+  void surface(const PlySurface& surface, Class material) {
+    const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
+    for (const Vec3& p : surface.vertices) vertex(p);
+    for (const auto& t : surface.triangles)
+      triangle(first + t[0], first + t[1], first + t[2], material);
   }
 
   TriangleMesh take() { return std::move(mesh_); }
@@ -174,6 +182,9 @@ TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level)
   for (const GroundConfig& ground : scene.ground)
     mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
   for (const BarrierConfig& barrier : scene.barriers) add_barrier(mesh, scene, barrier);
+  if (scene.meshes)
+    for (const MeshConfig& row : *scene.meshes)
+      mesh.surface(read_ply(scene.folder / row.file), static_cast<Class>(row.material));
   for (const Upright& upright : uprights(scene)) mesh.box(upright.box, Class::kStructure);
   return mesh.take();
 }
