@@ -61,8 +61,8 @@ def check_name(file: Path, text: str) -> None:
 def digests(plan: Plan) -> pd.DataFrame:
     """Columns scene, preset, lidar and `inputs`: a digest of what the frames depend on.
 
-    That is the scene with its recorded vehicles and static layers, the LiDAR without its price,
-    the range of frames and how it is split.
+    That is the scene with the files that it names, the LiDAR without its price, the range of frames
+    and how it is split.
     """
     keys = dict.fromkeys((cell.scene, cell.preset, cell.lidar) for cell in plan.cells)
     return pd.DataFrame(
@@ -75,12 +75,17 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     world = resolved(file, preset)
     unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset))
     found = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
-    keys = yaml.safe_load(world)
-    if recorded := keys.get("trajectories"):
-        found.update((file.parent / recorded).read_bytes())
-    for _, layer in sorted(keys.get("static_layers", {}).items()):
-        found.update((file.parent / layer).read_bytes())
+    for named in named_files(yaml.safe_load(world)):
+        found.update((file.parent / named).read_bytes())
     return found.hexdigest()[:16]
+
+
+def named_files(scene: dict[str, Any]) -> list[str]:
+    """What a scene reads besides itself, relative to its file."""
+    layers = [layer for _, layer in sorted(scene.get("static_layers", {}).items())]
+    surfaces = [mesh["file"] for mesh in scene.get("meshes", [])]
+    names = [scene.get("trajectories"), *layers, scene.get("lanes"), *surfaces]
+    return [name for name in names if name]
 
 
 def check_frames(hits: Path, wanted: pd.DataFrame) -> None:

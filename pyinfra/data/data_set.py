@@ -9,6 +9,7 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.data.frames import data_set_of, lidars_in
+from pyinfra.data.outlines import OUTLINES_FILE
 from pyinfra.data.regions import read_roads
 from pyinfra.kitti import FormatError, Tilt
 
@@ -125,13 +126,13 @@ def without_region(lidar_folder: Path) -> str | None:
     """
     file = lidar_folder / "lidar.yaml"
     data_set = data_set_of(lidar_folder)
-    roads = data_set / "roads.csv"
+    about, roads = data_set / "dataset.yaml", data_set / "roads.csv"
     if not file.is_file():
-        if not (data_set / "dataset.yaml").is_file():
+        if not about.is_file():
             return None
         return f"{file}: missing, so no region is known, although there is a dataset.yaml: copy it"
     if roads.is_file():
-        return None
+        return _without_outlines(data_set)
     preset = kitti.read_yaml(file).at("preset")
     if preset.text() == kitti.RECORDED:
         return None
@@ -139,6 +140,15 @@ def without_region(lidar_folder: Path) -> str | None:
         f"{preset.place()}: found '{preset.text()}', of a simulation, but no {roads}: every "
         "vehicle in reach counts, also beyond the region, and AP is another; copy the file too"
     )
+
+
+def _without_outlines(data_set: Path) -> str | None:
+    """What is wrong if outlines narrow the region of a scene, and their file is missing."""
+    about, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
+    named = kitti.read_yaml(about).maybe("regions") if about.is_file() else None
+    if named is None or file.is_file():
+        return None
+    return f"{named.place()}: found outlines of the region, but no {file}: copy the file too"
 
 
 def field_of_view_mask(

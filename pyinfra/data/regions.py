@@ -1,8 +1,10 @@
 """Where along which road something is, the evaluation region, and the windows of distance.
 
 Roads are the polylines of `roads.csv` in the world frame: one point a metre, s = 0 at the foot of
-the sensor. A place is inside the region if it lies within the width of a road and between the first
-and the last s of its file. Where no roads are known, a user's outline may stand for them.
+the sensor; of lanes of a file also their ends, and s = 0 where a lane is nearest to the foot. A
+place is inside the region if it lies within the width of a road and between the first and the last
+s of its file, and in one of the outlines that narrow the region, if there are any. Where no roads
+are known, a user's outline may stand for them.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from scipy.spatial import cKDTree
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.config import read_config, ruled
 from pyinfra.data.frames import data_set_of
+from pyinfra.data.outlines import in_any, in_outline, read_outlines
 from pyinfra.kitti import FormatError, WorldPose
 from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 
@@ -148,18 +151,24 @@ def to_levelled(points: FloatArray, pose: WorldPose) -> FloatArray:
     return np.stack([cos * x + sin * y, -sin * x + cos * y], axis=1)
 
 
-def roads_region(roads: list[Road], pose: WorldPose) -> Region:
-    """The evaluation region in a levelled frame with that pose."""
+def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArray] = ()) -> Region:
+    """The evaluation region in a levelled frame with that pose; outlines: in the world."""
     sides = [
         offset_curve(road.xy, road.heading, side * road.half_width)
         for road in roads
         for side in (1, -1)
     ]
+    corners = to_levelled(np.concatenate(sides), pose)
+    if outlines:
+        corners = _common_corners(corners, to_levelled(np.concatenate(outlines), pose))
     return Region(
-        partial(_on_roads, roads, pose),
-        to_levelled(np.concatenate(sides), pose),
-        partial(road_axes, roads, pose),
+        partial(_on_roads, roads, pose, outlines), corners, partial(road_axes, roads, pose)
     )
+
+
+def _common_corners(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(2, 2) of the rectangle along the axes in which both can have places."""
+    return np.stack([np.maximum(a.min(0), b.min(0)), np.minimum(a.max(0), b.max(0))])
 
 
 def road_axes(roads: list[Road], pose: WorldPose, places: FloatArray) -> FloatArray:
@@ -179,8 +188,14 @@ def road_axes(roads: list[Road], pose: WorldPose, places: FloatArray) -> FloatAr
     return np.asarray(total / np.maximum(count, 1))
 
 
-def _on_roads(roads: list[Road], pose: WorldPose, points: FloatArray, margin_m: float) -> BoolArray:
-    return locate(to_world(points, pose), roads, margin_m=margin_m).inside
+def _on_roads(
+    roads: list[Road],
+    pose: WorldPose,
+    outlines: Sequence[FloatArray],
+    points: FloatArray,
+    margin_m: float,
+) -> BoolArray:
+    return locate(to_world(points, pose), roads, outlines, margin_m=margin_m).inside
 
 
 def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
@@ -188,9 +203,9 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
 
     Raises FormatError for roads, and ConfigError for an outline.
     """
-    roads, outline = data_set_of(lidar_folder) / "roads.csv", lidar_folder / REGION_FILE
-    if roads.is_file():
-        return roads_region(read_roads(roads), pose)
+    data_set, outline = data_set_of(lidar_folder), lidar_folder / REGION_FILE
+    if (roads := data_set / "roads.csv").is_file():
+        return roads_region(read_roads(roads), pose, read_outlines(data_set))
     return outline_region(outline) if outline.is_file() else None
 
 
@@ -205,35 +220,40 @@ def read_outline(file: Path) -> FloatArray:
     return np.array(read_config(file, Outline).outline_m, dtype=np.float64)
 
 
-def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> BoolArray:
-    """Which points (n, 2 or more) lie in an outline (m, 2), by the even-odd rule, or as near."""
-    inside = np.zeros(len(points), np.bool_)
-    near = np.zeros(len(points), np.bool_)
-    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        (x, y), (ahead, up) = (points[:, :2] - start).T, end - start
-        crosses = (y < 0) != (y < up)
-        if up != 0:  # else it crosses no line along x
-            inside ^= crosses & (x < y / up * ahead)
-        along = np.clip((x * ahead + y * up) / max(ahead**2 + up**2, 1e-12), 0, 1)
-        near |= np.hypot(x - along * ahead, y - along * up) <= margin_m
-    return inside | near
+def locate(
+    points: FloatArray,
+    roads: list[Road],
+    outlines: Sequence[FloatArray] = (),
+    *,
+    margin_m: float = 0.0,
+) -> Places:
+    """Places of points (n, 2) in the world frame; outside of all outlines is outside of the region.
 
-
-def locate(points: FloatArray, roads: list[Road], *, margin_m: float = 0.0) -> Places:
-    """Places of points (n, 2) in the world frame; a margin makes roads wider and longer."""
+    A margin makes roads wider and longer, and outlines wider.
+    """
     nearest = np.full(len(points), np.inf)
     places = Places(np.full(len(points), -1), np.full(len(points), np.nan))
+    counts = in_any(outlines, points, margin_m)
     for index, road in enumerate(roads):
-        for start in range(0, len(points), _CHUNK):
-            part = slice(start, start + _CHUNK)
+        rows = np.flatnonzero(counts & _near(points, road, margin_m))
+        for start in range(0, len(rows), _CHUNK):
+            part = rows[start : start + _CHUNK]
             s, aside, half_width = _project(points[part], road)
             inside = (s >= road.s[0] - margin_m) & (s <= road.s[-1] + margin_m)
             inside &= aside <= half_width + margin_m
             better = inside & (aside < nearest[part])
-            nearest[part][better] = aside[better]
-            places.road[part][better] = index
-            places.s[part][better] = s[better]
+            part, s, aside = part[better], s[better], aside[better]
+            nearest[part] = aside
+            places.road[part] = index
+            places.s[part] = s
     return places
+
+
+def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
+    """Which points (n, 2) are in a rectangle around a road that holds all of it."""
+    reach = road.half_width.max() + 2 * margin_m + 1e-6
+    low, high = road.xy.min(axis=0) - reach, road.xy.max(axis=0) + reach
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
 def by_distance(points: FloatArray) -> Places:

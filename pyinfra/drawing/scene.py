@@ -52,7 +52,8 @@ def read_scene(folders: Sequence[Path]) -> Scene:
     """The data set of some LiDAR folders. Raises OSError, and kitti.FormatError with the line."""
     data_set = folders[0].parent
     top = kitti.read_yaml(data_set / "dataset.yaml")
-    top.at("roads").items()  # a plan is of roads
+    if top.maybe("lanes") is None:
+        top.at("roads").items()  # a plan is of roads or lanes
     return Scene(
         name=top.at("name").text(),
         folders=tuple(folders),

@@ -24,6 +24,7 @@ from pyinfra.data.frame_tables import (
     read_vehicles,
 )
 from pyinfra.data.frames import data_set_of, frame_numbers
+from pyinfra.data.outlines import OUTLINES_FILE, read_outlines
 from pyinfra.data.regions import read_roads
 from pyinfra.evaluation.ground_truth_checks import ground_truth_findings
 from pyinfra.evaluation.judge import Settings
@@ -97,6 +98,7 @@ def _unreadable_data_set(folder: Path) -> Iterator[Finding]:
     if (folder / "lidar.yaml").is_file():
         checks[folder / "lidar.yaml"] = partial(read_lidars, data_set)
         checks[data_set / "roads.csv"] = partial(read_roads, data_set / "roads.csv")
+        checks[data_set / OUTLINES_FILE] = partial(read_outlines, data_set)
         checks[data_set / "dataset.yaml"] = partial(read_data_set, data_set)
     for file, check in checks.items():
         try:

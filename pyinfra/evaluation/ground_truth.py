@@ -15,6 +15,7 @@ from pyinfra.data import regions
 from pyinfra.data.data_set import MIN_VISIBILITY, field_of_view_mask, read_lidars
 from pyinfra.data.frame_tables import Vehicles, read_vehicles
 from pyinfra.data.frames import PERIOD_S, data_set_of, frame_numbers
+from pyinfra.data.outlines import read_outlines
 from pyinfra.data.regions import Places, Road, Window
 
 # captured: at least some points of this LiDAR (the paper). common: inside the field of view and
@@ -36,14 +37,14 @@ class GroundTruth:
     lidar: kitti.Lidar | None  # None without lidar.yaml
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # every LiDAR of the data set
     roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
+    outlines: tuple[FloatArray, ...]  # that narrow the region, world
 
     def places(self, boxes: FloatArray) -> Places:
         """Where boxes (n, 7) of the levelled LiDAR frame lie."""
         if not self.roads or self.lidar is None:
             return regions.by_distance(boxes)
-        return regions.locate(
-            regions.to_world(boxes, self.lidar.T_world_levelled), list(self.roads)
-        )
+        world = regions.to_world(boxes, self.lidar.T_world_levelled)
+        return regions.locate(world, list(self.roads), self.outlines)
 
     def windows(self) -> list[Window]:
         """The windows of distance: along the roads, or away from the sensor without roads."""
@@ -106,6 +107,7 @@ def read_ground_truth(
         lidar=lidar,
         neighbours=neighbours,
         roads=tuple(regions.read_roads(roads)) if lidar and roads.is_file() else (),
+        outlines=read_outlines(data_set),
     )
 
 

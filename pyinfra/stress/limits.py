@@ -20,9 +20,10 @@ def scene(base: Base) -> str:
         return f"{place}: found no dataset.yaml, {CLOUDS_ALONE}"
     if "roads" not in base.scene:
         return f"{place / 'dataset.yaml'}: found no roads, as of a recording, {CLOUDS_ALONE}"
-    if base.scene.get("static_layers"):
-        found = f"{place / 'dataset.yaml'}: static_layers: found files that a run does not copy"
-        return f"{found}, {CLOUDS_ALONE}"
+    for key in ("static_layers", "lanes", "meshes"):
+        if base.scene.get(key):
+            found = f"{place / 'dataset.yaml'}: {key}: found files that a run does not copy"
+            return f"{found}, {CLOUDS_ALONE}"
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
         return f"{recorded}: found no such file, needed to simulate again"

@@ -21,7 +21,7 @@ from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.stress import lidar
 
-NOT_OF_THE_SCENE = ("preset", "version")  # keys that a run adds to its scene
+NOT_OF_THE_SCENE = ("surfaces", "preset", "version")  # keys that a run adds to its scene
 PHASES = 16  # angles that are drawn: a bundle of more spinning units has some twice
 SCENE = "scene.yaml"
 

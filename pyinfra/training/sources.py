@@ -23,6 +23,7 @@ from pyinfra.data.frames import (
     has_labels,
 )
 from pyinfra.data.ground import Ground, ground_of, ground_of_boxes, ground_of_roads
+from pyinfra.data.outlines import outlines_of
 from pyinfra.kitti import VEHICLE_TYPES, read_yaml
 from pyinfra.training.accumulation import Accumulation
 
@@ -186,7 +187,7 @@ def simulated_source(
         label_time=sim.label_time(world, unit),
         clouds=accumulation.clouds(partial(cast, world, unit), frames, numbers, PERIOD_S),
         read_boxes=partial(boxes_of_simulation, world, unit, frames),
-        region=regions.roads_region(roads, pose),
+        region=regions.roads_region(roads, pose, outlines_of(keys)),
         ground=ground_of_roads(roads, pose),
         accumulation=accumulation,
     )

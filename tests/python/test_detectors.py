@@ -14,7 +14,8 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E402
 
 from pyinfra import boxes as exact  # noqa: E402
-from pyinfra.data.regions import Region, Road, in_outline, roads_region  # noqa: E402
+from pyinfra.data.outlines import in_outline  # noqa: E402
+from pyinfra.data.regions import Region, Road, roads_region  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
 from pyinfra.detectors import network as network_module  # noqa: E402
 from pyinfra.detectors.anchors import (  # noqa: E402

@@ -24,6 +24,7 @@ from pyinfra.boxes import points_in_box, points_in_boxes  # noqa: E402
 from pyinfra.config import ConfigError  # noqa: E402
 from pyinfra.data import regions  # noqa: E402
 from pyinfra.data.ground import level_ground  # noqa: E402
+from pyinfra.data.outlines import in_outline  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
 from pyinfra.exchange import pcd_file  # noqa: E402
 from pyinfra.training import (  # noqa: E402
@@ -778,7 +779,7 @@ def test_range_noise_is_along_the_rays() -> None:
 def test_a_region_moves_with_the_points_of_its_sample() -> None:
     sample = road_sample(18)
     outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 4.0], [0.0, 4.0]])
-    region = regions.Region(partial(regions.in_outline, outline), outline)
+    region = regions.Region(partial(in_outline, outline), outline)
     of_site = SiteSample(sample.points, sample.boxes, region)
     before = region.holds(sample.points.astype(np.float64), 0.0)
     assert 0 < before.sum() < len(before)
