@@ -96,12 +96,21 @@ def relaxation(option: Option, wish: Wish) -> str:
 
 
 def sentence(option: Option, wish: Wish) -> str:
-    road = option.covered_m
     return (
         f"{option.name}: AP of all {with_interval(option.ap_all)}, of the vehicles it captures "
-        f"{with_interval(option.ap)}; {price(option, wish)}; AP above {wish.min_ap:g} of all on "
-        f"{road.value:.0f} [{road.low:.0f} to {road.high:.0f}] of {option.road_m:.0f} m of road; "
+        f"{with_interval(option.ap)}; {price(option, wish)}; {covered_road(option, wish)}"
         f"{option.latency_ms:.0f} ms a frame"
+    )
+
+
+def covered_road(option: Option, wish: Wish) -> str:
+    """Nothing of a site of lanes, which has no windows along a road."""
+    road = option.covered_m
+    if math.isnan(option.road_m):
+        return ""
+    return (
+        f"AP above {wish.min_ap:g} of all on {road.value:.0f} [{road.low:.0f} to {road.high:.0f}] "
+        f"of {option.road_m:.0f} m of road; "
     )
 
 

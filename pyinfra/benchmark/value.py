@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyinfra.config import ruled
 from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
-from pyinfra.evaluation.tables import HIGH_QUALITY
+from pyinfra.evaluation.tables import HIGH_QUALITY, LANES
 from pyinfra.statistics.selection import CELL, each_road_once, with_fine
 
 KEY = [*CELL, "seed"]
@@ -89,8 +89,12 @@ def covered(
 
     A road goes from the middle of its first window to that of its last one: nothing beyond was
     evaluated, though half of these windows lies there.
-    within_m: how far along the road, to both sides, from the foot of the sensor.
+    within_m: how far along the road, to both sides, from the foot of the sensor. NaN of a
+    site of lanes, which has no windows along a road.
     """
+    at_once = distance.road == LANES  # whose metres of s are no metres of road
+    lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
+    distance = distance[~at_once]
     windows = distance[distance.ground_truth == "all"]
     ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
     good = windows[windows.ap > above]
@@ -107,7 +111,8 @@ def covered(
     pieces["covered_m"] = (end - begin).clip(lower=0)
     every = distance[KEY].drop_duplicates()
     metres = pieces.groupby(KEY).covered_m.sum()
-    return every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
+    found = every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
+    return found if lanes.empty else pd.concat([found, lanes], ignore_index=True)
 
 
 def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:

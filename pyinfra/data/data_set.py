@@ -119,6 +119,12 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     return found
 
 
+def is_of_lanes(data_set: Path) -> bool:
+    """Whether the roads of a data set are lanes of a file. Raises FormatError."""
+    about = data_set / "dataset.yaml"
+    return about.is_file() and kitti.read_yaml(about).maybe("lanes") is not None
+
+
 def without_region(lidar_folder: Path) -> str | None:
     """What is wrong with the frames of a simulation whose roads.csv is missing, in words.
 

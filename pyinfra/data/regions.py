@@ -28,6 +28,7 @@ from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
+EVERY_ROAD = -1
 AXES_MARGIN_M = 2.0  # beside a carriageway: vehicles at its edge have its axis too
 _CHUNK = 20_000
 
@@ -68,6 +69,7 @@ class Places:
 
     road: IntArray  # (n,) index into the roads; -1 outside of the region
     s: FloatArray  # (n,) metres; nan outside
+    xy: FloatArray  # (n, 2) world, if roads are known
 
     @property
     def inside(self) -> BoolArray:
@@ -90,16 +92,30 @@ class Outline:
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of a road: s in [middle - 10 m, middle + 10 m)."""
+    """A stretch of a road, or of every road: s in [middle - 10 m, middle + 10 m)."""
 
-    road: int
+    road: int  # EVERY_ROAD, or an index
     middle: float
 
     def holds(self, places: Places) -> BoolArray:
         """(n,) bool: which of the places lie in it."""
         ahead = places.s - self.middle
         near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
-        return np.asarray(near & (places.road == self.road))
+        return np.asarray(near & ((places.road == self.road) | (self.road == EVERY_ROAD)))
+
+
+@dataclass(frozen=True)
+class GridCell:
+    """A square of 20 m in the world, cut along multiples of 20 m: an area of a site of lanes."""
+
+    x: float  # of its middle
+    y: float
+
+    def holds(self, places: Places) -> BoolArray:
+        """(n,) bool: which of the places lie in it."""
+        ahead = places.xy - (self.x, self.y)
+        near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
+        return np.asarray(near.all(axis=1) & places.inside)
 
 
 def read_roads(file: Path) -> list[Road]:
@@ -232,7 +248,7 @@ def locate(
     A margin makes roads wider and longer, and outlines wider.
     """
     nearest = np.full(len(points), np.inf)
-    places = Places(np.full(len(points), -1), np.full(len(points), np.nan))
+    places = Places(np.full(len(points), -1), np.full(len(points), np.nan), points)
     counts = in_any(outlines, points, margin_m)
     for index, road in enumerate(roads):
         rows = np.flatnonzero(counts & _near(points, road, margin_m))
@@ -261,7 +277,8 @@ def by_distance(points: FloatArray) -> Places:
 
     points: (n, 2 or more), levelled frame; nothing is outside.
     """
-    return Places(np.zeros(len(points), dtype=np.int64), np.hypot(points[:, 0], points[:, 1]))
+    xy = points[:, :2]
+    return Places(np.zeros(len(points), dtype=np.int64), np.hypot(xy[:, 0], xy[:, 1]), xy)
 
 
 def road_windows(roads: list[Road]) -> list[Window]:
@@ -273,6 +290,26 @@ def road_windows(roads: list[Road]) -> list[Window]:
         middles = WINDOW_STEP_M * np.arange(first, last + 1)
         windows += [Window(index, float(middle)) for middle in middles]
     return windows
+
+
+def lane_windows(roads: Sequence[Road]) -> list[Window]:
+    """The same of all roads at once, where these are lanes: hundreds, some of a few metres."""
+    low, high = min(road.s[0] for road in roads), max(road.s[-1] for road in roads)
+    steps = np.arange(np.ceil(low / WINDOW_STEP_M - 1e-9), high / WINDOW_STEP_M + 1e-9)
+    return [Window(EVERY_ROAD, float(WINDOW_STEP_M * step)) for step in steps]
+
+
+def region_cells(roads: Sequence[Road], outlines: Sequence[FloatArray]) -> list[GridCell]:
+    """Those with some of the region, by x, then y."""
+    sides = [
+        offset_curve(road.xy, road.heading, side * road.half_width)
+        for road in roads
+        for side in (1, 0, -1)
+    ]
+    points = np.concatenate(sides)
+    points = points[in_any(outlines, points, 0.0)]
+    cells = np.unique(np.floor(points / WINDOW_M), axis=0)
+    return [GridCell(float(x), float(y)) for x, y in WINDOW_M * (cells + 0.5)]
 
 
 def distance_windows(farthest: float) -> list[Window]:

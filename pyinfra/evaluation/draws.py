@@ -32,24 +32,33 @@ LEAST_WINDOWS = 5
 
 
 def figures(
-    judgement: Judgement, distance: pd.DataFrame, draws: FloatArray
+    judgement: Judgement,
+    distance: tuple[pd.DataFrame, FloatArray],
+    areas: tuple[pd.DataFrame, FloatArray],
 ) -> Iterator[tuple[str, Bootstrapped]]:
-    """What is kept of one ground truth; distance and its draws: as of `distance_table`.
+    """What is kept of one ground truth; tables with their draws: as of `distance_table`.
 
     ap_fine; n_hqda and p_hqda, number and percent of high-quality areas; ap_slope, AP per 10 m
     ahead of the sensor, if there are windows enough.
     """
     blocks = judgement.contest.blocks.count
     yield "ap_fine", fine_ap(judgement)
-    counts = (distance.quality != "few").to_numpy()
-    high = (distance.ap[counts] > HIGH_QUALITY).sum()
+    table, draws = areas
+    counts = (table.quality != "few").to_numpy()
+    high = (table.ap[counts] > HIGH_QUALITY).sum()
     yield (
         "n_hqda",
         Bootstrapped(float(high), (draws[counts] > HIGH_QUALITY).sum(0).astype(float), blocks),
     )
     if counts.any():
-        share = high_quality_share(distance, draws)
+        share = high_quality_share(table, draws)
         yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
+    yield from _slope_ahead(*distance, blocks)
+
+
+def _slope_ahead(
+    distance: pd.DataFrame, draws: FloatArray, blocks: float
+) -> Iterator[tuple[str, Bootstrapped]]:
     ahead = (distance.road == distance.road.iloc[0]) & distance.s.between(*AHEAD_M)
     ahead &= distance.ap_high > distance.ap_low
     if ahead.sum() >= LEAST_WINDOWS:

@@ -39,16 +39,17 @@ LABELS = {
 
 def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
     """Writes every figure as SVG and PNG; returns the files. The plan needs roads."""
+    parts = evaluation.distance_ap if evaluation.cells is None else evaluation.cells
     figures = {
         "pr_curve": pr_curve(evaluation.pr_curve),
         "distance_ap": distance_ap(evaluation.distance_ap),
-        "areas": areas(evaluation.distance_ap),
+        "areas": areas(parts),
     }
     roads = evaluation.truth.roads
     if roads:
         sensor = evaluation.truth.lidar.T_world_levelled if evaluation.truth.lidar else None
         place = (sensor.x, sensor.y) if sensor else None
-        figures["areas_plan"] = areas_plan(evaluation.distance_ap, roads, place)
+        figures["areas_plan"] = areas_plan(parts, roads, place)
     files = []
     for name, figure in figures.items():
         save(figure, out / name)
@@ -108,7 +109,7 @@ def areas_plan(
 ) -> Figure:
     """The areas on the plan of the road, each drawn 5 m long around its middle; world frame.
 
-    distance: of one LiDAR; sensor: x y in the world, a triangle.
+    distance: windows, or cells, of one LiDAR; sensor: x y in the world, a triangle.
     """
     with mpl.rc_context(STYLE), sns.axes_style("white"):
         points = np.concatenate([road.xy for road in roads])
@@ -118,13 +119,20 @@ def areas_plan(
         by_name = {road.name: road for road in roads}
         for ax, rows in panels:
             for row in rows.itertuples():
-                outline = _strip(by_name[str(row.road)], float(row.s))
+                is_cell = "x" in rows
+                outline = _square(row) if is_cell else _strip(by_name[str(row.road)], float(row.s))
                 ax.add_patch(Polygon(outline, edgecolor="black", lw=0.3, **LOOKS[row.quality]))
             if sensor is not None:
                 ax.plot(*sensor, "^", color="#d55e00", markeredgecolor="white", markersize=8)
             ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
             ax.autoscale_view()
         return _legend(figure, _handles())
+
+
+def _square(cell: Any) -> np.ndarray[Any, Any]:
+    """Outline (4, 2) of a cell."""
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    return np.asarray((cell.x, cell.y) + WINDOW_M / 2 * corners)
 
 
 def _strip(road: Road, middle: float) -> np.ndarray[Any, Any]:

@@ -12,11 +12,16 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.data import regions
-from pyinfra.data.data_set import MIN_VISIBILITY, field_of_view_mask, read_lidars
+from pyinfra.data.data_set import (
+    MIN_VISIBILITY,
+    field_of_view_mask,
+    is_of_lanes,
+    read_lidars,
+)
 from pyinfra.data.frame_tables import Vehicles, read_vehicles
 from pyinfra.data.frames import PERIOD_S, data_set_of, frame_numbers
 from pyinfra.data.outlines import read_outlines
-from pyinfra.data.regions import Places, Road, Window
+from pyinfra.data.regions import GridCell, Places, Road, Window
 
 # captured: at least some points of this LiDAR (the paper). common: inside the field of view and
 # range of every LiDAR of the data set, and visible. all: visible. Each inside the region.
@@ -38,6 +43,7 @@ class GroundTruth:
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # every LiDAR of the data set
     roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
     outlines: tuple[FloatArray, ...]  # that narrow the region, world
+    of_lanes: bool  # the roads are lanes of a file, each a road of its own
 
     def places(self, boxes: FloatArray) -> Places:
         """Where boxes (n, 7) of the levelled LiDAR frame lie."""
@@ -48,10 +54,16 @@ class GroundTruth:
 
     def windows(self) -> list[Window]:
         """The windows of distance: along the roads, or away from the sensor without roads."""
+        if self.of_lanes:
+            return regions.lane_windows(self.roads)
         if self.roads:
             return regions.road_windows(list(self.roads))
         distance = np.hypot(self.vehicles.mid_frame[:, 0], self.vehicles.mid_frame[:, 1])
         return regions.distance_windows(float(distance.max(initial=0)))
+
+    def cells(self) -> list[GridCell]:
+        """The areas where no road has an axis, as of lanes; none where windows are the areas."""
+        return regions.region_cells(self.roads, self.outlines) if self.of_lanes else []
 
     def counted(self, which: Set, vehicles: Vehicles, places: Places, min_points: int) -> BoolArray:
         """Which of some vehicles (n,), with their places, are to be found.
@@ -96,7 +108,8 @@ def read_ground_truth(
         if farthest[0] > _reach(lidar):
             others = read_vehicles(data_set / farthest[1], frames)
             vehicles = _with_unreached(vehicles, others)
-    roads = data_set / "roads.csv"
+    file = data_set / "roads.csv"
+    roads = tuple(regions.read_roads(file)) if lidar and file.is_file() else ()
     return GroundTruth(
         folder=folder,
         name=lidar.name if lidar else folder.name,
@@ -106,8 +119,9 @@ def read_ground_truth(
         has_objects=has_objects,
         lidar=lidar,
         neighbours=neighbours,
-        roads=tuple(regions.read_roads(roads)) if lidar and roads.is_file() else (),
+        roads=roads,
         outlines=read_outlines(data_set),
+        of_lanes=bool(roads) and is_of_lanes(data_set),
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.data.data_set import MIN_VISIBILITY
 from pyinfra.data.frame_tables import Predictions, Vehicles
-from pyinfra.data.regions import Places, Window
+from pyinfra.data.regions import GridCell, Places, Window
 from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth, Set
 from pyinfra.evaluation.matching import (
@@ -140,8 +140,8 @@ class Judgement:
     def objects(self) -> int:
         return int(np.count_nonzero(self.counted))
 
-    def ranking(self, window: Window | None = None) -> ap.Ranking:
-        """All, or what belongs to a window: hits and misses with their vehicle, others alone."""
+    def ranking(self, window: Window | GridCell | None = None) -> ap.Ranking:
+        """All, or of a window or cell: hits and misses with their vehicle, others alone."""
         contest, hit, wrong, counted = self.contest, self.hit, self.wrong, self.counted
         if window is not None:
             in_window = window.holds(contest.vehicle_places)

@@ -16,8 +16,10 @@ from pyinfra.evaluation.matching import Metric
 from pyinfra.evaluation.prediction_checks import Finding
 from pyinfra.evaluation.tables import (
     AP_COLUMNS,
+    EVERYWHERE,
     ap_row,
     area_table,
+    cell_table,
     cut_first_ap,
     distance_table,
     error_table,
@@ -42,10 +44,12 @@ class Evaluation:
     false_positives: pd.DataFrame
     draws: pd.DataFrame
     findings: tuple[Finding, ...]
+    cells: pd.DataFrame | None = None  # of a site of lanes, whose areas they are
 
     def tables(self) -> dict[str, pd.DataFrame]:
         names = "ap pr_curve distance_ap areas errors false_positives draws".split()
-        return {name: getattr(self, name) for name in names}
+        tables = {name: getattr(self, name) for name in names}
+        return tables if self.cells is None else {**tables, "cells": self.cells}
 
 
 def evaluate_tables(
@@ -103,16 +107,21 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
             cut = cut_first_ap(one, which, iou, settings.min_points, windows)
             distance["ap_cut_first"] = cut
             distance["difference"] = distance.ap_cut_first - distance.ap
-        for name, rows in {
-            "pr_curve": pr_table(judgement),
-            "distance_ap": distance,
-            "areas": area_table(judgement, distance, draws),
+        areas = (distance, draws)
+        own = {"pr_curve": pr_table(judgement), "distance_ap": distance}
+        if one.truth.of_lanes:
+            areas = cell_table(judgement, settings.min_objects)
+            own["cells"] = areas[0].copy()
+            areas[0].insert(0, "road", EVERYWHERE)
+        kept = draw_rows(same, which, figures(judgement, (distance, draws), areas))
+        own |= {
+            "areas": area_table(judgement, *areas),
             "errors": error_table(judgement),
             "false_positives": false_positive_table(judgement, iou, strict=False),
-        }.items():
+        }
+        for name, rows in own.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
-        kept = draw_rows(same, which, figures(judgement, distance, draws))
         tables.setdefault("draws", []).append(kept)
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.arrays import AnyArray, FloatArray, IntArray
-from pyinfra.data.regions import Window
+from pyinfra.data.regions import EVERY_ROAD, Window
 from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import Set
 from pyinfra.evaluation.judge import (
@@ -24,6 +24,8 @@ from pyinfra.evaluation.judge import (
 )
 from pyinfra.statistics.compare import Bootstrapped
 
+EVERYWHERE = "all"  # in place of a road
+LANES = "(lanes)"  # stands for all of them at once, in place of a road; no road is named so
 HIGH_QUALITY = 85.0  # an area above this AP is of high quality
 PR_RECALLS = 100
 AP_COLUMNS = (
@@ -85,15 +87,29 @@ def pr_table(judgement: Judgement) -> pd.DataFrame:
 
 def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
     """AP of each window by the definition, and its draws (windows, draws)."""
-    contest = judgement.contest
-    roads = [road.name for road in contest.truth.roads] or ["distance"]
+    truth = judgement.contest.truth
+    names = dict(enumerate(road.name for road in truth.roads)) or {0: "distance"}
+    names[EVERY_ROAD] = LANES
+    windows = {w: {"road": names[w.road], "s": w.middle} for w in truth.windows()}
+    return _ap_of(judgement, windows, min_objects)
+
+
+def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
+    """The same of each cell, where these are the areas; x and y of its middle."""
+    cells = {cell: {"x": cell.x, "y": cell.y} for cell in judgement.contest.truth.cells()}
+    return _ap_of(judgement, cells, min_objects)
+
+
+def _ap_of(
+    judgement: Judgement, parts: Mapping[Any, dict[str, Any]], min_objects: int
+) -> tuple[pd.DataFrame, FloatArray]:
+    """A row and the draws of each window or cell; parts: the columns that name it."""
     rows, draws = [], []
-    for window in contest.truth.windows():
-        ranking = judgement.ranking(window)
+    for part, named in parts.items():
+        ranking = judgement.ranking(part)
         value, low, high, drawn = _ap_with_interval(judgement, ranking, "definition")
         row = {
-            "road": roads[window.road],
-            "s": window.middle,
+            **named,
             "ap": value,
             "ap_low": low,
             "ap_high": high,
@@ -134,7 +150,7 @@ def area_table(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) 
     undecided: those of them whose interval holds 85, or that have none.
     """
     names = list(dict.fromkeys(distance.road))
-    groups = [("all", np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
+    groups = [(EVERYWHERE, np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
     groups += [(name, (distance.road == name).to_numpy()) for name in names]
     return pd.DataFrame(
         [{"road": name, **_areas(judgement, distance[at], draws[at])} for name, at in groups]

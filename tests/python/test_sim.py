@@ -94,8 +94,8 @@ def test_a_stream_can_be_left_early(world: sim.World) -> None:
 
 
 def test_errors_are_those_of_the_binary() -> None:
-    with pytest.raises(sim.ConfigError, match=r"--set lanes=3: lanes: found an unknown key"):
-        sim.load_scene(SCENE, set={"lanes": 3})
+    with pytest.raises(sim.ConfigError, match=r"--set lane=3: lane: found an unknown key"):
+        sim.load_scene(SCENE, set={"lane": 3})
     with pytest.raises(ValueError, match="no preset 'nice', allowed paper, equal, datasheet"):
         sim.load_lidar(LIDARS[0], "nice")
     with pytest.raises(OSError, match=r"missing\.yaml: can't be read"):

@@ -3,20 +3,26 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import ROOT, Infrasim
+from evaluation_data import write_predictions
 from site_files import OUTLINE, SLOPE, slab, write_site
 
 from pyinfra import kitti
 from pyinfra.benchmark.inputs import named_files
+from pyinfra.benchmark.value import KEY, covered
 from pyinfra.data.data_set import without_region
 from pyinfra.data.ground import ground_of
 from pyinfra.data.outlines import in_any, read_outlines
 from pyinfra.data.regions import Road, locate, read_roads, region_of, roads_region, to_world
 from pyinfra.data.surroundings import read_surroundings
 from pyinfra.drawing.scene import plan, read_scene
+from pyinfra.evaluation.evaluate import evaluate, write
 from pyinfra.evaluation.frame_checks import validate
 from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.tables import LANES
 from pyinfra.kitti import FormatError
 from pyinfra.stress import limits
 from pyinfra.stress.worlds import read_base
@@ -219,3 +225,47 @@ def test_it_is_checked_from_the_root(infrasim: Infrasim, tmp_path: Path) -> None
     result = infrasim("check", scene)
     assert result.returncode == 1
     assert "lanes.csv: can't be read" in result.stderr
+
+
+def test_areas_of_lanes_are_cells_and_distance_is_theirs_together(
+    tmp_path: Path, infrasim: Infrasim
+) -> None:
+    """A car a cell or two, found but for one, which makes the area where it stands a low one."""
+    places = [(-70, -2), (-50, -2), (-30, 2), (10, 2), (30, -2), (50, 2), (52, 2)]
+    cars = np.array([(x, y, 0) for x, y in places], np.float64)
+    folder = simulated(infrasim, tmp_path, cars=cars)
+    truth = read_ground_truth(folder, [0])
+    boxes = [(box.tolist(), 0.9) for box in truth.vehicles.boxes[1:]]
+    predictions = write_predictions(tmp_path / "predictions", [boxes])
+    settings = Settings(ground_truths=("all",), min_objects=1, draws=5)
+    found = evaluate(folder, predictions, settings)
+    assert found.cells is not None
+    cells = found.cells.set_index(["x", "y"])
+    assert cells.objects.sum() == found.ap.objects[0] == 7
+    assert cells.loc[(-70, -10)].ap == 0
+    assert cells.loc[(50, 10)].objects == 2
+    assert cells.loc[(50, 10)].ap == 100
+    assert cells.loc[(90, -10)].objects == 0
+    assert (np.hypot(cells.reset_index().x - 2, cells.reset_index().y + 9) < 120).all()
+    area = found.areas.iloc[0]
+    assert (len(found.areas), area.road, area.n_tda, area.n_hqda) == (1, "all", 6, 5)
+    distance = found.distance_ap
+    assert set(distance.road) == {"(lanes)"}
+    assert (distance.s.min(), distance.s.max()) == (-95, 95)
+    assert distance[distance.s == -50].objects.item() == 3  # before the foot, of both ways
+    assert distance[distance.s == 50].objects.item() == 0
+    hqda = found.draws[found.draws.measure == "n_hqda"].value.item()
+    assert hqda == 5
+    files = {file.name for file in write(found, tmp_path / "out")}
+    assert {"cells.csv", "areas_plan.svg", "distance_ap.svg"} <= files
+
+
+def test_metres_of_road_are_unknown_where_lanes_are_taken_at_once() -> None:
+    cell = dict.fromkeys(KEY, "a")
+    rows = [(LANES, s, 99.0) for s in (0.0, 5.0)]
+    windows = pd.DataFrame([{**cell, "ground_truth": "all"}] * 2)
+    windows[["road", "s", "ap"]] = rows
+    both = pd.concat([windows, windows.assign(scene="b", road="main")])
+    metres = covered(both).set_index("scene").covered_m
+    assert np.isnan(metres["a"])
+    assert metres["b"] == 5

@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from pyinfra.data import regions
 from pyinfra.data.data_set import DataSet
 from pyinfra.evaluation.figures import LABELS, LOOKS, areas_plan
+from pyinfra.evaluation.tables import LANES
 from pyinfra.report import svg
 from pyinfra.report.blocks import (
     Block,
@@ -119,6 +120,7 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
         (distance.scene == data.scene)
         & (distance.preset == data.preset)
         & (distance.ground_truth == "all")
+        & (distance.road != LANES)  # whose areas are no windows
     ]
     if own.empty or rows.empty:
         return []

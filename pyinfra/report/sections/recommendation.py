@@ -70,10 +70,16 @@ def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
         _cell(option.ap_all, ".1f"),
         _cell(option.ap, ".1f"),
         _cell(prices, ",.0f") if prices.low < prices.high else number(prices.value, ",.0f"),
-        _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}"),
+        _covered(option),
         number(option.latency_ms, ".0f"),
     ]
     return [*cells, TableCell(relaxation(option, material.wish))] if relax else cells
+
+
+def _covered(option: Option) -> TableCell:
+    if math.isnan(option.road_m):
+        return TableCell("")  # a site of lanes
+    return _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}")
 
 
 def _cell(figure: Measured, form: str, more: str = "") -> TableCell:
