@@ -109,7 +109,7 @@ def imports(path: Path) -> Iterator[str]:
 # The rooms of pyinfra, lowest first: each imports only itself and what stands before it.
 ROOMS = (
     *("arrays", "atomic", "boxes", "config"),
-    *("kitti", "simulator", "sim", "data", "drawing", "statistics", "evaluation"),
+    *("kitti", "simulator", "sim", "data", "drawing", "site", "statistics", "evaluation"),
     *("detectors", "training", "sites", "benchmark", "stress", "exchange", "viewer", "report"),
     *("cli", "commands"),
 )
