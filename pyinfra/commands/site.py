@@ -1,80 +1,24 @@
-"""`pyinfra site import|draw`: sites out of other people's maps."""
+"""`pyinfra site STEP`: sites out of maps and traffic of others; a step is a module beside this."""
 
 import argparse
-from pathlib import Path
+import importlib
 
-from pyinfra.site.map_import import RADIUS_M, ImportOptions, import_map
+STEPS = {
+    "import": ("pyinfra.commands.site_import", "a map as a site"),
+    "draw": ("pyinfra.commands.site_draw", "the plan of a site"),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Sites out of maps and traffic of others; needs the extra `site`."
     parser.epilog = "example: pyinfra site import town.xodr --out sites/town"
-    steps = parser.add_subparsers(title="steps", metavar="STEP", required=True, dest="step")
-    for name, summary, add, step in STEPS:
-        one = steps.add_parser(name, help=summary, description=summary)
-        add(one)
-        one.set_defaults(site_step=step)
+    steps = parser.add_subparsers(title="steps", metavar="STEP", required=True)
+    for name, (module, summary) in STEPS.items():
+        step = importlib.import_module(module)
+        one = steps.add_parser(name, help=summary)
+        step.add_arguments(one)
+        one.set_defaults(step=step)
 
 
 def run(args: argparse.Namespace) -> int:
-    return int(args.site_step(args))
-
-
-def _add_import(parser: argparse.ArgumentParser) -> None:
-    parser.epilog = "example: pyinfra site import town.xodr --out sites/town --radius 400"
-    parser.add_argument("file", type=Path, help=".xodr, .osm, .osm.gz or .net.xml")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the site")
-    parser.add_argument(
-        "--centre", type=_numbers(2), metavar="X,Y", help="of the site in the map; OSM: lon,lat"
-    )
-    parser.add_argument(
-        "--radius", type=float, default=RADIUS_M, help=f"metres around; default: {RADIUS_M:g}"
-    )
-    parser.add_argument(
-        "--mount", type=_numbers(4), metavar="X,Y,Z,YAW", help="pole in the site, yaw in degrees"
-    )
-
-
-def _numbers(count: int):  # type: ignore[no-untyped-def]
-    def numbers(text: str) -> tuple[float, ...]:
-        values = tuple(float(word) for word in text.split(","))
-        if len(values) != count or not all(abs(v) < 1e9 for v in values):
-            raise ValueError
-        return values
-
-    return numbers
-
-
-def _import(args: argparse.Namespace) -> int:
-    if not 10 <= args.radius <= 100_000:
-        raise ValueError(f"--radius: found {args.radius:g}, allowed 10 to 100000")
-    options = ImportOptions(centre=args.centre, radius_m=args.radius, mount=args.mount)
-    made = import_map(args.file, args.out, options)
-    pole = made.pole
-    print(args.out / "site.yaml" if made.anew else f"{args.out}: the same import is there")
-    print(f"{made.lanes} lanes, {made.triangles} triangles")
-    print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
-    for key in ("guessed", "mended", "not_understood", "network"):
-        if made.record[key]:
-            print(f"{key.replace('_', ' ')}: {len(made.record[key])} (map.yaml)")
-    return 0
-
-
-def _add_draw(parser: argparse.ArgumentParser) -> None:
-    parser.epilog = "example: pyinfra site draw sites/town --out plan.svg"
-    parser.add_argument("site", type=Path, help="folder of the site")
-    parser.add_argument("--out", type=Path, required=True, help=".svg, .png or .pdf")
-
-
-def _draw(args: argparse.Namespace) -> int:
-    from pyinfra.site.plan import save_plan
-
-    save_plan(args.site, args.out)
-    print(args.out)
-    return 0
-
-
-STEPS = (
-    ("import", "a map as a site", _add_import, _import),
-    ("draw", "the plan of a site", _add_draw, _draw),
-)
+    return int(args.step.run(args))

@@ -32,12 +32,12 @@ class MapLane:
     @property
     def centre(self) -> FloatArray:
         """(n, 3), between the borders."""
-        return (self.left + self.right) / 2
+        return np.asarray((self.left + self.right) / 2)
 
     @property
     def width(self) -> FloatArray:
         """(n,)"""
-        return np.hypot(*(self.left - self.right)[:, :2].T)
+        return np.asarray(np.hypot(*(self.left - self.right)[:, :2].T))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +112,8 @@ def without_folds(
     left, right = left.copy(), right.copy()
     ahead = np.diff((left + right)[:, :2], axis=0)
     for border in (left, right):
+        if ((np.diff(border[:, :2], axis=0) * ahead).sum(1) >= 0).all():
+            continue
         for i, direction in enumerate(ahead, start=1):
             if (border[i] - border[i - 1])[:2] @ direction < 0:
                 border[i] = [*border[i - 1][:2], border[i][2]]

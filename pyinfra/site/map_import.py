@@ -1,4 +1,4 @@
-"""A map file as a site folder: site.yaml, lanes.csv, meshes, the network and what was made of it."""
+"""A map file as a site folder: scene, lanes, meshes, network, and what was made of the map."""
 
 import hashlib
 import math
@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import yaml
@@ -73,7 +72,9 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
     if (out / RECORD).exists():
         record = yaml.safe_load((out / RECORD).read_text())
         if isinstance(record, dict) and {k: record.get(k) for k in identity} == identity:
-            return Imported(record["lanes"], record["triangles"], Pole(**record["pole"]), record, False)
+            return Imported(
+                record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
+            )
         raise FileExistsError(f"{out}: is there already, from another import; allowed a new folder")
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         found, origin = _READERS[kind](file, folder, Path(scratch), options)
@@ -84,7 +85,10 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         pole, what = _pole(found, terrain, options)
         found.guessed += [what] if what else []
         _write_site(folder, out.name, found, meshes, (pole, options), terrain)
-        counts = {"lanes": len(found.lanes), "triangles": sum(len(m.faces) for m in meshes.values())}
+        counts = {
+            "lanes": len(found.lanes),
+            "triangles": sum(len(m.faces) for m in meshes.values()),
+        }
         lists = {k: getattr(found, k) for k in ("guessed", "mended", "not_understood")}
         record = {**identity, **origin, **counts, "pole": asdict(pole), **lists}
         write(folder / RECORD, _yaml(record))
@@ -112,7 +116,7 @@ def _digest(file: Path) -> str:
 
 
 def _yaml(data: dict[str, Any]) -> str:
-    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=100)
+    return str(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=100))
 
 
 def _from_opendrive(

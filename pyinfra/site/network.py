@@ -1,5 +1,6 @@
 """Lanes and junctions of a SUMO network (`.net.xml`)."""
 
+import itertools
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -8,6 +9,7 @@ import numpy as np
 
 from pyinfra.arrays import FloatArray
 from pyinfra.site.lane_map import SHORTEST_M, MapError, MapLane, SiteMap, lane_name, without_folds
+from pyinfra.site.opendrive_geometry import number
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's, of a lane without one
 KERB_M = 0.15
@@ -30,6 +32,8 @@ def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
                 node.clear()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: not XML that can be read: {error}") from error
+    except MapError as error:
+        raise MapError(f"{file}: {error}") from error
     return found
 
 
@@ -55,7 +59,7 @@ def _read_edge(edge: Element, found: SiteMap) -> None:
         if function == "walkingarea":
             found.footways.append(shape)
             continue
-        width = float(lane.get("width", DEFAULT_WIDTH_M))
+        width = number(lane, "width", DEFAULT_WIDTH_M)
         if not 0 < width < 100:
             raise MapError(f"lane {lane.get('id')}: width: found {width:g}, allowed 0 to 100 m")
         kept = np.concatenate([[True], np.hypot(*np.diff(shape[:, :2], axis=0).T) > 1e-3])
@@ -95,9 +99,7 @@ def _unfolded(shape: FloatArray) -> FloatArray:
 def _dense(shape: FloatArray) -> FloatArray:
     """With points at most STEP_M apart: no long thin triangles."""
     s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(shape[:, :2], axis=0).T))])
-    more = [
-        np.linspace(a, b, int((b - a) // STEP_M) + 2)[:-1] for a, b in zip(s, s[1:], strict=False)
-    ]
+    more = [np.linspace(a, b, int((b - a) // STEP_M) + 2)[:-1] for a, b in itertools.pairwise(s)]
     at = np.concatenate([*more, s[-1:]])
     return np.stack([np.interp(at, s, column) for column in shape.T], 1)
 

@@ -3,6 +3,7 @@
 Sampled every metre where anything bends, every four metres elsewhere.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,7 +98,7 @@ def _read_road(node: Element, found: SiteMap) -> None:
             found.not_understood.append(f"road {road.id}: lateralProfile/{tag}")
     sections = node.findall("lanes/laneSection")
     starts = [number(section, "s") for section in sections]
-    if any(b < a for a, b in zip(starts, starts[1:], strict=False)):
+    if any(b < a for a, b in itertools.pairwise(starts)):
         raise MapError(f"road {road.id}: laneSection: s must rise")
     pieces: dict[tuple[int, int], Piece] = {}
     for i, (section, start) in enumerate(zip(sections, starts, strict=True)):
@@ -180,7 +181,7 @@ def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float
     breaks = np.concatenate([c.starts for c in curves])
     inside = breaks[(breaks > start + 1e-3) & (breaks < end - 1e-3)]
     s = np.unique(np.concatenate([even, inside]))
-    return s[np.concatenate([[True], np.diff(s) > 1e-3])]
+    return np.asarray(s[np.concatenate([[True], np.diff(s) > 1e-3])])
 
 
 def _joined(

@@ -71,7 +71,7 @@ class StreetMap:
         return float((low + high)[0] / 2), float((low + high)[1] / 2)
 
 
-def opened(file: Path) -> IO[Any]:
+def opened(file: Path) -> Any:
     """The file, unpacked if it ends in .gz."""
     return gzip.open(file) if file.suffix == ".gz" else file.open("rb")
 

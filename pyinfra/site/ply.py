@@ -25,7 +25,9 @@ def degenerate(mesh: Triangles) -> BoolArray:
     """(m,) whether a triangle, as float32, is a line or a point."""
     a, b, c = (mesh.vertices.astype("f4").astype(float)[mesh.faces[:, k]] for k in range(3))
     twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.maximum.reduce([np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))])
+    longest = np.maximum.reduce(
+        [np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))]
+    )
     return np.asarray((twice < 2 * SMALLEST_M2) | (twice < 1e-4 * longest**2))
 
 

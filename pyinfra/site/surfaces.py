@@ -1,5 +1,7 @@
 """Roads, footways, junctions, terrain and houses of a map as triangles."""
 
+import itertools
+
 import numpy as np
 
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
@@ -11,6 +13,7 @@ TERRAIN_MARGIN_M = 60.0
 TERRAIN_BELOW_M = 0.08  # under the road
 FILL_CELL_M = 1.0
 FILL_BELOW_M = 0.01  # of a junction's paving under its lanes
+SEAM_M = 0.02
 SINK_M = 0.5  # of a house into the ground
 ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
@@ -18,10 +21,19 @@ ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)
 def strip(lane: MapLane) -> Triangles:
     """The lane's surface, and walls down to its z on both sides if it is raised."""
     up = np.array([0, 0, lane.kerb_m])
-    rows = [lane.left, lane.left + up, lane.right + up, lane.right]
-    if not lane.kerb_m:
-        rows = [lane.left, lane.right]
-    return together([ribbon(a, b) for a, b in zip(rows, rows[1:], strict=False)])
+    left, right = longer(lane.left, lane.right)
+    rows = [left, left + up, right + up, right] if lane.kerb_m else [left, right]
+    return together([ribbon(a, b) for a, b in itertools.pairwise(rows)])
+
+
+def longer(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Borders that go on by SEAM_M at both ends: no ray falls between a lane and the next."""
+    centre = (left + right) / 2
+    ends = []
+    for inner, end in ((1, 0), (-2, -1)):
+        step = centre[end] - centre[inner]
+        ends.append(step * (SEAM_M / max(float(np.hypot(*step[:2])), 1e-3)))
+    return tuple(np.vstack([b[:1] + ends[0], b, b[-1:] + ends[1]]) for b in (left, right))  # type: ignore[return-value]
 
 
 def ribbon(left: FloatArray, right: FloatArray) -> Triangles:
@@ -60,7 +72,7 @@ class Sheet:
         np.minimum.at(cells, (at[:, 0], at[:, 1]), points[:, 2])
         padded = np.pad(cells, ((1, 0), (1, 0)), constant_values=np.inf)
         corners = [padded[1:, 1:], padded[:-1, 1:], padded[1:, :-1], padded[:-1, :-1]]
-        self.z = _filled(np.minimum.reduce(corners)) - below_m
+        self.z = _filled(np.minimum.reduce(corners), 20 if margin_m > cell_m else 0) - below_m
 
     def mesh(self, wanted: BoolArray | None = None) -> Triangles:
         """All cells, or the wanted ones (nx - 1, ny - 1)."""
@@ -79,17 +91,17 @@ class Sheet:
         i, j = ((xy - self.low) / self.cell_m).astype(int).T
         i, j = i.clip(0, self.z.shape[0] - 2), j.clip(0, self.z.shape[1] - 2)
         corners = [self.z[i + a, j + b] for a in (0, 1) for b in (0, 1)]
-        return np.minimum.reduce(corners)
+        return np.asarray(np.minimum.reduce(corners))
 
 
-def _filled(z: FloatArray) -> FloatArray:
+def _filled(z: FloatArray, rounds: int) -> FloatArray:
     """Heights where there are none grow in from those beside, and are evened out there."""
     known = np.isfinite(z)
     z = np.where(known, z, 0.0)
     have = known.copy()
     while not have.all():
         z, have = _grown(z, have)
-    for _ in range(20):
+    for _ in range(rounds):
         around, _ = _means(z, np.ones_like(known))
         z = np.where(known, z, around)
     return z
@@ -185,7 +197,7 @@ def _area(outline: FloatArray) -> float:
 
 
 def body(thing: MapBody, terrain: Sheet) -> Triangles:
-    """Walls and roof; without a base of its own it stands on the terrain's lowest place under it."""
+    """Walls and roof; without a base of its own it stands on the lowest terrain under it."""
     ground = float(terrain.at(thing.outline).min())
     base = ground if thing.base_m is None else thing.base_m
     outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
