@@ -14,6 +14,7 @@ import yaml
 from pyinfra.arrays import FloatArray
 from pyinfra.atomic import new_folder, write
 from pyinfra.site import openstreetmap
+from pyinfra.site.disagreements import disagreements
 from pyinfra.site.lane_map import (
     NARROWEST_M,
     MapError,
@@ -79,6 +80,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         found, origin = _READERS[kind](file, folder, Path(scratch), options)
         found.lanes = checked_lanes(with_own_names(found.lanes), str(file))
+        found.not_understood += disagreements(found.lanes)
         meshes, terrain = surfaces(found, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
             raise MapError(f"{file}: more than {MOST_TRIANGLES} triangles; use a smaller --radius")

@@ -134,9 +134,11 @@ def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
 def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles]:
     """Paving between the lanes of each junction, just under them."""
     meshes = []
+    points = points[np.argsort(points[:, 0])]
     for outline in areas:
         low, high = outline.min(0) - 2, outline.max(0) + 2
-        near = points[((points[:, :2] > low) & (points[:, :2] < high)).all(1)]
+        beside = points[slice(*np.searchsorted(points[:, 0], [low[0], high[0]]))]
+        near = beside[(beside[:, 1] > low[1]) & (beside[:, 1] < high[1])]
         if not len(near) or (high - low).max() > 500:
             continue
         sheet = Sheet(near, FILL_CELL_M, 1.0, FILL_BELOW_M)

@@ -339,6 +339,17 @@ def test_a_lane_that_turns_back_is_mended_and_named(tmp_path: Path) -> None:
         assert ((steps[1:] * steps[:-1]).sum(1) > 0).all()
 
 
+def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
+    """A road across another one, 0.3 m above it: neither a bridge nor a crossing."""
+    above = '<elevation s="0" a="0.3" b="0" c="0" d="0"/>'
+    across = site_data.road(2, (50, -50, math.pi / 2), 100, elevation=above)
+    both = site_data.open_drive(site_data.road(1, (0, 0, 0), 100), across)
+    made = import_map(write_map(tmp_path, "a.xodr", both), tmp_path / "s")
+    said = made.record["not_understood"]
+    assert len(said) == 2
+    assert all(re.match(r"lane road1_0_\w+: lies 0.30 m under lane road2_0", s) for s in said)
+
+
 def test_errors_are_map_errors(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"a\.xodr: found 0 bytes"):
         import_map(write_map(tmp_path, "a.xodr", ""), tmp_path / "s")
