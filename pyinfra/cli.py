@@ -43,6 +43,7 @@ COMMANDS = (
         "pictures", "pyinfra.commands.pictures", "a frame from above, the scene, vehicles close up"
     ),
     Command("lidars", "pyinfra.commands.lidars", "the LiDARs there are: lines, view, range, price"),
+    Command("site", "pyinfra.commands.site", "a site out of a map: lanes, surfaces, pole, plan"),
     Command("sites", "pyinfra.commands.sites", "plausible sites by seed, and their plans"),
     Command("view", "pyinfra.commands.view", "frames in 3-D, as an HTML file without a network"),
     Command("statistics", "pyinfra.commands.statistics", "hits, points per vehicle, patterns"),
@@ -72,7 +73,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser for a command line; only the subcommand in `words` has its arguments."""
+    """The parser for a command line; only the one asked for, the first word, has its arguments."""
     parser = _Parser(
         prog="pyinfra",
         description="Scanning statistics, detectors, average precision and reports.",
@@ -83,9 +84,10 @@ def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
         "--traceback", action="store_true", help="before COMMAND: show where an error comes from"
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    asked = next((word for word in words if not word.startswith("-")), None)
     for command in COMMANDS:
         sub = commands.add_parser(command.name, help=command.summary)
-        if command.name in words:
+        if command.name == asked:
             module = importlib.import_module(command.module)
             module.add_arguments(sub)
             sub.set_defaults(run=module.run)

@@ -1,0 +1,24 @@
+"""`pyinfra site STEP`: sites out of maps and traffic of others; a step is a module beside this."""
+
+import argparse
+import importlib
+
+STEPS = {
+    "import": ("pyinfra.commands.site_import", "a map as a site"),
+    "draw": ("pyinfra.commands.site_draw", "the plan of a site"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Sites out of maps and traffic of others; needs the extra `site`."
+    parser.epilog = "example: pyinfra site import town.xodr --out sites/town"
+    steps = parser.add_subparsers(title="steps", metavar="STEP", required=True)
+    for name, (module, summary) in STEPS.items():
+        step = importlib.import_module(module)
+        one = steps.add_parser(name, help=summary)
+        step.add_arguments(one)
+        one.set_defaults(step=step)
+
+
+def run(args: argparse.Namespace) -> int:
+    return int(args.step.run(args))

@@ -1,0 +1,1 @@
+"""Maps and traffic of others as folders that the simulator reads: sites."""

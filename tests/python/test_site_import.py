@@ -1,0 +1,355 @@
+"""Maps of others as sites: surfaces where the map says, nothing half written, clear refusals."""
+
+import gzip
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import site_data
+import yaml
+
+from pyinfra.cli import main
+from pyinfra.site.lane_map import MapError
+from pyinfra.site.map_import import ImportOptions, import_map
+from pyinfra.site.netconvert import sumo_folder
+from pyinfra.site.opendrive_geometry import read_reference_line
+from pyinfra.site.openstreetmap import transverse_mercator
+from pyinfra.site.plan import plan, read_lanes
+from pyinfra.site.ply import Triangles, degenerate, read_ply
+from pyinfra.site.surfaces import contains, ears
+
+pytest.importorskip("sumo", reason="needs the extra `site`")
+
+
+def write_map(folder: Path, name: str, text: str) -> Path:
+    file = folder / name
+    file.write_text(text)
+    return file
+
+
+def height(mesh: Triangles, x: float, y: float) -> float:
+    """z of the highest triangle over a place, by its weights of the corners; -inf: none."""
+    found = -math.inf
+    for a, b, c in mesh.vertices[mesh.faces]:
+        lever = np.array([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [1, 1, 1]])
+        if abs(np.linalg.det(lever)) > 1e-9:
+            weights = np.linalg.solve(lever, [x, y, 1])
+            if weights.min() >= -1e-6:
+                found = max(found, float(weights @ [a[2], b[2], c[2]]))
+    return found
+
+
+def near(mesh: Triangles, x: float, y: float) -> Triangles:
+    middles = mesh.vertices[mesh.faces].mean(1)[:, :2]
+    return Triangles(mesh.vertices, mesh.faces[np.hypot(*(middles - (x, y)).T) < 12])
+
+
+@pytest.fixture(scope="module")
+def hill(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hill")
+    import_map(write_map(folder, "hill.xodr", site_data.hill()), folder / "site")
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def district(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("district")
+    import_map(write_map(folder, "district.osm", site_data.district()), folder / "site")
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ring")
+    file = site_data.roundabout(folder, sumo_folder() / "bin/netconvert")
+    import_map(file, folder / "site")
+    return folder / "site"
+
+
+def rise(x: float) -> float:
+    """The hill's elevation at s = x, in words of its own: 3 m, to 6 %, to level at 15 m."""
+    if x < 100:
+        return 3 + 0.0003 * x**2
+    return 6 + 0.06 * (x - 100) if x < 200 else 12 + 0.06 * (x - 200) - 0.0003 * (x - 200) ** 2
+
+
+def test_road_lies_where_the_elevation_says(hill: Path) -> None:
+    road = read_ply(hill / "meshes/road.ply")
+    x0, y0, z0 = yaml.safe_load((hill / "map.yaml").read_text())["offset_m"]
+    for x in np.arange(0.25, 300, 7.5):
+        found = height(near(road, x - x0, -1.75 - y0), x - x0, -1.75 - y0)
+        assert found == pytest.approx(rise(x) - z0, abs=0.02)
+
+
+def test_lanes_go_with_the_traffic_and_have_the_roads_z(hill: Path) -> None:
+    lanes = read_lanes(hill / "lanes.csv")
+    x0, y0, z0 = yaml.safe_load((hill / "map.yaml").read_text())["offset_m"]
+    right, left = lanes["road1_0_right1"], lanes["road1_0_left1"]
+    assert right[0, 0] + x0 == pytest.approx(0)
+    assert left[0, 0] + x0 == pytest.approx(300)
+    assert right[0, 1] + y0 == pytest.approx(-1.75)
+    assert {4} == {lane.shape[1] for lane in lanes.values()}
+    for row in right:
+        assert row[2] == pytest.approx(rise(row[0] + x0) - z0, abs=1e-3)
+    bend = lanes["road2_0_right1"]
+    radius = np.hypot(bend[:, 0] + x0 - 300, bend[:, 1] + y0 - 30)
+    np.testing.assert_allclose(radius, 31.75, atol=1e-3)
+
+
+def test_sidewalks_are_raised_and_terrain_lies_below(hill: Path) -> None:
+    meshes = {p.stem: read_ply(p) for p in (hill / "meshes").glob("*.ply")}
+    x0, y0, _ = yaml.safe_load((hill / "map.yaml").read_text())["offset_m"]
+    x, road_y, walk_y = 50 - x0, -1.75 - y0, -5 - y0
+    road = height(near(meshes["road"], x, road_y), x, road_y)
+    assert height(near(meshes["sidewalk"], x, walk_y), x, walk_y) == pytest.approx(
+        road + 0.15, abs=0.01
+    )
+    ground = height(near(meshes["terrain"], x, road_y), x, road_y)
+    assert road - 0.5 < ground < road
+
+
+@pytest.mark.parametrize("site", ["hill", "district", "ring"])
+def test_no_triangle_is_a_line_and_each_lane_has_a_road(
+    site: str, request: pytest.FixtureRequest
+) -> None:
+    folder: Path = request.getfixturevalue(site)
+    for file in (folder / "meshes").glob("*.ply"):
+        assert not degenerate(read_ply(file)).any()
+    road = read_ply(folder / "meshes/road.ply")
+    for lane in read_lanes(folder / "lanes.csv").values():
+        middle = (lane[len(lane) // 2] + lane[len(lane) // 2 - 1]) / 2
+        found = height(near(road, *middle[:2]), *middle[:2])
+        assert found == pytest.approx(middle[2], abs=0.02)
+
+
+@pytest.mark.parametrize("site", ["hill", "district", "ring"])
+def test_pole_stands_off_the_carriageway_and_looks_at_it(
+    site: str, request: pytest.FixtureRequest
+) -> None:
+    folder: Path = request.getfixturevalue(site)
+    pole = yaml.safe_load((folder / "site.yaml").read_text())["mounts"]["pole"]
+    lanes = read_lanes(folder / "lanes.csv")
+    places = np.concatenate(list(lanes.values()))
+    away = places[:, :2] - (pole["x_m"], pole["y_m"])
+    assert (np.hypot(*away.T) - places[:, 3] / 2).min() > 0.9
+    yaw = math.radians(pole["yaw_deg"])
+    ahead = away @ [math.cos(yaw), math.sin(yaw)]
+    assert ((ahead > 5) & (ahead < 30)).any()
+
+
+def test_houses_and_trees_of_a_district(district: Path) -> None:
+    houses = read_ply(district / "meshes/buildings.ply")
+    ground = read_ply(district / "meshes/terrain.ply").vertices[:, 2].min()
+    x, y = 35.0, 32.0  # in the house that says 12 m
+    middle = yaml.safe_load((district / "map.yaml").read_text())
+    assert "height of 2 of 4 buildings" in middle["guessed"]
+    tops = sorted({round(float(z - ground), 1) for z in houses.vertices[:, 2]})
+    assert tops == [-0.5, 6.0, 9.0, 12.0]
+    assert height(houses, x, y) - ground == pytest.approx(12, abs=0.01)
+    assert height(houses, 45.0, 43.0) == -math.inf  # the notch of the L
+    tree = yaml.safe_load((district / "site.yaml").read_text())["vegetation"][0]["tree"]
+    assert (tree["x_m"], tree["y_m"]) == pytest.approx((40, -12), abs=0.3)
+
+
+def test_our_projection_is_that_of_the_network(district: Path) -> None:
+    """SUMO's node of the crossing streets lies where we put it."""
+    nodes = {n.get("id"): n for n in ElementTree.parse(district / "map.net.xml").iter("junction")}
+    record = yaml.safe_load((district / "map.yaml").read_text())
+    lat, lon = (float(v) for v in re.findall(r"lat_0=(\S+) \+lon_0=(\S+)", record["projection"])[0])
+    ends = ElementTree.fromstring(site_data.district()).iter("node")
+    checked = 0
+    for node in ends:
+        if node.get("id") in {"1", "2", "3", "4", "5"}:
+            place = np.array([float(node.attrib["lon"]), float(node.attrib["lat"])])
+            x, y = transverse_mercator(place, (lon, lat))[0]
+            found = nodes[node.get("id")]
+            assert (float(found.attrib["x"]), float(found.attrib["y"])) == pytest.approx(
+                (x, y), abs=0.02
+            )
+            checked += 1
+    assert checked == 5
+
+
+def test_objects_of_opendrive_and_what_is_not_understood(tmp_path: Path) -> None:
+    made = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "site")
+    assert made.record["not_understood"] == [
+        "road 1: object 9 at s = 90.0, t = 30.0: type 'fountain', height 2 m"
+    ]
+    house = read_ply(tmp_path / "site/meshes/buildings.ply").vertices
+    np.testing.assert_allclose(house[:, :2].min(0), (1060 - 1100 - 6, 20 - 4), atol=1e-3)
+    scene = yaml.safe_load((tmp_path / "site/site.yaml").read_text())
+    assert scene["vegetation"][0]["tree"]["height_m"] == 7
+    assert scene["trajectories"] == "trajectories.csv"
+
+
+def test_packed_osm_is_the_same_and_a_radius_cuts(tmp_path: Path) -> None:
+    packed = tmp_path / "d.osm.gz"
+    packed.write_bytes(gzip.compress(site_data.district().encode()))
+    whole = import_map(packed, tmp_path / "whole")
+    near_ = ImportOptions(centre=(8.4 + 60 / 73_200, 49.0 + 45 / 111_200), radius_m=50)
+    part = import_map(packed, tmp_path / "part", near_)
+    assert part.lanes < whole.lanes
+    assert (tmp_path / "part/meshes/buildings.ply").stat().st_size < 5000
+
+
+def test_the_same_import_is_found_and_another_refused(tmp_path: Path) -> None:
+    file = write_map(tmp_path, "a.xodr", site_data.straight())
+    assert import_map(file, tmp_path / "site").anew
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "site").rglob("*")}
+    assert not import_map(file, tmp_path / "site").anew
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "site").rglob("*")} == before
+    with pytest.raises(FileExistsError, match="another import"):
+        import_map(file, tmp_path / "site", ImportOptions(radius_m=60))
+
+
+def test_a_mount_is_where_it_is_said(tmp_path: Path) -> None:
+    file = write_map(tmp_path, "a.xodr", site_data.straight())
+    words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--mount=1,-9,7.5,80"]
+    assert main(words) == 0
+    pole = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
+    assert pole == {"x_m": 1.0, "y_m": -9.0, "z_m": 7.5, "yaw_deg": 80.0}
+
+
+def test_plans_of_sites(district: Path, tmp_path: Path) -> None:
+    assert main(["site", "draw", str(district), "--out", str(tmp_path / "plan.svg")]) == 0
+    labels = {t.text for t in ElementTree.parse(tmp_path / "plan.svg").iter() if t.text}
+    assert labels
+    axes = plan(district).axes[0]
+    assert "pole" in {text.get_text() for text in axes.texts}
+
+
+def test_pieces_of_reference_lines_meet() -> None:
+    """A spiral from 0 to 1/50 turns by half its length over the radius; a cubic ends as it says."""
+    spiral = '<spiral curvStart="0" curvEnd="0.02"/>'
+    node = ElementTree.fromstring(site_data.road(1, (1, 2, 0.5), 40, shape=spiral))
+    x, y, heading = read_reference_line(node).at(np.array([40.0]))[0]
+    steps = 0.5 + (np.arange(40_000) + 0.5) ** 2 * (0.001**2 * 0.02 / 40 / 2)
+    assert heading == pytest.approx(0.9)
+    assert (x, y) == pytest.approx(
+        (1 + np.cos(steps).sum() * 0.001, 2 + np.sin(steps).sum() * 0.001), abs=1e-5
+    )
+    cubic = '<paramPoly3 pRange="normalized" bU="30" cV="5" dV="-2"/>'
+    node = ElementTree.fromstring(site_data.road(1, (0, 0, 0), 31, shape=cubic))
+    assert read_reference_line(node).at(np.array([31.0]))[0, :2] == pytest.approx((30, 3))
+
+
+def test_ears_cover_an_outline_once() -> None:
+    outline = np.array([[0, 0], [20, 0], [20, 10], [10, 10], [10, 15], [0, 15], [4, 7.0]])
+    corners = outline[ears(outline)]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    x, y = outline.T
+    area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
+    assert np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2 == pytest.approx(area)
+    assert contains(outline, corners.mean(1)).all()
+
+
+def _changed(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+XODR = site_data.straight()
+OSM = site_data.district()
+NET = (
+    '<net version="1.20"><location netOffset="0,0" convBoundary="0,0,9,9" origBoundary="0,0,9,9" '
+    'projParameter="!"/><edge id="e" from="a" to="b"><lane id="e_0" index="0" speed="9" '
+    'length="9" shape="0,0 9,0"/></edge></net>'
+)
+BROKEN: dict[str, tuple[str, str | bytes]] = {
+    "empty": ("a.xodr", ""),
+    "not XML": ("a.xodr", "this is no map"),
+    "bytes": ("a.xodr", b"\x00\xff\xfe\x80" * 50),
+    "cut": ("a.xodr", XODR[: len(XODR) // 2]),
+    "another root": ("a.xodr", OSM),
+    "another ending": ("a.png", XODR),
+    "no road": ("a.xodr", site_data.open_drive()),
+    "no lane for vehicles": ("a.xodr", XODR.replace('"driving"', '"sidewalk"')),
+    "a negative width": ("a.xodr", _changed(XODR, 'a="3.5"', 'a="-3.5"')),
+    "NaN": ("a.xodr", _changed(XODR, 'a="3.5"', 'a="nan"')),
+    "infinite": ("a.xodr", _changed(XODR, 'x="1000"', 'x="inf"')),
+    "a word": ("a.xodr", _changed(XODR, 'x="1000"', 'x="east"')),
+    "no geometry": ("a.xodr", _changed(XODR, "geometry", "gone").replace("/geometry", "/gone")),
+    "an unknown curve": ("a.xodr", _changed(XODR, "<line/>", "<wiggle/>")),
+    "a negative length": ("a.xodr", _changed(XODR, 'length="200"><line', 'length="-200"><line')),
+    "a huge length": ("a.xodr", XODR.replace('length="200"', 'length="1e12"')),
+    "degrees as metres": ("a.xodr", _changed(XODR, 'x="1000"', 'x="4e9"')),
+    "a cliff": ("a.xodr", _changed(site_data.hill(), 's="100" a="6"', 's="100" a="60"')),
+    "sections that fall": ("a.xodr", _changed(XODR, "</lanes>", '<laneSection s="-5"/></lanes>')),
+    "OSM cut": ("a.osm", OSM[: len(OSM) // 2]),
+    "OSM without roads": ("a.osm", OSM.replace("highway", "waterway")),
+    "OSM without nodes": ("a.osm", re.sub(r"<node.*?</node>", "", OSM)),
+    "OSM in metres": ("a.osm", _changed(OSM, 'lon="8.4"', 'lon="456789.1"')),
+    "OSM not packed": ("a.osm.gz", OSM),
+    "OSM packed and cut": ("a.osm.gz", gzip.compress(OSM.encode())[:300]),
+    "a network without lanes": ("a.net.xml", "<net/>"),
+    "a network with words": ("a.net.xml", _changed(NET, "0,0 9,0", "here there")),
+    "a network with NaN": ("a.net.xml", _changed(NET, "0,0 9,0", "0,0 nan,0")),
+    "a network of no nodes": ("a.net.xml", NET),
+    "a negative width of a lane": ("a.net.xml", _changed(NET, 'speed="9"', 'width="-3"')),
+    "a width in words": ("a.net.xml", _changed(NET, 'speed="9"', 'width="wide"')),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_broken_maps_give_one_line_and_leave_nothing(
+    what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, text = BROKEN[what]
+    file = tmp_path / name
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    assert main(["site", "import", str(file), "--out", str(tmp_path / "out/site")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"pyinfra: {file}: ")
+    assert said.count("\n") == 1
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+
+
+def test_a_missing_map_and_another_folder_are_errors(tmp_path: Path) -> None:
+    assert main(["site", "import", str(tmp_path / "no.xodr"), "--out", str(tmp_path / "s")]) == 1
+    file = write_map(tmp_path, "a.xodr", site_data.straight())
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/mine.txt").write_text("mine")
+    assert main(["site", "import", str(file), "--out", str(tmp_path / "full")]) == 1
+    assert [p.name for p in (tmp_path / "full").iterdir()] == ["mine.txt"]
+
+
+def test_without_sumo_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    find: Callable[..., object] = lambda _name: None  # noqa: E731
+    monkeypatch.setattr("importlib.util.find_spec", find)
+    file = write_map(tmp_path, "a.xodr", site_data.straight())
+    assert main(["site", "import", str(file), "--out", str(tmp_path / "s")]) == 1
+    assert "pip install 'infrasim[site]'" in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_lane_that_turns_back_is_mended_and_named(tmp_path: Path) -> None:
+    """A bend of 2 m radius under a lane of 3.5 m: its inner border would fold."""
+    bend = site_data.road(1, (0, 0, 0), 6, shape='<arc curvature="-0.5"/>')
+    made = import_map(write_map(tmp_path, "a.xodr", site_data.open_drive(bend)), tmp_path / "s")
+    assert made.lanes
+    lanes = read_lanes(tmp_path / "s/lanes.csv")
+    for lane in lanes.values():
+        steps = np.diff(lane[:, :2], axis=0)
+        assert ((steps[1:] * steps[:-1]).sum(1) > 0).all()
+
+
+def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
+    """A road across another one, 0.3 m above it: neither a bridge nor a crossing."""
+    above = '<elevation s="0" a="0.3" b="0" c="0" d="0"/>'
+    across = site_data.road(2, (50, -50, math.pi / 2), 100, elevation=above)
+    both = site_data.open_drive(site_data.road(1, (0, 0, 0), 100), across)
+    made = import_map(write_map(tmp_path, "a.xodr", both), tmp_path / "s")
+    said = made.record["not_understood"]
+    assert len(said) == 2
+    assert all(re.match(r"lane road1_0_\w+: lies 0.30 m under lane road2_0", s) for s in said)
+
+
+def test_errors_are_map_errors(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"a\.xodr: found 0 bytes"):
+        import_map(write_map(tmp_path, "a.xodr", ""), tmp_path / "s")
