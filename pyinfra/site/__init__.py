@@ -1,0 +1,1 @@
+"""Maps and traffic of others as site folders."""
