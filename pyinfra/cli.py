@@ -44,6 +44,7 @@ COMMANDS = (
     ),
     Command("lidars", "pyinfra.commands.lidars", "the LiDARs there are: lines, view, range, price"),
     Command("sites", "pyinfra.commands.sites", "plausible sites by seed, and their plans"),
+    Command("site", "pyinfra.commands.site", "maps and traffic of others as site folders"),
     Command("view", "pyinfra.commands.view", "frames in 3-D, as an HTML file without a network"),
     Command("statistics", "pyinfra.commands.statistics", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.commands.claims", "tests of the paper's claims on data sets"),

@@ -117,7 +117,9 @@ def _net(root: ElementTree.Element) -> RoadNet:
     offset = "0,0" if location is None else location.attrib["netOffset"]
     x, y = (float(v) for v in offset.split(","))
     functions = {node.get("function") for node in root.findall("edge")}
-    return RoadNet(edges, links, (x, y), "walkingarea" in functions, "limitTurnSpeed" in root.keys())
+    return RoadNet(
+        edges, links, (x, y), "walkingarea" in functions, "limitTurnSpeed" in root.attrib
+    )
 
 
 def _edge(node: ElementTree.Element) -> Edge | None:

@@ -75,7 +75,8 @@ def spread_jumps(points: FloatArray) -> FloatArray:
     expected = (steps[:-2] + steps[2:]) / 2
     extra = steps[1:-1] - expected
     half = round(_SPREAD_S / STEP_S / 2)
-    for k in np.flatnonzero(np.linalg.norm(extra, axis=1) > _JUMP_M) + 1:
+    jumps = np.flatnonzero(np.linalg.norm(extra, axis=1) > _JUMP_M) + 1
+    for k in map(int, jumps):
         if np.linalg.norm(extra[k - 1]) < max(_of_neighbours(extra, k - 1)):
             continue  # the shadow of a jump beside it
         around = np.arange(max(0, k + 1 - half), min(len(points), k + 1 + half))
@@ -110,7 +111,7 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
     """On two axles; who walks turns to where they go."""
     if path.object_class == "Pedestrian":
         heading = _slewed(_walking_headings(path, points))
-        centre = points + [0, 0, path.size_m[2] / 2]
+        centre = points + np.array([0, 0, path.size_m[2] / 2])
         return _of_poses(path, centre, heading, np.zeros(len(points)))
     length, _, height = path.size_m
     front, rear = _axles(path, points)

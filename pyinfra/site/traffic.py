@@ -21,7 +21,7 @@ from pyinfra.site.traffic_demand import Demand, Trips, trips
 from pyinfra.site.traffic_figures import without_overlaps
 
 NET = "map.net.xml"
-_WARM_UP_S, _WALKING_S = 200, 500
+_WARM_UP_S, _WALKING_S = 200, 400
 _AROUND_S = 4.0  # before and after, so that averages have neighbours
 _TURN_LIMIT = ("--junctions.limit-turn-speed", "2.5", "--junctions.internal-link-detail", "20")
 _WALKS = ("--sidewalks.guess", "true", "--crossings.guess", "true")

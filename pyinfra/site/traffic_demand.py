@@ -9,12 +9,11 @@ import numpy as np
 
 from pyinfra.arrays import FloatArray
 from pyinfra.site.road_net import Edge, RoadNet
-from pyinfra.site.traffic_figures import REGION_M
 from pyinfra.site.tracks import CLASSES
+from pyinfra.site.traffic_figures import REGION_M
 
 MARGIN_M = 20.0  # trips begin and end at least so far outside the region
 _MOST_SOURCES = 60  # of a map without ends, drawn
-_MOST_WALK_M = 600.0
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,11 @@ def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: 
             route = way.routes[int(rng.choice(len(way.routes), p=way.weights))]
             name = f"{object_class}_{len(sizes)}"
             sizes[name] = (object_class, _drawn_size(object_class, rng))
-            lines.append((depart, _trip(name, *sizes[name], depart, route)))
+            kind = _type(name, *sizes[name])
+            if object_class == "Pedestrian":
+                lines.append((depart, kind + _walk(name, depart, route, net, feet)))
+            else:
+                lines.append((depart, kind + _drive(name, depart, route)))
     text = "".join(line for _, line in sorted(lines))
     return Trips(f"<routes>\n{text}</routes>\n", sizes)
 
@@ -94,19 +97,34 @@ def _drawn_size(object_class: str, rng: np.random.Generator) -> FloatArray:
     return np.round(np.array(row.mean_m) + np.array(row.std_m) * draw, 4)
 
 
-def _trip(name: str, object_class: str, size: FloatArray, depart: float, route: list[str]) -> str:
+def _type(name: str, object_class: str, size: FloatArray) -> str:
     sumo_class = CLASSES[object_class].sumo_class
     length, width, height = (float(v) for v in size)
     shape = f'length="{length}" width="{width}" height="{height}"'
-    kind = f'<vType id="{name}" vClass="{sumo_class}" {shape} {_MANNERS[object_class]}/>\n'
-    edges = " ".join(route)
-    if object_class == "Pedestrian":
-        walk = f'<walk edges={quoteattr(edges)} arrivalPos="max"/>'
-        start = f'<person id="{name}" type="{name}" depart="{depart:.1f}" departPos="0">'
-        return f"{kind}{start}{walk}</person>\n"
+    return f'<vType id="{name}" vClass="{sumo_class}" {shape} {_MANNERS[object_class]}/>\n'
+
+
+def _drive(name: str, depart: float, route: list[str]) -> str:
     start = f'<vehicle id="{name}" type="{name}" depart="{depart:.1f}"'
     how = 'departLane="best" departSpeed="max" departPos="base"'
-    return f"{kind}{start} {how}><route edges={quoteattr(edges)}/></vehicle>\n"
+    return f"{start} {how}><route edges={quoteattr(' '.join(route))}/></vehicle>\n"
+
+
+def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatArray) -> str:
+    """From where the first edge comes near the region to where the last one has left it."""
+    ahead, back = _far_m(net.edges[route[0]], feet), _far_m(net.edges[route[-1]], feet, back=True)
+    start = f'<person id="{name}" type="{name}" depart="{depart:.1f}" departPos="{ahead:.1f}">'
+    ways = f'from={quoteattr(route[0])} to={quoteattr(route[-1])} arrivalPos="-{back:.1f}"'
+    return f"{start}<walk {ways}/></person>\n"
+
+
+def _far_m(edge: Edge, feet: FloatArray, *, back: bool = False) -> float:
+    """How far along an edge (or back from its end) no point is near the region."""
+    marks = edge.marks[::-1] if back else edge.marks
+    near = np.linalg.norm(marks[:, None] - feet, axis=2).min(1) < REGION_M + MARGIN_M
+    last = int(near.argmax()) - 1 if near.any() else len(marks) // 2
+    way = np.linalg.norm(np.diff(marks[: last + 1], axis=0), axis=1).sum()
+    return max(float(way), 0.1)
 
 
 _STEADY = 'sigma="0.2" decel="3.5" emergencyDecel="6" maxSpeedLat="0.8" minGapLat="0.5"'
@@ -123,7 +141,6 @@ _MANNERS = {
 
 def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
     """Routes from outside the region, through it, to outside; ends of the map where it has them."""
-    walking = sumo_class == "pedestrian"
     starts, ends = _ends(net, feet, sumo_class)
     if len(starts) > _MOST_SOURCES:
         starts = [starts[i] for i in sorted(rng.choice(len(starts), _MOST_SOURCES, replace=False))]
@@ -134,8 +151,6 @@ def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Genera
         for end in ends:
             way = reached.get(end.name)
             if way is None or inside.isdisjoint(way) or len(way) < 2 - (start.name in inside):
-                continue
-            if walking and sum(net.edges[e].length_m for e in way) > _MOST_WALK_M:
                 continue
             if end.start == start.end and end.end == start.start:
                 continue  # there and back
