@@ -1,4 +1,4 @@
-"""`pyinfra site`: maps and traffic of others as site folders."""
+"""`pyinfra site traffic|trajectories`: traffic of others as that of a site."""
 
 import argparse
 
@@ -9,29 +9,27 @@ from pyinfra.commands.site_traffic import (
     run_trajectories,
 )
 
-SUBCOMMANDS = {
-    "traffic": (
-        add_traffic_arguments,
-        run_traffic,
-        "traffic of a site by SUMO",
-    ),
-    "trajectories": (
-        add_trajectories_arguments,
-        run_trajectories,
-        "others' trajectories as traffic of a site",
-    ),
-}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Makes site folders from maps and traffic of others."
+    parser.description = "Sites out of maps and traffic of others; needs the extra `site`."
     parser.epilog = "example: pyinfra site traffic sites/corner --vehicles-per-hour 1200"
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, (add, run_it, summary) in SUBCOMMANDS.items():
-        sub = commands.add_parser(name, help=summary)
-        add(sub)
-        sub.set_defaults(run_it=run_it)
+    steps = parser.add_subparsers(title="steps", metavar="STEP", required=True, dest="step")
+    for name, summary, add, step in STEPS:
+        one = steps.add_parser(name, help=summary, description=summary)
+        add(one)
+        one.set_defaults(site_step=step)
 
 
 def run(args: argparse.Namespace) -> int:
-    return int(args.run_it(args))
+    return int(args.site_step(args))
+
+
+STEPS = (
+    ("traffic", "traffic of a site by SUMO", add_traffic_arguments, run_traffic),
+    (
+        "trajectories",
+        "others' trajectories as traffic of a site",
+        add_trajectories_arguments,
+        run_trajectories,
+    ),
+)

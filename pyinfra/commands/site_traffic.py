@@ -32,8 +32,8 @@ def run_traffic(args: argparse.Namespace) -> int:
     from pyinfra.site.trajectory_file import NAME, write_trajectories
 
     demand = Demand(args.vehicles_per_hour, args.pedestrians_per_hour, args.bicycles_per_hour)
-    feet, origin = site_folder.feet(args.site), site_folder.origin(args.site)
-    traffic = simulate(args.site / NET, feet, demand, args.seconds, args.seed, origin)
+    feet = site_folder.feet(args.site)
+    traffic = simulate(args.site / NET, feet, demand, args.seconds, args.seed)
     write_trajectories(args.site / NAME, traffic.tracks)
     _print_figures(args.site / NAME, traffic.tracks, feet)
     notes = [f"{name}: left out: no average makes it smooth" for name in traffic.rough]
@@ -58,6 +58,7 @@ def add_trajectories_arguments(parser: argparse.ArgumentParser) -> None:
     add("--columns", type=_pairs, default={}, metavar="x=NAME,...", help="a CSV's own names")
     add("--class-of", type=_pairs, default={}, metavar="NAME=Car,...", help="its own classes")
     add("--rate-hz", type=float, help="frames a second: time is the column `frame`")
+    add("--world", action="store_true", help="positions are the site's, not those of its map")
     add("--degrees", action="store_true", help="a CSV's headings are in degrees")
 
 
@@ -73,15 +74,15 @@ def run_trajectories(args: argparse.Namespace) -> int:
         raise ValueError(f"--rate-hz: found {args.rate_hz:g}, allowed 0.1 to 10000")
     if not args.out.is_dir():
         raise FileNotFoundError(f"{args.out}: found no folder, allowed that of a site")
+    offset = np.zeros(3) if args.world else site_folder.offset(args.out)
     try:
         if args.file.suffix in (".xml", ".gz"):
-            origin = site_folder.origin(args.out)
-            imported = import_fcd(fcd.read_fcd(args.file), args.class_of, origin)
+            imported = import_fcd(fcd.read_fcd(args.file), args.class_of, offset)
         elif args.file.is_dir():
-            imported = import_boxes(recorded_boxes.read_frames(args.file))
+            imported = import_boxes(recorded_boxes.read_frames(args.file), np.zeros(3))
         else:
             how = recorded_boxes.BoxColumns(args.columns, args.class_of, args.rate_hz, args.degrees)
-            imported = import_boxes(recorded_boxes.read_boxes(args.file, how))
+            imported = import_boxes(recorded_boxes.read_boxes(args.file, how), offset)
     except FormatError as error:
         text = str(error)
         named = text if text.startswith(str(args.file)) else f"{args.file}: {text}"

@@ -13,6 +13,7 @@ import numpy as np
 from pyinfra.arrays import FloatArray
 from pyinfra.kitti import FormatError
 
+TURN_LIMIT_M_S2 = 2.5  # sideways, on ways over a junction
 _MARK_M = 5.0
 
 
@@ -116,10 +117,9 @@ def _net(root: ElementTree.Element) -> RoadNet:
     location = root.find("location")
     offset = "0,0" if location is None else location.attrib["netOffset"]
     x, y = (float(v) for v in offset.split(","))
+    slow_turns = 0 < float(root.get("limitTurnSpeed", "0")) <= TURN_LIMIT_M_S2
     functions = {node.get("function") for node in root.findall("edge")}
-    return RoadNet(
-        edges, links, (x, y), "walkingarea" in functions, "limitTurnSpeed" in root.attrib
-    )
+    return RoadNet(edges, links, (x, y), "walkingarea" in functions, slow_turns)
 
 
 def _edge(node: ElementTree.Element) -> Edge | None:

@@ -1,4 +1,4 @@
-"""What traffic needs of a site's folder: where its mounts stand, and the map's origin."""
+"""What traffic needs of a site's folder: where its mounts stand, and the map's offset."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ def feet(site: Path) -> FloatArray:
     return found
 
 
-def origin(site: Path) -> FloatArray:
-    """x y z (3,) that is taken from the network's coordinates to get the world's.
+def offset(site: Path) -> FloatArray:
+    """x y z (3,) that is taken from the coordinates of the map that was imported.
 
-    It is `net_origin_m` of map.yaml; without the file or the key nothing is taken.
+    It is `offset_m` of map.yaml; without the file or the key nothing is taken. The site's own
+    network is in the world's coordinates already.
     """
     file = site / MAP
-    value = read_keys(file).get("net_origin_m") if file.exists() else None
+    value = read_keys(file).get("offset_m") if file.exists() else None
     if value is None:
         return np.zeros(3)
     try:
@@ -41,5 +42,5 @@ def origin(site: Path) -> FloatArray:
     except (TypeError, ValueError):
         found = np.zeros(0)
     if found.shape != (3,) or not np.isfinite(found).all():
-        raise FormatError(f"{file}: net_origin_m: found {value!r}, allowed [x, y, z] in metres")
+        raise FormatError(f"{file}: offset_m: found {value!r}, allowed [x, y, z] in metres")
     return found

@@ -10,11 +10,9 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from pyinfra.arrays import FloatArray
 from pyinfra.site.fcd import Recorded, read_fcd
-from pyinfra.site.road_net import RoadNet, read_road_net
+from pyinfra.site.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
 from pyinfra.site.smoothing import smooth
 from pyinfra.site.tracks import STEP_S, FrontPath, Track
 from pyinfra.site.traffic_demand import Demand, Trips, trips
@@ -23,8 +21,12 @@ from pyinfra.site.traffic_figures import without_overlaps
 NET = "map.net.xml"
 _WARM_UP_S, _WALKING_S = 200, 400
 _AROUND_S = 4.0  # before and after, so that averages have neighbours
-_TURN_LIMIT = ("--junctions.limit-turn-speed", "2.5", "--junctions.internal-link-detail", "20")
-_WALKS = ("--sidewalks.guess", "true", "--crossings.guess", "true")
+_DETAIL = ("--junctions.internal-link-detail", "20")
+_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *_DETAIL)
+_WALKS = (
+    *("--sidewalks.guess", "true", "--crossings.guess", "true"),
+    *("--sidewalks.guess.max-speed", "14"),  # beside roads of up to 50 km/h
+)
 
 
 @dataclass(frozen=True)
@@ -37,64 +39,59 @@ class Traffic:
     overlapping: list[str]  # they stood in others
 
 
-def simulate(
-    net_file: Path,
-    feet: FloatArray,
-    demand: Demand,
-    seconds: float,
-    seed: int,
-    origin_m: FloatArray | None = None,
-) -> Traffic:
-    """Traffic on a SUMO network. feet: (k, 2) of the mounts, world.
+@dataclass(frozen=True)
+class SumoRun:
+    """What SUMO did. paths: their instants count from its own start, which lies before `start`."""
 
-    origin_m: (3,) what taken from the net's coordinates gives the world's.
+    paths: list[FrontPath]
+    asked: int  # objects that were to depart
+    start: int  # instants
+    count: int
+
+
+def simulate(
+    net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int
+) -> Traffic:
+    """Traffic on a SUMO network in the world's coordinates; feet: (k, 2) of the mounts.
+
     Raises ValueError, FormatError, OSError, RuntimeError (of SUMO).
     """
+    return cleaned(record(net_file, feet, demand, seconds, seed))
+
+
+def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> SumoRun:
+    """As simulate, before anything is smoothed or left out."""
     demand.check()
     if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
         raise ValueError("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
-    origin = np.zeros(3) if origin_m is None else origin_m
     warm_up = _WALKING_S if demand.pedestrians_per_hour else _WARM_UP_S
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         net_used = _prepared(net_file, read_road_net(net_file), demand, work)
-        asked = trips(
-            read_road_net(net_used), feet + origin[:2], demand, warm_up + seconds + _AROUND_S, seed
-        )
+        asked = trips(read_road_net(net_used), feet, demand, warm_up + seconds + _AROUND_S, seed)
         recorded = _run_sumo(net_used, asked, warm_up, seconds, seed, work)
-    paths = [_front_path(r, asked, origin) for r in recorded]
-    return _cleaned(paths, len(asked.sizes), round(warm_up / STEP_S), round(seconds / STEP_S))
+    paths = [_front_path(r, asked) for r in recorded]
+    return SumoRun(paths, len(asked.sizes), round(warm_up / STEP_S), round(seconds / STEP_S))
 
 
-def front_paths(
-    net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int
-) -> list[FrontPath]:
-    """As SUMO has them, for comparison: instants since its own start; the net's coordinates."""
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        net_used = _prepared(net_file, read_road_net(net_file), demand, work)
-        asked = trips(read_road_net(net_used), feet, demand, _WARM_UP_S + seconds, seed)
-        recorded = _run_sumo(net_used, asked, _WARM_UP_S, seconds, seed, work)
-    return [_front_path(r, asked, np.zeros(3)) for r in recorded]
-
-
-def _cleaned(paths: list[FrontPath], asked: int, start: int, count: int) -> Traffic:
+def cleaned(sumo_run: SumoRun) -> Traffic:
     """Smoothed, cut to the time, without overlaps."""
     tracks, rough = [], []
-    for path in paths:
+    start, end = sumo_run.start, sumo_run.start + sumo_run.count
+    for path in sumo_run.paths:
         track = smooth(path)
         if track is None:
             rough.append(path.name)
-        elif (part := track.between(start, start + count)) is not None:
+        elif (part := track.between(start, end)) is not None:
             tracks.append(part)
     kept, overlapping = without_overlaps(tracks)
-    return Traffic(kept, asked, rough, overlapping)
+    return Traffic(kept, sumo_run.asked, rough, overlapping)
 
 
-def _front_path(recorded: Recorded, asked: Trips, origin: FloatArray) -> FrontPath:
+def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
     object_class, size = asked.sizes[recorded.type_name]
     first = round(float(recorded.rows[0, 0]) / STEP_S)
-    points = recorded.rows[:, 1:4] - origin
+    points = recorded.rows[:, 1:4]
     return FrontPath(recorded.name, object_class, size, first, points, recorded.rows[:, 4])
 
 

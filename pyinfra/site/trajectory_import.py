@@ -31,20 +31,22 @@ _SUMO_TYPES = {
 
 
 @dataclass
-class Imported:
+class ImportedTracks:
     """Tracks, and what became of what was not taken as it was: a line each."""
 
     tracks: list[Track] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
-def import_fcd(objects: list[Recorded], classes: dict[str, str], origin_m: FloatArray) -> Imported:
+def import_fcd(
+    objects: list[Recorded], classes: dict[str, str], offset_m: FloatArray
+) -> ImportedTracks:
     """SUMO's front bumpers; sizes are the means of their classes.
 
-    classes: SUMO's types to ours, past those that say it themselves; origin_m: (3,), taken from
-    the net's coordinates. Raises FormatError for a type without a class.
+    classes: SUMO's types to ours, past those that say it themselves; offset_m: (3,), taken from
+    the file's coordinates. Raises FormatError for a type without a class.
     """
-    out = Imported()
+    out = ImportedTracks()
     start = min(float(o.rows[0, 0]) for o in objects)
     _check_length(start, max(float(o.rows[-1, 0]) for o in objects))
     for o in objects:
@@ -55,16 +57,16 @@ def import_fcd(objects: list[Recorded], classes: dict[str, str], origin_m: Float
                 f"{', '.join(_SUMO_TYPES)}, or --class-of {o.type_name[:40]}=Car"
             )
         size = np.array(CLASSES[found].mean_m)
-        places = np.column_stack([o.rows[:, 1:4] - origin_m, o.rows[:, 4]])
+        places = np.column_stack([o.rows[:, 1:4] - offset_m, o.rows[:, 4]])
         for first, piece in _pieces(o.name, o.rows[:, 0] - start, places, out):
             path = FrontPath(o.name, found, size, first, piece[:, :3], piece[:, 3])
             _take(path, smooth(path), out)
     return _from_zero(out)
 
 
-def import_boxes(objects: list[BoxTrack]) -> Imported:
-    """Boxes by their centres; what moves well already stays as it is."""
-    out = Imported()
+def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTracks:
+    """Boxes by their centres; what moves well already stays as it is. offset_m: as above."""
+    out = ImportedTracks()
     start = min(float(o.times[0]) for o in objects)
     _check_length(start, max(float(o.times[-1]) for o in objects))
     for o in objects:
@@ -76,6 +78,7 @@ def import_boxes(objects: list[BoxTrack]) -> Imported:
         ahead = np.stack([np.cos(places[:, 3]), np.sin(places[:, 3])], axis=1)
         places[:, :2] += ahead * size[0] / 2
         places[:, 2] -= size[2] / 2
+        places[:, :3] -= offset_m
         for first, piece in _pieces(o.name, o.times - start, places, out):
             path = FrontPath(o.name, o.object_class, size, first, piece[:, :3], piece[:, 3])
             as_is = unsmoothed(path)
@@ -83,7 +86,7 @@ def import_boxes(objects: list[BoxTrack]) -> Imported:
     return _from_zero(out)
 
 
-def _take(path: FrontPath, track: Track | None, out: Imported) -> None:
+def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
     if track is None:
         at = path.first * STEP_S
         out.notes.append(
@@ -93,7 +96,7 @@ def _take(path: FrontPath, track: Track | None, out: Imported) -> None:
         out.tracks.append(track)
 
 
-def _from_zero(out: Imported) -> Imported:
+def _from_zero(out: ImportedTracks) -> ImportedTracks:
     """The clock starts with the first track that was kept."""
     start = min((t.first for t in out.tracks), default=0)
     if not out.tracks:
@@ -105,7 +108,7 @@ def _from_zero(out: Imported) -> Imported:
 
 
 def _pieces(
-    name: str, times: FloatArray, places: FloatArray, out: Imported
+    name: str, times: FloatArray, places: FloatArray, out: ImportedTracks
 ) -> Iterator[tuple[int, FloatArray]]:
     """First instant and places (n, 4) x y z heading at 10 Hz, of each part without a long gap."""
     gap_s = np.diff(times)
