@@ -44,7 +44,7 @@ def _text(tracks: list[Track]) -> str:
         columns[name] = np.round(rows.boxes[:, 3 + i], 4)
     columns["speed"] = np.round(rows.states[:, SPEED], 4)
     if (np.abs(rows.states[:, PITCH]) > _LEVEL_RAD).any():
-        columns["pitch"] = np.round(rows.states[:, PITCH], 6)
+        columns["pitch"] = np.round(rows.states[:, PITCH], 6) + 0.0
     return str(pd.DataFrame(columns).to_csv(index=False, lineterminator="\n"))
 
 

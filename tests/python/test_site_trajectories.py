@@ -9,6 +9,7 @@ import pytest
 import traffic_data as data
 
 from pyinfra import cli
+from pyinfra.kitti import Labels, frame_file, write_labels
 from pyinfra.site.box_links import link
 
 GOOD = data.csv(data.drive())
@@ -181,3 +182,27 @@ def test_a_million_vehicles_are_refused(
     for name in ("many.csv", "many.xml"):
         assert cli.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
         assert "50" in capsys.readouterr().err
+
+
+def test_labels_of_frames_are_linked_in_the_world(site: Path, tmp_path: Path) -> None:
+    lidar = tmp_path / "lidar"
+    for part in ("velodyne", "label_2", "calib"):
+        (lidar / "training" / part).mkdir(parents=True)
+    (lidar / "lidar.yaml").write_text(
+        "name: lidar\nmodel: m\npreset: datasheet\nperiod_s: 0.1\n"
+        "price_total_usd: {low: 1, high: 1}\n"
+        "label_time: frame\nT_world_levelled: {x_m: 5, y_m: 7, z_m: 6, yaw_deg: 90}\n"
+        "T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}\n"
+        "field_of_view: [{yaw_deg: 0, pitch_deg: 0, azimuth_deg: [-180, 180], "
+        "elevation_deg: [-20, 20], range_m: [0, 100]}]\n"
+    )
+    for k in range(30):
+        boxes = np.array([[k * 1.0, -3, -5.25, 4.5, 1.9, 1.5, 0]])
+        labels = Labels(np.array(["Car"]), boxes, None, None)
+        write_labels(frame_file(lidar, "label_2", k), labels)
+        frame_file(lidar, "velodyne", k).write_bytes(b"")
+    table = imported(site, lidar)
+    assert table["id"].nunique() == 1
+    np.testing.assert_allclose(table["x"], 8, atol=0.01)
+    np.testing.assert_allclose(table["y"], 7 + 10 * table["t"], atol=0.02)
+    np.testing.assert_allclose(table["heading"], np.pi / 2, atol=1e-3)
