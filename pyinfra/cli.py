@@ -43,7 +43,7 @@ COMMANDS = (
         "pictures", "pyinfra.commands.pictures", "a frame from above, the scene, vehicles close up"
     ),
     Command("lidars", "pyinfra.commands.lidars", "the LiDARs there are: lines, view, range, price"),
-    Command("site", "pyinfra.commands.site", "a site out of a map: lanes, surfaces, pole, plan"),
+    Command("site", "pyinfra.commands.site", "a site out of a map and traffic: lanes, plan"),
     Command("sites", "pyinfra.commands.sites", "plausible sites by seed, and their plans"),
     Command("view", "pyinfra.commands.view", "frames in 3-D, as an HTML file without a network"),
     Command("statistics", "pyinfra.commands.statistics", "hits, points per vehicle, patterns"),

@@ -6,6 +6,8 @@ import importlib
 STEPS = {
     "import": ("pyinfra.commands.site_import", "a map as a site"),
     "draw": ("pyinfra.commands.site_draw", "the plan of a site"),
+    "traffic": ("pyinfra.commands.site_traffic", "traffic of a site by SUMO"),
+    "trajectories": ("pyinfra.commands.site_trajectories", "others' trajectories as its traffic"),
 }
 
 

@@ -109,18 +109,8 @@ def imports(path: Path) -> Iterator[str]:
 # The rooms of pyinfra, lowest first: each imports only itself and what stands before it.
 ROOMS = (
     *("arrays", "atomic", "boxes", "config"),
-    *("kitti", "simulator", "sim", "data", "drawing", "statistics", "evaluation"),
-    *(
-        "detectors",
-        "training",
-        "sites",
-        "site",
-        "benchmark",
-        "stress",
-        "exchange",
-        "viewer",
-        "report",
-    ),
+    *("kitti", "simulator", "sim", "data", "drawing", "site", "statistics", "evaluation"),
+    *("detectors", "training", "sites", "benchmark", "stress", "exchange", "viewer", "report"),
     *("cli", "commands"),
 )
 EVERYWHERE = {"_core"}

@@ -1,0 +1,46 @@
+"""What traffic needs of a site's folder: where its mounts stand, and the map's offset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.arrays import FloatArray
+from pyinfra.kitti import FormatError
+from pyinfra.kitti.yaml_file import read_keys
+
+SCENE, MAP = "site.yaml", "map.yaml"
+
+
+def feet(site: Path) -> FloatArray:
+    """x y of each mount of site.yaml, world: (k, 2). Raises FormatError, OSError."""
+    file = site / SCENE
+    mounts = read_keys(file).get("mounts") or {}
+    try:
+        places = [(float(m["x_m"]), float(m["y_m"])) for m in dict(mounts).values()]
+    except (AttributeError, KeyError, TypeError, ValueError):
+        places = []
+    found = np.array(places).reshape(-1, 2)
+    if not len(found) or not np.isfinite(found).all():
+        raise FormatError(f"{file}: mounts: found none with x_m and y_m, allowed one or more")
+    return found
+
+
+def offset(site: Path) -> FloatArray:
+    """x y z (3,) that is taken from the coordinates of the map that was imported.
+
+    It is `offset_m` of map.yaml; without the file or the key nothing is taken. The site's own
+    network is in the world's coordinates already.
+    """
+    file = site / MAP
+    value = read_keys(file).get("offset_m") if file.exists() else None
+    if value is None:
+        return np.zeros(3)
+    try:
+        found = np.array([float(v) for v in value])
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise FormatError(f"{file}: offset_m: found {value!r}, allowed [x, y, z] in metres")
+    return found

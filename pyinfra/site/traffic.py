@@ -1,0 +1,142 @@
+"""Traffic of a site by SUMO: its network, signals and right of way; tracks that move smoothly."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyinfra.arrays import FloatArray
+from pyinfra.site.fcd import Recorded, read_fcd
+from pyinfra.site.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
+from pyinfra.site.smoothing import smooth
+from pyinfra.site.tracks import STEP_S, FrontPath, Track
+from pyinfra.site.traffic_demand import Demand, Trips, trips
+from pyinfra.site.traffic_figures import without_overlaps
+
+NET = "map.net.xml"
+_WARM_UP_S, _WALKING_S = 200, 400
+_AROUND_S = 4.0  # before and after, so that averages have neighbours
+_DETAIL = ("--junctions.internal-link-detail", "20")
+_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *_DETAIL)
+_WALKS = (
+    *("--sidewalks.guess", "true", "--crossings.guess", "true"),
+    *("--sidewalks.guess.max-speed", "14"),  # beside roads of up to 50 km/h
+)
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Tracks from 0 to the end, and what was left out and why."""
+
+    tracks: list[Track]
+    asked: int  # objects that were to depart
+    rough: list[str]  # no average made them smooth
+    overlapping: list[str]  # they stood in others
+
+
+@dataclass(frozen=True)
+class SumoRun:
+    """What SUMO did. paths: their instants count from its own start, which lies before `start`."""
+
+    paths: list[FrontPath]
+    asked: int  # objects that were to depart
+    start: int  # instants
+    count: int
+
+
+def simulate(
+    net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int
+) -> Traffic:
+    """Traffic on a SUMO network in the world's coordinates; feet: (k, 2) of the mounts.
+
+    Raises ValueError, FormatError, OSError, RuntimeError (of SUMO).
+    """
+    return cleaned(record(net_file, feet, demand, seconds, seed))
+
+
+def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> SumoRun:
+    """As simulate, before anything is smoothed or left out."""
+    demand.check()
+    if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
+        raise ValueError("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
+    warm_up = _WALKING_S if demand.pedestrians_per_hour else _WARM_UP_S
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        net_used = _prepared(net_file, read_road_net(net_file), demand, work)
+        asked = trips(read_road_net(net_used), feet, demand, warm_up + seconds + _AROUND_S, seed)
+        recorded = _run_sumo(net_used, asked, warm_up, seconds, seed, work)
+    paths = [_front_path(r, asked) for r in recorded]
+    return SumoRun(paths, len(asked.sizes), round(warm_up / STEP_S), round(seconds / STEP_S))
+
+
+def cleaned(sumo_run: SumoRun) -> Traffic:
+    """Smoothed, cut to the time, without overlaps."""
+    tracks, rough = [], []
+    start, end = sumo_run.start, sumo_run.start + sumo_run.count
+    for path in sumo_run.paths:
+        track = smooth(path)
+        if track is None:
+            rough.append(path.name)
+        elif (part := track.between(start, end)) is not None:
+            tracks.append(part)
+    kept, overlapping = without_overlaps(tracks)
+    return Traffic(kept, sumo_run.asked, rough, overlapping)
+
+
+def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
+    object_class, size = asked.sizes[recorded.type_name]
+    first = round(float(recorded.rows[0, 0]) / STEP_S)
+    points = recorded.rows[:, 1:4]
+    return FrontPath(recorded.name, object_class, size, first, points, recorded.rows[:, 4])
+
+
+def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
+    """The net with slow turns, and with sidewalks where someone walks; rebuilt if it has none."""
+    walks = demand.pedestrians_per_hour > 0 and not net.walkable
+    if net.turn_speed_limited and not walks:
+        return net_file
+    out = work / NET
+    words = ["netconvert", "--sumo-net-file", str(net_file), "--output-file", str(out)]
+    words += ["--offset.disable-normalization", "true", *_TURN_LIMIT]
+    run_tool([*words, *(_WALKS if walks else ())])
+    return out
+
+
+def _run_sumo(
+    net: Path, asked: Trips, warm_up: float, seconds: float, seed: int, work: Path
+) -> list[Recorded]:
+    routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
+    routes.write_text(asked.xml)
+    begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
+    words = ["sumo", "--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
+    words += ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--end", str(end)]
+    words += ["--fcd-output", str(fcd), "--device.fcd.begin", str(begin), "--precision", "4"]
+    words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
+    words += ["--collision.action", "none", "--pedestrian.model", "striping"]
+    run_tool([*words, "--no-step-log", "true", "--no-warnings", "true"])
+    return read_fcd(fcd)
+
+
+def run_tool(words: list[str]) -> None:
+    """Runs a program of SUMO's; raises RuntimeError with its first line of error."""
+    home = tool_home()
+    environment = {**os.environ, "SUMO_HOME": str(home)}
+    words = [str(home / "bin" / words[0]), *words[1:], "--xml-validation", "never"]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if line.startswith("Error")]
+        name = Path(words[0]).name
+        raise RuntimeError(f"{name}: {(lines or [f'ended with {done.returncode}'])[0]}")
+
+
+def tool_home() -> Path:
+    """Where SUMO is installed; raises ImportError with how to install it."""
+    found = importlib.util.find_spec("sumo")
+    if found is None or found.origin is None:
+        raise ImportError("SUMO is not installed: pip install 'infrasim[site]'")
+    return Path(found.origin).parent

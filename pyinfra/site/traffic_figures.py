@@ -1,0 +1,106 @@
+"""How well tracks move: turns, accelerations, overlaps, and who comes out of nowhere."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pyinfra.arrays import FloatArray, IntArray
+from pyinfra.boxes import pair_bev_overlap
+from pyinfra.site.smoothing import accelerations, turns_deg
+from pyinfra.site.tracks import Track, TrackTable, table
+
+REGION_M = 100.0  # from a mount's foot
+_NEIGHBOURS_M = 30.0
+_EVERY = 2  # instants at which overlaps are counted
+_TOUCH_M = 0.001
+MAX_OVERLAP_SHARE = 0.001
+
+
+@dataclass(frozen=True)
+class TrafficFigures:
+    """Of a whole set of tracks; a share of nothing is 0."""
+
+    classes: dict[str, int]  # tracks
+    turn_deg: float  # the largest change of heading in 0.1 s
+    acceleration_m_s2: float  # the largest of a box centre over 0.3 s
+    overlap_share: float  # of pairs of boxes within 30 m of each other, at one instant
+    appearing: int  # tracks that begin or end in the region, but at the ends of time
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Names and values for a table."""
+        counts = ", ".join(f"{n} {name}" for name, n in sorted(self.classes.items()))
+        return [
+            ("tracks", counts or "none"),
+            ("largest turn in 0.1 s, degrees", f"{self.turn_deg:.2f}"),
+            ("largest acceleration over 0.3 s, m/s2", f"{self.acceleration_m_s2:.2f}"),
+            ("pairs that overlap, percent", f"{100 * self.overlap_share:.4f}"),
+            ("tracks that appear or vanish in the region", str(self.appearing)),
+        ]
+
+
+def traffic_figures(tracks: list[Track], feet: FloatArray) -> TrafficFigures:
+    """feet: (k, 2) x y of the mounts."""
+    rows = table(tracks)
+    pairs, overlapping = _pairs(rows)
+    turns = [float(t.max()) for t in map(turns_deg, tracks) if len(t)]
+    forces = [float(a.max()) for a in map(accelerations, tracks) if len(a)]
+    return TrafficFigures(
+        dict(Counter(t.object_class for t in tracks)),
+        max(turns, default=0.0),
+        max(forces, default=0.0),
+        len(overlapping) / max(1, pairs),
+        appearing(tracks, feet),
+    )
+
+
+def appearing(tracks: list[Track], feet: FloatArray) -> int:
+    """How many tracks begin or end in the region, other than with the first or last instant."""
+    end = max((t.first + len(t.states) for t in tracks), default=0)
+    count = 0
+    for t in tracks:
+        comes = t.first > 0 and _in_region(t.states[0, :2], feet)
+        goes = t.first + len(t.states) < end and _in_region(t.states[-1, :2], feet)
+        count += comes or goes
+    return count
+
+
+def without_overlaps(tracks: list[Track]) -> tuple[list[Track], list[str]]:
+    """The tracks less those that overlap others most, until none does; and the names of these."""
+    _, overlapping = _pairs(table(tracks))
+    left = [(int(a), int(b)) for a, b in overlapping]
+    gone: set[int] = set()
+    while left:
+        worst = Counter(i for pair in left for i in pair).most_common(1)[0][0]
+        gone.add(worst)
+        left = [pair for pair in left if worst not in pair]
+    kept = [t for i, t in enumerate(tracks) if i not in gone]
+    return kept, [tracks[i].name for i in sorted(gone)]
+
+
+def _in_region(point: FloatArray, feet: FloatArray) -> bool:
+    return bool((np.linalg.norm(feet - point, axis=1) < REGION_M).any())
+
+
+def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
+    """Pairs of neighbours over the instants, and the tracks (n, 2) of those that overlap."""
+    count, found = 0, [np.zeros((0, 2), np.int64)]
+    if not len(rows.instant):
+        return count, found[0]
+    starts = np.searchsorted(rows.instant, np.arange(rows.instant[-1] + 2))
+    for k in range(0, len(starts) - 1, _EVERY):
+        boxes = rows.boxes[starts[k] : starts[k + 1]]
+        if len(boxes) < 2:
+            continue
+        pairs = cKDTree(boxes[:, :2]).query_pairs(_NEIGHBOURS_M, output_type="ndarray")
+        a, b = boxes[pairs[:, 0]].copy(), boxes[pairs[:, 1]].copy()
+        level = np.abs(a[:, 2] - b[:, 2]) < (a[:, 5] + b[:, 5]) / 2  # not one on a bridge
+        count += int(level.sum())
+        a[:, 3:5] -= _TOUCH_M
+        b[:, 3:5] -= _TOUCH_M
+        hit = level & (pair_bev_overlap(a, b) > 0)
+        found.append(rows.track[starts[k] : starts[k + 1]][pairs[hit]].reshape(-1, 2))
+    return count, np.concatenate(found)

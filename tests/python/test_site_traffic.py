@@ -1,0 +1,180 @@
+"""Traffic of a site: SUMO's vehicles as boxes that move as vehicles do."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`")
+
+import traffic_data as data
+
+from pyinfra import cli
+from pyinfra.simulator.launch import binary
+from pyinfra.site.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, smooth, spread_jumps
+from pyinfra.site.tracks import CLASSES, HEADING, PITCH, FrontPath
+from pyinfra.site.traffic import Traffic, simulate
+from pyinfra.site.traffic_demand import Demand
+from pyinfra.site.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures
+from pyinfra.site.trajectory_file import write_trajectories
+
+ROOT = Path(__file__).resolve().parents[2]
+SECONDS = 60
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("traffic")
+
+
+@pytest.fixture(scope="module")
+def busy(folder: Path) -> Traffic:
+    net = data.crossing(folder / "crossing")
+    return simulate(net, data.FOOT, Demand(1500, 200, 200), SECONDS, seed=3)
+
+
+def test_sizes_are_those_of_the_simulator() -> None:
+    text = (ROOT / "cpp/infrasim/core/classes.h").read_text()
+    rows = re.findall(r'"(\w+)", \{([\d.]+), ([\d.]+)\}, \{([\d.]+), ([\d.]+)\}, '
+                      r"\{([\d.]+), ([\d.]+)\}", text)  # fmt: skip
+    theirs = {name: tuple(map(float, values)) for name, *values in rows}
+    ours = {n: (*zip(c.mean_m, c.std_m, strict=True),) for n, c in CLASSES.items()}
+    assert {n: tuple(v for pair in pairs for v in pair) for n, pairs in ours.items()} == theirs
+
+
+def test_vehicles_turn_and_brake_as_vehicles_do(busy: Traffic) -> None:
+    figures = traffic_figures(busy.tracks, data.FOOT)
+    assert figures.turn_deg <= MAX_TURN_DEG
+    assert figures.acceleration_m_s2 <= MAX_ACCELERATION_M_S2
+    assert figures.overlap_share <= MAX_OVERLAP_SHARE
+    assert figures.appearing == 0
+    assert len(busy.rough) <= 0.01 * busy.asked
+    assert {"Car", "Pedestrian", "Cyclist"} <= set(figures.classes)
+
+
+def test_who_walks_is_slow_and_who_drives_stands_on_the_road(busy: Traffic) -> None:
+    for track in busy.tracks:
+        np.testing.assert_allclose(track.states[:, 2], track.size_m[2] / 2, atol=0.01)
+        if track.object_class == "Pedestrian":
+            assert track.states[:, 5].max() < 2.5
+
+
+def test_a_roundabout_turns_vehicles_without_jumps(folder: Path) -> None:
+    net = data.roundabout(folder / "roundabout")
+    found = simulate(net, data.FOOT, Demand(800), SECONDS, seed=5)
+    figures = traffic_figures(found.tracks, data.FOOT)
+    assert figures.turn_deg <= MAX_TURN_DEG
+    assert figures.acceleration_m_s2 <= MAX_ACCELERATION_M_S2
+    assert figures.appearing == 0
+    turned = [np.ptp(np.unwrap(t.states[:, HEADING])) for t in found.tracks]
+    assert max(turned) > np.pi / 4
+
+
+def test_the_same_seed_gives_the_same_file(folder: Path) -> None:
+    net = data.crossing(folder / "again")
+    files = []
+    for name, seed in (("a", 7), ("b", 7), ("c", 8)):
+        found = simulate(net, data.FOOT, Demand(600), 10, seed)
+        write_trajectories(folder / name, found.tracks)
+        files.append((folder / name).read_bytes())
+    assert files[0] == files[1] != files[2]
+
+
+def test_vehicles_lean_with_a_hill(folder: Path) -> None:
+    net = data.crossing(folder / "hill", rise_m=20)
+    found = simulate(net, data.FOOT, Demand(1000), 30, seed=3)
+    leaning = [t for t in found.tracks if np.abs(t.states[:, PITCH]).max() > 0.04]
+    assert leaning
+    for track in leaning:
+        step = np.diff(track.states[:, :3], axis=0)
+        ahead = np.hypot(step[:, 0], step[:, 1])
+        climbs = (ahead > 0.5) & (track.states[1:, 0] > 60) & (track.states[1:, 0] < 350)
+        slope = np.arctan2(step[climbs, 2], ahead[climbs])
+        np.testing.assert_allclose(-track.states[1:, PITCH][climbs], slope, atol=0.02)
+    write_trajectories(folder / "hill.csv", found.tracks)
+    assert pd.read_csv(folder / "hill.csv").columns[-1] == "pitch"
+
+
+def test_the_simulator_reads_the_file(folder: Path, busy: Traffic) -> None:
+    program = binary()
+    if program is None or not os.access(program, os.X_OK):
+        pytest.skip("the infrasim binary is not built")
+    import subprocess
+
+    write_trajectories(folder / "trajectories.csv", busy.tracks)
+    scene = folder / "scene.yaml"
+    scene.write_text(
+        "name: corner\nmounts:\n  pole: {x_m: 12, y_m: 12, z_m: 6, yaw_deg: 0}\n"
+        "roads:\n  - name: main\n    start: {x_m: -300, y_m: 0, heading_deg: 0}\n"
+        "    centreline: [{line_m: 600}]\n"
+        "    lanes: {each_way: 2, width_m: 3.5, shoulder_m: 0.5, sidewalk_m: 2.5}\n"
+        "trajectories: trajectories.csv\nduration_s: 60\n"
+    )
+    done = subprocess.run([program, "check", scene], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
+    net = data.crossing(folder / "small", arm_m=60)
+    with pytest.raises(ValueError, match=r"it reaches \d+ m"):
+        simulate(net, data.FOOT, Demand(600), 10, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--vehicles-per-hour", "1000000"], "allowed 0 to 20000"),
+        (["--vehicles-per-hour", "nan"], "allowed 0 to 20000"),
+        (["--vehicles-per-hour", "0"], "allowed more than 0"),
+        (["--seconds", "-5"], "allowed 1 to 3600 s"),
+        (["--seed", "-1"], "allowed 1 to 3600 s, 0 to 2"),
+    ],
+)
+def test_impossible_demand_gives_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    data.crossing(folder / "asked")
+    assert cli.main(["site", "traffic", str(folder / "asked"), *words]) == cli.WRONG
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (folder / "asked/trajectories.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "<net", "<routes/>", '<net><edge id="a"><lane/></edge></net>']
+)
+def test_a_broken_network_is_refused_by_name(
+    folder: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    site = folder / "broken"
+    site.mkdir(exist_ok=True)
+    (site / "site.yaml").write_text(data.SITE)
+    (site / "map.net.xml").write_text(text)
+    assert cli.main(["site", "traffic", str(site)]) == cli.FAILED
+    assert "map.net.xml: found" in capsys.readouterr().err
+
+
+def test_a_lane_change_in_one_step_takes_seconds() -> None:
+    rows = data.drive(10, 12)
+    rows[50:, 2] = 3.2
+    path = FrontPath("a", "Car", np.array([4.5, 1.9, 1.5]), 0, rows[:, 1:4] * [1, 1, 0], rows[:, 3])
+    spread = spread_jumps(path.points)
+    assert np.abs(np.diff(spread[:, 1])).max() < 0.25
+    np.testing.assert_allclose(spread[[0, -1], 1], [0, 3.2], atol=1e-9)
+    track = smooth(path)
+    assert track is not None
+    assert np.abs(track.states[:, HEADING]).max() < np.radians(20)
+
+
+def test_the_box_is_half_a_length_behind_the_bumper() -> None:
+    rows = data.drive()
+    size = np.array([4.0, 1.8, 1.5])
+    track = smooth(FrontPath("a", "Car", size, 0, rows[:, 1:4], rows[:, 3]))
+    assert track is not None
+    np.testing.assert_allclose(track.states[:, 0], rows[:, 1] - 2, atol=1e-6)
+    np.testing.assert_allclose(track.states[:, 2], 0.75, atol=1e-6)
+    np.testing.assert_allclose(track.states[:, 5], 10, atol=1e-6)

@@ -1,0 +1,208 @@
+"""Trajectories of others as traffic of a site, and what is wrong with them."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import traffic_data as data
+
+from pyinfra import cli
+from pyinfra.kitti import Labels, frame_file, write_labels
+from pyinfra.site.box_links import link
+
+GOOD = data.csv(data.drive())
+FCD = data.fcd(data.drive())
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    folder = tmp_path / "corner"
+    folder.mkdir()
+    (folder / "site.yaml").write_text(data.SITE)
+    return folder
+
+
+def imported(site: Path, file: Path, *words: str) -> pd.DataFrame:
+    assert cli.main(["site", "trajectories", str(file), "--out", str(site), *words]) == 0
+    return pd.read_csv(site / "trajectories.csv")
+
+
+def test_boxes_that_move_well_stay_as_they_are(site: Path) -> None:
+    file = site / "in.csv"
+    file.write_text(data.HEADER + GOOD)
+    table = imported(site, file)
+    rows = data.drive()
+    np.testing.assert_allclose(table["t"], rows[:, 0], atol=1e-9)
+    np.testing.assert_allclose(table["x"], rows[:, 1], atol=1e-4)
+    assert set(table["dx"]) == {4.5}
+
+
+def test_own_names_frames_and_degrees(site: Path) -> None:
+    rows = data.drive(rate_hz=25)
+    frame = pd.DataFrame({
+        "number": np.arange(len(rows)) + 700, "id": 5, "kind": "auto", "center_x": rows[:, 2],
+        "y": rows[:, 1], "z": 0.75, "yaw": 90.0, "dx": 4.5, "dy": 1.9, "dz": 1.5,
+    })  # fmt: skip
+    frame.to_csv(site / "in.csv", index=False)
+    columns = "x=center_x,heading=yaw,class=kind,frame=number"
+    words = ["--columns", columns, "--class-of", "auto=Car", "--rate-hz", "25", "--degrees"]
+    table = imported(site, site / "in.csv", *words)
+    assert table["t"].to_list() == pytest.approx(np.arange(81) / 10)
+    np.testing.assert_allclose(table["y"], table["t"] * 10, atol=1e-3)
+    np.testing.assert_allclose(table["heading"], np.pi / 2, atol=1e-5)
+
+
+def test_positions_are_those_of_the_map_unless_said_otherwise(site: Path) -> None:
+    (site / "map.yaml").write_text("offset_m: [100, -20, 5]\n")
+    for name, text in (("in.csv", data.HEADER + GOOD), ("in.xml", FCD)):
+        (site / name).write_text(text)
+        of_map, of_site = imported(site, site / name), imported(site, site / name, "--world")
+        for axis, metres in (("x", 100), ("y", -20), ("z", 5)):
+            np.testing.assert_allclose(of_site[axis] - of_map[axis], metres, atol=2e-4)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_sumo_front_bumpers_become_centres(site: Path, packed: bool) -> None:
+    file = site / ("fcd.xml.gz" if packed else "fcd.xml")
+    file.write_bytes(gzip.compress(FCD.encode()) if packed else FCD.encode())
+    table = imported(site, file)
+    np.testing.assert_allclose(table["x"], 10 * table["t"] - 4.53 / 2, atol=1e-3)
+    np.testing.assert_allclose(table["heading"], 0, atol=1e-5)
+
+
+def test_short_gaps_are_filled_and_long_ones_cut(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = data.drive(20)
+    kept = np.ones(len(rows), bool)
+    kept[50:55] = kept[100:120] = False
+    (site / "in.csv").write_text(data.HEADER + data.csv(rows[kept]))
+    table = imported(site, site / "in.csv")
+    assert "cut at 9.9 s: gap of 2.1 s" in capsys.readouterr().out
+    assert table.groupby("id")["t"].count().to_list() == [100, 81]
+
+
+def test_a_jump_of_the_place_cuts(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = data.drive(8)
+    rows[40:, 2] += 50
+    (site / "in.csv").write_text(data.HEADER + data.csv(rows))
+    assert imported(site, site / "in.csv")["id"].nunique() == 2
+    assert "jump of 50.0 m" in capsys.readouterr().out
+
+
+def test_boxes_without_ids_are_linked(site: Path) -> None:
+    there, back = data.drive(), data.drive()
+    back[:, 1:] = np.column_stack([80 - back[:, 1], 0 * back[:, 0] + 4, 0 * back[:, 0] + np.pi])
+    text = (data.HEADER + data.csv(there) + data.csv(back)).replace(",a,", ",")
+    (site / "in.csv").write_text(text.replace("t,id,class", "t,class"))
+    table = imported(site, site / "in.csv")
+    assert table["id"].nunique() == 2
+    assert all(part["y"].nunique() == 1 for _, part in table.groupby("id"))
+
+
+def test_links_bridge_a_lost_frame_and_never_join_two_classes() -> None:
+    times = np.array([0, 0.1, 0.3, 0.3])
+    boxes = np.zeros((4, 7))
+    boxes[:, 0] = [0, 1, 3, 3.1]
+    found = link(times, boxes, np.array(["Car", "Car", "Car", "Pedestrian"]))
+    assert found.tolist() == [0, 0, 0, 1]
+
+
+BROKEN = {
+    "empty": ("", "found no columns"),
+    "no rows": (data.HEADER, "found no row"),
+    "no column": ("t,id,class,x,y\n0,1,Car,1,1\n", "allowed with 'z'"),
+    "cut line": (data.HEADER + GOOD[:-20], "found"),
+    "not finite": (data.HEADER + GOOD.replace("0.1000,a,Car,1.0000", "0.1000,a,Car,nan"), ":3: x"),
+    "infinite": (data.HEADER + GOOD.replace("Car,1.0000", "Car,inf"), ":3: x: found 'inf'"),
+    "no number": (data.HEADER + GOOD.replace("Car,1.0000", "Car,far"), ":3: x: found 'far'"),
+    "negative size": (data.HEADER + GOOD.replace(",4.5,1.9", ",-4.5,1.9"), ":2: dx: found '-4.5'"),
+    "no size": (data.HEADER + GOOD.replace(",1.9,", ",0,"), ":2: dy: found '0'"),
+    "huge": (data.HEADER + GOOD.replace("4.5", "4500"), ":2: dx: found '4500'"),
+    "class": (data.HEADER + GOOD.replace("Car", "Tram"), ":2: class: found 'Tram'"),
+    "order": (data.HEADER + "".join(reversed(GOOD.splitlines(True))), "allowed times that rise"),
+    "twice": (data.HEADER + GOOD + GOOD, "allowed times that rise"),
+    "degrees": (
+        data.HEADER + data.csv(data.drive() + np.array([0, 0, 0, 45])),
+        "allowed --degrees",
+    ),
+    "clock": (
+        data.HEADER + GOOD + data.csv(data.drive() + np.array([99999, 0, 0, 0])),
+        "clock jump",
+    ),
+    "two classes": (data.HEADER + GOOD.replace("Car", "Bus", 9), "of two classes"),
+    "too short": (data.HEADER + data.csv(data.drive(0.5)), "no track that can be used"),
+    "bytes": ("\0\1\2\n", "found columns"),
+}
+BROKEN_XML = {
+    "cut": (FCD[:900], "found broken XML"),
+    "other": ("<routes/>", "allowed <fcd-export>"),
+    "nobody": ("<fcd-export/>", "found no vehicle"),
+    "type": (data.fcd(data.drive(), "tram"), "found type 'tram'"),
+    "time": (FCD.replace('"0.20"', '"0.05"'), "allowed times that rise"),
+    "clock": (FCD.replace('"0.20"', '"nan"'), "allowed seconds"),
+    "place": (FCD.replace('x="2.0000"', 'x="nan"'), "time 0.2: a: x: found 'nan'"),
+    "no angle": (FCD.replace("angle", "angel"), "angle: found None"),
+    "no id": (FCD.replace('id="a"', ""), "without id"),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [(f"{name}.csv", *row) for name, row in BROKEN.items()]
+    + [(f"{name}.xml", *row) for name, row in BROKEN_XML.items()]
+    + [("plain.gz", FCD, "found a broken .gz")],
+)
+def test_a_broken_file_gives_one_line_and_leaves_the_site(
+    site: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, said: str
+) -> None:
+    (site / "trajectories.csv").write_text("before")
+    (site / name).write_text(text)
+    code = cli.main(["site", "trajectories", str(site / name), "--out", str(site)])
+    out, err = capsys.readouterr()
+    assert (code, out, err.count("\n")) == (cli.FAILED, "", 1)
+    assert err.startswith(f"pyinfra: {site / name}")
+    assert said in err
+    assert (site / "trajectories.csv").read_text() == "before"
+
+
+def test_a_million_vehicles_are_refused(
+    site: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pyinfra.site import fcd, recorded_boxes
+
+    monkeypatch.setattr(recorded_boxes, "MOST_OBJECTS", 50)
+    monkeypatch.setattr(fcd, "MOST_OBJECTS", 50)
+    lines = [f"0,{i},Car,{10 * i},0,0.75,0,4.5,1.9,1.5\n" for i in range(60)]
+    (site / "many.csv").write_text(data.HEADER + "".join(lines))
+    each = "".join(f'<vehicle id="{i}" x="0" y="0" angle="0"/>' for i in range(60))
+    (site / "many.xml").write_text(f'<fcd-export><timestep time="0">{each}</timestep></fcd-export>')
+    for name in ("many.csv", "many.xml"):
+        assert cli.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
+        assert "50" in capsys.readouterr().err
+
+
+def test_labels_of_frames_are_linked_in_the_world(site: Path, tmp_path: Path) -> None:
+    lidar = tmp_path / "lidar"
+    for part in ("velodyne", "label_2", "calib"):
+        (lidar / "training" / part).mkdir(parents=True)
+    (lidar / "lidar.yaml").write_text(
+        "name: lidar\nmodel: m\npreset: datasheet\nperiod_s: 0.1\n"
+        "price_total_usd: {low: 1, high: 1}\n"
+        "label_time: frame\nT_world_levelled: {x_m: 5, y_m: 7, z_m: 6, yaw_deg: 90}\n"
+        "T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}\n"
+        "field_of_view: [{yaw_deg: 0, pitch_deg: 0, azimuth_deg: [-180, 180], "
+        "elevation_deg: [-20, 20], range_m: [0, 100]}]\n"
+    )
+    for k in range(30):
+        boxes = np.array([[k * 1.0, -3, -5.25, 4.5, 1.9, 1.5, 0]])
+        labels = Labels(np.array(["Car"]), boxes, None, None)
+        write_labels(frame_file(lidar, "label_2", k), labels)
+        frame_file(lidar, "velodyne", k).write_bytes(b"")
+    table = imported(site, lidar)
+    assert table["id"].nunique() == 1
+    np.testing.assert_allclose(table["x"], 8, atol=0.01)
+    np.testing.assert_allclose(table["y"], 7 + 10 * table["t"], atol=0.02)
+    np.testing.assert_allclose(table["heading"], np.pi / 2, atol=1e-3)
