@@ -22,11 +22,12 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
   }
 }
 
-bool EvaluationRegion::contains(Vec2 point) const {
+bool EvaluationRegion::contains(Vec2 point, Class object_class) const {
+  const double beside = class_of(object_class).vehicle ? 0 : kFootways_m;
   return std::ranges::any_of(roads_, [&](const Road& road) {
     const double station = road.along.project(point);
     return std::abs(station - road.foot) <= half_length_ &&
-           norm(point - road.along.at(station).position) <= road.half_width;
+           norm(point - road.along.at(station).position) <= road.half_width + beside;
   });
 }
 
