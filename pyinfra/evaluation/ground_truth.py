@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -37,13 +37,12 @@ class GroundTruth:
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # every LiDAR of the data set
     roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
 
-    def places(self, boxes: FloatArray) -> Places:
-        """Where boxes (n, 7) of the levelled LiDAR frame lie."""
+    def places(self, boxes: FloatArray, beside_m: float = 0.0) -> Places:
+        """Where boxes (n, 7) of the levelled LiDAR frame lie; beside_m makes the roads wider."""
         if not self.roads or self.lidar is None:
             return regions.by_distance(boxes)
-        return regions.locate(
-            regions.to_world(boxes, self.lidar.T_world_levelled), list(self.roads)
-        )
+        roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
+        return regions.locate(regions.to_world(boxes, self.lidar.T_world_levelled), roads)
 
     def windows(self) -> list[Window]:
         """The windows of distance: along the roads, or away from the sensor without roads."""
