@@ -1,6 +1,8 @@
 """People: their AP beside that of vehicles, by footprints and by centres."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from pyinfra.commands.evaluate import class_types
 from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.evaluation.evaluate import class_settings, evaluate
 from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import Settings, block_seconds
+from pyinfra.evaluation.judge import OBJECT_CLASSES, Settings, block_seconds
 from pyinfra.evaluation.result import Evaluation
 
 HALF_WIDTH_M = 10.0  # of the road
@@ -112,6 +114,29 @@ def test_blocks_are_as_long_as_the_class_stays(tmp_path: Path) -> None:
     assert (
         block_seconds(truth) == 20
     )  # the least: who walks beside the road is none of its vehicles
+
+
+PEOPLE = (
+    "people=[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
+    "speed: {mean_km_h: 5, std_km_h: 1}}, {road: bend, offset_m: -18, per_km: 60, "
+    "class: Cyclist, speed: {mean_km_h: 16, std_km_h: 3}}]"
+)
+
+
+def test_a_run_has_people_who_count_where_the_simulator_says(
+    tmp_path: Path, infrasim: Callable[..., Any]
+) -> None:
+    words = ["--lidar", "ruby_plus", "--preset", "paper", "--frames", "0:3", "--set", PEOPLE]
+    done = infrasim("run", "curve", *words, "--set", "traffic.warm_up_s=1", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    truth = read_ground_truth(tmp_path / "ruby_plus")
+    v = truth.vehicles
+    for name, types in OBJECT_CLASSES.items():
+        own = v.select(np.isin(v.names, types))
+        inside = truth.places(own.mid_frame, 0.0 if name == "vehicle" else 6.0).inside
+        assert inside.any() == (name != "cyclist")  # whose way is 18 m from the line
+        assert np.array_equal(inside, own.visibility >= 0)
+        assert name == "cyclist" or (own.points > 0).any()
 
 
 def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
