@@ -101,7 +101,8 @@ double silhouette(const TriangleMesh& mesh, std::size_t axis) {
   constexpr int kGrid = 60;
   int stopped = 0;
   for (int i = 0; i < kGrid * kGrid; ++i) {
-    const Vec2 p{(i % kGrid + 0.5) / kGrid - 0.5, (i / kGrid + 0.5) / kGrid - 0.5};
+    const int column = i % kGrid, row = i / kGrid;
+    const Vec2 p{(column + 0.5) / kGrid - 0.5, (row + 0.5) / kGrid - 0.5};
     stopped += std::ranges::any_of(mesh.triangles, [&](const auto& t) {
       const auto corner = [&](std::size_t k) {
         const auto& v = mesh.vertices.at(t.at(k));

@@ -57,11 +57,12 @@ PeopleRow::PeopleRow(const SceneConfig& scene, const PeopleConfig& row, const Rn
   circle_m_ = line_.length() + 2 * beyond_m_;
   const auto n = std::llround(row.per_km * circle_m_ / 1000);
   for (std::int64_t i = 0; i < n; ++i) {
+    const std::int64_t pair = i / 2;  // one each way
     const Rng own = rng.at(static_cast<std::uint64_t>(i) + 1);
     const double spread = std::clamp(own.normal(kDrawsOfSize), -2.0, 2.0);
     people_.push_back({draw_size(*object_class_, own),
-                       circle_m_ * (static_cast<double>(i / 2) + own.uniform(kDrawsOfSize + 2)) *
-                           2 / static_cast<double>(n),
+                       circle_m_ * (static_cast<double>(pair) + own.uniform(kDrawsOfSize + 2)) * 2 /
+                           static_cast<double>(n),
                        (row.speed.mean_km_h + spread * row.speed.std_km_h) / 3.6, i % 2 == 1,
                        kOffLine_m * (2 * own.uniform(kDrawsOfSize + 3) - 1)});
   }
