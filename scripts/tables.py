@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 SHOWN = 90  # letters of a finding
+PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as benchmarks/people.py has them
 PRESETS = ("paper", "equal", "datasheet")
 DETECTORS = {
     "background": "Background",
@@ -420,6 +421,32 @@ def differences() -> str:
     return markdown(["scene", "LiDARs", *dict.fromkeys(table.rule)], rows)
 
 
+def people() -> str:
+    """How far people have 5 points a frame, and how many they have on the way."""
+    table = results("people")
+    at_m = (20, 50, 100, 150)
+    rows = []
+    for lidar, own in table.groupby("lidar", sort=False):
+        walkers = own[own["class"] == "Pedestrian"].set_index("from_m").points
+        reached = [people_reach(own[own["class"] == name]) for name in ("Pedestrian", "Cyclist")]
+        rows.append([str(lidar), *reached, *(f"{walkers.get(m, 0):g}" for m in at_m)])
+    heads = ["LiDAR", "pedestrian, m", "cyclist, m"]
+    return markdown([*heads, *(f"points from {m} m" for m in at_m)], rows)
+
+
+def people_reach(own: pd.DataFrame) -> str:
+    """The end of the last bin with enough points, and that of the last without a gap before it."""
+    enough = (own.points >= PEOPLE_POINTS).to_numpy()
+    if not enough.any():
+        return "-"
+    end = own.from_m.to_numpy() + PEOPLE_BIN_M
+    first, last = enough.argmax(), len(enough) - 1 - enough[::-1].argmax()
+    if enough[first : last + 1].all():
+        return f"{end[last]}"
+    unbroken = first + (~enough[first:]).argmax() - 1
+    return f"{end[last]} (all to {end[unbroken]})"
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -442,6 +469,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "coverage": coverage,
     "correlation": correlation,
     "differences": differences,
+    "people": people,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 

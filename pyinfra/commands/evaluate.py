@@ -6,16 +6,17 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 from pyinfra.data.frames import frame_range
-from pyinfra.evaluation.evaluate import default_settings, evaluate, write
+from pyinfra.evaluation.evaluate import class_settings, default_settings, evaluate, write
 from pyinfra.evaluation.ground_truth import SETS
-from pyinfra.evaluation.judge import PROTOCOLS, Settings
-from pyinfra.evaluation.matching import Metric
+from pyinfra.evaluation.judge import OBJECT_CLASSES, PROTOCOLS, Settings
+from pyinfra.evaluation.matching import CENTRE_M, PERSON_IOU, Metric
 from pyinfra.evaluation.summary import summary
 from pyinfra.kitti import VEHICLE_TYPES
 
-METRICS: tuple[Metric, ...] = ("bev", "3d")
+METRICS: tuple[Metric, ...] = get_args(Metric)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,17 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="classes",
         nargs="+",
         metavar="NAME[=TYPE,...]",
-        help=f"KITTI types that count; default vehicle={','.join(VEHICLE_TYPES)}",
+        help=f"KITTI types that count; default vehicle={','.join(VEHICLE_TYPES)}; also pedestrian, "
+        "cyclist",
     )
-    parser.add_argument("--iou", type=float, nargs="+", default=default.ious)
-    parser.add_argument("--metric", nargs="+", choices=METRICS, default=default.metrics)
-    parser.add_argument(
-        "--protocol",
-        nargs="+",
-        choices=PROTOCOLS,
-        default=default.protocols,
-        help="definition: 40 recalls; r11: 11 recalls; kitti: the devkit's sampling, strict IoU",
-    )
+    add_measures(parser, default)
     parser.add_argument("--min-score", type=float, default=default.min_score)
     parser.add_argument(
         "--min-points", type=int, default=default.min_points, help="of a captured vehicle"
@@ -79,6 +73,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-figures", action="store_true")
 
 
+def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
+    parser.add_argument(
+        "--iou",
+        type=float,
+        nargs="+",
+        help=f"default {default.ious[0]:g}, of people {PERSON_IOU:g}",
+    )
+    parser.add_argument(
+        "--metric",
+        nargs="+",
+        choices=METRICS,
+        help=f"bev: IoU of footprints; 3d; centre: up to {CENTRE_M:g} m between centres. "
+        "Default bev, of people bev centre",
+    )
+    parser.add_argument(
+        "--protocol",
+        nargs="+",
+        choices=PROTOCOLS,
+        default=default.protocols,
+        help="definition: 40 recalls; r11: 11 recalls; kitti: the devkit's sampling, strict IoU",
+    )
+
+
 def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
     bootstrap = parser.add_argument_group("bootstrap of the intervals")
     bootstrap.add_argument("--draws", type=int, default=default.draws)
@@ -89,13 +106,15 @@ def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    default = default_settings(args.gt)
+    ground_truths = args.ground_truth or default_settings(args.gt).ground_truths
+    classes = class_types(args.classes) if args.classes else Settings().classes
+    default = class_settings(classes, own_iou=bool(args.iou))
     settings = Settings(
-        classes=class_types(args.classes) if args.classes else default.classes,
-        ground_truths=tuple(args.ground_truth or default.ground_truths),
-        ious=tuple(args.iou),
+        classes=classes,
+        ground_truths=tuple(ground_truths),
+        ious=tuple(args.iou or default.ious),
         protocols=tuple(args.protocol),
-        metrics=tuple(args.metric),
+        metrics=tuple(args.metric or default.metrics),
         min_score=args.min_score,
         min_points=args.min_points,
         min_objects=args.min_objects,
@@ -120,7 +139,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """`vehicle`, `Car` or `large=Truck,Bus` as classes with their types.
+    """`vehicle`, `pedestrian`, `Car` or `large=Truck,Bus` as classes with their types.
 
     Raises ValueError for a class without types.
     """
@@ -128,8 +147,8 @@ def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
     for word in words:
         name, equals, types = word.partition("=")
         listed = tuple(types.split(",")) if equals else (name,)
-        if name == "vehicle" and not equals:
-            listed = VEHICLE_TYPES
+        if not equals:
+            listed = OBJECT_CLASSES.get(name, listed)
         if not name or not all(listed):
             raise ValueError(f"--class: found '{word}', allowed NAME or NAME=TYPE,TYPE")
         classes[name] = listed

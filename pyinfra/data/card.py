@@ -56,7 +56,8 @@ stand-in. Each ray was cast at its own firing time. With `label_time: {label_tim
 
 ## Known limits
 - Vehicles are lofted bodies that reach down to the road; those longer than 6 m do not turn at a
-  junction, and traffic keeps its lanes. No pedestrians, no vegetation.
+  junction, and traffic keeps its lanes. No vegetation, and nobody on foot or on a bicycle but for
+  `people` of the scene and those of its trajectories.
 - One echo a ray; no back-scatter from rain and fog, no wet-road mirror, no interference.
 - Intensity is a model, not a calibrated reflectance.
 - One seed: one traffic. Motors of spinning LiDARs are locked to the clock, with the seam behind

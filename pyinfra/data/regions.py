@@ -29,6 +29,7 @@ REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
 EVERY_ROAD = -1
+FOOTWAYS_M = 6.0  # beside a carriageway: people count there too, as in the simulator
 AXES_MARGIN_M = 2.0  # beside a carriageway: vehicles at its edge have its axis too
 _CHUNK = 20_000
 

@@ -37,9 +37,11 @@ from pyinfra.config import ruled
 from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 
-CLASSES = ("Car", "Motorcycle", "Truck", "Bus")
-SIZES = np.array([[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]])  # metres
-_CAR, _MOTORCYCLE, _TRUCK, _BUS = range(4)
+CLASSES = ("Car", "Motorcycle", "Truck", "Bus", "Pedestrian", "Cyclist")
+_VEHICLE_SIZES = [[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]]  # metres
+SIZES = np.array([*_VEHICLE_SIZES, [0.73, 0.67, 1.77], [1.67, 0.7, 1.67]])
+_CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
+_LEAST_ALONE = 5  # points of a small cluster that is no far part of something else
 
 _ROAD_CELL_M = 5.0  # of the grid of directions
 _THIN_M = 0.4  # points closer than that are one in the graph of clusters
@@ -67,6 +69,7 @@ class Config:
     gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
     within_region: bool = True  # no box whose centre is off the roads or the given outline
     region_margin_m: float = ruled(1.0, 0, 20)  # around them, as boxes are not exact
+    people: bool = False  # small clusters are Pedestrian or Cyclist; a margin holds the footways
 
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
@@ -118,7 +121,7 @@ class Background:
     def predict(self, points: Points) -> Detections:
         """As `Detector.predict`."""
         found = self._rectangles(_usable(points, self.settings))
-        kinds = _kinds(found)
+        kinds = _kinds(found, self.settings)
         boxes = _boxes(found, kinds)
         scores = _scores(found, kinds, self.expected)
         keep = _without_overlap(boxes, scores)
@@ -134,7 +137,7 @@ class Background:
         with replacing(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(
                 stream,
-                settings=np.array(astuple(self.settings)),
+                settings=_numbers(self.settings),
                 ground=self.ground,
                 permanent=self.permanent,
                 region=self.region,
@@ -188,7 +191,7 @@ class Background:
         s = self.settings
         high, height = self._moving(cloud)
         found = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
-        centre = _boxes(found, _kinds(found))[:, :2]
+        centre = _boxes(found, _kinds(found, s))[:, :2]
         return found.select(self.region.reshape(-1).take(_cell(centre, s)))
 
 
@@ -254,10 +257,17 @@ def _road_cells(s: Config) -> int:
     return int(np.ceil(2 * s.range_m / _ROAD_CELL_M))
 
 
+def _numbers(settings: Config) -> FloatArray:
+    """Those of a file; without people it is as of versions that knew none."""
+    numbers = np.array(astuple(settings))
+    return numbers if settings.people else numbers[:-1]
+
+
 def _settings(values: FloatArray) -> Config:
-    if values.shape != (len(fields(Config)),):
-        raise ValueError(f"settings: found {values.shape}, allowed {len(fields(Config))} numbers")
-    pairs = zip(fields(Config), values, strict=True)
+    most = len(fields(Config))
+    if values.shape not in ((most,), (most - 1,)):
+        raise ValueError(f"settings: found {values.shape}, allowed {most - 1} or {most} numbers")
+    pairs = zip(fields(Config), values, strict=False)
     return Config(**{f.name: type(getattr(DEFAULT, f.name))(value) for f, value in pairs})
 
 
@@ -468,11 +478,15 @@ def _turned(xy: Floats, heading: Floats) -> Floats:
     return np.stack([cos * xy[:, 0] - sin * xy[:, 1], sin * xy[:, 0] + cos * xy[:, 1]], axis=1)
 
 
-def _kinds(found: _Rectangles) -> IntArray:
+def _kinds(found: _Rectangles, s: Config) -> IntArray:
     """(c,) index into CLASSES."""
     length, width = found.size.T
     kinds = np.full(len(length), _CAR)
     kinds[(width < 1.1) & (length < 3.2) & (found.count >= 8)] = _MOTORCYCLE
+    if s.people:
+        upright = (found.count >= _LEAST_ALONE) & (found.height > 0.9) & (found.height < 2.2)
+        kinds[upright & (width < 1.1) & (length < 2.1)] = _CYCLIST
+        kinds[upright & (width < 1) & (length < 1)] = _PEDESTRIAN
     kinds[(found.height > 2.4) | (length > 7)] = _TRUCK
     kinds[length > 9.5] = _BUS
     return kinds

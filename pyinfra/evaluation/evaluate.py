@@ -7,7 +7,8 @@ docs/conventions.md, "Evaluation".
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,15 @@ from pyinfra.data.frame_tables import read_cameras, read_predictions
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.evaluation.ground_truth_checks import ground_truth_findings
-from pyinfra.evaluation.judge import Judgement, Settings, contest, judge
+from pyinfra.evaluation.judge import (
+    OBJECT_CLASSES,
+    Judgement,
+    Settings,
+    are_people,
+    contest,
+    judge,
+)
+from pyinfra.evaluation.matching import PERSON_IOU
 from pyinfra.evaluation.prediction_checks import check_predictions, find_files
 from pyinfra.evaluation.result import Evaluation, evaluate_tables
 
@@ -27,19 +36,23 @@ def evaluate(
     pred: Path,
     settings: Settings | None = None,
     *,
+    object_class: str | None = None,
     frames: Sequence[int] | None = None,
     split: str | None = None,
     allow_missing: bool = False,
 ) -> Evaluation:
     """Reads a LiDAR's folder and predictions of its frames, and evaluates them.
 
+    object_class: vehicle (default), pedestrian or cyclist, in place of settings.
     frames: those to evaluate; left out, those of the split (ImageSets/SPLIT.txt; by default `val`
     if there is one, else all). Raises FormatError with file and line, FileNotFoundError, and
     ValueError for settings that do not fit the folder.
     """
     known = frame_numbers(gt, "all")
     chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
-    settings = settings or default_settings(gt)
+    if settings and object_class:
+        raise ValueError("object_class: found settings too, allowed one of them")
+    settings = settings or default_settings(gt, object_class or "vehicle")
     found = find_files(pred, chosen, known, allow_missing=allow_missing)
     truth = read_ground_truth(gt, chosen, beyond_range=True)
     predictions = read_predictions(found.files, read_cameras(gt, chosen))
@@ -74,10 +87,28 @@ def judged(
     return [judge(one, which, took, settings.min_points) for which in settings.ground_truths]
 
 
-def default_settings(gt: Path) -> Settings:
-    """`all` can only be told with objects."""
+def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
+    """Those of a class; `all` can only be told with objects."""
+    if object_class not in OBJECT_CLASSES:
+        allowed = ", ".join(OBJECT_CLASSES)
+        raise ValueError(f"object_class: found '{object_class}', allowed {allowed}")
+    settings = class_settings({object_class: OBJECT_CLASSES[object_class]})
     has_objects = (gt / "training/objects").is_dir()
-    return Settings() if has_objects else Settings(ground_truths=("captured",))
+    return settings if has_objects else replace(settings, ground_truths=("captured",))
+
+
+def class_settings(classes: Mapping[str, tuple[str, ...]], *, own_iou: bool = False) -> Settings:
+    """Of vehicles or of people, who are found from another IoU on, or by their centres.
+
+    own_iou: an IoU takes the place of these. Raises ValueError for both together without one.
+    """
+    of_people = [are_people(types) for types in classes.values()]
+    if not any(of_people) or (own_iou and not all(of_people)):
+        return Settings(classes=classes)
+    if not all(of_people):
+        names = ", ".join(classes)
+        raise ValueError(f"--class: found {names}, allowed vehicles, or people, or both with --iou")
+    return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
 
 
 def write(evaluation: Evaluation, out: Path, *, figures: bool = True) -> list[Path]:

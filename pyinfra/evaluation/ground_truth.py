@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -45,12 +45,13 @@ class GroundTruth:
     outlines: tuple[FloatArray, ...]  # that narrow the region, world
     of_lanes: bool  # the roads are lanes of a file, each a road of its own
 
-    def places(self, boxes: FloatArray) -> Places:
-        """Where boxes (n, 7) of the levelled LiDAR frame lie."""
+    def places(self, boxes: FloatArray, beside_m: float = 0.0) -> Places:
+        """Where boxes (n, 7) of the levelled LiDAR frame lie; beside_m makes the roads wider."""
         if not self.roads or self.lidar is None:
             return regions.by_distance(boxes)
+        roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
         world = regions.to_world(boxes, self.lidar.T_world_levelled)
-        return regions.locate(world, list(self.roads), self.outlines)
+        return regions.locate(world, roads, self.outlines)
 
     def windows(self) -> list[Window]:
         """The windows of distance: along the roads, or away from the sensor without roads."""

@@ -1,15 +1,17 @@
 """Predictions held against the vehicles of a LiDAR's frames: what is right, wrong and ignored.
 
 Every vehicle in reach takes part in the matching, with the box of its label; where it belongs is
-decided by that of mid-frame. One that is not counted (another ground truth, or
-outside the evaluation region) and the prediction that took it are ignored. A prediction that took
-none is wrong, unless its centre lies outside the region or, for `common`, outside the common field
-of view: then it is ignored too. So a vehicle at the border is judged with the box that found it.
+decided by that of mid-frame; people count beside the carriageway too. One that is not counted
+(another ground truth, or outside the evaluation region) and the prediction that took it are
+ignored. A prediction that took none is wrong, unless its centre lies outside the region or, for
+`common`, outside the common field of view: then it is ignored too. So a vehicle at the border is
+judged with the box that found it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, get_args
@@ -19,7 +21,7 @@ import numpy as np
 from pyinfra.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.data.data_set import MIN_VISIBILITY
 from pyinfra.data.frame_tables import Predictions, Vehicles
-from pyinfra.data.regions import GridCell, Places, Window
+from pyinfra.data.regions import FOOTWAYS_M, GridCell, Places, Window
 from pyinfra.evaluation import ap
 from pyinfra.evaluation.ground_truth import GroundTruth, Set
 from pyinfra.evaluation.matching import (
@@ -35,7 +37,7 @@ from pyinfra.evaluation.matching import (
     overlapping_pairs,
     reaches,
 )
-from pyinfra.kitti import VEHICLE_TYPES
+from pyinfra.kitti import PERSON_TYPES, VEHICLE_TYPES
 from pyinfra.statistics import intervals
 from pyinfra.statistics.intervals import Blocks
 
@@ -43,6 +45,12 @@ from pyinfra.statistics.intervals import Blocks
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 CAUSES = ("ghost", "duplicate", "localisation")
+# By name: the KITTI types that make up a class.
+OBJECT_CLASSES = {
+    "vehicle": VEHICLE_TYPES,
+    "pedestrian": ("Pedestrian",),
+    "cyclist": ("Cyclist",),
+}
 LABELS_BLOCK_S = 20.0  # as on a motorway: without objects no one knows how long a vehicle stays
 
 
@@ -51,7 +59,7 @@ class Settings:
     """What is evaluated; of each list the first one is primary."""
 
     classes: Mapping[str, tuple[str, ...]] = field(
-        default_factory=lambda: {"vehicle": VEHICLE_TYPES}
+        default_factory=lambda: {"vehicle": OBJECT_CLASSES["vehicle"]}
     )  # by name: the KITTI types that count
     ground_truths: tuple[Set, ...] = ("captured", "all")
     ious: tuple[float, ...] = (IOU,)
@@ -81,11 +89,20 @@ class Settings:
                 "found a setting out of range, allowed score 0-1, draws and points > 0"
             )
 
+    def ious_of(self, metric: Metric) -> tuple[float, ...]:
+        """Of the rows of a metric; one that is not known where centres decide."""
+        return (math.nan,) if metric == "centre" else self.ious
+
     @property
     def types(self) -> list[str]:
         """Names of vehicles and predictions that are evaluated, each once."""
         every = (t for name, own in self.classes.items() for t in (*own, name))
         return list(dict.fromkeys(every))
+
+
+def are_people(types: Iterable[str]) -> bool:
+    """Whether all of some types are of people, who are found and counted by rules of their own."""
+    return set(types) <= set(PERSON_TYPES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +114,15 @@ class Contest:
     predictions: Predictions
     blocks: Blocks
     metric: Metric
+    beside_m: float = 0.0  # the carriageway, where its vehicles count too
 
     @cached_property
     def vehicle_places(self) -> Places:
-        return self.truth.places(self.vehicles.mid_frame)
+        return self.truth.places(self.vehicles.mid_frame, self.beside_m)
 
     @cached_property
     def prediction_places(self) -> Places:
-        return self.truth.places(self.predictions.boxes)
+        return self.truth.places(self.predictions.boxes, self.beside_m)
 
     @cached_property
     def pairs(self) -> Pairs:
@@ -202,23 +220,33 @@ def contest(
         predictions=predictions.select(named & (predictions.scores >= settings.min_score)),
         blocks=blocks_of(truth, settings),
         metric=metric,
+        beside_m=FOOTWAYS_M if are_people(types) else 0.0,
     )
 
 
 def blocks_of(truth: GroundTruth, settings: Settings) -> Blocks:
     """Of one length for all LiDARs of a world, by the vehicles that are there to be found."""
     frames = np.array(truth.frames, dtype=np.int64)
-    block_s = settings.block_s or block_seconds(truth)
+    types = [t for own in settings.classes.values() for t in own]
+    block_s = settings.block_s or block_seconds(truth, people=are_people(types))
     return intervals.time_blocks(
         frames, truth.period_s, block_s=block_s, draws=settings.draws, seed=settings.seed
     )
 
 
-def block_seconds(truth: GroundTruth) -> float:
-    """As long as a visible vehicle stays; LABELS_BLOCK_S where vehicles have no ids."""
+def block_seconds(truth: GroundTruth, *, people: bool = False) -> float:
+    """As long as a visible vehicle stays; LABELS_BLOCK_S where vehicles have no ids.
+
+    people: as long as those do; else people beside the carriageway are left out, who stay longer.
+    """
     if not truth.has_objects:
         return LABELS_BLOCK_S
     there = truth.vehicles.select(truth.vehicles.visibility >= MIN_VISIBILITY)
+    on_foot = np.isin(there.names, PERSON_TYPES)
+    if people:
+        there = there.select(on_foot)
+    elif on_foot.any():
+        there = there.select(~on_foot | truth.places(there.mid_frame).inside)
     apart = float(np.median(np.diff(truth.frames))) if len(truth.frames) > 1 else 1.0
     return intervals.block_seconds(there.frame, there.ids, apart * truth.period_s)
 

@@ -1,9 +1,11 @@
 """Which prediction found which vehicle; pure functions over arrays.
 
 Predictions take vehicles greedily: in order of falling score, each takes the vehicle it overlaps
-most among those that no other took, if the overlap reaches the threshold. Predictions of equal
-score come in order of falling overlap, then by the numbers of their boxes: the order in the files
-has no influence. It is done against all vehicles of a frame, also those that are not counted later.
+most among those that no other took, if the overlap reaches the threshold. By centres, closeness
+stands in place of overlap: 1 less the horizontal distance in metres, as nuScenes matches.
+Predictions of equal score come in order of falling overlap, then by the numbers of their boxes: the
+order in the files has no influence. It is done against all vehicles of a frame, also those that are
+not counted later.
 """
 
 from __future__ import annotations
@@ -17,11 +19,13 @@ import numpy as np
 from pyinfra import boxes as overlap
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
 
-Metric = Literal["bev", "3d"]
+Metric = Literal["bev", "3d", "centre"]
 
 # An IoU this close to the threshold equals it: more than its error, less than a label's digits.
 TIE = 1e-9
 IOU = 0.5  # of footprints: from here on a vehicle is found
+PERSON_IOU = 0.25  # the same of people, whose footprints are as small as the errors of boxes
+CENTRE_M = 0.5  # between centres: up to here something is found by metric `centre`
 MIN_SCORE = 0.1  # from here on a prediction counts
 LEAST_OVERLAP = 0.1  # with less, a false positive has nothing to do with a vehicle
 _PAIRS = 500_000  # looked at together
@@ -46,21 +50,35 @@ def overlapping_pairs(
     vehicles: FloatArray,
     metric: Metric = "bev",
 ) -> Pairs:
-    """Pairs with an IoU of LEAST_OVERLAP or more.
+    """Pairs with an IoU, or by centres a closeness, of LEAST_OVERLAP or more.
 
     frames: (p,) and (v,), ascending; boxes: (p, 7) and (v, 7).
     """
-    measure = overlap.pair_bev_iou if metric == "bev" else overlap.pair_iou_3d
+    measure = _MEASURES[metric]
     found = []
     for p, v in pairs_of_frames(prediction_frame, vehicle_frame):
-        near = _may_overlap(predictions, vehicles, p, v)
-        p, v = p[near], v[near]
+        if metric != "centre":
+            near = _may_overlap(predictions, vehicles, p, v)
+            p, v = p[near], v[near]
         iou = measure(predictions[p], vehicles[v])
         much = iou >= LEAST_OVERLAP - TIE
         found.append((p[much], v[much], iou[much]))
     if not found:
         return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
     return Pairs(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+def _closeness(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Of the centres of row i of a and of b, (n, 7) each: (n,), 1 where they are one."""
+    return np.asarray(1 - np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1]))
+
+
+_MEASURES = {"bev": overlap.pair_bev_iou, "3d": overlap.pair_iou_3d, "centre": _closeness}
+
+
+def threshold_of(metric: Metric, iou: float) -> float:
+    """What a pair must reach: the IoU, or the closeness of centres that are CENTRE_M apart."""
+    return 1 - CENTRE_M if metric == "centre" else iou
 
 
 def in_order(

@@ -25,6 +25,7 @@ FAR_OFF = 0.1  # share below which they are said to have nothing to do with the 
 MUCH_BETTER = 0.25  # by how much the share must rise for a warning to name the place
 HEIGHT_OFF_M = 0.5
 QUARTER_DEG = 60.0
+LEAST_RATIO = 1.2  # of length to width, from which on a box is not about as wide as long
 CHANGES = {  # of x and y, that give the right place to boxes that have a wrong one
     "mirrored-left-right": [[1, 0], [0, -1]],
     "mirrored-front-back": [[-1, 0], [0, 1]],
@@ -183,7 +184,8 @@ def _places(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str,
     p, v = p[close], v[close]
     yield from _heights(boxes[p], truth[v])
     yield from _headings(boxes[p], truth[v])
-    if np.median(boxes[p, 3] / boxes[p, 4]) < 1 < np.median(truth[v, 3] / truth[v, 4]):
+    ratio = np.median(truth[v, 3] / truth[v, 4])
+    if np.median(boxes[p, 3] / boxes[p, 4]) < 1 and ratio > LEAST_RATIO:
         yield "length-width", "most predictions are wider than long: are length and width swapped?"
 
 

@@ -11,8 +11,8 @@ import pandas as pd
 from pyinfra.data.frame_tables import Predictions
 from pyinfra.evaluation.draws import draw_rows, figures, same_of
 from pyinfra.evaluation.ground_truth import GroundTruth
-from pyinfra.evaluation.judge import Contest, Settings, blocks_of, contest, judge
-from pyinfra.evaluation.matching import Metric
+from pyinfra.evaluation.judge import Contest, Settings, are_people, blocks_of, contest, judge
+from pyinfra.evaluation.matching import CENTRE_M, Metric, threshold_of
 from pyinfra.evaluation.prediction_checks import Finding
 from pyinfra.evaluation.tables import (
     AP_COLUMNS,
@@ -77,14 +77,15 @@ def _ap_rows(
 ) -> list[dict[str, object]]:
     """The primary row first, then by class, metric, ground truth, threshold and protocol."""
     rows = []
-    for (name, _), one in contests.items():
+    for (name, metric), one in contests.items():
+        ious = settings.ious_of(metric)
         took = {
-            (iou, strict): one.match(iou, strict=strict)
-            for iou in settings.ious
+            (iou, strict): one.match(threshold_of(metric, iou), strict=strict)
+            for iou in ious
             for strict in {protocol == "kitti" for protocol in settings.protocols}
         }
         for which in settings.ground_truths:
-            for iou in settings.ious:
+            for iou in ious:
                 for protocol in settings.protocols:
                     matched = took[iou, protocol == "kitti"]
                     judgement = judge(one, which, matched, settings.min_points)
@@ -95,8 +96,8 @@ def _ap_rows(
 
 def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]:
     """The other tables: first class, metric and threshold, by the definition, each ground truth."""
-    iou = settings.ious[0]
-    took = one.match(iou, strict=False)
+    enough = threshold_of(one.metric, settings.ious[0])
+    took = one.match(enough, strict=False)
     same = same_of(one.truth, one.blocks, settings.seed)
     tables: dict[str, list[pd.DataFrame]] = {}
     for which in settings.ground_truths:
@@ -104,7 +105,7 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
         distance, draws = distance_table(judgement, settings.min_objects)
         if settings.cut_first:
             windows = one.truth.windows()
-            cut = cut_first_ap(one, which, iou, settings.min_points, windows)
+            cut = cut_first_ap(one, which, enough, settings.min_points, windows)
             distance["ap_cut_first"] = cut
             distance["difference"] = distance.ap_cut_first - distance.ap
         areas = (distance, draws)
@@ -117,7 +118,7 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
         own |= {
             "areas": area_table(judgement, *areas),
             "errors": error_table(judgement),
-            "false_positives": false_positive_table(judgement, iou, strict=False),
+            "false_positives": false_positive_table(judgement, enough, strict=False),
         }
         for name, rows in own.items():
             rows.insert(0, "ground_truth", which)
@@ -129,7 +130,7 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
 def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.DataFrame:
     rows.insert(0, "lidar", truth.name)
     rows.insert(1, "class", next(iter(settings.classes)))
-    rows.insert(3, "iou", settings.ious[0])
+    rows.insert(3, "iou", settings.ious_of(settings.metrics[0])[0])
     return rows
 
 
@@ -143,12 +144,14 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
             f"allowed {MIN_BLOCKS:g} or more: no intervals"
         )
         found.append(("few-blocks", text))
-    for row in table.itertuples():
-        what = f"{row.ground_truth}, IoU {row.iou:g}, {row.protocol}"
+    for name, row in zip(table["class"], table.itertuples(), strict=True):
+        kind = name if are_people(settings.classes[name]) else "vehicle"
+        near = f"centres within {CENTRE_M:g} m" if math.isnan(row.iou) else f"IoU {row.iou:g}"
+        what = f"{row.ground_truth}, {near}, {row.protocol}"
         if math.isnan(row.ap):
-            found.append(("no-objects", f"{what}: no vehicle to be found, so AP is undefined"))
+            found.append(("no-objects", f"{what}: no {kind} to be found, so AP is undefined"))
         elif row.ap == 0:
-            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} vehicles"
+            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
             found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
             cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)

@@ -11,12 +11,13 @@ from pyinfra.evaluation.tables import HIGH_QUALITY
 def summary(evaluation: Evaluation) -> str:
     """AP, areas and causes of false positives as lines of text."""
     lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
+    iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # none where centres decide
     head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'protocol':<15}{'AP':>6}  "
     lines.append(f"{head}{'95 % interval':<16}{'objects':>8}{'predictions':>12}")
     lines += [
-        f"{row['class']:<12}{row.ground_truth:<14}{row.iou:>5g} {row.protocol:<15}{row.ap:>6.2f}  "
+        f"{row['class']:<12}{row.ground_truth:<14}{iou[at]:>5} {row.protocol:<15}{row.ap:>6.2f}  "
         f"{_span(row.ap_low, row.ap_high):<16}{row.objects:>8}{row.predictions:>12}"
-        for _, row in evaluation.ap.iterrows()
+        for at, (_, row) in enumerate(evaluation.ap.iterrows())
     ]
     lines.append(f"high-quality areas (AP > {HIGH_QUALITY:g}), undecided ones included")
     lines += [

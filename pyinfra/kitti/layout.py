@@ -32,6 +32,7 @@ OBJECT_COLUMNS = [*FRAME_COLUMNS, *SCAN_COLUMNS]
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 # What is a vehicle; the last one is of unknown type.
 VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
+PERSON_TYPES = ("Pedestrian", "Cyclist")
 # What is known to be none.
 OTHER_TYPES = ("Cyclist", "Pedestrian", "Person_sitting", "Tram", "Misc", "DontCare")
 FARTHEST_M = 10_000.0  # of a coordinate in a LiDAR's frame; the farthest range is 5,000 m

@@ -117,12 +117,12 @@ SceneConfig site(const testing::TestFolder& folder, const std::string& more = ""
 TEST_F(SiteFiles, TheRegionOfLanesHasTheirHeightsAndEndsAroundTheFoot) {
   write("lanes.csv", kLanes);
   const EvaluationRegion region(site(folder_));
-  EXPECT_TRUE(region.contains({90, -2}));
-  EXPECT_TRUE(region.contains({90, -3.7}));
-  EXPECT_FALSE(region.contains({90, -3.8}));
-  EXPECT_TRUE(region.contains({99.8, -2}));
-  EXPECT_FALSE(region.contains({99.9, -2}));  // 100 m from the foot
-  EXPECT_TRUE(region.contains({-90, 2}));
+  EXPECT_TRUE(region.contains({90, -2}, Class::kCar));
+  EXPECT_TRUE(region.contains({90, -3.7}, Class::kCar));
+  EXPECT_FALSE(region.contains({90, -3.8}, Class::kCar));
+  EXPECT_TRUE(region.contains({99.8, -2}, Class::kCar));
+  EXPECT_FALSE(region.contains({99.9, -2}, Class::kCar));  // 100 m from the foot
+  EXPECT_TRUE(region.contains({-90, 2}, Class::kCar));
   const std::string rows = region.roads_csv();
   // A slope of 6 %, s with the traffic.
   expect_within(rows, "up,0,0.0000,-2.0000,0.0000,0.000000,1.7500\n");
@@ -142,8 +142,8 @@ TEST_F(SiteFiles, ALaneThatComesBackIsSeveralPartsEachWithItsOwnZero) {
 TEST_F(SiteFiles, ALaneThatTurnsBackOnItselfHasNoTwoRowsInOnePlaceAfterAnother) {
   write("lanes.csv", "lane,x,y,z,width\nu,0,0,0,3\nu,20.5,0,0,3\nu,0,0.001,0,3\n");
   const EvaluationRegion region(site(folder_));
-  EXPECT_TRUE(region.contains({15, 1}));
-  EXPECT_FALSE(region.contains({25, 0}));
+  EXPECT_TRUE(region.contains({15, 1}, Class::kCar));
+  EXPECT_FALSE(region.contains({25, 0}, Class::kCar));
 }
 
 TEST_F(SiteFiles, ShortLanesHaveBothTheirEnds) {
@@ -159,11 +159,11 @@ TEST_F(SiteFiles, RegionsNarrowIt) {
       "regions: [{name: ell, outline_m: "
       "[[-50, -10], [50, -10], [50, 0], [0, 0], [0, 9], [-50, 9]]}]\n";
   const EvaluationRegion region(site(folder_, ell));
-  EXPECT_TRUE(region.contains({-40, 2}));
-  EXPECT_FALSE(region.contains({40, 2}));  // where the outline is hollow
-  EXPECT_TRUE(region.contains({40, -2}));
-  EXPECT_FALSE(region.contains({60, -2}));
-  EXPECT_FALSE(region.contains({40, -9}));  // off the lanes
+  EXPECT_TRUE(region.contains({-40, 2}, Class::kCar));
+  EXPECT_FALSE(region.contains({40, 2}, Class::kCar));  // where the outline is hollow
+  EXPECT_TRUE(region.contains({40, -2}, Class::kCar));
+  EXPECT_FALSE(region.contains({60, -2}, Class::kCar));
+  EXPECT_FALSE(region.contains({40, -9}, Class::kCar));  // off the lanes
   EXPECT_TRUE(region.regions_csv().starts_with("region,x,y\nell,-50,-10\nell,50,-10\n"));
   EXPECT_EQ(EvaluationRegion(site(folder_)).regions_csv(), "");
   const auto error = [&](const std::string& more) {

@@ -143,6 +143,12 @@ def parked(row: str) -> Edit:
     return "traffic:\n", f"parked:\n  - {{road: main, {row}, {shares}}}\ntraffic:\n"
 
 
+def people(row: str) -> Edit:
+    """Walkers along the main road."""
+    rest = "per_km: 20, class: Pedestrian, speed: {mean_km_h: 5, std_km_h: 1}"
+    return "traffic:\n", f"people:\n  - {{road: main, {row}, {rest}}}\ntraffic:\n"
+
+
 ROADS = (
     Site("roads that cross without a junction", (NO_JUNCTION,), "centreline", ("main", "junction"),
          "name: side"),
@@ -244,6 +250,12 @@ STANDING = (
     Site("pedestrians parked",
          (("traffic:\n", parked("offset_m: -9")[1].replace("Car: 1", "Pedestrian: 1")),),
          "parked.0.class_shares", ("found Pedestrian", "no vehicle"), "Pedestrian"),
+    Site("people on a lane", (people("offset_m: -6, to_m: 150"),), "offset_m",
+         ("people on a lane",), "offset_m: -6"),
+    Site("people across a road", (people("offset_m: -9, from_m: 70"),), "offset_m",
+         ("people on a lane",), "offset_m: -9"),
+    Site("people in a barrier", (people("offset_m: 11, to_m: 140"),), "offset_m",
+         ("found something in the way",), "offset_m: 11, to_m: 140"),
 )  # fmt: skip
 SENSORS = (
     Site("a sensor in the ground", (pole(-25, -12, -1),), "mounts.pole.z_m",
@@ -325,6 +337,7 @@ POSSIBLE = (
     Site("a sensor on a roof", (pole(60, 40, 15.01),)),
     Site("a sensor 1 cm before a wall", (pole(44.99, 40, 6),)),
     Site("a sensor under a bridge", (NO_JUNCTION, side_keys("elevation_m: 4.5"), pole(0, -30, 2))),
+    Site("people beside the lanes", (people("offset_m: -9, from_m: 70, to_m: 180"),)),
     Site("cars parked beside the lanes", (parked("offset_m: -8.6, from_m: 70, to_m: 180"),)),
     Site("cars parked head to the road",
          (parked("offset_m: -14, to_m: 150, turn_deg: 90, gap_m: 0.4"),)),

@@ -100,6 +100,24 @@ def test_the_size_names_the_class(
     assert bev_iou(found.boxes, vehicle)[0, 0] > 0.5
 
 
+@pytest.mark.parametrize(
+    ("name", "size"), [("Pedestrian", (0.73, 0.67, 1.77)), ("Cyclist", (1.67, 0.7, 1.67))]
+)
+def test_small_clusters_are_people_if_that_is_asked_for(
+    busy_road: Background, name: str, size: tuple[float, float, float], tmp_path: Path
+) -> None:
+    points = cast(box(14, 9, 0.0, size), seed=99)
+    assert not set(busy_road.predict(points).names) & set(kitti.PERSON_TYPES)
+    asked = replace(busy_road, settings=replace(busy_road.settings, people=True))
+    found = asked.predict(points)
+    assert found.names.tolist() == [name]
+    assert bev_iou(found.boxes, box(14, 9, 0.0, size))[0, 0] > 0.25
+    asked.save(tmp_path / "asked")
+    assert Background.load(tmp_path / "asked").settings.people
+    cars = cast(box(14, 9, 0.0), seed=99)
+    assert np.array_equal(asked.predict(cars).boxes, busy_road.predict(cars).boxes)
+
+
 def test_cars_side_by_side_are_two_and_the_scores_fall(busy_road: Background) -> None:
     cars = np.concatenate([box(20, 2, 0.0), box(20, 5.5, 0.0), box(50, 9, 0.0)])
     found = busy_road.predict(cast(cars, seed=99))

@@ -34,6 +34,11 @@ std::span<const char* const> enum_names(Material) {
   return kNames;
 }
 
+std::span<const char* const> enum_names(PersonKind) {
+  static constexpr std::array kNames{"Pedestrian", "Cyclist"};
+  return kNames;
+}
+
 LabelTime label_time_of(const SceneConfig& scene, const std::string& preset) {
   const bool study = preset == "paper" || preset == "equal";
   return scene.label_time.value_or(study ? LabelTime::kFrame : LabelTime::kScan);
@@ -317,6 +322,27 @@ void visit(Fields& f, ParkedConfig& c) {
 }
 
 template <class Fields>
+void visit(Fields& f, PersonSpeedConfig& c) {
+  f.field("mean_km_h", c.mean_km_h, "mean of their own speeds", required(between(1, 50)));
+  f.field("std_km_h", c.std_km_h, "its standard deviation, at most a third of the mean",
+          required(between(0, 20)));
+  f.check(!(3 * c.std_km_h > c.mean_km_h), "std_km_h",
+          "found " + config::number_text(c.std_km_h) +
+              ", allowed up to a third of mean_km_h, so that everybody moves");
+}
+
+template <class Fields>
+void visit(Fields& f, PeopleConfig& c) {
+  f.here(c.place);
+  visit_side(f, c);
+  visit_stations(f, c);
+  f.field("per_km", c.per_km, "how many on a kilometre of the line, both ways together",
+          required(between(0, 60)));
+  f.field("class", c.kind, "on foot or on bicycles", required());
+  f.field("speed", c.speed, "constant, everybody's own", required());
+}
+
+template <class Fields>
 void visit(Fields& f, MountConfig& c) {
   f.here(c.place);
   f.field("x_m", c.x_m, "world x", required());
@@ -479,6 +505,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("filters", c.filters, "steps that thin out every frame, in order");
   f.field("traffic", c.traffic, "simulated vehicles");
   f.field("parked", c.parked, "rows of standing vehicles along roads");
+  f.field("people", c.people, "on foot and on bicycles along roads");
   f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
   f.field("static_layers", c.static_layers,
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");

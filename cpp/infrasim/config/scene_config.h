@@ -222,6 +222,27 @@ struct ParkedConfig {
   config::Place place;
 };
 
+enum class PersonKind { kPedestrian, kCyclist };
+
+std::span<const char* const> enum_names(PersonKind);
+
+struct PersonSpeedConfig {
+  double mean_km_h = 5;
+  double std_km_h = 0.5;
+};
+
+/// People on foot or on bicycles that go along a line beside a road, both ways.
+struct PeopleConfig {
+  std::string road;
+  double offset_m = 0;  ///< of the line, to the left of the centreline
+  double from_m = 0;
+  double to_m = 1e9;
+  double per_km = 0;                          ///< of the line, both ways together
+  PersonKind kind = PersonKind::kPedestrian;  ///< key `class`
+  PersonSpeedConfig speed;
+  config::Place place;
+};
+
 /// A pose of the LiDARs of a run.
 struct MountConfig {
   double x_m = 0;
@@ -292,6 +313,7 @@ struct SceneConfig {
   std::vector<FilterConfig> filters;
   std::optional<TrafficConfig> traffic;
   std::optional<std::vector<ParkedConfig>> parked;
+  std::optional<std::vector<PeopleConfig>> people;
   std::string trajectories;  ///< a file instead of traffic; relative to the scene file
   /// By LiDAR, a file in place of casting what stands still; relative to the scene file.
   std::optional<std::map<std::string, std::string>> static_layers;

@@ -35,7 +35,7 @@ FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& r
   raycaster.set_bodies(out.bodies, kFramePeriod);
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Box3d middle = out.moving[i].at(0.5);
-    const bool inside = world.region.contains({middle.x, middle.y});
+    const bool inside = world.region.contains({middle.x, middle.y}, out.moving[i].object_class);
     out.visibility.push_back(inside ? raycaster.visibility(i, world.leaves) : -1);
   }
   return out;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "infrasim/scene/parked.h"
+#include "infrasim/scene/people.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/traffic.h"
@@ -24,12 +25,13 @@ Trajectories load_recorded(const SceneConfig& scene) {
         file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
         " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
   trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
-  if (!scene.parked) return trajectories;
+  if (!scene.parked && !scene.people) return trajectories;
+  const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
   for (const auto& states : trajectories.rows)
-    if (!states.empty() && states.back().id >= kFirstParkedId)
+    if (!states.empty() && states.back().id >= first)
       throw ConfigError(file.string() + ": id: found " + std::to_string(states.back().id) +
-                        ", allowed below " + std::to_string(kFirstParkedId) +
-                        ", where those of parked vehicles begin");
+                        ", allowed below " + std::to_string(first) + ", where those of " +
+                        (scene.parked ? "parked vehicles" : "people") + " begin");
   return trajectories;
 }
 
@@ -44,9 +46,20 @@ TakeInstant with_parked(const SceneConfig& scene, const TakeInstant& take) {
   };
 }
 
+/// Hands over every instant with the people who are there then.
+TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
+  People people(scene);
+  if (people.empty()) return take;
+  return [people = std::move(people), take, instant = 0](std::vector<ObjectState> states) mutable {
+    const auto there = people.at(instant++ * kFramePeriod);
+    states.insert(states.end(), there.begin(), there.end());
+    take(states);
+  };
+}
+
 /// The vehicles of a scene that was checked, one instant after the other.
 void take_instants(const SceneConfig& scene, const TakeInstant& take) {
-  const TakeInstant all = with_parked(scene, take);
+  const TakeInstant all = with_parked(scene, with_people(scene, take));
   if (scene.traffic) return simulate_traffic(scene, all);
   const Trajectories recorded = load_recorded(scene);
   for (const auto& states : recorded.rows) all(states);

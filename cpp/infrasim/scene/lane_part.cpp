@@ -85,8 +85,10 @@ LanePart part_of(const LanePath& lane, const Stretch& stretch, Vec2 foot) {
 
 }  // namespace
 
-bool LanePart::contains(Vec2 point) const {
-  if (point.x < low.x || point.x > high.x || point.y < low.y || point.y > high.y) return false;
+bool LanePart::contains(Vec2 point, double beside) const {
+  if (point.x < low.x - beside || point.x > high.x + beside || point.y < low.y - beside ||
+      point.y > high.y + beside)
+    return false;
   // As pyinfra/data/regions.py has it: on the pieces at the nearest row.
   const auto nearest = std::ranges::min_element(
       rows, {}, [&](const LaneRow& row) { return dot(point - row.place, point - row.place); });
@@ -106,7 +108,7 @@ bool LanePart::contains(Vec2 point) const {
     aside = away;
     half_width = beyond ? -1 : a.half_width + t * (b.half_width - a.half_width);
   }
-  return aside <= half_width;
+  return half_width >= 0 && aside <= half_width + beside;
 }
 
 std::vector<LanePart> parts_within(const LanePath& lane, Vec2 foot, double radius) {

@@ -22,8 +22,9 @@ struct LanePart {
   std::vector<LaneRow> rows;  ///< both ends, and every whole metre between them
   Vec2 low, high;             ///< corners of a rectangle that holds it
 
-  /// True within its width, between its first and its last row; nothing is added at the ends.
-  bool contains(Vec2 point) const;
+  /// True within its width and `beside` more on both sides, between its first and its last row;
+  /// nothing is added at the ends.
+  bool contains(Vec2 point, double beside) const;
 };
 
 /// What of a lane lies within `radius` of the sensor's foot, in the order of travel. The second and

@@ -76,14 +76,16 @@ bool EvaluationRegion::in_outlines(Vec2 point) const {
          });
 }
 
-bool EvaluationRegion::contains(Vec2 point) const {
+bool EvaluationRegion::contains(Vec2 point, Class object_class) const {
   if (!in_outlines(point)) return false;
-  if (std::ranges::any_of(parts_, [&](const LanePart& part) { return part.contains(point); }))
+  const double beside = class_of(object_class).vehicle ? 0 : kFootways_m;
+  if (std::ranges::any_of(parts_,
+                          [&](const LanePart& part) { return part.contains(point, beside); }))
     return true;
   return std::ranges::any_of(roads_, [&](const Road& road) {
     const double station = road.along.project(point);
     return std::abs(station - road.foot) <= half_length_ &&
-           norm(point - road.along.at(station).position) <= road.half_width;
+           norm(point - road.along.at(station).position) <= road.half_width + beside;
   });
 }
 

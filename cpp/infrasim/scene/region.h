@@ -3,22 +3,26 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/core/classes.h"
 #include "infrasim/scene/lane_part.h"
 #include "infrasim/scene/static_world.h"
 
 namespace infrasim {
 
+inline constexpr double kFootways_m = 6;  ///< beside a carriageway, where people count too
+
 /// The evaluation region. With lanes of a file: what of them lies within the half length of the
 /// sensor's foot, each stretch a road of its own that runs with the traffic. With roads: along each
 /// from -half length to +half length around the foot, within the carriageway; stations s are 0 at
-/// the foot and grow along the sensor's view. With `regions`, only what lies in one of them.
+/// the foot and grow along the sensor's view. For people kFootways_m more on both sides. With
+/// `regions`, only what lies in one of them.
 class EvaluationRegion {
  public:
   /// @throws ConfigError if no lane is near, or none of the roads or lanes meets `regions`
   explicit EvaluationRegion(const SceneConfig& scene);
 
-  /// @param point world frame
-  bool contains(Vec2 point) const;
+  /// @param point world frame, the centre of what is of the class
+  bool contains(Vec2 point, Class object_class) const;
 
   /// Columns road,s,x,y,z,heading,half_width at 1 m steps along roads and lanes, whatever
   /// `regions` leave of them; world frame, metres, radians.

@@ -9,6 +9,7 @@
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/outline_index.h"
 #include "infrasim/scene/parked.h"
+#include "infrasim/scene/people.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/vegetation.h"
@@ -24,6 +25,8 @@ constexpr double kApart = 0.01;        // m between two roads, else they abut
 constexpr double kLeastDepth = 0.001;  // m from a road down to the ground
 constexpr int kSlopeSteps = 16;        // that a slope is looked at in
 constexpr double kMostRoad = 100'000;  // m: rays end at 5 km, and vehicles take time everywhere
+constexpr double kPeopleBeside_m = 1.2;  // to each side of their line, that they need to pass
+constexpr double kPeopleHeight_m = 2.5;  // that is free over their line
 constexpr double kMostVehicles = 5'000;  // of traffic: a gigabyte of trajectories in 500 s
 
 std::string at_text(Vec2 p) {
@@ -107,6 +110,7 @@ class Site {
     for (const LeafVolume& leaves : leaf_volumes(scene_))
       check_beside_lanes(leaves.box, leaves.place, leaves.key, leaves.kind);
     check_parked();
+    check_people();
   }
 
  private:
@@ -282,14 +286,20 @@ class Site {
                        " m above them");
   }
 
-  /// Parked vehicles stand beside the lanes, and where nothing else does.
-  void check_parked() const {
-    const std::vector<ParkedVehicle> parked = parked_vehicles(scene_);
-    if (parked.empty()) return;
+  /// What rays and vehicles do not pass, plants but for their trunks left out.
+  std::vector<Box3d> solids() const {
     std::vector<Box3d> solid;
     for (const Upright& upright : uprights(scene_)) solid.push_back(upright.box);
     for (const BarrierConfig& barrier : scene_.barriers)
       for (const Box3d& piece : barrier_pieces(scene_, barrier)) solid.push_back(piece);
+    return solid;
+  }
+
+  /// Parked vehicles stand beside the lanes, and where nothing else does.
+  void check_parked() const {
+    const std::vector<ParkedVehicle> parked = parked_vehicles(scene_);
+    if (parked.empty()) return;
+    std::vector<Box3d> solid = solids();
     OutlineIndex index;
     for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
     for (const auto& [vehicle, place] : parked) {
@@ -308,6 +318,50 @@ class Site {
       index.add(outline, solid.size());
       solid.push_back(box);
     }
+  }
+
+  /// People go beside the lanes of traffic, and where nothing stands and no other row goes.
+  void check_people() const {
+    if (!scene_.people) return;
+    std::vector<Box3d> solid = solids();
+    for (const ParkedVehicle& vehicle : parked_vehicles(scene_)) solid.push_back(vehicle.state.box);
+    OutlineIndex index;
+    for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
+    for (const PeopleConfig& row : *scene_.people) {
+      const std::vector<Box3d> way = free_way(row);
+      for (const Box3d& box : way) {
+        const auto outline = footprint(box);
+        if (scene_.traffic) check_beside_lanes(box, row.place, "offset_m", "people");
+        const auto shares_place = [&](std::size_t i) {
+          const Box3d& other = solid[i];
+          return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
+                 footprints_overlap(outline, footprint(other));
+        };
+        if (index.any_near(outline, shares_place))
+          config::fail(row.place, "offset_m",
+                       "found something in the way of people, near " + at_text({box.x, box.y}) +
+                           ", allowed " + number_text(kPeopleBeside_m) +
+                           " m free to both sides of their line");
+      }
+      for (const Box3d& box : way) {
+        index.add(footprint(box), solid.size());
+        solid.push_back(box);
+      }
+    }
+  }
+
+  /// What a row of people needs for itself, in pieces of 2 m.
+  std::vector<Box3d> free_way(const PeopleConfig& row) const {
+    const Curve line = people_line(scene_, row);
+    const double z = scene_.roads[road_index(scene_, row.road, row.place, "road")].elevation_m;
+    std::vector<Box3d> boxes;
+    for (double s = 0; s < line.length(); s += kStep) {
+      const double length = std::min(kStep, line.length() - s);
+      const CurvePoint p = line.at(s + length / 2);
+      boxes.push_back({p.position.x, p.position.y, z + kPeopleHeight_m / 2, length,
+                       2 * kPeopleBeside_m, kPeopleHeight_m, p.heading});
+    }
+    return boxes;
   }
 
   const SceneConfig& scene_;

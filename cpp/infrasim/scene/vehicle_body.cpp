@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <span>
+
+#include "infrasim/scene/person_body.h"
+
 namespace infrasim {
 
 namespace {
@@ -32,8 +35,6 @@ constexpr Station kBusStations[] = {
 constexpr Station kRiderStations[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22, .80, .92},
                                       {-.02, 1, 1.0},   {.08, .86, .88},  {.20, .96, .64},
                                       {.34, .30, .56},  {.50, .22, .36}};
-constexpr Station kPersonStations[] = {
-    {-.50, .40, .80}, {-.25, .9, .95}, {0, 1, 1.0}, {.25, .9, .95}, {.50, .40, .80}};
 
 Profile profile_of(Class object_class) {
   switch (object_class) {
@@ -44,10 +45,7 @@ Profile profile_of(Class object_class) {
     case Class::kBus:
       return {kBusStations, .50, .94};
     case Class::kMotorcycle:
-    case Class::kCyclist:
       return {kRiderStations, .60, .55};
-    case Class::kPedestrian:
-      return {kPersonStations, .70, .50};
     default:
       return {kCarStations, .58, .76};
   }
@@ -153,6 +151,8 @@ TriangleMesh unit_box() {
 
 TriangleMesh build_vehicle_body(Class object_class, Detail detail) {
   if (detail == Detail::kBox) return unit_box();
+  if (object_class == Class::kPedestrian) return build_pedestrian(detail);
+  if (object_class == Class::kCyclist) return build_cyclist(detail);
   const Profile profile = profile_of(object_class);
   const auto [extra, corner] = resolution_of(detail);
   Loft loft;

@@ -1,0 +1,127 @@
+"""How far each LiDAR sees people: points a frame on pedestrians and cyclists, by distance.
+
+A pole of 6 m over a straight level road, preset `datasheet`. A pedestrian and a cyclist go away
+from it side by side, to 500 m, with nothing before or behind them; in every frame they are others,
+of another paint, and face another way. So a bin of distances has 25 frames of other phases, places,
+headings and reflectances. Points are the medians over them.
+Writes results/people.csv and prints how far 5 points reach:
+    .venv/bin/python benchmarks/people.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra import __version__, machine, sim
+from pyinfra.simulator.lidars import catalogue_files, presets_of
+
+ROOT = Path(__file__).resolve().parent.parent
+SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
+SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # of the line straight ahead
+WEAVE_M = 0.3  # to both sides, so that no column meets them alike
+FROM_M, TO_M, BIN_M = 10.0, 500.0, 10.0
+STEP_M = 0.4  # from one frame to the next
+TURN_RAD = 2.399963 / 5  # the golden angle in five frames: all headings in each bin
+ENOUGH = 5  # points
+SCENE = """name: people
+duration_s: {duration_s}
+mounts:
+  pole: {{x_m: 0, y_m: 0, z_m: 6}}
+roads:
+  - name: main
+    start: {{x_m: -20, y_m: 0}}
+    centreline: [{{line_m: 560}}]
+    lanes: {{each_way: 1}}
+trajectories: people.csv
+"""
+FRAMES = round((TO_M - FROM_M) / STEP_M)
+
+
+def state(name: str, instant: int) -> str:
+    """Where one of a class is at an instant: x to speed of a row of trajectories.csv."""
+    dx, dy, dz = SIZES[name]
+    x = FROM_M + STEP_M * instant
+    y = SIDE_M[name] + WEAVE_M * np.sin(0.7 * instant)
+    heading = (TURN_RAD * instant + np.pi) % (2 * np.pi) - np.pi
+    return f"{x:.4f},{y:.4f},{dz / 2},{heading:.6f},{dx},{dy},{dz},{10 * STEP_M}"
+
+
+def number(name: str, frame: int) -> int:
+    """The id of the one of a class that is there in a frame alone."""
+    return 2 * frame + list(SIZES).index(name)
+
+
+def trajectories() -> Iterator[str]:
+    yield "t,id,class,x,y,z,heading,dx,dy,dz,speed"
+    for k in range(FRAMES + 1):
+        for frame in (k - 1, k):  # whose frame ends here, and whose begins
+            if 0 <= frame < FRAMES:
+                for name in SIZES:
+                    yield f"{k / 10},{number(name, frame)},{name},{state(name, k)}"
+
+
+def write_scene(folder: Path) -> Path:
+    (folder / "people.csv").write_text("\n".join(trajectories()) + "\n")
+    file = folder / "people.yaml"
+    file.write_text(SCENE.format(duration_s=FRAMES / 10))
+    return file
+
+
+def points(world: sim.World, lidar: sim.Lidar) -> pd.DataFrame:
+    """A row for each frame and class; 0 points of what is out of reach."""
+    rows = []
+    for k, (frame,) in sim.simulate(world, [lidar], range(FRAMES)):
+        found = dict(
+            zip(frame.objects["id"].tolist(), frame.objects["points"].tolist(), strict=True)
+        )
+        middle = FROM_M + STEP_M * (k + 0.5)
+        rows += [(name, middle, found.get(number(name, k), 0)) for name in SIZES]
+    return pd.DataFrame(rows, columns=["class", "distance", "points"])
+
+
+def by_distance(found: pd.DataFrame) -> pd.DataFrame:
+    from_m = (BIN_M * (found.distance // BIN_M)).astype(int)
+    groups = found.groupby(["class", from_m.rename("from_m")], sort=False).points
+    table = groups.agg(points="median", seen_share=lambda p: (p > 0).mean(), frames="size")
+    return table.reset_index()
+
+
+def measured(scene: Path, files: Iterable[Path]) -> Iterator[pd.DataFrame]:
+    world = sim.load_scene(scene)
+    for file in files:
+        if "datasheet" not in presets_of(file):
+            continue
+        lidar = sim.load_lidar(file)
+        table = by_distance(points(world, lidar))
+        table.insert(0, "lidar", file.stem)
+        print(file.stem, reach(table), flush=True)
+        yield table[table.groupby("class").points.transform(lambda p: p[::-1].cummax()[::-1]) > 0]
+
+
+def reach(table: pd.DataFrame) -> dict[str, float]:
+    """To how many metres the median is ENOUGH, by class; 0 if nowhere."""
+    enough = table[table.points >= ENOUGH]
+    return {name: (enough[enough["class"] == name].from_m + BIN_M).max() for name in SIZES}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "people.csv")
+    args = parser.parse_args()
+    # Its table of rays is its user's to fetch; it looks up.
+    files = [file for file in catalogue_files() if file.stem != "livox_mid_360"]
+    with tempfile.TemporaryDirectory() as work:
+        table = pd.concat(measured(write_scene(Path(work)), files))
+    about = {"preset": "datasheet", "seed": 1, "version": __version__, "machine": machine()}
+    table = table.assign(**about)
+    table.to_csv(args.out, index=False, float_format="%.4g")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+#include "infrasim/scene/people.h"
+
+#include <algorithm>
+#include <functional>
+#include <numeric>
+
+#include "infrasim/config/fields.h"
+
+namespace infrasim {
+
+namespace {
+
+constexpr int kMostPeople = 1'000;    // in a scene: each is looked at in every frame
+constexpr double kOffLine_m = 0.1;    // most that somebody goes beside the line, nominal
+constexpr double kApart_m = 0.5;      // free between two that pass, less what both go aside
+constexpr double kAhead_m = 0.4;      // free along the line before two begin to close again
+constexpr double kMakesWay_s = 1.5;   // from going straight to having made way, nominal
+constexpr double kShortestWay = 3;    // lengths: the same for two who hardly differ in speed
+constexpr unsigned kDrawsOfSize = 7;  // after those of the size
+
+double fastest_of(const PersonSpeedConfig& speed) {
+  return (speed.mean_km_h + 2 * speed.std_km_h) / 3.6;
+}
+
+const ObjectClass& object_class_of(PersonKind kind) {
+  return class_of(kind == PersonKind::kPedestrian ? Class::kPedestrian : Class::kCyclist);
+}
+
+}  // namespace
+
+/// Where somebody is on the line, and which way.
+struct PeopleRow::Walk {
+  const Person* person = nullptr;
+  int number = 0;
+  int lap = 0;
+  double s = 0;         ///< station of the line; beyond its ends too
+  double velocity = 0;  ///< along the line
+  double left = 0;      ///< to the left of it
+};
+
+Curve people_line(const SceneConfig& scene, const PeopleConfig& row) {
+  const RoadConfig& road = scene.roads[road_index(scene, row.road, row.place, "road")];
+  const Curve whole = centreline(road);
+  const double to = std::min(row.to_m, whole.length());
+  if (row.from_m >= to)
+    config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+  return whole.part(row.from_m, to).offset(row.offset_m);
+}
+
+PeopleRow::PeopleRow(const SceneConfig& scene, const PeopleConfig& row, const Rng& rng)
+    : object_class_(&object_class_of(row.kind)),
+      elevation_m_(scene.roads[road_index(scene, row.road, row.place, "road")].elevation_m),
+      line_(people_line(scene, row)) {
+  const double way = std::max(2 * kShortestWay * object_class_->length_m.mean,
+                              2 * kMakesWay_s * fastest_of(row.speed));
+  beyond_m_ = way + 2 * object_class_->length_m.mean + kAhead_m;
+  circle_m_ = line_.length() + 2 * beyond_m_;
+  const auto n = std::llround(row.per_km * circle_m_ / 1000);
+  for (std::int64_t i = 0; i < n; ++i) {
+    const std::int64_t pair = i / 2;  // one each way
+    const Rng own = rng.at(static_cast<std::uint64_t>(i) + 1);
+    const double spread = std::clamp(own.normal(kDrawsOfSize), -2.0, 2.0);
+    people_.push_back({draw_size(*object_class_, own),
+                       circle_m_ * (static_cast<double>(pair) + own.uniform(kDrawsOfSize + 2)) * 2 /
+                           static_cast<double>(n),
+                       (row.speed.mean_km_h + spread * row.speed.std_km_h) / 3.6, i % 2 == 1,
+                       kOffLine_m * (2 * own.uniform(kDrawsOfSize + 3) - 1)});
+  }
+}
+
+std::vector<PeopleRow::Walk> PeopleRow::walks_at(double time_s) const {
+  std::vector<Walk> walks;
+  for (std::size_t i = 0; i < people_.size(); ++i) {
+    const Person& p = people_[i];
+    const double gone = p.start_m + p.speed_m_s * time_s;
+    const double lap = std::floor(gone / circle_m_);
+    const double s = gone - lap * circle_m_ - beyond_m_;
+    walks.push_back({&p, static_cast<int>(i), static_cast<int>(lap),
+                     p.back ? line_.length() - s : s, p.back ? -p.speed_m_s : p.speed_m_s,
+                     p.aside_m});
+  }
+  std::ranges::sort(walks, {}, &Walk::s);
+  return walks;
+}
+
+namespace {
+
+/// From right to left: who goes along the line, the faster further left, then who comes, the
+/// slower further left. So everybody keeps to their right, and the faster pass on the inner side.
+double order_of(double velocity) {
+  constexpr double kBeyondAll = 1'000;  // m/s
+  return velocity > 0 ? velocity : kBeyondAll + velocity;
+}
+
+/// From 0 to 1 while u goes from 0 to 1, level at both ends.
+double smooth(double u) {
+  const double v = std::clamp(u, 0.0, 1.0);
+  return v * v * (3 - 2 * v);
+}
+
+}  // namespace
+
+/// Two who are near each other, by their order from the right.
+struct PeopleRow::Gap {
+  std::size_t right, left;
+  double apart = 0;  ///< what the one must be further left, but for what both go beside the line
+  double near = 0;   ///< 1 from before they meet until after it, 0 before they see each other
+};
+
+/// Of somebody in what others do: all on the line, none where people come and go unseen.
+double PeopleRow::share(const Walk& walk) const {
+  return smooth(1 + std::min(walk.s, line_.length() - walk.s) / beyond_m_);
+}
+
+/// Of all who are near each other; `walks` by increasing station, `place` of each in the order.
+std::vector<PeopleRow::Gap> PeopleRow::gaps(const std::vector<Walk>& walks,
+                                            const std::vector<std::size_t>& place) const {
+  std::vector<Gap> out;
+  for (std::size_t i = 0; i < walks.size(); ++i)
+    for (std::size_t j = i + 1; j < walks.size() && walks[j].s - walks[i].s < beyond_m_; ++j) {
+      const Walk &a = walks[i], &b = walks[j];
+      const double lengths = a.person->size.dx + b.person->size.dx;
+      const double closing = std::abs(a.velocity - b.velocity);
+      const double way = std::max(kShortestWay * lengths / 2, kMakesWay_s * closing);
+      const double near = smooth((lengths / 2 + kAhead_m + way - (b.s - a.s)) / way);
+      const double apart = (a.person->size.dy + b.person->size.dy) / 2 + kApart_m;
+      const auto [right, left] = std::minmax(place[i], place[j]);
+      out.push_back({right, left, apart, near * std::min(share(a), share(b))});
+    }
+  return out;
+}
+
+/// Nobody is further left than they must for those on their right, nor further right than for
+/// those on their left; half way between both, all who are near are apart.
+void PeopleRow::make_way(std::vector<Walk>& walks) const {
+  std::vector<std::size_t> from_right(walks.size()), place(walks.size());
+  std::iota(from_right.begin(), from_right.end(), 0);
+  std::ranges::sort(from_right, {}, [&](std::size_t i) {
+    return std::pair(order_of(walks[i].velocity), walks[i].number);
+  });
+  for (std::size_t k = 0; k < from_right.size(); ++k) place[from_right[k]] = k;
+  std::vector<Gap> all = gaps(walks, place);
+  std::vector<double> left(walks.size()), right(walks.size());
+  std::ranges::sort(all, {}, &Gap::left);
+  for (const Gap& g : all)
+    left[g.left] = std::max(left[g.left], g.near * (left[g.right] + g.apart));
+  std::ranges::sort(all, std::greater{}, &Gap::right);
+  for (const Gap& g : all)
+    right[g.right] = std::max(right[g.right], g.near * (right[g.left] + g.apart));
+  for (std::size_t i = 0; i < walks.size(); ++i)
+    walks[i].left += (left[place[i]] - right[place[i]]) / 2;
+}
+
+ObjectState PeopleRow::state(const Walk& walk) const {
+  const CurvePoint p = line_.at(walk.s);
+  const Vec2 xy = p.position + walk.left * heading_vector(p.heading + kPi / 2);
+  const VehicleSize& size = walk.person->size;
+  const double heading = p.heading + (walk.person->back ? kPi : 0);
+  const Box3d box{xy.x, xy.y, elevation_m_ + size.dz / 2, size.dx, size.dy, size.dz, heading};
+  return rounded({0, object_class_->id, box, walk.person->speed_m_s});
+}
+
+void PeopleRow::append_at(double time_s, int first_id, int step,
+                          std::vector<ObjectState>& out) const {
+  std::vector<Walk> walks = walks_at(time_s);
+  make_way(walks);
+  for (const Walk& walk : walks) {
+    if (walk.s < 0 || walk.s > line_.length()) continue;
+    out.push_back(state(walk));
+    out.back().id = first_id + walk.lap * step + walk.number;
+  }
+}
+
+People::People(const SceneConfig& scene) {
+  if (!scene.people) return;
+  const Rng rng = Rng::of(scene.seed, "people");
+  for (std::size_t i = 0; i < scene.people->size(); ++i) {
+    const PeopleConfig& row = (*scene.people)[i];
+    rows_.emplace_back(scene, row, rng.at(i + 1));
+    step_ += static_cast<int>(rows_.back().size());
+    if (step_ > kMostPeople)
+      config::fail(row.place, "per_km",
+                   "found " + std::to_string(step_) + " people up to this row, allowed " +
+                       std::to_string(kMostPeople));
+  }
+}
+
+std::vector<ObjectState> People::at(double time_s) const {
+  std::vector<ObjectState> out;
+  int first_id = kFirstPersonId;
+  for (const PeopleRow& row : rows_) {
+    row.append_at(time_s, first_id, step_, out);
+    first_id += static_cast<int>(row.size());
+  }
+  std::ranges::sort(out, {}, &ObjectState::id);
+  return out;
+}
+
+}  // namespace infrasim

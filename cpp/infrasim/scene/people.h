@@ -1,0 +1,76 @@
+#pragma once
+
+#include <vector>
+
+#include "infrasim/config/scene_config.h"
+#include "infrasim/core/rng.h"
+#include "infrasim/scene/curve.h"
+#include "infrasim/scene/fleet.h"
+#include "infrasim/scene/trajectories.h"
+
+namespace infrasim {
+
+inline constexpr int kFirstPersonId = 1'500'000'000;  ///< beyond those of parked vehicles
+
+/// The line of a row of people, from one end to the other.
+/// @throws ConfigError for an unknown road, or a row that begins beyond its end
+Curve people_line(const SceneConfig& scene, const PeopleConfig& row);
+
+/// Somebody of a row, without beginning or end.
+struct Person {
+  VehicleSize size;
+  double start_m = 0;    ///< at t = 0, along the way it goes
+  double speed_m_s = 0;  ///< constant
+  bool back = false;     ///< goes against the line
+  double aside_m = 0;    ///< to the left of the line while nobody is near
+};
+
+/// People of a row: they circulate on their line and beyond both of its ends, where nobody sees
+/// them come and go. Who meets or overtakes another steps aside, without turning, and comes back; a
+/// place is a function of the time alone.
+class PeopleRow {
+ public:
+  /// @throws ConfigError as people_line
+  PeopleRow(const SceneConfig& scene, const PeopleConfig& row, const Rng& rng);
+
+  std::size_t size() const { return people_.size(); }
+
+  /// Those on the line at a time; ids are first_id + lap * step + number in the row, so that who
+  /// comes again is another one.
+  void append_at(double time_s, int first_id, int step, std::vector<ObjectState>& out) const;
+
+ private:
+  struct Walk;
+  struct Gap;
+  std::vector<Walk> walks_at(double time_s) const;
+  std::vector<Gap> gaps(const std::vector<Walk>& walks,
+                        const std::vector<std::size_t>& place) const;
+  double share(const Walk& walk) const;
+  void make_way(std::vector<Walk>& walks) const;
+  ObjectState state(const Walk& walk) const;
+
+  const ObjectClass* object_class_;
+  double elevation_m_;
+  Curve line_;
+  double beyond_m_ = 0;  ///< circulated before and after the line
+  double circle_m_ = 0;
+  std::vector<Person> people_;
+};
+
+/// All people of a scene, drawn from its seed, in steady state from t = 0 on.
+class People {
+ public:
+  /// @throws ConfigError as people_line, and for more people than a scene may have
+  explicit People(const SceneConfig& scene);
+
+  bool empty() const { return step_ == 0; }
+
+  /// By increasing id, all from kFirstPersonId on; a function of the time alone.
+  std::vector<ObjectState> at(double time_s) const;
+
+ private:
+  std::vector<PeopleRow> rows_;
+  int step_ = 0;  ///< people of all rows
+};
+
+}  // namespace infrasim

@@ -1,0 +1,196 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+
+#include "infrasim/pipeline/world.h"
+#include "infrasim/scene/overlaps.h"
+#include "infrasim/scene/people.h"
+#include "infrasim/scene/region.h"
+#include "infrasim/scene/traffic.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+using testing::configs;
+using testing::error_of;
+
+/// The curve with rows of people.
+SceneConfig with_people(const std::string& rows, const std::string& duration_s = "5") {
+  const std::vector<std::string> assignments{"duration_s=" + duration_s, "traffic.warm_up_s=5",
+                                             "people=" + rows};
+  return read_scene(configs() / "scenes/curve.yaml", assignments);
+}
+
+/// Walkers on one side, riders on the other.
+constexpr char kBothSides[] =
+    "[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
+    "speed: {mean_km_h: 5, std_km_h: 1}}, "
+    "{road: bend, offset_m: 11, per_km: 20, class: Cyclist, "
+    "speed: {mean_km_h: 16, std_km_h: 3}}]";
+
+bool is_person(const ObjectState& s) { return s.id >= kFirstPersonId; }
+
+TEST(people, go_both_ways_at_their_own_speeds_beside_the_road) {
+  const SceneConfig scene = with_people(kBothSides);
+  const std::vector<ObjectState> there = People(scene).at(0);
+  std::map<std::string_view, std::pair<int, double>> found;  // how many, sum of speeds
+  int along = 0;
+  const Curve line = centreline(scene.roads[0]);
+  for (const ObjectState& s : there) {
+    auto& [n, sum] = found[class_of(s.object_class).name];
+    ++n;
+    sum += s.speed_m_s;
+    const CurvePoint p = line.at(line.project({s.box.x, s.box.y}));
+    along += std::cos(s.box.heading - p.heading) > 0;
+    EXPECT_NEAR(norm(Vec2{s.box.x, s.box.y} - p.position), 11, 2.5);
+    EXPECT_NEAR(s.box.z - s.box.dz / 2, scene.roads[0].elevation_m, 1e-3);
+  }
+  const double km = line.length() / 1000;
+  EXPECT_NEAR(found["Pedestrian"].first, 60 * km, 0.15 * 60 * km);
+  EXPECT_NEAR(found["Cyclist"].first, 20 * km, 0.3 * 20 * km);
+  EXPECT_NEAR(found["Pedestrian"].second / found["Pedestrian"].first, 5 / 3.6, 0.2);
+  EXPECT_NEAR(found["Cyclist"].second / found["Cyclist"].first, 16 / 3.6, 0.6);
+  const auto all = static_cast<double>(there.size());
+  EXPECT_NEAR(along, all / 2, 0.15 * all);
+}
+
+TEST(people, come_and_go_at_the_ends_of_their_line_alone) {
+  const SceneConfig scene = with_people(kBothSides);
+  const People people(scene);
+  Trajectories rows;
+  for (int k = 0; k <= 3000; ++k) rows.rows.push_back(people.at(k * kFramePeriod));
+  const Curve line = centreline(scene.roads[0]);
+  std::map<int, ObjectState> before;
+  int came = 0;
+  for (std::size_t k = 0; k < rows.rows.size(); ++k) {
+    std::map<int, ObjectState> now;
+    for (const ObjectState& s : rows.rows[k]) now.emplace(s.id, s);
+    ASSERT_EQ(now.size(), rows.rows[k].size());
+    const auto at_an_end = [&](const ObjectState& s) {
+      const double station = line.project({s.box.x, s.box.y});
+      return station < 3 || station > line.length() - 3;
+    };
+    for (const auto& [id, s] : now) {
+      if (k == 0) break;
+      const auto last = before.find(id);
+      came += last == before.end();
+      if (last == before.end()) {
+        EXPECT_TRUE(at_an_end(s)) << id;
+        continue;
+      }
+      const Box3d &a = last->second.box, &b = s.box;
+      EXPECT_NEAR(norm(Vec2{b.x - a.x, b.y - a.y}), s.speed_m_s * kFramePeriod, 0.12);
+      EXPECT_LT(std::abs(wrap_angle(b.heading - a.heading)), rad(5));
+      EXPECT_EQ(a.dx, b.dx);
+    }
+    for (const auto& [id, s] : before) EXPECT_TRUE(now.contains(id) || at_an_end(s)) << id;
+    before = std::move(now);
+  }
+  EXPECT_GT(came, 50);
+}
+
+TEST(people, share_no_place) {
+  // As dense, and as different in speed, as may be.
+  const std::string rows =
+      "[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
+      "speed: {mean_km_h: 5, std_km_h: 1.6}}, "
+      "{road: bend, offset_m: 11, per_km: 60, class: Cyclist, "
+      "speed: {mean_km_h: 16, std_km_h: 5.3}}]";
+  const Curve line = centreline(with_people(rows).roads[0]);
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U, 9U, 10U, 11U, 12U}) {
+    SceneConfig scene = with_people(rows);
+    scene.seed = seed;
+    const People people(scene);
+    OverlapSearch search;
+    double farthest = 0;
+    for (int k = 0; k <= 3000; ++k) {
+      const auto there = people.at(k * kFramePeriod);
+      for (const ObjectState& s : there) {
+        const Vec2 xy{s.box.x, s.box.y};
+        farthest = std::max(farthest, std::abs(norm(xy - line.at(line.project(xy)).position) - 11));
+      }
+      search.take(there);
+    }
+    EXPECT_LT(farthest, 3);
+    EXPECT_TRUE(search.found().empty()) << search.found().size() << " pairs, seed " << seed;
+  }
+}
+
+TEST(people, are_as_many_at_all_times) {
+  const People people(with_people(kBothSides));
+  const auto first = static_cast<double>(people.at(0).size());
+  for (int k = 0; k <= 5000; k += 100)
+    EXPECT_NEAR(static_cast<double>(people.at(k * kFramePeriod).size()), first, 0.15 * first);
+}
+
+TEST(people, change_nothing_of_the_traffic_and_stand_behind_it_in_the_rows) {
+  const SceneConfig scene = with_people(kBothSides);
+  SceneConfig alone = scene;
+  alone.people.reset();
+  const World world = build_world(scene), empty = build_world(alone);
+  ASSERT_EQ(world.trajectories.rows.size(), empty.trajectories.rows.size());
+  for (std::size_t k = 0; k < empty.trajectories.rows.size(); ++k) {
+    const auto &all = world.trajectories.rows[k], &vehicles = empty.trajectories.rows[k];
+    ASSERT_GT(all.size(), vehicles.size());
+    for (std::size_t i = 0; i < vehicles.size(); ++i) {
+      EXPECT_EQ(all[i].id, vehicles[i].id);
+      EXPECT_EQ(all[i].box.x, vehicles[i].box.x);
+    }
+    EXPECT_TRUE(is_person(all[vehicles.size()]));
+  }
+}
+
+TEST(people, are_a_draw_of_the_seed) {
+  SceneConfig scene = with_people(kBothSides);
+  const double x = People(scene).at(0).front().box.x;
+  EXPECT_EQ(People(scene).at(0).front().box.x, x);
+  scene.seed = 2;
+  EXPECT_NE(People(scene).at(0).front().box.x, x);
+}
+
+TEST(people, count_within_six_metres_of_the_carriageway) {
+  const SceneConfig scene = with_people(kBothSides);
+  const EvaluationRegion region(scene);
+  const Curve line = centreline(scene.roads[0]);
+  const MountConfig& mount = scene.mounts.begin()->second;
+  const CurvePoint p = line.at(line.project({mount.x_m, mount.y_m}));
+  const double half = carriageway_half_width(scene.roads[0].lanes);
+  const auto aside = [&](double m) { return p.position + m * heading_vector(p.heading + kPi / 2); };
+  EXPECT_TRUE(region.contains(aside(half - 0.1), Class::kCar));
+  EXPECT_FALSE(region.contains(aside(half + 0.1), Class::kCar));
+  EXPECT_TRUE(region.contains(aside(half + 5.9), Class::kPedestrian));
+  EXPECT_TRUE(region.contains(aside(half + 5.9), Class::kCyclist));
+  EXPECT_FALSE(region.contains(aside(half + 6.1), Class::kPedestrian));
+}
+
+std::string refused(const std::string& row) {
+  return error_of([&] { build_world(with_people("[" + row + "]")); });
+}
+
+TEST(people, in_lanes_or_in_what_stands_there_are_refused) {
+  constexpr char kRest[] = ", per_km: 10, class: Pedestrian, speed: {mean_km_h: 5, std_km_h: 1}}";
+  const std::string lane = refused(std::string("{road: bend, offset_m: 3") + kRest);
+  EXPECT_NE(lane.find("offset_m: found people on a lane"), std::string::npos) << lane;
+  const std::string row = std::string("{road: bend, offset_m: 11") + kRest;
+  const std::string twice = refused(row + ", " + row);
+  EXPECT_NE(twice.find("found something in the way of people"), std::string::npos) << twice;
+  const std::string unknown = refused(std::string("{road: lane, offset_m: 11") + kRest);
+  EXPECT_NE(unknown.find("found unknown road 'lane'"), std::string::npos) << unknown;
+}
+
+TEST(people, with_speeds_that_some_would_stand_still_at_are_refused) {
+  const std::string message = refused(
+      "{road: bend, offset_m: 11, per_km: 10, class: Cyclist, speed: {mean_km_h: 6, std_km_h: 3}}");
+  EXPECT_NE(message.find("std_km_h: found 3, allowed up to a third"), std::string::npos) << message;
+}
+
+TEST(people, of_other_classes_are_refused) {
+  const std::string message = refused(
+      "{road: bend, offset_m: 11, per_km: 10, class: Car, speed: {mean_km_h: 6, std_km_h: 1}}");
+  EXPECT_NE(message.find("Pedestrian, Cyclist"), std::string::npos) << message;
+}
+
+}  // namespace
+}  // namespace infrasim

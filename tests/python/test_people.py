@@ -1,0 +1,172 @@
+"""People: their AP beside that of vehicles, by footprints and by centres."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from evaluation_data import box, car, label_line, write_lidar, write_roads
+
+import pyinfra
+from pyinfra import cli, kitti
+from pyinfra.commands.evaluate import class_types
+from pyinfra.data.frame_tables import read_vehicles
+from pyinfra.evaluation.evaluate import class_settings, evaluate
+from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.evaluation.judge import OBJECT_CLASSES, Settings, block_seconds
+from pyinfra.evaluation.result import Evaluation
+
+HALF_WIDTH_M = 10.0  # of the road
+FRAMES = 40
+
+
+def walker(x: float, y: float, name: str = "Pedestrian", **changes: object) -> dict[str, object]:
+    length = 1.67 if name == "Cyclist" else 0.73
+    size = {"dx": length, "dy": 0.67, "dz": 1.77, "z": 0.885 - 6}
+    return car(x, y, **{"class": name, **size, **changes})
+
+
+def scene(folder: Path, frames: list, found: list) -> tuple[Path, Path]:
+    """A LiDAR's folder on a straight road, and predictions of (type, box, score)."""
+    gt = write_lidar(folder / "data/lidar", frames)
+    write_roads(folder / "data", HALF_WIDTH_M)
+    pred = folder / "pred"
+    pred.mkdir()
+    for k, boxes in enumerate(found):
+        text = "".join(label_line(*one) + "\n" for one in boxes)
+        (pred / f"{k:06d}.txt").write_text(text)
+    return gt, pred
+
+
+def ap(evaluation: Evaluation, which: str = "captured") -> dict[str, float]:
+    rows = evaluation.ap[evaluation.ap.ground_truth == which]
+    return dict(zip(rows.protocol, rows.ap, strict=True))
+
+
+def moved(person: dict[str, object], x_m: float) -> list[float]:
+    return [float(box(person)[0]) + x_m, *box(person)[1:]]
+
+
+def test_a_class_has_its_own_ap_by_footprints_and_by_centres(tmp_path: Path) -> None:
+    person, rider, vehicle = walker(20, 12), walker(30, -12, "Cyclist"), car(40)
+    found = [("Pedestrian", box(person), 0.9), ("Cyclist", box(rider), 0.8)]
+    found.append(("Car", box(vehicle), 0.7))
+    gt, pred = scene(tmp_path, [[person, rider, vehicle]] * FRAMES, [found] * FRAMES)
+    for name in ("pedestrian", "cyclist"):
+        result = pyinfra.evaluate(gt, pred, object_class=name)
+        assert set(result.ap["class"]) == {name}
+        assert ap(result) == ap(result, "all") == {"definition": 100, "definition-centre": 100}
+        assert result.ap.iou.tolist() == pytest.approx([0.25, 0.25, np.nan, np.nan], nan_ok=True)
+        assert (result.ap.objects == FRAMES).all()
+    assert ap(pyinfra.evaluate(gt, pred)) == {"definition": 100}
+
+
+@pytest.mark.parametrize(
+    ("metres", "footprints", "centres"), [(0.4, 100, 100), (0.48, 0, 100), (0.52, 0, 0)]
+)
+def test_a_centre_counts_up_to_half_a_metre(
+    tmp_path: Path, metres: float, footprints: float, centres: float
+) -> None:
+    person = walker(20, 3)  # 0.73 m long: an IoU of 0.25 is left 0.438 m along it
+    found = [("Pedestrian", moved(person, metres), 0.9)]
+    gt, pred = scene(tmp_path, [[person]] * FRAMES, [found] * FRAMES)
+    result = evaluate(gt, pred, object_class="pedestrian")
+    assert ap(result) == {"definition": footprints, "definition-centre": centres}
+
+
+def test_the_nearest_free_centre_is_taken_in_order_of_score(tmp_path: Path) -> None:
+    a, b = walker(20, 3), walker(20.6, 3)
+    found = [("Pedestrian", moved(a, 0.25), 0.9), ("Pedestrian", moved(a, 0.15), 0.8)]
+    gt, pred = scene(tmp_path, [[a, b]] * FRAMES, [found] * FRAMES)
+    result = evaluate(gt, pred, object_class="pedestrian")
+    # The first takes a, the nearer one; b is 0.45 m from the second, which overlaps too little.
+    assert ap(result)["definition-centre"] == 100
+    assert ap(result)["definition"] == 50
+
+
+def test_people_count_six_metres_beside_the_carriageway(tmp_path: Path) -> None:
+    near, far = walker(20, HALF_WIDTH_M + 5.9), walker(30, HALF_WIDTH_M + 6.1, visibility=-1)
+    gt, pred = scene(tmp_path, [[near, far]] * FRAMES, [[("Pedestrian", box(far), 0.9)]] * FRAMES)
+    result = evaluate(gt, pred, object_class="pedestrian")
+    assert set(result.ap.objects) == {FRAMES}  # the near one; the far one's box is ignored
+    assert set(result.ap.predictions) == {0}
+
+
+def test_vehicles_are_judged_as_if_nobody_was_on_the_footways(tmp_path: Path) -> None:
+    cars = [[car(20 + k, id=1)] for k in range(FRAMES)]
+    found = [[("Car", moved(frame[0], 0.2), 0.9)] for frame in cars]
+    gt, pred = scene(tmp_path / "without", cars, found)
+    alone = evaluate(gt, pred)
+    with_people = [[*frame, walker(10, 12)] for frame in cars]
+    beside, pred = scene(tmp_path / "with", with_people, found)
+    both = evaluate(beside, pred)
+    assert both.ap.equals(alone.ap)
+    assert both.errors.equals(alone.errors)
+    assert read_vehicles(beside, range(FRAMES)).names.tolist().count("Pedestrian") == FRAMES
+
+
+def test_blocks_are_as_long_as_the_class_stays(tmp_path: Path) -> None:
+    frames = [[walker(10, 12), car(20)][: 2 if k < 20 else 1] for k in range(600)]
+    gt, _ = scene(tmp_path, frames, [])
+    truth = read_ground_truth(gt)
+    assert block_seconds(truth, people=True) == 60
+    assert (
+        block_seconds(truth) == 20
+    )  # the least: who walks beside the road is none of its vehicles
+
+
+PEOPLE = (
+    "people=[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
+    "speed: {mean_km_h: 5, std_km_h: 1}}, {road: bend, offset_m: -18, per_km: 60, "
+    "class: Cyclist, speed: {mean_km_h: 16, std_km_h: 3}}]"
+)
+
+
+def test_a_run_has_people_who_count_where_the_simulator_says(
+    tmp_path: Path, infrasim: Callable[..., Any]
+) -> None:
+    words = ["--lidar", "ruby_plus", "--preset", "paper", "--frames", "0:3", "--set", PEOPLE]
+    done = infrasim("run", "curve", *words, "--set", "traffic.warm_up_s=1", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    truth = read_ground_truth(tmp_path / "ruby_plus")
+    v = truth.vehicles
+    for name, types in OBJECT_CLASSES.items():
+        own = v.select(np.isin(v.names, types))
+        inside = truth.places(own.mid_frame, 0.0 if name == "vehicle" else 6.0).inside
+        assert inside.any() == (name != "cyclist")  # whose way is 18 m from the line
+        assert np.array_equal(inside, own.visibility >= 0)
+        assert name == "cyclist" or (own.points > 0).any()
+
+
+def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    person = walker(20, 12)
+    found = [("Pedestrian", box(person), 0.9)]
+    gt, pred = scene(tmp_path, [[person, car(40)]] * FRAMES, [found] * FRAMES)
+    words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
+    assert cli.main([*words, "--no-figures", "--class", "pedestrian"]) == 0
+    text = capsys.readouterr().out
+    assert "pedestrian  captured       0.25 definition" in text
+    assert "pedestrian  captured            definition-centre" in text
+    assert cli.main([*words, "--no-figures", "--class", "pedestrian", "vehicle"]) == 2
+    assert "allowed vehicles, or people, or both with --iou" in capsys.readouterr().err
+    both = ["--class", "pedestrian", "vehicle", "--iou", "0.3"]
+    assert cli.main([*words, "--no-figures", *both]) == 0
+
+
+def test_an_unknown_class_and_two_ways_to_say_it_are_refused(tmp_path: Path) -> None:
+    gt, pred = scene(tmp_path, [[walker(20, 12)]], [[]])
+    with pytest.raises(ValueError, match="found 'dog', allowed vehicle, pedestrian, cyclist"):
+        evaluate(gt, pred, object_class="dog")
+    with pytest.raises(ValueError, match="found settings too"):
+        evaluate(gt, pred, Settings(), object_class="cyclist")
+
+
+def test_types_of_classes() -> None:
+    assert class_types(["pedestrian", "cyclist"]) == {
+        "pedestrian": ("Pedestrian",),
+        "cyclist": ("Cyclist",),
+    }
+    assert class_settings(class_types(["Pedestrian"])).ious == (0.25,)
+    assert class_settings(class_types(["Car"])) == Settings(classes={"Car": ("Car",)})
+    assert set(kitti.PERSON_TYPES).isdisjoint(kitti.VEHICLE_TYPES)
