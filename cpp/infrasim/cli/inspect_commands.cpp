@@ -57,7 +57,7 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
 SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o) {
   const auto checked = [&](const std::string& preset) {
     SceneConfig scene = read_scene(file, o.assignments, preset);
-    build_world(scene);
+    build_worlds(scene, mount_names(scene));
     if (o.traffic) check_traffic(file, scene);
     return scene;
   };
