@@ -65,19 +65,20 @@ void bind_simulation(py::module_& m) {
 
   py::class_<World>(m, "World", "A scene made ready.")
       .def(py::init([](const std::string& file, const std::vector<std::string>& set,
-                       const std::string& preset) {
+                       const std::string& preset, const std::string& mount) {
              const py::gil_scoped_release release;
-             return std::make_unique<World>(build_world(read_scene(file, set, preset)));
+             return std::make_unique<World>(build_world(read_scene(file, set, preset), mount));
            }),
            py::arg("file"), py::arg("assignments") = std::vector<std::string>{},
-           py::arg("preset") = "datasheet")
+           py::arg("preset") = "datasheet", py::arg("mount") = "")
       .def_static(
           "of_text",
-          [](const std::string& text, const std::string& name, const std::string& preset) {
+          [](const std::string& text, const std::string& name, const std::string& preset,
+             const std::string& mount) {
             const py::gil_scoped_release release;
-            return std::make_unique<World>(build_world(parse_scene(text, name, preset)));
+            return std::make_unique<World>(build_world(parse_scene(text, name, preset), mount));
           },
-          py::arg("text"), py::arg("name"), py::arg("preset") = "datasheet",
+          py::arg("text"), py::arg("name"), py::arg("preset") = "datasheet", py::arg("mount") = "",
           "A scene that is no file; name stands for one in messages.")
       .def(
           "roads_csv", [](const World& w) { return w.region.roads_csv(); },

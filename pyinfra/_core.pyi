@@ -146,11 +146,11 @@ class World:
     A scene made ready.
     """
     @staticmethod
-    def of_text(text: str, name: str, preset: str = 'datasheet') -> World:
+    def of_text(text: str, name: str, preset: str = 'datasheet', mount: str = '') -> World:
         """
         A scene that is no file; name stands for one in messages.
         """
-    def __init__(self, file: str, assignments: collections.abc.Sequence[str] = [], preset: str = 'datasheet') -> None:
+    def __init__(self, file: str, assignments: collections.abc.Sequence[str] = [], preset: str = 'datasheet', mount: str = '') -> None:
         ...
     def dump(self) -> str:
         """

@@ -79,26 +79,28 @@ def load_scene(
     preset: str = "datasheet",
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
+    mount: str = "",
 ) -> World:
     """A scene made ready: its traffic driven, its meshes built.
 
     preset: of the LiDARs; a scene may have a block of keys for it.
     set: values by dotted path, as `--set` has them: `{"traffic.vehicles_per_km_lane": 20}`.
+    mount: which of several; a scene with one needs none.
     Raises ConfigError with `file:line:col: key: found, allowed`, and IoError.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
         assignments.append(f"seed={seed}")
-    return World(str(file), assignments, preset)
+    return World(str(file), assignments, preset, mount)
 
 
-def make_world(scene: Mapping[str, object], *, preset: str = "datasheet") -> World:
+def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:
     """A scene made ready from its keys as plain data; messages name it in place of a file.
 
     Paths in it are relative to the working folder. Raises ConfigError and IoError.
     """
     text = yaml.safe_dump(dict(scene), sort_keys=False, default_flow_style=None)
-    return World.of_text(text, str(scene.get("name", "scene")), preset)
+    return World.of_text(text, str(scene.get("name", "scene")), preset, mount)
 
 
 def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
@@ -122,23 +124,26 @@ def simulate(
     preset: str = "datasheet",
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
+    mount: str = "",
     threads: int | None = None,
 ) -> Iterator[tuple[int, list[Frame]]]:
     """Frames in the given order, each with one `Frame` per LiDAR.
 
     The next frames are computed by threads of their own while the caller works on this one. The
     columns of a frame are read-only views that keep it alive; nothing is copied.
-    A scene or LiDAR may be a file; then preset, seed and set apply to it.
+    A scene or LiDAR may be a file; then preset, seed, set and mount apply to it.
     Warns where weather has no effect.
     Raises ConfigError for a wrong file, a frame that the scene does not have, and LiDARs of a
     preset for which the scene has keys but was not loaded, and IoError.
     """
     if isinstance(scene, World):
-        if seed is not None or set:
-            raise ValueError("seed and set need a scene file, found a World that is already built")
+        if seed is not None or set or mount:
+            raise ValueError(
+                "seed, set and mount need a scene file, found a World that is already built"
+            )
         world = scene
     else:
-        world = load_scene(scene, preset=preset, seed=seed, set=set)
+        world = load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)
     units = [x if isinstance(x, Lidar) else load_lidar(x, preset) for x in lidars]
     for line in warnings(world, units):
         warn(line, stacklevel=2)

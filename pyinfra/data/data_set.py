@@ -163,13 +163,17 @@ def field_of_view_mask(
     """Which points a LiDAR can see at all, by any of its units.
 
     centre: (n, 3) levelled frame; returns (n,) inside the angles, and (n,) inside the angles and
-    range (slant, from the sensor) of one unit.
+    range (slant, from the unit's sensor) of one unit.
     """
     angles = np.zeros(len(centre), dtype=np.bool_)
     ranges = np.zeros(len(centre), dtype=np.bool_)
-    slant = np.linalg.norm(centre, axis=1)
     for unit in lidar.field_of_view:
-        turned = centre @ _rotation(0, tilt.pitch, tilt.roll) @ _rotation(unit.yaw, unit.pitch, 0)
+        if at := unit.at:
+            own = (centre - (at.x, at.y, at.z)) @ _rotation(at.yaw, at.pitch, at.roll)
+        else:
+            own = centre @ _rotation(0, tilt.pitch, tilt.roll)
+        slant = np.linalg.norm(own, axis=1)
+        turned = own @ _rotation(unit.yaw, unit.pitch, 0)
         azimuth = np.arctan2(turned[:, 1], turned[:, 0])
         elevation = np.arctan2(turned[:, 2], np.hypot(turned[:, 0], turned[:, 1]))
         low, high = unit.azimuth

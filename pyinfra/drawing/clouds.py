@@ -344,9 +344,12 @@ def sector(unit: kitti.FieldOfView) -> FloatArray:
     first, last = (unit.yaw + a for a in unit.azimuth)
     angle = np.linspace(first, last, 361)
     arc = unit.range_m[1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    if last - first >= np.radians(FULL_CIRCLE_DEG):
-        return np.asarray(arc)
-    return np.concatenate([np.zeros((1, 2)), arc, np.zeros((1, 2))])
+    circle = last - first >= np.radians(FULL_CIRCLE_DEG)
+    outline = arc if circle else np.concatenate([np.zeros((1, 2)), arc, np.zeros((1, 2))])
+    if at := unit.at:
+        c, s = np.cos(at.yaw), np.sin(at.yaw)
+        outline = outline @ np.array([[c, s], [-s, c]]) + (at.x, at.y)
+    return np.asarray(outline)
 
 
 def _inside(xy: Floats, window: DrawnArea) -> BoolArray:

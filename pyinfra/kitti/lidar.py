@@ -32,6 +32,18 @@ class Tilt:
 
 
 @dataclass(frozen=True)
+class SensorPose:
+    """Where a sensor of a fused data set stands in its levelled frame. Metres, radians."""
+
+    x: float
+    y: float
+    z: float
+    yaw: float
+    pitch: float
+    roll: float
+
+
+@dataclass(frozen=True)
 class FieldOfView:
     """What one unit of a LiDAR can see, in the unit's own frame, which is turned by `yaw` and
     then tilted by `pitch` (positive looks down) in the sensor's frame."""
@@ -41,6 +53,7 @@ class FieldOfView:
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
     range_m: tuple[float, float]
+    at: SensorPose | None = None  # None: the sensor stands at the origin and leans as all do
 
 
 @dataclass(frozen=True)
@@ -118,7 +131,16 @@ def _view(unit: YamlNode) -> FieldOfView:
         azimuth=_radians(unit.at("azimuth_deg").interval(-720, 720)),
         elevation=_radians(unit.at("elevation_deg").interval(-90, 90)),
         range_m=unit.at("range_m").interval(0, FARTHEST_M),
+        at=_sensor_pose(unit.maybe("at")),
     )
+
+
+def _sensor_pose(at: YamlNode | None) -> SensorPose | None:
+    if at is None:
+        return None
+    x, y, z = (at.at(key).number(-_EARTH_M, _EARTH_M) for key in ("x_m", "y_m", "z_m"))
+    turns = (at.at(key).number(-360, 360) for key in ("yaw_deg", "pitch_deg", "roll_deg"))
+    return SensorPose(x, y, z, *map(math.radians, turns))
 
 
 def _radians(pair: tuple[float, float]) -> tuple[float, float]:

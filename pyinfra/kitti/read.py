@@ -32,6 +32,7 @@ _SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # of a side of a box
 _MOST = 2**31 - 1  # of an id and of points
 _ROUNDED_M = 0.05  # of a distance
 _LONGEST_FRAME_S = 60.0
+_EARLIEST_S = -0.2  # by the first clock of several, whose frames begin up to 0.1 s off each way
 _COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
 _MIDDLE_S = "0.05"  # of a frame of version 0.2
 
@@ -59,7 +60,7 @@ OBJECT_RULES = (
     between(["speed"], 0, 1000),
     _place("scan_x scan_y scan_z"),
     _angle("scan_heading"),
-    between(["scan_time_s"], 0, _LONGEST_FRAME_S),
+    between(["scan_time_s"], _EARLIEST_S, _LONGEST_FRAME_S),
     between(["id", "points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
     ColumnRule(
         _COUNTS_IN_BOXES, lambda v, points: v <= points, "at most the points", beside=("points",)

@@ -71,6 +71,8 @@ def read_base(folder: Path, most: int) -> Base:
     scene = {key: value for key, value in scene.items() if key not in NOT_OF_THE_SCENE}
     if scene.get("trajectories"):  # relative to a scene file that is elsewhere; a run copies them
         scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
+        for mount in scene["mounts"].values():  # the copy is by the mount's clock
+            mount.pop("clock_offset_s", None)
     step = math.ceil(len(frames) / most)
     return Base(folder, kitti.read_lidar(folder), scene, tuple(frames[::step]))
 

@@ -315,9 +315,7 @@ TEST(scene_file, has_either_traffic_or_trajectories) {
   expect_message(error_of([&] { read_scene(file); }), file, 1, "traffic", "neither");
 }
 
-TEST(scene_file, has_one_mount) {
-  expect_scene_error("mounts:\n", "mounts:\n  mast: {x_m: 0, y_m: 0, z_m: 9} #!\n", "mounts",
-                     "allowed one");
+TEST(scene_file, has_a_mount_at_least) {
   expect_scene_error("mounts:\n  pole: {x_m: 5, y_m: -9, z_m: 6}", "mounts: {} #!", "mounts",
                      "at least one");
 }
@@ -392,6 +390,31 @@ TEST(dump, keeps_any_name_of_a_mount) {
     const SceneConfig back = read_scene(folder.write("scene.yaml", dump_scene(scene)));
     EXPECT_EQ(back.mounts.begin()->first, name);
   }
+}
+
+TEST(dump, keeps_the_order_of_mounts) {
+  SceneConfig scene = testing::empty_road();
+  scene.mounts = {{"south", {.y_m = -20}}, {"north", {.y_m = 20}}};
+  const SceneConfig back = parse_scene(dump_scene(scene), "scene");
+  EXPECT_EQ(back.mounts.begin()->first, "south");
+  EXPECT_EQ(back.mounts.at("north").y_m, 20);
+}
+
+TEST(seen_from, leaves_one_mount_with_draws_of_its_own) {
+  SceneConfig scene = testing::empty_road();
+  scene.mounts = {{"south", {.y_m = -20}}, {"north", {.y_m = 20}}};
+  const SceneConfig view = seen_from(scene, "north");
+  ASSERT_EQ(view.mounts.size(), 1U);
+  EXPECT_EQ(view.mounts.at("north").y_m, 20);
+  EXPECT_EQ(view.mounts.at("north").own_draws, true);
+  EXPECT_EQ(error_of([&] { seen_from(scene, ""); }), "mount: found none, allowed south, north");
+  EXPECT_EQ(error_of([&] { seen_from(scene, "west"); }),
+            "mount: found 'west', allowed south, north");
+}
+
+TEST(seen_from, leaves_a_lone_mount_as_it_is) {
+  const SceneConfig scene = testing::empty_road();
+  EXPECT_EQ(dump_scene(seen_from(scene, "")), dump_scene(scene));
 }
 
 TEST(dump, keeps_every_digit_of_a_number) {

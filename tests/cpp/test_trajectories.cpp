@@ -234,5 +234,20 @@ TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_end
   EXPECT_EQ(objects[1].id, 4);
 }
 
+// --- another clock ------------------------------------------------------------------------------
+
+TEST(seen_late, vehicles_are_farther_on_by_the_way_of_the_offset) {
+  const Trajectories true_time = testing::straight_on({car_on_road(1, 0, 2, 0, 15)}, 4);
+  for (const double late_s : {0.05, -0.05, 0.1, -0.1}) {
+    const Trajectories late = seen_late(true_time, late_s);
+    ASSERT_EQ(late.rows.size(), true_time.rows.size());
+    for (std::size_t k = 0; k < late.rows.size(); ++k) {
+      ASSERT_EQ(late.rows[k].size(), 1U);
+      EXPECT_NEAR(late.rows[k][0].box.x, true_time.rows[k][0].box.x + 15 * late_s, 1e-3);
+      EXPECT_EQ(late.rows[k][0].speed_m_s, 15);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace infrasim

@@ -256,7 +256,7 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
         (f"{HEADER}\n{VEHICLE.replace('10.5', '1e30')}\n", ":2: x: found 1e+30, allowed -10000"),
         (f"{HEADER}\n{VEHICLE.replace(',9,', ',13,')}\n", ":2: points_in_box: found 13, allowed"),
         (f"{HEADER}\n{VEHICLE.replace(',11', ',13')}\n", ":2: points_in_scan_box: found 13, all"),
-        (f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n", ":2: scan_time_s: found -1, allowed 0"),
+        (f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n", ":2: scan_time_s: found -1, allowed -0.2"),
         (f"{OLD_HEADER}\n{OLD_VEHICLE},1\n", ":2: found 15 columns, allowed 20"),
         (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: found 20, allowed"),
         (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: found 1e+99, allowed"),

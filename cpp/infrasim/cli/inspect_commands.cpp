@@ -61,7 +61,7 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
                           std::set<std::string>& findings) {
   const auto checked = [&](const std::string& preset) {
     SceneConfig scene = read_scene(file, o.assignments, preset);
-    build_world(scene);
+    build_worlds(scene, mount_names(scene));
     for (const std::string& line : flat_triangles(scene)) findings.insert(line);
     if (o.traffic) check_traffic(file, scene);
     return scene;

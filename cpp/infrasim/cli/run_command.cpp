@@ -28,6 +28,8 @@ struct RunOptions {
   std::string frames = "0:100";
   std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
   std::vector<std::string> assignments;
+  std::string mount;
+  bool fuse = false;
   bool fields = false;
   bool cast_all = false;
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -63,6 +65,8 @@ RunRequest request_of(const RunOptions& o) {
   request.preset = o.preset;
   request.frames = parse_frames(o.frames, request.scene.duration_s);
   request.out = path_of("--out", o.out);
+  request.mount = o.mount;
+  request.fuse = o.fuse;
   request.threads = o.threads;
   request.cast_all = o.cast_all;
   return request;
@@ -134,6 +138,8 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--threads", o->threads, "frames computed at a time")
       ->capture_default_str()
       ->check(CLI::Range(1, kMostThreads));
+  command->add_option("--mount", o->mount, "of several mounts this one alone");
+  command->add_flag("--fuse", o->fuse, "also write the frames of all mounts as one, OUT/fused");
   command->add_option("--seed", o->seed, "overrides the scene's seed");
   command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");
   command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");

@@ -13,6 +13,7 @@
 #include "infrasim/config/tree.h"
 #include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
+#include "infrasim/core/named_map.h"
 
 // Each configuration struct has one `visit(fields, struct)` that names its keys. A FieldReader
 // fills the struct from a Tree; a FieldWriter prints it, every key and default, as YAML.
@@ -117,6 +118,14 @@ class FieldReader {
   template <class T>
   static void read(const Tree& tree, const std::string& key, std::map<std::string, T>& value,
                    const Rule& rule) {
+    read_entries(tree, key, value, rule);
+  }
+  template <class T>
+  static void read(const Tree& tree, const std::string& key, NamedMap<T>& value, const Rule& rule) {
+    read_entries(tree, key, value, rule);
+  }
+  template <class Map>
+  static void read_entries(const Tree& tree, const std::string& key, Map& value, const Rule& rule) {
     expect(tree, Tree::Kind::kMap, key, "a map");
     expect_items(tree, key, rule);
     value.clear();
@@ -185,6 +194,14 @@ class FieldWriter {
   }
   template <class T>
   void write(std::map<std::string, T>& map) {
+    write_entries(map);
+  }
+  template <class T>
+  void write(NamedMap<T>& map) {
+    write_entries(map);
+  }
+  template <class Map>
+  void write_entries(Map& map) {
     if (map.empty()) text_ += " {}";
     indent_ += 2;
     for (auto& [key, value] : map) {

@@ -57,6 +57,10 @@ class FieldLister {
   static std::string type(const std::map<std::string, T>&) {
     return type(T{}) + "s by name";
   }
+  template <class T>
+  static std::string type(const NamedMap<T>&) {
+    return type(T{}) + "s by name";
+  }
 
   /// The default as `dump_struct` writes it; nothing for what holds other keys or is absent.
   template <class T>
@@ -115,6 +119,10 @@ class FieldLister {
   }
   template <class T>
   void inside(const std::map<std::string, T>&, const std::string& path) {
+    inside(T{}, path + ".NAME");
+  }
+  template <class T>
+  void inside(const NamedMap<T>&, const std::string& path) {
     inside(T{}, path + ".NAME");
   }
 

@@ -343,6 +343,16 @@ void visit(Fields& f, PeopleConfig& c) {
 }
 
 template <class Fields>
+void visit(Fields& f, CalibrationError& c) {
+  f.field("x_m", c.x_m, "of x_m", between(-10, 10));
+  f.field("y_m", c.y_m, "of y_m", between(-10, 10));
+  f.field("z_m", c.z_m, "of z_m", between(-10, 10));
+  f.field("yaw_deg", c.yaw_deg, "of yaw_deg", between(-180, 180));
+  f.field("pitch_deg", c.pitch_deg, "of pitch_deg", between(-90, 90));
+  f.field("roll_deg", c.roll_deg, "of roll_deg", between(-180, 180));
+}
+
+template <class Fields>
 void visit(Fields& f, MountConfig& c) {
   f.here(c.place);
   f.field("x_m", c.x_m, "world x", required());
@@ -351,6 +361,12 @@ void visit(Fields& f, MountConfig& c) {
   f.field("yaw_deg", c.yaw_deg, "view direction, from +x towards +y", between(-360, 360));
   f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
   f.field("roll_deg", c.roll_deg, "positive leans right", between(-180, 180));
+  f.field("clock_offset_s", c.clock_offset_s, "true time less what its stamps say; left out, 0",
+          between(-0.1, 0.1));
+  f.field("calibration_error", c.calibration_error,
+          "what `run --fuse` takes its pose to be, less what it is");
+  f.field("own_draws", c.own_draws,
+          "phases, noise and detection drawn for this mount; left out, if there are several");
 }
 
 template <class Fields>
@@ -433,6 +449,26 @@ void visit(Fields& f, FilterConfig& c) {
   f.check(steps == 1, "crop_box", "found none or several steps, allowed one per entry");
 }
 
+bool is_folder_name(const std::string& name) {
+  const bool plain = std::ranges::all_of(name, [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-';
+  });
+  return plain && config::begins_as_name(name);
+}
+
+/// Several are folders, each beside the others and what a fusion writes.
+template <class Fields>
+void check_mounts(Fields& f, const SceneConfig& c) {
+  for (const auto& [name, mount] : c.mounts) {
+    const bool several = c.mounts.size() > 1;
+    f.check(
+        !several || (is_folder_name(name) && name != kFusedName), "mounts",
+        "found '" + name + "' of several, allowed letters, digits, _ and -, and not " + kFusedName);
+    f.check(several || !mount.calibration_error, "mounts",
+            "found calibration_error of the only one, allowed with several");
+  }
+}
+
 template <class Fields>
 void visit(Fields& f, RegionConfig& c) {
   f.here(c.place);
@@ -489,8 +525,9 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("regions", c.regions, "outlines that the evaluation region is narrowed to",
           config::Rule{.min_items = 1});
   check_regions(f, c.regions);
-  f.field("mounts", c.mounts, "sensor poses by name; one today", at_least_one());
-  f.check(c.mounts.size() == 1, "mounts", "found more than one mount, allowed one");
+  f.field("mounts", c.mounts, "sensor poses by name; each of several is a data set",
+          at_least_one());
+  check_mounts(f, c);
   f.field("weather", c.weather,
           "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
   visit_ways(f, c);
@@ -511,6 +548,8 @@ void visit(Fields& f, SceneConfig& c) {
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");
   f.check(!c.lanes || !c.traffic, "traffic",
           "found it with lanes of a file, allowed trajectories: own traffic needs roads");
+  f.check(!c.static_layers || c.mounts.size() <= 1, "static_layers",
+          "found them with several mounts, allowed with one, as a file is of one place");
   f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
           "found both or neither, allowed either traffic or trajectories");
 }
@@ -555,6 +594,23 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
   }
   const std::string allowed = names.empty() ? "none: the scene has no roads" : names;
   config::fail(place, key, "found unknown road '" + name + "', allowed " + allowed);
+}
+
+SceneConfig seen_from(const SceneConfig& scene, const std::string& mount) {
+  const bool several = scene.mounts.size() > 1;
+  const auto found = mount.empty() && !several ? scene.mounts.begin() : scene.mounts.find(mount);
+  if (found == scene.mounts.end()) {
+    std::string names;
+    for (const auto& [name, pose] : scene.mounts) names += (names.empty() ? "" : ", ") + name;
+    throw ConfigError("mount: found " + (mount.empty() ? "none" : "'" + mount + "'") +
+                      ", allowed " + names);
+  }
+  SceneConfig view = scene;
+  view.mounts = {*found};
+  MountConfig& own = view.mounts[found->first];
+  if (several && !own.own_draws) own.own_draws = true;
+  own.calibration_error.reset();
+  return view;
 }
 
 std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }

@@ -13,6 +13,7 @@
 #include "infrasim/core/filter_steps.h"
 #include "infrasim/core/frame.h"
 #include "infrasim/core/geometry.h"
+#include "infrasim/core/named_map.h"
 
 // The scene file, key by key. Units are in the names; world frame, z up.
 
@@ -243,6 +244,16 @@ struct PeopleConfig {
   config::Place place;
 };
 
+/// What a fusion takes a mount's pose to be, less what it is.
+struct CalibrationError {
+  double x_m = 0;
+  double y_m = 0;
+  double z_m = 0;
+  double yaw_deg = 0;
+  double pitch_deg = 0;
+  double roll_deg = 0;
+};
+
 /// A pose of the LiDARs of a run.
 struct MountConfig {
   double x_m = 0;
@@ -251,6 +262,9 @@ struct MountConfig {
   double yaw_deg = 0;
   double pitch_deg = 0;  ///< positive looks down
   double roll_deg = 0;
+  std::optional<double> clock_offset_s = std::nullopt;  ///< true time less what its stamps say
+  std::optional<CalibrationError> calibration_error = std::nullopt;
+  std::optional<bool> own_draws = std::nullopt;  ///< nothing: if the scene has several mounts
   config::Place place = {};
 };
 
@@ -277,6 +291,7 @@ struct FilterConfig {
   FilterOf<BackgroundFilter> step;
 };
 
+inline constexpr const char* kFusedName = "fused";  ///< folder that no mount has
 inline constexpr double kLongestScene_s = 36000;
 inline constexpr double kClearance_m = 4.5;  ///< of free height over a road: trucks have up to 4.4
 
@@ -298,7 +313,7 @@ struct SceneConfig {
   std::optional<LabelTime> label_time;  ///< nothing: as label_time_of has it
   bool point_fields = false;            ///< key `fields`
   double region_half_length_m = 100;
-  std::map<std::string, MountConfig> mounts;
+  NamedMap<MountConfig> mounts;
   WeatherConfig weather;
   std::optional<std::vector<RegionConfig>> regions;  ///< nothing: wherever roads or lanes are
   std::optional<std::string> lanes;  ///< a file in place of roads; relative to the scene file
@@ -321,6 +336,11 @@ struct SceneConfig {
   std::string preset;                      ///< that the file was read for; no key
   std::vector<std::string> preset_blocks;  ///< names of those that the file has; no key
 };
+
+/// The scene as a data set of one mount has it: without the others.
+/// @param mount its name; empty: the only one
+/// @throws ConfigError if there is none of the name, or none is named of several
+SceneConfig seen_from(const SceneConfig& scene, const std::string& mount);
 
 /// What a scene says, else `frame` under the presets `paper` and `equal`, as the study's simulator
 /// labels, and `scan` under any other, as annotators do who draw around the points.

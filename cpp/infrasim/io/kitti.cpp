@@ -164,6 +164,12 @@ RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame)
   return points;
 }
 
+void write_point_mounts(const std::filesystem::path& lidar_folder, int frame,
+                        std::span<const std::uint16_t> mounts) {
+  write_file_atomically(lidar_folder / "training" / "mounts" / (frame_name(frame) + ".bin"),
+                        std::as_bytes(mounts));
+}
+
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
                  const FrameContent& content) {
   const auto training = lidar_folder / "training";

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -68,6 +69,11 @@ struct FrameContent {
   LabelTime label_time = LabelTime::kFrame;
   bool point_fields = false;
 };
+
+/// Writes which mount each point of a fused frame is of: uint16, little-endian.
+/// @throws IoError
+void write_point_mounts(const std::filesystem::path& lidar_folder, int frame,
+                        std::span<const std::uint16_t> mounts);
 
 /// Writes one frame below `training/`, each file beside its place and renamed, the .bin last: a
 /// frame exists if and only if its .bin does.

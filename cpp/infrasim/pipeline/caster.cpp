@@ -46,16 +46,17 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
                      int first_ring, const std::string& draws) {
   const LidarUnit& config = lidar.units[unit];
   const Mat3 pose = unit_pose(scene, config);
+  const auto& [name, mount] = *scene.mounts.begin();
+  const std::string own = mount.own_draws.value_or(false) ? "mount " + name + " " : "";
   const auto& beam = config.returns.beam;
-  return {ScanPattern(config.pattern,
-                      start_phase_s(scene.seed, scene.mounts.begin()->first, lidar, unit), pose,
-                      first_ring),
-          ReturnModel(config.returns, scene.weather),
-          beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
-          static_cast<float>(config.returns.max_range_m),
-          Rng::of(scene.seed, draws + stream_name(lidar, unit)),
-          {},
-          {}};
+  return {
+      ScanPattern(config.pattern, start_phase_s(scene.seed, name, lidar, unit), pose, first_ring),
+      ReturnModel(config.returns, scene.weather),
+      beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
+      static_cast<float>(config.returns.max_range_m),
+      Rng::of(scene.seed, draws + own + stream_name(lidar, unit)),
+      {},
+      {}};
 }
 
 }  // namespace

@@ -7,8 +7,6 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kBoxMargin = 0.01;  // m: points on a face stay inside whatever the rounding
-
 /// A box that many points are held against.
 class UprightBox {
  public:

@@ -11,6 +11,8 @@
 
 namespace infrasim {
 
+inline constexpr double kBoxMargin = 0.01;  ///< m: points on a face stay inside their box
+
 /// One return before it becomes a point.
 struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame

@@ -1,9 +1,12 @@
 #include "infrasim/pipeline/run.h"
 
 #include <cmath>
+#include <optional>
 #include <set>
+#include <span>
 
 #include "infrasim/io/atomic_file.h"
+#include "infrasim/pipeline/fusion.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/pipeline/scheduler.h"
 
@@ -36,29 +39,141 @@ std::vector<int> numbers(const FrameRange& range) {
   return frames;
 }
 
-bool on_disk(const RunRequest& request, const std::string& lidar, int k) {
-  return !request.out.empty() && std::filesystem::exists(velodyne_file(request.out / lidar, k));
+/// @throws ConfigError for what can't be fused
+void check_fuse(const RunRequest& request) {
+  if (!request.fuse) return;
+  if (request.scene.mounts.size() < 2)
+    throw ConfigError("--fuse: found a scene with one mount, allowed with several");
+  if (!request.mount.empty())
+    throw ConfigError("--fuse: found --mount " + request.mount + ", allowed a run of all mounts");
+  if (request.out.empty()) throw ConfigError("--fuse: found no --out, allowed with it");
 }
 
-/// Computes and writes what is not on disk of one frame.
-std::vector<FrameTally> do_frame(const RunRequest& request, FrameSimulator& simulator, int k) {
-  std::vector<bool> wanted;
-  for (const LidarConfig& lidar : request.lidars)
-    wanted.push_back(!on_disk(request, lidar.name, k));
-  const std::vector<Frame> frames = simulator.simulate(k, wanted);
-  std::vector<FrameTally> tallies;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const auto folder = request.out / request.lidars[i].name;
-    if (wanted[i] && !request.out.empty())
-      write_frame(folder, k, frames[i],
-                  {.all_labels = request.scene.labels == LabelRule::kAll,
-                   .label_time = label_time_of(request.scene, request.preset),
-                   .point_fields = request.scene.point_fields});
-    tallies.push_back({wanted[i] ? count(frames[i]) : read_counts(folder, k), frames[i].rays,
-                       frames[i].rays_cast, frames[i].no_plane, frames[i].seconds});
+/// The folders of a run: one of each mount, and one of all.
+struct Parts {
+  std::vector<RunRequest> mounts;
+  std::optional<RunRequest> fused;
+
+  /// All of them, the fused one last.
+  std::vector<RunRequest> all() const {
+    std::vector<RunRequest> out = mounts;
+    if (fused) out.push_back(*fused);
+    return out;
   }
-  return tallies;
+};
+
+Parts parts_of(const RunRequest& request, const std::vector<World>& worlds) {
+  const bool several = request.scene.mounts.size() > 1;
+  const auto part = [&](const SceneConfig& scene, const std::string& folder) {
+    RunRequest out = request;
+    out.scene = scene;
+    out.mount = folder;
+    if (!request.out.empty()) out.out /= folder;
+    return out;
+  };
+  Parts parts;
+  for (const World& world : worlds)
+    parts.mounts.push_back(several ? part(world.scene, world.scene.mounts.begin()->first)
+                                   : part(world.scene, ""));
+  if (request.fuse) parts.fused = part(request.scene, kFusedName);
+  return parts;
 }
+
+void open_folders(const RunRequest& request, const Parts& parts, const std::vector<World>& worlds,
+                  const std::optional<Fusion>& fusion) {
+  if (request.out.empty()) return;
+  const auto lone = request.out / "dataset.yaml";
+  if (request.scene.mounts.size() > 1 && std::filesystem::exists(lone))
+    throw IoError(lone.string() + ": the folder holds a run of one mount, allowed another folder");
+  for (std::size_t m = 0; m < worlds.size(); ++m) open_run_folder(parts.mounts[m], worlds[m]);
+  if (fusion) open_fused_folder(*parts.fused, worlds.front(), *fusion);
+}
+
+/// Which LiDARs' frames are not on disk.
+std::vector<bool> missing(const RunRequest& part, int k) {
+  std::vector<bool> out;
+  for (const LidarConfig& lidar : part.lidars)
+    out.push_back(part.out.empty() ||
+                  !std::filesystem::exists(velodyne_file(part.out / lidar.name, k)));
+  return out;
+}
+
+void write(const RunRequest& part, const LidarConfig& lidar, int k, const Frame& frame) {
+  if (part.out.empty()) return;
+  write_frame(part.out / lidar.name, k, frame,
+              {.all_labels = part.scene.labels == LabelRule::kAll,
+               .label_time = label_time_of(part.scene, part.preset),
+               .point_fields = part.scene.point_fields});
+}
+
+FrameTally tally_of(const Frame& frame) {
+  return {count(frame), frame.rays, frame.rays_cast, frame.no_plane, frame.seconds};
+}
+
+/// Of each part, a tally per LiDAR.
+using Tallies = std::vector<std::vector<FrameTally>>;
+
+/// Computes and writes what is not on disk of one frame.
+class FrameWork {
+ public:
+  FrameWork(const Parts& parts, const std::optional<Fusion>& fusion)
+      : parts_(parts), fusion_(fusion) {}
+
+  Tallies operator()(std::span<FrameSimulator> simulators, int k) const {
+    const std::size_t lidars = parts_.mounts.front().lidars.size();
+    const std::vector<bool> fuse =
+        parts_.fused ? missing(*parts_.fused, k) : std::vector<bool>(lidars, false);
+    std::vector<std::vector<Frame>> frames;
+    Tallies tallies;
+    for (std::size_t m = 0; m < simulators.size(); ++m)
+      tallies.push_back(at_mount(parts_.mounts[m], simulators[m], k, fuse, frames));
+    if (parts_.fused) tallies.push_back(fused(frames, k, fuse));
+    return tallies;
+  }
+
+ private:
+  /// @param fuse which are computed even if they are on disk, so that a fused frame is always made
+  ///             of the same numbers
+  static std::vector<FrameTally> at_mount(const RunRequest& part, FrameSimulator& simulator, int k,
+                                          const std::vector<bool>& fuse,
+                                          std::vector<std::vector<Frame>>& frames) {
+    const std::vector<bool> absent = missing(part, k);
+    std::vector<bool> wanted = absent;
+    for (std::size_t i = 0; i < fuse.size(); ++i) wanted[i] = wanted[i] || fuse[i];
+    const auto& made = frames.emplace_back(simulator.simulate(k, wanted));
+    std::vector<FrameTally> tallies;
+    for (std::size_t i = 0; i < made.size(); ++i) {
+      if (absent[i]) write(part, part.lidars[i], k, made[i]);
+      tallies.push_back(tally_of(made[i]));
+      if (!wanted[i]) tallies[i].counts = read_counts(part.out / part.lidars[i].name, k);
+    }
+    return tallies;
+  }
+
+  std::vector<FrameTally> fused(const std::vector<std::vector<Frame>>& frames, int k,
+                                const std::vector<bool>& fuse) const {
+    const RunRequest& part = *parts_.fused;
+    std::vector<FrameTally> tallies;
+    for (std::size_t i = 0; i < fuse.size(); ++i) {
+      std::vector<const Frame*> of_lidar;
+      for (const std::vector<Frame>& at_mount : frames) of_lidar.push_back(&at_mount[i]);
+      const auto folder = part.out / part.lidars[i].name;
+      const FusedFrame whole = fusion_->fuse(k, of_lidar);
+      tallies.push_back(tally_of(whole.frame));
+      if (!fuse[i]) {
+        tallies[i].counts = read_counts(folder, k);
+        tallies[i].seconds = 0;
+        continue;
+      }
+      if (part.scene.point_fields) write_point_mounts(folder, k, whole.mount);
+      write(part, part.lidars[i], k, whole.frame);
+    }
+    return tallies;
+  }
+
+  const Parts& parts_;
+  const std::optional<Fusion>& fusion_;
+};
 
 constexpr int kFramesToSeeOne = 10;
 
@@ -80,34 +195,70 @@ void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
            " frames, kept all their points; allowed a road at sensor_height_m below the sensor");
 }
 
+/// The sums of a run's parts.
+class Summaries {
+ public:
+  explicit Summaries(const std::vector<RunRequest>& parts) : parts_(parts) {
+    for (const RunRequest& part : parts) sums_.emplace_back(part.lidars);
+  }
+  void add(const Tallies& tallies) {
+    for (std::size_t i = 0; i < sums_.size(); ++i) sums_[i].add(tallies[i]);
+  }
+  void write(int threads) const {
+    for (std::size_t i = 0; i < sums_.size(); ++i)
+      if (!parts_[i].out.empty())
+        write_file_atomically(parts_[i].out / "summary.csv", summary_csv(sums_[i].rows(threads)));
+  }
+  std::vector<SummaryRow> rows(int threads) const {
+    std::vector<SummaryRow> out;
+    for (std::size_t i = 0; i < sums_.size(); ++i)
+      for (SummaryRow& row : sums_[i].rows(threads)) {
+        if (!parts_[i].mount.empty()) row.lidar = parts_[i].mount + "/" + row.lidar;
+        out.push_back(std::move(row));
+      }
+    return out;
+  }
+
+ private:
+  std::vector<RunRequest> parts_;
+  std::vector<Summary> sums_;
+};
+
+std::vector<std::string> mounts_of(const RunRequest& request) {
+  if (!request.mount.empty()) return {request.mount};
+  return mount_names(request.scene);
+}
+
 }  // namespace
 
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,
                             const Progress& progress, const Warn& warn) {
   check(request);
-  const World world = build_world(request.scene);
-  if (!request.out.empty()) open_run_folder(request, world);
+  check_fuse(request);
+  const std::vector<World> worlds = build_worlds(request.scene, mounts_of(request));
+  const Parts parts = parts_of(request, worlds);
+  std::optional<Fusion> fusion;
+  if (request.fuse) fusion.emplace(request.scene, worlds);
+  open_folders(request, parts, worlds, fusion);
   const std::vector<int> frames = numbers(request.frames);
   const auto total = frames.size();
-  Scheduler<std::vector<FrameTally>> scheduler(
-      world, request.lidars,
-      {.frames = frames,
-       .threads = request.threads,
-       .ahead = total,
-       .stop = &stop,
-       .cast_all = request.cast_all},
-      [&](FrameSimulator& simulator, int k) { return do_frame(request, simulator, k); });
-  Summary summary(request.lidars);
+  Scheduler<Tallies> scheduler(worlds, request.lidars,
+                               {.frames = frames,
+                                .threads = request.threads,
+                                .ahead = total,
+                                .stop = &stop,
+                                .cast_all = request.cast_all},
+                               FrameWork(parts, fusion));
+  Summaries summaries(parts.all());
   for (int done = 1; const auto frame = scheduler.next(); ++done) {
-    summary.add(frame->second);
+    summaries.add(frame->second);
     if (done == std::min<int>(kFramesToSeeOne, static_cast<int>(total)))
-      warn_of_no_vehicles(request.scene, summary.rows(1), warn);
+      warn_of_no_vehicles(request.scene, summaries.rows(1), warn);
     progress(done, static_cast<int>(total));
   }
-  std::vector<SummaryRow> rows = summary.rows(scheduler.threads());
+  std::vector<SummaryRow> rows = summaries.rows(scheduler.threads());
   warn_without_plane(rows, warn);
-  if (!request.out.empty() && stop == 0)
-    write_file_atomically(request.out / "summary.csv", summary_csv(rows));
+  if (stop == 0) summaries.write(scheduler.threads());
   return rows;
 }
 

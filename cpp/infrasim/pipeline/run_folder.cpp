@@ -41,27 +41,33 @@ std::string run_text(const RunRequest& request, const World& world) {
 }
 
 /// Directions and ranges that a unit covers, as one entry of a YAML list.
-std::string view_text(const LidarUnit& unit, const FieldOfView& view) {
+/// @param pose of its sensor in the levelled frame, if that is not where its data set's is
+std::string view_text(const LidarUnit& unit, const FieldOfView& view,
+                      const std::string& pose = "") {
   const auto n = [](double v) { return config::number_text(v); };
   const auto two = [&](double v) { return n(std::round(v * 100) / 100); };
   return "  - {yaw_deg: " + n(unit.yaw_deg) + ", pitch_deg: " + n(unit.pitch_deg) +
          ", azimuth_deg: [" + two(view.azimuth_min_deg) + ", " + two(view.azimuth_max_deg) +
          "], elevation_deg: [" + two(view.elevation_min_deg) + ", " + two(view.elevation_max_deg) +
-         "], range_m: [" + n(unit.returns.min_range_m) + ", " + n(unit.returns.max_range_m) +
-         "]}\n";
+         "], range_m: [" + n(unit.returns.min_range_m) + ", " + n(unit.returns.max_range_m) + "]" +
+         pose + "}\n";
 }
 
-/// The LiDAR's configuration and what follows from it, for readers that know no scene.
-std::string lidar_text(const World& world, const LidarConfig& lidar) {
+/// @param sensors how many of the LiDAR there are
+std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
+  const auto n = [&](double v) { return config::number_text(v * static_cast<double>(sensors)); };
+  return "preset: \"" + lidar.preset + "\"\nprice_total_usd: {low: " + n(lidar.price_usd.low) +
+         ", high: " + n(lidar.price_usd.high) + "}\n";
+}
+
+/// What of a LiDAR's frames follows from the scene.
+/// @param mount where its levelled frame is, and how it leans
+std::string frames_text(const World& world, const LidarConfig& lidar, const MountConfig& mount) {
   const SceneConfig& scene = world.scene;
-  const MountConfig& mount = scene.mounts.begin()->second;
   const auto n = [](double v) { return config::number_text(v); };
-  std::string text = dump_lidar(lidar) + "preset: \"" + lidar.preset + "\"\n";
-  text += "price_total_usd: {low: " + n(lidar.price_usd.low) +
-          ", high: " + n(lidar.price_usd.high) + "}\n";
-  text += std::string("label_time: ") +
-          enum_names(LabelTime{})[static_cast<std::size_t>(label_time_of(scene, lidar.preset))] +
-          "\n";
+  std::string text =
+      std::string("label_time: ") +
+      enum_names(LabelTime{})[static_cast<std::size_t>(label_time_of(scene, lidar.preset))] + "\n";
   if (const auto layer = world.static_layers.find(lidar.name); layer != world.static_layers.end())
     text += "static_layer: \"" + layer->second.digest + "\"\n";
   text += "period_s: " + n(kFramePeriod) + "\n";
@@ -69,17 +75,52 @@ std::string lidar_text(const World& world, const LidarConfig& lidar) {
           ", z_m: " + n(mount.z_m) + ", yaw_deg: " + n(mount.yaw_deg) + "}\n";
   text += "T_levelled_sensor: {pitch_deg: " + n(mount.pitch_deg) +
           ", roll_deg: " + n(mount.roll_deg) + "}\n";
-  text += "field_of_view:\n";
+  return text + "field_of_view:\n";
+}
+
+/// The LiDAR's configuration and what follows from it, for readers that know no scene.
+std::string lidar_text(const World& world, const LidarConfig& lidar) {
+  std::string text = dump_lidar(lidar) + price_text(lidar, 1) +
+                     frames_text(world, lidar, world.scene.mounts.begin()->second);
   const std::vector<FieldOfView> views = fields_of_view(lidar);
   for (std::size_t i = 0; i < views.size(); ++i) text += view_text(lidar.units[i], views[i]);
   return text;
 }
 
-}  // namespace
+/// Where a mount's sensor is in the fused frame.
+std::string pose_text(const MountConfig& mount) {
+  const auto n = [](double v) { return config::number_text(std::round(v * 1e4) / 1e4 + 0.0); };
+  return ", at: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) + ", z_m: " + n(mount.z_m) +
+         ", yaw_deg: " + n(mount.yaw_deg) + ", pitch_deg: " + n(mount.pitch_deg) +
+         ", roll_deg: " + n(mount.roll_deg) + "}";
+}
 
-void open_run_folder(const RunRequest& request, const World& world) {
-  std::vector<std::string> texts;  // first, as they may be refused
-  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(world, lidar));
+/// The lines of name and model, which come first.
+std::string about_text(const LidarConfig& lidar) {
+  const std::string text = dump_lidar(lidar);
+  return text.substr(0, text.find('\n', text.find('\n') + 1) + 1);
+}
+
+/// The LiDARs of one name at all mounts; without patterns, as that is no LiDAR that can be cast.
+std::string fused_text(const RunRequest& request, const World& first, const Fusion& fusion,
+                       const LidarConfig& lidar) {
+  const auto& mounts = request.scene.mounts;
+  std::string names;
+  for (const auto& [name, mount] : mounts) names += (names.empty() ? "" : ", ") + name;
+  MountConfig level = mounts.begin()->second;
+  level.pitch_deg = level.roll_deg = 0;
+  std::string text = about_text(lidar) + "mounts: [" + names + "]\n" +
+                     price_text(lidar, mounts.size()) + frames_text(first, lidar, level);
+  const std::vector<FieldOfView> views = fields_of_view(lidar);
+  for (std::size_t m = 0; m < mounts.size(); ++m)
+    for (std::size_t i = 0; i < views.size(); ++i)
+      text += view_text(lidar.units[i], views[i], pose_text(fusion.seen_from_first(m)));
+  return text;
+}
+
+/// @param texts of lidar.yaml, one per LiDAR of the request
+void claim_folder(const RunRequest& request, const World& world,
+                  const std::vector<std::string>& texts) {
   create_folder(request.out);
   claim_file(request.out / "dataset.yaml", run_text(request, world));
   claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));
@@ -91,6 +132,24 @@ void open_run_folder(const RunRequest& request, const World& world) {
     create_frame_folders(folder, request.scene.point_fields);
     claim_file(folder / "lidar.yaml", texts[i]);
   }
+}
+
+}  // namespace
+
+void open_run_folder(const RunRequest& request, const World& world) {
+  std::vector<std::string> texts;  // first, as they may be refused
+  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(world, lidar));
+  claim_folder(request, world, texts);
+}
+
+void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion) {
+  std::vector<std::string> texts;
+  for (const LidarConfig& lidar : request.lidars)
+    texts.push_back(fused_text(request, first, fusion, lidar));
+  claim_folder(request, first, texts);
+  if (!request.scene.point_fields) return;
+  for (const LidarConfig& lidar : request.lidars)
+    create_folder(request.out / lidar.name / "training" / "mounts");
 }
 
 }  // namespace infrasim

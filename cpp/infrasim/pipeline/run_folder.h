@@ -1,5 +1,6 @@
 #pragma once
 
+#include "infrasim/pipeline/fusion.h"
 #include "infrasim/pipeline/run.h"
 #include "infrasim/pipeline/world.h"
 
@@ -10,5 +11,9 @@ namespace infrasim {
 /// @throws ConfigError for a LiDAR with rays that can't be traced
 /// @throws IoError if a file can't be written, or is there with another text
 void open_run_folder(const RunRequest& request, const World& world);
+
+/// The same of all mounts fused, in the frame of the first.
+/// @throws what open_run_folder does
+void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion);
 
 }  // namespace infrasim

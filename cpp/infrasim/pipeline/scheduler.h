@@ -8,6 +8,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -38,15 +39,25 @@ class Scheduler {
  public:
   /// What is wanted of one frame.
   using Work = std::function<Result(FrameSimulator&, int)>;
+  /// The same of several worlds, a simulator each.
+  using WorkAtAll = std::function<Result(std::span<FrameSimulator>, int)>;
 
   /// The world must outlive the scheduler.
   /// @throws ConfigError unless threads are 1 to kMostThreads
   Scheduler(const World& world, std::vector<LidarConfig> lidars, Schedule schedule, Work work)
-      : world_(world),
+      : Scheduler(std::span(&world, 1), std::move(lidars), std::move(schedule),
+                  [work = std::move(work)](std::span<FrameSimulator> simulators, int k) {
+                    return work(simulators.front(), k);
+                  }) {}
+  Scheduler(std::span<const World> worlds, std::vector<LidarConfig> lidars, Schedule schedule,
+            WorkAtAll work)
+      : worlds_(worlds),
         lidars_(std::move(lidars)),
         schedule_(std::move(schedule)),
         work_(std::move(work)),
-        layers_(schedule_.cast_all ? StaticLayers{} : make_static_layers(world_, lidars_)) {
+        layers_(worlds.size()) {
+    for (std::size_t i = 0; i < worlds.size() && !schedule_.cast_all; ++i)
+      layers_[i] = make_static_layers(worlds[i], lidars_);
     const int threads = schedule_.threads;
     if (threads < 1 || threads > kMostThreads)
       throw ConfigError("threads: found " + std::to_string(threads) + ", allowed 1 to " +
@@ -98,8 +109,8 @@ class Scheduler {
 
   void compute_all() {
     try {
-      FrameSimulator simulator(world_, lidars_, layers_);
-      while (const auto index = claim()) compute(simulator, *index);
+      std::vector<FrameSimulator> simulators = make_simulators();
+      while (const auto index = claim()) compute(simulators, *index);
     } catch (...) {
       fail(0);
     }
@@ -109,13 +120,20 @@ class Scheduler {
   }
 
   void compute_here() {
-    if (!own_simulator_) own_simulator_.emplace(world_, lidars_, layers_);
-    if (const auto index = claim()) compute(*own_simulator_, *index);
+    if (own_simulators_.empty()) own_simulators_ = make_simulators();
+    if (const auto index = claim()) compute(own_simulators_, *index);
   }
 
-  void compute(FrameSimulator& simulator, std::size_t index) {
+  std::vector<FrameSimulator> make_simulators() const {
+    std::vector<FrameSimulator> simulators;
+    for (std::size_t i = 0; i < worlds_.size(); ++i)
+      simulators.emplace_back(worlds_[i], lidars_, layers_[i]);
+    return simulators;
+  }
+
+  void compute(std::span<FrameSimulator> simulators, std::size_t index) {
     try {
-      Result result = work_(simulator, schedule_.frames[index]);
+      Result result = work_(simulators, schedule_.frames[index]);
       const std::lock_guard lock(mutex_);
       ready_.emplace(index, std::move(result));
       changed_.notify_all();
@@ -144,11 +162,11 @@ class Scheduler {
     changed_.notify_all();
   }
 
-  const World& world_;
+  const std::span<const World> worlds_;
   const std::vector<LidarConfig> lidars_;
   const Schedule schedule_;
-  const Work work_;
-  const StaticLayers layers_;
+  const WorkAtAll work_;
+  std::vector<StaticLayers> layers_;  ///< one per world
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -159,8 +177,8 @@ class Scheduler {
   bool closed_ = false;
   std::exception_ptr error_;
   std::map<std::size_t, Result> ready_;
-  std::optional<FrameSimulator> own_simulator_;  ///< of the caller, where no thread could start
-  std::vector<std::jthread> threads_;            // last: joined before the rest goes
+  std::vector<FrameSimulator> own_simulators_;  ///< of the caller, where no thread could start
+  std::vector<std::jthread> threads_;           // last: joined before the rest goes
 };
 
 }  // namespace infrasim

@@ -86,8 +86,13 @@ std::size_t body_index(Class object_class) {
       std::ranges::find(kObjectClasses, object_class, &ObjectClass::id) - kObjectClasses.begin());
 }
 
-World build_world(const SceneConfig& scene) {
-  check_site(scene);
+namespace {
+
+/// @param scene        at one mount, checked
+/// @param trajectories of the scene
+World world_of(const SceneConfig& scene, Trajectories trajectories) {
+  const double late_s = scene.mounts.begin()->second.clock_offset_s.value_or(0);
+  if (late_s != 0) trajectories = seen_late(trajectories, late_s);
   const LevelPose level = level_pose(scene.mounts.begin()->second);
   TriangleMesh background = build_static_mesh(scene, level);
   check_sensor_above(scene, background);
@@ -97,8 +102,6 @@ World build_world(const SceneConfig& scene) {
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
   std::vector<LeafVolume> leaves = leaf_volumes(scene);
   for (LeafVolume& volume : leaves) volume.box = level.to_level(volume.box);
-  Trajectories trajectories = load_trajectories(scene);
-  check_sensor_is_free(scene, trajectories);
   return {scene,
           level,
           EvaluationRegion(scene),
@@ -108,6 +111,29 @@ World build_world(const SceneConfig& scene) {
           std::move(meshes),
           Volumes(leaves),
           read_static_layers(scene)};
+}
+
+}  // namespace
+
+std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts) {
+  std::vector<SceneConfig> views;
+  for (const std::string& mount : mounts) views.push_back(seen_from(scene, mount));
+  check_site(scene);
+  const Trajectories trajectories = load_trajectories(scene);
+  check_sensor_is_free(scene, trajectories);
+  std::vector<World> worlds;
+  for (const SceneConfig& view : views) worlds.push_back(world_of(view, trajectories));
+  return worlds;
+}
+
+World build_world(const SceneConfig& scene, const std::string& mount) {
+  return std::move(build_worlds(scene, {mount}).front());
+}
+
+std::vector<std::string> mount_names(const SceneConfig& scene) {
+  std::vector<std::string> names;
+  for (const auto& [name, mount] : scene.mounts) names.push_back(name);
+  return names;
 }
 
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {

@@ -17,12 +17,13 @@
 
 namespace infrasim {
 
-/// A scene made ready: its trajectories and its meshes. Built once, shared by all threads.
+/// A scene at one mount made ready: its trajectories and its meshes. Built once, shared by all
+/// threads.
 struct World {
-  SceneConfig scene;
+  SceneConfig scene;  ///< seen_from the mount
   LevelPose level;
   EvaluationRegion region;
-  Trajectories trajectories;
+  Trajectories trajectories;         ///< by the mount's clock
   TriangleMesh background;           ///< levelled frame
   std::vector<TriangleMesh> bodies;  ///< unit box, in the order of kObjectClasses
   std::unique_ptr<const MeshLibrary> meshes;
@@ -30,8 +31,16 @@ struct World {
   std::map<std::string, StaticLayerFile> static_layers;  ///< by LiDAR, in place of casting
 };
 
+/// @param mount its name; empty: the only one
 /// @throws ConfigError, IoError
-World build_world(const SceneConfig& scene);
+World build_world(const SceneConfig& scene, const std::string& mount = "");
+
+/// One for each of the mounts, all with the same vehicles.
+/// @throws what build_world does
+std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts);
+
+/// In the order of the file.
+std::vector<std::string> mount_names(const SceneConfig& scene);
 
 /// Hands over the vehicles of a scene, one instant after the other; simulated ones are not kept.
 /// @throws what build_world does

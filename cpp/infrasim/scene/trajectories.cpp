@@ -44,6 +44,18 @@ std::vector<MovingObject> Trajectories::in_frame(int k) const {
   return objects;
 }
 
+Trajectories seen_late(const Trajectories& trajectories, double late_s) {
+  const double late = late_s / kFramePeriod;
+  Trajectories out;
+  for (int k = 0; k <= trajectories.frames(); ++k) {
+    auto& row = out.rows.emplace_back();
+    const int frame = std::clamp(late < 0 ? k - 1 : k, 0, trajectories.frames() - 1);
+    for (const MovingObject& o : trajectories.in_frame(frame))
+      row.push_back(rounded({o.id, o.object_class, o.at(k + late - frame), o.speed_m_s}));
+  }
+  return out;
+}
+
 ObjectState rounded(ObjectState state) {
   Box3d& b = state.box;
   for (double* v : {&b.x, &b.y, &b.z, &b.dx, &b.dy, &b.dz}) *v = round_to(*v, kMetreDigits);

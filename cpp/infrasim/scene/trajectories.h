@@ -42,6 +42,11 @@ struct Trajectories {
   std::vector<MovingObject> in_frame(int k) const;
 };
 
+/// The same vehicles as a clock has them that runs `late_s` (within a frame) behind: row k holds
+/// where they are at 0.1 k + late_s, between the rows as in a frame. Beyond the first and the last
+/// row they go on as before; one that is not there for the whole of a frame leaves it out.
+Trajectories seen_late(const Trajectories& trajectories, double late_s);
+
 /// Rounds a state to the digits of the file, so that a run from the file equals the run itself.
 ObjectState rounded(ObjectState state);
 

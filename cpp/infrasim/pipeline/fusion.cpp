@@ -1,0 +1,132 @@
+#include "infrasim/pipeline/fusion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include "infrasim/pipeline/frame_builder.h"
+
+namespace infrasim {
+
+namespace {
+
+template <class T>
+void append_column(std::vector<T>& to, const std::vector<T>& from) {
+  to.insert(to.end(), from.begin(), from.end());
+}
+
+bool in_box(const Box3d& box, Vec3 p) {
+  const Vec2 axis = heading_vector(box.heading), away{p.x - box.x, p.y - box.y};
+  return std::abs(dot(axis, away)) <= box.dx / 2 + kBoxMargin &&
+         std::abs(cross(axis, away)) <= box.dy / 2 + kBoxMargin &&
+         std::abs(p.z - box.z) <= box.dz / 2 + kBoxMargin;
+}
+
+/// The vehicle in a mount's frame; null if that has none of the id.
+const ObjectRecord* find_object(const Frame& frame, int id) {
+  const auto found = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
+  return found != frame.objects.end() && found->id == id ? &*found : nullptr;
+}
+
+/// Counts the points in each vehicle's boxes, as they lie in the frame.
+void count_in_boxes(Frame& frame) {
+  std::unordered_map<int, ObjectRecord*> by_id;
+  for (ObjectRecord& o : frame.objects) by_id[o.id] = &o;
+  const PointCloud& c = frame.cloud;
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    const auto found = by_id.find(c.object_id[i]);
+    if (found == by_id.end()) continue;
+    const Vec3 p{c.xyz[3 * i], c.xyz[3 * i + 1], c.xyz[3 * i + 2]};
+    found->second->points_in_box += in_box(found->second->box, p);
+    found->second->points_in_scan_box += in_box(found->second->scan_box, p);
+  }
+}
+
+}  // namespace
+
+Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds) : first_(worlds.front()) {
+  for (const auto& [name, mount] : scene.mounts) mounts_.push_back(mount);
+  for (const MountConfig& mount : mounts_) shifts_.push_back(shift_of(mount));
+}
+
+/// A wrong tilt levels wrongly: the true one is taken back, then the assumed one applied.
+Fusion::Shift Fusion::shift_of(const MountConfig& mount) const {
+  const MountConfig& first = mounts_.front();
+  const CalibrationError e = mount.calibration_error.value_or(CalibrationError{});
+  Mat3 turn = rotation(rad(mount.yaw_deg + e.yaw_deg - first.yaw_deg), 0, 0);
+  if (e.pitch_deg != 0 || e.roll_deg != 0)
+    turn = turn *
+           rotation(0, rad(mount.pitch_deg + e.pitch_deg), rad(mount.roll_deg + e.roll_deg)) *
+           rotation(0, 0, -rad(mount.roll_deg)) * rotation(0, -rad(mount.pitch_deg), 0);
+  const Vec3 place{mount.x_m + e.x_m, mount.y_m + e.y_m, mount.z_m + e.z_m};
+  return {turn, first_.level.to_level(place),
+          mount.clock_offset_s.value_or(0) - first.clock_offset_s.value_or(0)};
+}
+
+MountConfig Fusion::seen_from_first(std::size_t mount) const {
+  MountConfig own = mounts_[mount];
+  const Vec3 place = first_.level.to_level(Vec3{own.x_m, own.y_m, own.z_m});
+  own.x_m = place.x;
+  own.y_m = place.y;
+  own.z_m = place.z;
+  own.yaw_deg = deg(wrap_angle(rad(own.yaw_deg - mounts_.front().yaw_deg)));
+  return own;
+}
+
+void Fusion::add_points(const Frame& frame, std::size_t mount, FusedFrame& out) const {
+  PointCloud& to = out.frame.cloud;
+  const PointCloud& from = frame.cloud;
+  const Shift& shift = shifts_[mount];
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Vec3 p =
+        shift.turn * Vec3{from.xyz[3 * i], from.xyz[3 * i + 1], from.xyz[3 * i + 2]} + shift.move;
+    for (const double v : {p.x, p.y, p.z}) to.xyz.push_back(static_cast<float>(v));
+  }
+  append_column(to.intensity, from.intensity);
+  append_column(to.time, from.time);
+  append_column(to.ring, from.ring);
+  append_column(to.class_id, from.class_id);
+  append_column(to.object_id, from.object_id);
+  out.mount.resize(to.size(), static_cast<std::uint16_t>(mount));
+}
+
+ObjectRecord Fusion::record(const MovingObject& o, std::span<const Frame* const> frames) const {
+  const Box3d middle = o.at(0.5);
+  ObjectRecord out;
+  out.id = o.id;
+  out.object_class = o.object_class;
+  out.box = first_.level.to_level(middle);
+  out.speed_m_s = o.speed_m_s;
+  out.distance = std::hypot(out.box.x, out.box.y);
+  const bool inside = first_.region.contains({middle.x, middle.y}, o.object_class);
+  double time_s = 0;
+  for (std::size_t m = 0; m < frames.size(); ++m) {
+    const ObjectRecord* seen = find_object(*frames[m], o.id);
+    if (seen == nullptr) continue;
+    if (inside) out.visibility = std::max(out.visibility, seen->visibility);
+    out.points += seen->points;
+    time_s += seen->points * (seen->scan_time_s + shifts_[m].late_s);
+  }
+  out.scan_time_s = out.points > 0 ? time_s / out.points : kFramePeriod / 2;
+  out.scan_box = first_.level.to_level(o.at(out.scan_time_s / kFramePeriod));
+  return out;
+}
+
+FusedFrame Fusion::fuse(int k, std::span<const Frame* const> frames) const {
+  FusedFrame out;
+  Frame& whole = out.frame;
+  for (std::size_t m = 0; m < frames.size(); ++m) {
+    add_points(*frames[m], m, out);
+    whole.rays += frames[m]->rays;
+    whole.rays_cast += frames[m]->rays_cast;
+    whole.no_plane |= frames[m]->no_plane;
+    whole.seconds += frames[m]->seconds;
+  }
+  for (const MovingObject& o : first_.trajectories.in_frame(k))
+    if (std::ranges::any_of(frames, [&](const Frame* f) { return find_object(*f, o.id); }))
+      whole.objects.push_back(record(o, frames));
+  count_in_boxes(whole);
+  return out;
+}
+
+}  // namespace infrasim

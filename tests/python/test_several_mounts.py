@@ -1,0 +1,320 @@
+"""Several mounts of one scene: each a data set, all fused, and clocks and poses that err."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT, Infrasim
+
+from pyinfra import kitti
+from pyinfra.boxes import points_in_box
+from pyinfra.data.data_set import field_of_view_mask, read_data_set
+from pyinfra.data.frame_tables import read_vehicles
+
+LIDAR = ROOT / "configs/lidars/helios_16.yaml"
+SPEED = 15.0
+MOUNTS = {  # the first of the file is not the first by name
+    "right": {"x_m": -20, "y_m": -8, "z_m": 6, "yaw_deg": 10, "pitch_deg": 5, "roll_deg": 2},
+    "left": {"x_m": 30, "y_m": 9, "z_m": 7, "yaw_deg": 170, "pitch_deg": 8},
+}
+Runs = Callable[..., Path]
+Digests = Callable[[Path], dict[str, str]]
+
+
+def trajectories() -> str:
+    """Two cars, one of which stands, for a second."""
+    lines = ["t,id,class,x,y,z,heading,dx,dy,dz,speed"]
+    for k in range(11):
+        lines.append(f"{k / 10:g},1,Car,4,-2,0.75,0,4.5,1.9,1.5,0")
+        lines.append(f"{k / 10:g},2,Car,{-5 + SPEED * k / 10:g},2,0.75,0,4.5,1.9,1.5,{SPEED:g}")
+    return "\n".join(lines) + "\n"
+
+
+def scene_keys(mounts: Mapping[str, Any] = MOUNTS) -> dict[str, Any]:
+    lanes = {"each_way": 1, "width_m": 4, "shoulder_m": 0.5, "sidewalk_m": 1}
+    start = {"x_m": -150, "y_m": 0, "heading_deg": 0}
+    return {
+        "name": "poles",
+        "duration_s": 1,
+        "detail": "box",
+        "mounts": dict(mounts),
+        "roads": [
+            {"name": "main", "start": start, "centreline": [{"line_m": 300}], "lanes": lanes}
+        ],
+        "trajectories": "cars.csv",
+    }
+
+
+@pytest.fixture
+def runs(infrasim: Infrasim, tmp_path: Path) -> Runs:
+    """Runs the poles, or other mounts, to a folder of the name; raises with what was said."""
+    (tmp_path / "cars.csv").write_text(trajectories())
+
+    def run(
+        name: str, *words: str, mounts: Mapping[str, Any] = MOUNTS, preset: str = "paper"
+    ) -> Path:
+        scene = tmp_path / f"{name}.yaml"
+        scene.write_text(yaml.safe_dump(scene_keys(mounts), sort_keys=False))
+        usual = ["--lidar", LIDAR, "--preset", preset, "--fields"]
+        usual += [] if "--threads" in words else ["--threads", "1"]
+        frames = [] if "--frames" in words else ["--frames", "0:2"]
+        out = tmp_path / name
+        done = infrasim("run", scene, *usual, *frames, "--out", out, *words)
+        if done.returncode != 0:
+            raise RuntimeError(done.stderr)
+        return out
+
+    return run
+
+
+def frame_of(folder: Path, k: int = 0) -> tuple[np.ndarray, np.ndarray, kitti.Objects]:
+    """Points (n, 4), their fields and the objects of a frame."""
+    lidar = folder / "helios_16"
+    points = kitti.read_points(kitti.frame_file(lidar, "velodyne", k))
+    fields = kitti.read_fields(kitti.frame_file(lidar, "fields", k))
+    return points, fields, kitti.read_objects(kitti.frame_file(lidar, "objects", k))
+
+
+def to_first(points: np.ndarray, mount: Mapping[str, float]) -> np.ndarray:
+    """Points (n, 3) of a mount's levelled frame in that of the first."""
+    first = MOUNTS["right"]
+
+    def turn(degrees: float) -> np.ndarray:
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+    place = np.array([mount[key] - first[key] for key in ("x_m", "y_m", "z_m")])
+    world = points @ turn(mount["yaw_deg"]).T + place
+    return world @ turn(first["yaw_deg"])
+
+
+@pytest.mark.parametrize("preset", ["paper", "datasheet"])
+def test_a_mount_alone_has_the_bytes_of_the_run_of_all(
+    runs: Runs, digests: Digests, preset: str
+) -> None:
+    everything = runs("everything", preset=preset)
+    assert sorted(path.name for path in everything.iterdir()) == ["left", "right"]
+    for mount in MOUNTS:
+        alone = runs(f"{mount}_alone", "--mount", mount, preset=preset)
+        assert [path.name for path in alone.iterdir()] == [mount]
+        assert digests(alone / mount) == digests(everything / mount)
+
+
+def test_a_mount_s_data_set_is_that_of_its_own_description(
+    runs: Runs, digests: Digests, infrasim: Infrasim, tmp_path: Path
+) -> None:
+    """Draws are the mount's own, and `dataset.yaml` says so."""
+    left = runs("out", preset="datasheet") / "left"
+    keys = yaml.safe_load((left / "dataset.yaml").read_text())
+    (again := tmp_path / "again.yaml").write_text(
+        yaml.safe_dump({k: v for k, v in keys.items() if k not in ("preset", "version")})
+    )
+    words = ["--lidar", LIDAR, "--frames", "0:2", "--out", tmp_path / "again"]
+    infrasim("run", again, *words, check=True)
+    assert digests(left) == digests(tmp_path / "again")
+
+
+def test_mounts_have_draws_of_their_own_and_a_lone_mount_the_scene_s(runs: Runs) -> None:
+    place = {"x_m": -20, "y_m": -8, "z_m": 6}
+    same = {"one": place, "two": place}
+    both = runs("both", mounts=same)
+    alone = runs("alone", mounts={"one": place})
+    clouds = [frame_of(folder)[0] for folder in (both / "one", both / "two", alone)]
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        assert clouds[a].tobytes() != clouds[b].tobytes()
+    shared = {name: place | {"own_draws": False} for name in same}
+    assert frame_of(runs("shared", mounts=shared) / "two")[0].tobytes() == clouds[2].tobytes()
+
+
+def test_all_mounts_see_one_world(runs: Runs) -> None:
+    out = runs("out")
+    texts = {(out / mount / "trajectories.csv").read_text() for mount in MOUNTS}
+    assert texts == {trajectories()}
+    poses = [read_data_set(out / mount).lidars[0].T_world_levelled for mount in MOUNTS]
+    assert [(pose.x, pose.y, pose.z) for pose in poses] == [(-20, -8, 6), (30, 9, 7)]
+
+
+def test_the_fused_cloud_is_that_of_all_mounts_in_the_frame_of_the_first(runs: Runs) -> None:
+    out = runs("out", "--fuse")
+    points, fields, _ = frame_of(out / "fused")
+    of_mount = [frame_of(out / mount) for mount in MOUNTS]
+    moved = [
+        np.column_stack([to_first(own[:, :3], pose), own[:, 3]])
+        for (own, _, _), pose in zip(of_mount, MOUNTS.values(), strict=True)
+    ]
+    np.testing.assert_allclose(points, np.concatenate(moved), atol=2e-5)
+    np.testing.assert_array_equal(points[: len(moved[0])], of_mount[0][0])
+    np.testing.assert_array_equal(fields, np.concatenate([own for _, own, _ in of_mount]))
+    mounts = np.fromfile(out / "fused/helios_16/training/mounts/000000.bin", "<u2")
+    np.testing.assert_array_equal(mounts, np.repeat([0, 1], [len(own) for own in moved]))
+
+
+def test_fused_vehicles_are_labelled_once(runs: Runs) -> None:
+    out = runs("out", "--fuse", "--aggregation", "instant")
+    points, fields, fused = frame_of(out / "fused")
+    first, other = (frame_of(out / mount)[2] for mount in MOUNTS)
+    assert fused.ids.tolist() == [1, 2]
+    np.testing.assert_array_equal(fused.boxes, first.boxes)
+    np.testing.assert_array_equal(fused.distance, first.distance)
+    np.testing.assert_array_equal(fused.points, first.points + other.points)
+    np.testing.assert_array_equal(fused.visibility, np.maximum(first.visibility, other.visibility))
+    assert (first.points > 0).all()
+    assert (other.points > 0).all()
+    np.testing.assert_array_equal(fused.points_in_box, fused.points)
+    for i, own in enumerate(fused.ids):
+        hits = points[fields["object_id"] == own, :3].astype(float)
+        assert points_in_box(hits, fused.boxes[i], 0.011).all()
+    labels = (out / "fused/helios_16/training/label_2/000000.txt").read_text()
+    assert labels.count("Car") == 2
+
+
+def test_a_fused_label_holds_at_the_mean_time_of_all_points(runs: Runs) -> None:
+    out = runs("out", "--fuse", "--label-time", "scan")
+    fused = frame_of(out / "fused")[2]
+    own = [frame_of(out / mount)[2] for mount in MOUNTS]
+    points = np.array([o.points for o in own])
+    mean = (points * [o.scan_time_s for o in own]).sum(axis=0) / points.sum(axis=0)
+    np.testing.assert_allclose(fused.scan_time_s, mean, atol=2e-6)
+    way = np.hypot(*(fused.scan_boxes - fused.boxes)[:, :2].T)
+    np.testing.assert_allclose(way, [0, SPEED * abs(mean[1] - 0.05)], atol=3e-4)
+
+
+def test_a_late_clock_moves_vehicles_on(runs: Runs) -> None:
+    """50 ms at 15 m/s are 0.75 m; what stands still stays."""
+    late = {name: dict(mount) for name, mount in MOUNTS.items()}
+    late["left"]["clock_offset_s"] = 0.05
+    words = ("--fuse", "--aggregation", "instant", "--label-time", "scan")
+    before, after = runs("before", *words), runs("after", *words, mounts=late)
+    sides = [frame_of(out / "left")[2].boxes for out in (before, after)]
+    way = np.hypot(*(sides[1] - sides[0])[:, :2].T)
+    np.testing.assert_allclose(way, [0, 0.75], atol=2e-4)
+    rows = pd.read_csv(after / "left/trajectories.csv")
+    np.testing.assert_allclose(rows["x"][rows["id"] == 2], -5 + SPEED * (np.arange(11) / 10 + 0.05))
+
+    fused = frame_of(after / "fused")[2]
+    share = frame_of(after / "left")[2].points / fused.points
+    np.testing.assert_allclose(fused.scan_time_s, 0.05 + 0.05 * share, atol=1e-5)
+    first = frame_of(after / "right")[2]
+    np.testing.assert_array_equal(fused.boxes, first.boxes)
+    way = np.hypot(*(fused.scan_boxes - first.boxes)[:, :2].T)
+    np.testing.assert_allclose(way, [0, 0.75 * share[1]], atol=2e-4)
+    assert fused.points_in_box[1] < fused.points[1]
+    assert fused.points_in_box[0] == fused.points[0]
+
+
+def test_an_error_of_calibration_moves_fused_points_alone(runs: Runs, digests: Digests) -> None:
+    wrong = {name: dict(mount) for name, mount in MOUNTS.items()}
+    wrong["left"]["calibration_error"] = {"x_m": 0.5, "yaw_deg": 2, "pitch_deg": 1}
+    right, off = runs("right", "--fuse"), runs("off", "--fuse", mounts=wrong)
+    for mount in MOUNTS:
+        assert digests(right / mount) == digests(off / mount)
+    clouds = [frame_of(out / "fused")[0][:, :3] for out in (right, off)]
+    seen = len(frame_of(right / "right")[0])
+    np.testing.assert_array_equal(clouds[0][:seen], clouds[1][:seen])
+
+    def turn(pitch_deg: float, roll_deg: float) -> np.ndarray:
+        p, r = np.radians([pitch_deg, roll_deg])
+        about_y = [[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]]
+        about_x = [[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]]
+        return np.array(about_y) @ np.array(about_x)
+
+    levelled = frame_of(off / "left")[0][:, :3] @ (turn(9, 0) @ turn(8, 0).T).T
+    assumed = MOUNTS["left"] | {"x_m": 30.5, "yaw_deg": 172}
+    np.testing.assert_allclose(clouds[1][seen:], to_first(levelled, assumed), atol=2e-5)
+    boxes = [frame_of(out / "fused")[2].boxes for out in (right, off)]
+    np.testing.assert_array_equal(*boxes)
+
+
+def test_a_fused_data_set_says_where_its_sensors_are(runs: Runs) -> None:
+    out = runs("out", "--fuse")
+    data, left = read_data_set(out / "fused"), read_data_set(out / "left")
+    assert data.lidars[0].price_usd == tuple(2 * usd for usd in left.lidars[0].price_usd)
+    first = read_data_set(out / "right").lidars[0]
+    assert data.lidars[0].T_world_levelled == first.T_world_levelled
+    keys = yaml.safe_load((out / "fused/dataset.yaml").read_text())
+    assert list(keys["mounts"]) == ["right", "left"]
+    boxes = frame_of(out / "left")[2].boxes[:, :3]
+    far = np.concatenate([boxes, boxes + np.array([0, 0, 40]), boxes + np.array([140, 0, 0])])
+    seen = np.array(field_of_view_mask(left.lidars[0], left.tilts[0], far))
+    views = data.lidars[0].field_of_view
+    own = kitti.Lidar(**{**vars(data.lidars[0]), "field_of_view": views[1:]})
+    moved = to_first(far, MOUNTS["left"])
+    np.testing.assert_array_equal(field_of_view_mask(own, data.tilts[0], moved), seen)
+    assert 0 < seen[1].sum() < len(far)
+    assert read_vehicles(out / "fused/helios_16", data.frames).points.sum() > 0
+
+
+def test_a_fused_run_goes_on_to_the_same_bytes(runs: Runs, digests: Digests) -> None:
+    whole = runs("whole", "--fuse", "--frames", "0:4")
+    parts = runs("parts", "--mount", "left", "--frames", "3:4")
+    runs("parts", "--frames", "2:4", "--threads", "3")
+    runs("parts", "--fuse", "--frames", "1:4", "--threads", "2")
+    for folder in ("left", "fused"):
+        kitti.frame_file(parts / folder / "helios_16", "velodyne", 2).unlink()
+    runs("parts", "--fuse", "--frames", "0:4")
+    assert digests(parts) == digests(whole)
+
+
+def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
+    sim = pytest.importorskip("pyinfra.sim", reason="the extension is not built")
+    left = runs("out") / "left"
+    scene = tmp_path / "out.yaml"
+    for k, (frame,) in sim.simulate(scene, [LIDAR], range(2), preset="paper", mount="left"):
+        assert sim.points(frame).tobytes() == frame_of(left, k)[0].tobytes()
+    with pytest.raises(sim.ConfigError, match="mount: found none, allowed right, left"):
+        sim.load_scene(scene)
+
+
+@pytest.mark.parametrize(
+    ("words", "changes", "message"),
+    [
+        (["--mount", "middle"], {}, "mount: found 'middle', allowed right, left"),
+        (["--fuse", "--mount", "left"], {}, "--fuse: found --mount left, allowed a run of all"),
+        (["--fuse"], {"left": None}, "--fuse: found a scene with one mount, allowed with several"),
+        ([], {"fused": MOUNTS["left"]}, "mounts: found 'fused' of several, allowed letters"),
+        ([], {"a/b": MOUNTS["left"]}, "mounts: found 'a/b' of several, allowed letters"),
+        ([], {"left": {"y_m": 2, "z_m": 3}}, "mounts.left.z_m: found 3 in the way of the vehicles"),
+        ([], {"left": {"clock_offset_s": 0.2}}, "clock_offset_s: found '0.2', allowed -0.1 to 0.1"),
+        (
+            [],
+            {"left": None, "right": {"calibration_error": {"x_m": 1}}},
+            "mounts: found calibration_error of the only one, allowed with several",
+        ),
+        (
+            ["--set", "static_layers={helios_16: a.layer}"],
+            {},
+            "static_layers: found them with several mounts, allowed with one",
+        ),
+    ],
+)
+def test_what_mounts_can_not_be(
+    runs: Runs, tmp_path: Path, words: list[str], changes: Mapping[str, Any], message: str
+) -> None:
+    mounts = {name: dict(mount) for name, mount in MOUNTS.items()}
+    for name, keys in changes.items():
+        mounts[name] = mounts.get(name, {}) | (keys or {})
+        if keys is None:
+            del mounts[name]
+    with pytest.raises(RuntimeError) as error:
+        runs("out", *words, mounts=mounts)
+    assert message in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mount_twice_is_refused(infrasim: Infrasim, tmp_path: Path) -> None:
+    text = yaml.safe_dump(scene_keys(), sort_keys=False).replace("  left:", "  right:")
+    (file := tmp_path / "scene.yaml").write_text(text)
+    result = infrasim("check", file)
+    assert result.returncode == 2
+    assert "right" in result.stderr
+    assert "twice" in result.stderr or "duplicate" in result.stderr
+
+
+def test_a_folder_of_one_mount_takes_no_others(runs: Runs) -> None:
+    runs("out", mounts={"right": MOUNTS["right"]})
+    with pytest.raises(RuntimeError, match=r"the folder holds a run of one mount, allowed another"):
+        runs("out")
