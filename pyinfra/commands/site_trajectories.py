@@ -3,8 +3,6 @@
 import argparse
 from pathlib import Path
 
-from pyinfra.commands.site_traffic import print_figures, print_notes
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -31,6 +29,7 @@ def run(args: argparse.Namespace) -> int:
 
     from pyinfra.kitti import FormatError
     from pyinfra.site import fcd, recorded_boxes, site_folder
+    from pyinfra.site.traffic_figures import report_lines
     from pyinfra.site.trajectory_file import NAME, write_trajectories
     from pyinfra.site.trajectory_import import import_boxes, import_fcd
 
@@ -54,8 +53,7 @@ def run(args: argparse.Namespace) -> int:
     write_trajectories(args.out / NAME, imported.tracks)
     has_scene = (args.out / site_folder.SCENE).exists()
     feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
-    print_figures(args.out / NAME, imported.tracks, feet)
-    print_notes(imported.notes)
+    print(*report_lines(args.out / NAME, imported.tracks, feet, imported.notes), sep="\n")
     return 0
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,6 +20,7 @@ _NEIGHBOURS_M = 30.0
 _EVERY = 2  # instants at which overlaps are counted
 _TOUCH_M = 0.001
 MAX_OVERLAP_SHARE = 0.001
+MOST_NOTES = 20  # that are shown
 
 
 @dataclass(frozen=True)
@@ -104,3 +107,15 @@ def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
         hit = level & (pair_bev_overlap(a, b) > 0)
         found.append(rows.track[starts[k] : starts[k + 1]][pairs[hit]].reshape(-1, 2))
     return count, np.concatenate(found)
+
+
+def report_lines(
+    file: Path, tracks: Sequence[Track], feet: FloatArray, notes: Sequence[str]
+) -> list[str]:
+    """The written file, its figures and the first of the notes, for a terminal."""
+    rows = traffic_figures(list(tracks), feet).rows()
+    lines = [str(file), *(f"  {name:45} {value}" for name, value in rows)]
+    lines += [f"  {note}" for note in notes[:MOST_NOTES]]
+    if len(notes) > MOST_NOTES:
+        lines.append(f"  and {len(notes) - MOST_NOTES} more")
+    return lines
