@@ -29,6 +29,7 @@ FRAME_COLUMNS = (  # all that there were up to version 0.2
 )
 SCAN_COLUMNS = "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box".split(",")
 OBJECT_COLUMNS = [*FRAME_COLUMNS, *SCAN_COLUMNS]
+PITCH_COLUMN = "pitch"  # the last, of runs whose vehicles lean
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 # What is a vehicle; the last one is of unknown type.
 VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
@@ -57,6 +58,7 @@ class Objects:
     scan_boxes: FloatArray  # (k, 7) at scan_time_s
     scan_time_s: FloatArray  # (k,) mean time of its returns, since the start of the frame
     points_in_scan_box: IntArray  # (k,)
+    pitch: FloatArray | None = None  # (k,) of the vehicle itself, positive nose down; None: level
 
     def __len__(self) -> int:
         return len(self.ids)

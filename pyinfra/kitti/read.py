@@ -14,6 +14,7 @@ from pyinfra.kitti.layout import (
     FRAME_COLUMNS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
+    PITCH_COLUMN,
     SCAN_COLUMNS,
     FormatError,
     Labels,
@@ -103,12 +104,19 @@ def read_fields(file: Path) -> Records:
     return _records(file, FIELDS, "time_s ring class object_id")
 
 
+PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
+
+
 def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
     """The cells of OBJECT_COLUMNS of each line; None if the header is none of an objects file.
 
-    Up to version 0.2 there was no scan: it is then as if it had been at mid-frame.
+    Up to version 0.2 there was no scan: it is then as if it had been at mid-frame. A pitch, which
+    the boxes of labels do not have, is left out.
     """
     rows = [line.split(",") for line in lines]
+    if header == PITCHED_HEADER:
+        whole = len(OBJECT_COLUMNS) + 1
+        return [r[:-1] if len(r) == whole else r for r in rows]
     if header == ",".join(OBJECT_COLUMNS):
         return rows
     if header != ",".join(FRAME_COLUMNS):
@@ -133,6 +141,7 @@ def read_objects(file: Path) -> Objects:
     if len(ids) < len(rows):
         again = min(set(range(len(rows))) - set(first.tolist()))
         table.fail(again, f"id: found {table['id'][again]:.0f} twice", "once a frame")
+    pitch = _pitch(file, lines) if header == PITCHED_HEADER else None
     boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)
     scan = np.stack([table[c] for c in SCAN_COLUMNS[:4]], axis=1)
     return Objects(
@@ -147,7 +156,16 @@ def read_objects(file: Path) -> Objects:
         scan_boxes=scan_boxes(boxes, scan),
         scan_time_s=table["scan_time_s"],
         points_in_scan_box=table["points_in_scan_box"].astype(np.int64),
+        pitch=pitch,
     )
+
+
+def _pitch(file: Path, lines: Sequence[str]) -> FloatArray:
+    """(k,) of the last cells of the rows."""
+    cells = [["row", line.rsplit(",", 1)[-1]] for line in lines[1:]]
+    table = NamedRows(file, range(2, 1 + len(lines)), cells, ["row", PITCH_COLUMN], "row")
+    table.check((_angle(PITCH_COLUMN),))
+    return table[PITCH_COLUMN]
 
 
 def scan_boxes(boxes: FloatArray, scan: FloatArray) -> FloatArray:

@@ -124,8 +124,8 @@ void trajectories_command(const TrajectoriesOptions& o) {
   const std::filesystem::path file = o.out;
   remove_leftovers(file.parent_path().empty() ? "." : file.parent_path());
   AtomicFile out(file);
-  out.write(TrajectoryText::header());
-  TrajectoryText lines;
+  TrajectoryText lines(vehicles_pitch(scene));
+  out.write(lines.header());
   for_each_instant(scene, [&](const auto& states) { out.write(lines.rows(states)); });
   out.replace();
   std::printf("%d frames\n", lines.instants() - 1);

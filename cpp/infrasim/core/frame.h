@@ -32,6 +32,7 @@ struct Frame {
   std::vector<ObjectRecord> objects;  ///< every vehicle in reach, hit or not, by id
   std::size_t rays = 0;               ///< answered: fired within the frame
   std::size_t rays_cast = 0;          ///< fewer where a static layer answers, more for wide beams
+  bool pitched = false;               ///< vehicles of the run pitch: their table has the column
   bool no_plane = false;              ///< a `ground_plane` filter found none
   double seconds = 0;  ///< from vehicles and rays to columns; 0 if the frame was not asked for
 };

@@ -4,6 +4,52 @@
 
 namespace infrasim {
 
+Box3d levelled(const Box3d& box) {
+  if (box.pitch == 0) return box;
+  const double c = std::abs(std::cos(box.pitch)), s = std::abs(std::sin(box.pitch));
+  Box3d out = box;
+  out.dx = c * box.dx + s * box.dz;
+  out.dz = s * box.dx + c * box.dz;
+  out.pitch = 0;
+  return out;
+}
+
+BoxFrame::BoxFrame(const Box3d& box)
+    : box_(box),
+      cos_(std::cos(box.heading)),
+      sin_(std::sin(box.heading)),
+      cos_pitch_(std::cos(box.pitch)),
+      sin_pitch_(std::sin(box.pitch)) {}
+
+Vec3 BoxFrame::to_own(Vec3 p) const {
+  const double x = p.x - box_.x, y = p.y - box_.y;
+  const Vec3 level{cos_ * x + sin_ * y, -sin_ * x + cos_ * y, p.z - box_.z};
+  if (sin_pitch_ == 0) return level;
+  return {cos_pitch_ * level.x - sin_pitch_ * level.z, level.y,
+          sin_pitch_ * level.x + cos_pitch_ * level.z};
+}
+
+Vec3 BoxFrame::from_own(Vec3 own) const {
+  if (sin_pitch_ != 0)
+    own = {cos_pitch_ * own.x + sin_pitch_ * own.z, own.y,
+           -sin_pitch_ * own.x + cos_pitch_ * own.z};
+  return {box_.x + cos_ * own.x - sin_ * own.y, box_.y + sin_ * own.x + cos_ * own.y,
+          box_.z + own.z};
+}
+
+bool BoxFrame::contains(Vec3 p, double margin) const {
+  const Vec3 own = to_own(p);
+  return std::abs(own.x) <= box_.dx / 2 + margin && std::abs(own.y) <= box_.dy / 2 + margin &&
+         std::abs(own.z) <= box_.dz / 2 + margin;
+}
+
+Vec3 BoxFrame::nearest(Vec3 p) const {
+  const Vec3 own = to_own(p);
+  return from_own({std::clamp(own.x, -box_.dx / 2, box_.dx / 2),
+                   std::clamp(own.y, -box_.dy / 2, box_.dy / 2),
+                   std::clamp(own.z, -box_.dz / 2, box_.dz / 2)});
+}
+
 std::array<Vec2, 4> footprint(const Box3d& box) {
   const Vec2 centre{box.x, box.y};
   const Vec2 along = box.dx / 2 * heading_vector(box.heading);

@@ -71,11 +71,35 @@ inline Mat3 rotation(double yaw, double pitch, double roll) {
          Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
 }
 
-/// Box of a vehicle: geometric centre, length width height, yaw about +z.
+/// Box of a vehicle: geometric centre, length width height, yaw about +z, then pitch about its own
+/// left, as `rotation` has it: positive looks down.
 struct Box3d {
   double x = 0, y = 0, z = 0;
   double dx = 0, dy = 0, dz = 0;
   double heading = 0;
+  double pitch = 0;
+};
+
+/// The smallest box without pitch, of the same heading, that holds the box.
+Box3d levelled(const Box3d& box);
+
+/// A box that many points are held against.
+class BoxFrame {
+ public:
+  explicit BoxFrame(const Box3d& box);
+
+  /// A point in the box's own axes, from its centre.
+  Vec3 to_own(Vec3 p) const;
+  Vec3 from_own(Vec3 own) const;
+  /// Up to `margin` outside, too.
+  bool contains(Vec3 p, double margin) const;
+  /// The point of the box that is nearest.
+  Vec3 nearest(Vec3 p) const;
+
+ private:
+  Box3d box_;
+  double cos_, sin_;              ///< of the heading
+  double cos_pitch_, sin_pitch_;  ///< 1 and 0 of a level box: then nothing is rounded twice
 };
 
 /// Corners of the footprint, counter-clockwise from front right.

@@ -11,11 +11,14 @@ namespace infrasim {
 /// Each of its errors is a ConfigError that names file, line and column.
 class CsvReader {
  public:
+  /// @param last column that a file may have after those of the header; empty: none
   /// @throws ConfigError if the first line is not the header, IoError if the file can't be read
-  CsvReader(const std::filesystem::path& file, std::string_view header);
+  CsvReader(const std::filesystem::path& file, std::string_view header, std::string_view last = "");
   CsvReader(const CsvReader&) = delete;  // it views its own text
   CsvReader& operator=(const CsvReader&) = delete;
 
+  /// Whether the file has the last column.
+  bool has_last() const { return has_last_; }
   /// Goes to the first or next row; false if there is none.
   /// @throws ConfigError if its cells are not as many as the header's
   bool next_row();
@@ -44,6 +47,7 @@ class CsvReader {
   std::size_t next_cell_ = 0;  ///< and the next one
   std::ptrdiff_t columns_;
   int line_ = 0;
+  bool has_last_ = false;
 };
 
 }  // namespace infrasim

@@ -67,15 +67,17 @@ std::string calib_text() {
   return text;
 }
 
-std::string objects_csv(const std::vector<ObjectRecord>& objects) {
-  std::string text = std::string(kObjectColumns) + "\n";
+std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched) {
+  std::string text = std::string(kObjectColumns) + (pitched ? ",pitch\n" : "\n");
   for (const ObjectRecord& o : objects) {
     const Box3d &b = o.box, &s = o.scan_box;
     append(text, "%d,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.6f,%.4f,%d,%d,%.4f,%.4f", o.id,
            std::string(class_of(o.object_class).name).c_str(), b.x, b.y, b.z, b.dx, b.dy, b.dz,
            b.heading, o.speed_m_s, o.points, o.points_in_box, o.distance, o.visibility);
-    append(text, ",%.4f,%.4f,%.4f,%.6f,%.6f,%d\n", s.x, s.y, s.z, s.heading, o.scan_time_s,
+    append(text, ",%.4f,%.4f,%.4f,%.6f,%.6f,%d", s.x, s.y, s.z, s.heading, o.scan_time_s,
            o.points_in_scan_box);
+    if (pitched) append(text, ",%.6f", b.pitch);
+    text += '\n';
   }
   return text;
 }
@@ -126,7 +128,7 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
   counts.hits = std::filesystem::file_size(cloud, error) / 16;
   if (error) throw IoError(cloud.string() + ": can't be read");
   CsvReader csv(lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv"),
-                kObjectColumns);
+                kObjectColumns, "pitch");
   for (; csv.next_row(); ++counts.vehicles) {
     for (int column = 0; column < 10; ++column) csv.cell();
     counts.vehicle_points += static_cast<std::size_t>(csv.number("points", 0, 1e9));
@@ -174,7 +176,8 @@ void write_frame(const std::filesystem::path& lidar_folder, int frame, const Fra
                  const FrameContent& content) {
   const auto training = lidar_folder / "training";
   const std::string name = frame_name(frame);
-  write_file_atomically(training / "objects" / (name + ".csv"), objects_csv(data.objects));
+  write_file_atomically(training / "objects" / (name + ".csv"),
+                        objects_csv(data.objects, data.pitched));
   write_file_atomically(training / "label_2" / (name + ".txt"),
                         label_text(data.objects, content.all_labels, content.label_time));
   static const std::string kCalib = calib_text();

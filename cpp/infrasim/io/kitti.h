@@ -25,7 +25,7 @@ std::string calib_text();
 
 /// Columns id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,
 /// scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box.
-std::string objects_csv(const std::vector<ObjectRecord>& objects);
+std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched = false);
 
 /// Per point float32 x y z intensity, little-endian.
 std::vector<std::byte> velodyne_bytes(const PointCloud& cloud);

@@ -7,38 +7,6 @@ namespace infrasim {
 
 namespace {
 
-/// A box that many points are held against.
-class UprightBox {
- public:
-  explicit UprightBox(const Box3d& box)
-      : box_(box), cos_(std::cos(box.heading)), sin_(std::sin(box.heading)) {}
-
-  bool contains(Vec3 p) const {
-    const Vec3 own = to_own(p);
-    return std::abs(own.x) <= box_.dx / 2 + kBoxMargin &&
-           std::abs(own.y) <= box_.dy / 2 + kBoxMargin &&
-           std::abs(own.z) <= box_.dz / 2 + kBoxMargin;
-  }
-  /// The point of the box that is nearest.
-  Vec3 nearest(Vec3 p) const {
-    Vec3 own = to_own(p);
-    own = {std::clamp(own.x, -box_.dx / 2, box_.dx / 2),
-           std::clamp(own.y, -box_.dy / 2, box_.dy / 2),
-           std::clamp(own.z, -box_.dz / 2, box_.dz / 2)};
-    return {box_.x + cos_ * own.x - sin_ * own.y, box_.y + sin_ * own.x + cos_ * own.y,
-            box_.z + own.z};
-  }
-
- private:
-  Vec3 to_own(Vec3 p) const {
-    const double x = p.x - box_.x, y = p.y - box_.y;
-    return {cos_ * x + sin_ * y, -sin_ * x + cos_ * y, p.z - box_.z};
-  }
-
-  Box3d box_;
-  double cos_, sin_;
-};
-
 template <class T>
 void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
   to.assign(from.begin(), from.begin() + static_cast<std::ptrdiff_t>(n));
@@ -105,16 +73,16 @@ std::vector<std::vector<double>> FrameBuilder::times_seen(std::size_t objects) c
 
 std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
                                             const BoxAt& box_at) const {
-  std::vector<std::pair<UprightBox, UprightBox>> held;
-  for (const ObjectBoxes& b : boxes) held.emplace_back(UprightBox(b.frame), UprightBox(b.scan));
+  std::vector<std::pair<BoxFrame, BoxFrame>> held;
+  for (const ObjectBoxes& b : boxes) held.emplace_back(BoxFrame(b.frame), BoxFrame(b.scan));
   std::vector<PointCount> counts(boxes.size());
   for (const Hit& hit : hits_) {
     const auto k = static_cast<std::size_t>(hit.object);
     const auto& [frame, scan] = held[k];
-    const Vec3 place = hit.wide ? UprightBox(box_at(k, hit.time_s)).nearest(hit.place) : hit.place;
+    const Vec3 place = hit.wide ? BoxFrame(box_at(k, hit.time_s)).nearest(hit.place) : hit.place;
     ++counts[k].points;
-    counts[k].points_in_box += frame.contains(place);
-    counts[k].points_in_scan_box += scan.contains(place);
+    counts[k].points_in_box += frame.contains(place, kBoxMargin);
+    counts[k].points_in_scan_box += scan.contains(place, kBoxMargin);
   }
   return counts;
 }

@@ -15,13 +15,6 @@ void append_column(std::vector<T>& to, const std::vector<T>& from) {
   to.insert(to.end(), from.begin(), from.end());
 }
 
-bool in_box(const Box3d& box, Vec3 p) {
-  const Vec2 axis = heading_vector(box.heading), away{p.x - box.x, p.y - box.y};
-  return std::abs(dot(axis, away)) <= box.dx / 2 + kBoxMargin &&
-         std::abs(cross(axis, away)) <= box.dy / 2 + kBoxMargin &&
-         std::abs(p.z - box.z) <= box.dz / 2 + kBoxMargin;
-}
-
 /// The vehicle in a mount's frame; null if that has none of the id.
 const ObjectRecord* find_object(const Frame& frame, int id) {
   const auto found = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
@@ -37,8 +30,8 @@ void count_in_boxes(Frame& frame) {
     const auto found = by_id.find(c.object_id[i]);
     if (found == by_id.end()) continue;
     const Vec3 p{c.xyz[3 * i], c.xyz[3 * i + 1], c.xyz[3 * i + 2]};
-    found->second->points_in_box += in_box(found->second->box, p);
-    found->second->points_in_scan_box += in_box(found->second->scan_box, p);
+    found->second->points_in_box += BoxFrame(found->second->box).contains(p, kBoxMargin);
+    found->second->points_in_scan_box += BoxFrame(found->second->scan_box).contains(p, kBoxMargin);
   }
 }
 
@@ -120,6 +113,7 @@ FusedFrame Fusion::fuse(int k, std::span<const Frame* const> frames) const {
     whole.rays += frames[m]->rays;
     whole.rays_cast += frames[m]->rays_cast;
     whole.no_plane |= frames[m]->no_plane;
+    whole.pitched |= frames[m]->pitched;
     whole.seconds += frames[m]->seconds;
   }
   for (const MovingObject& o : first_.trajectories.in_frame(k))

@@ -62,6 +62,7 @@ struct FrameSimulator::Impl {
   std::vector<WorldSlice> slices;
   std::vector<Lidar> lidars;
   double reach = 0;
+  bool pitched;  ///< whether a vehicle of the run does
   Raycaster raycaster;
   Caster caster;
   FrameVehicles vehicles;
@@ -69,6 +70,7 @@ struct FrameSimulator::Impl {
   Impl(const World& w, std::span<const LidarConfig> configs, const StaticLayers& layers)
       : world(w),
         slices(world_slices(w.scene.aggregation)),
+        pitched(w.trajectories.pitched()),
         raycaster(*w.meshes),
         caster(raycaster, w.scene.vehicle_parts, w.leaves) {
     const auto layers_of = [&](std::size_t i) { return layers.empty() ? UnitLayers{} : layers[i]; };
@@ -118,6 +120,7 @@ struct FrameSimulator::Impl {
   Frame finish(Lidar& lidar) const {
     Frame frame;
     frame.rays_cast = lidar.rays_cast;
+    frame.pitched = pitched;
     const std::vector<double> times = scan_times_s(lidar);
     std::vector<ObjectBoxes> boxes;
     for (std::size_t i = 0; i < vehicles.size(); ++i)

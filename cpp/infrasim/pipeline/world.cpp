@@ -142,6 +142,10 @@ void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
   take_instants(scene, take);
 }
 
+bool vehicles_pitch(const SceneConfig& scene) {
+  return !scene.traffic && load_recorded(scene).pitched();
+}
+
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   if (scene.traffic) scene.duration_s = kChecked_s;
   OverlapSearch search;
@@ -162,12 +166,11 @@ TriangleMesh frozen_mesh(const World& world, int k, double share) {
     const Box3d box = world.level.to_level(body_box(o.at(share)));
     const TriangleMesh& body = world.bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
-    const double c = std::cos(box.heading), s = std::sin(box.heading);
+    const BoxFrame frame(box);
     for (const auto& v : body.vertices) {
-      const double x = v[0] * box.dx, y = v[1] * box.dy;
-      mesh.vertices.push_back({static_cast<float>(box.x + c * x - s * y),
-                               static_cast<float>(box.y + s * x + c * y),
-                               static_cast<float>(box.z + v[2] * box.dz)});
+      const Vec3 p = frame.from_own({v[0] * box.dx, v[1] * box.dy, v[2] * box.dz});
+      mesh.vertices.push_back(
+          {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
     }
     for (const auto& t : body.triangles) {
       mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});

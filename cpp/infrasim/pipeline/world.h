@@ -46,6 +46,10 @@ std::vector<std::string> mount_names(const SceneConfig& scene);
 /// @throws what build_world does
 void for_each_instant(const SceneConfig& scene, const TakeInstant& take);
 
+/// Whether a vehicle of the scene leans forwards or backwards: those of a file may.
+/// @throws what build_world does
+bool vehicles_pitch(const SceneConfig& scene);
+
 /// Vehicles that are in one place within a minute of a scene's traffic, or at any time of its
 /// recorded trajectories.
 /// @throws what build_world does

@@ -12,7 +12,7 @@ Box3d swept(const MovingBody& body) {
   Box3d box = box_at(body, 0.5);
   const Vec2 axis = heading_vector(box.heading);
   double front = 0, side = 0;
-  for (const Box3d& end : {body.from, body.to})
+  for (const Box3d& end : {levelled(body.from), levelled(body.to)})
     for (const Vec2& corner : footprint(end)) {
       const Vec2 d = corner - Vec2{box.x, box.y};
       front = std::max(front, std::abs(dot(axis, d)));
@@ -22,7 +22,9 @@ Box3d swept(const MovingBody& body) {
   const double margin = kMargin_m + std::hypot(box.dx, box.dy) / 2 * (1 - std::cos(turn / 2));
   box.dx = 2 * (front + margin);
   box.dy = 2 * (side + margin);
+  box.dz = std::max(levelled(body.from).dz, levelled(body.to).dz);
   box.dz += std::abs(body.to.z - body.from.z) + 2 * kMargin_m;
+  box.pitch = 0;
   return box;
 }
 
@@ -34,6 +36,7 @@ Box3d box_at(const MovingBody& body, double share) {
   box.y += share * (body.to.y - body.from.y);
   box.z += share * (body.to.z - body.from.z);
   box.heading += share * wrap_angle(body.to.heading - body.from.heading);
+  box.pitch += share * (body.to.pitch - body.from.pitch);
   return box;
 }
 
@@ -48,6 +51,8 @@ BodyMotion::BodyMotion(const MovingBody& body)
       turn_(static_cast<float>(wrap_angle(body.to.heading - body.from.heading))),
       cos_(static_cast<float>(std::cos(body.from.heading))),
       sin_(static_cast<float>(std::sin(body.from.heading))),
+      pitch_(static_cast<float>(body.from.pitch)),
+      pitch_turn_(static_cast<float>(body.to.pitch - body.from.pitch)),
       inv_dx_(static_cast<float>(1 / body.from.dx)),
       inv_dy_(static_cast<float>(1 / body.from.dy)),
       inv_dz_(static_cast<float>(1 / body.from.dz)) {}

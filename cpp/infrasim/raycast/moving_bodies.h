@@ -12,7 +12,7 @@
 namespace infrasim {
 
 /// A body of the library, scaled to its box and moving over one frame: position linear in time,
-/// heading the short way; levelled frame.
+/// heading the short way, pitch linear; levelled frame.
 struct MovingBody {
   int body = 0;
   Box3d from;
@@ -43,6 +43,14 @@ class BodyMotion {
       s = std::sin(heading_ + share * turn_);
     }
     const float px = x_ + share * travel_x_, py = y_ + share * travel_y_;
+    if (pitch_ != 0 || pitch_turn_ != 0) {
+      const float cp = std::cos(pitch_ + share * pitch_turn_);
+      const float sp = std::sin(pitch_ + share * pitch_turn_);
+      const float ahead = c * px + s * py, up = z_ + share * travel_z_, forth = c * dx + s * dy;
+      return {-(cp * ahead - sp * up) * inv_dx_, (s * px - c * py) * inv_dy_,
+              -(sp * ahead + cp * up) * inv_dz_, (cp * forth - sp * dz) * inv_dx_,
+              (c * dy - s * dx) * inv_dy_,       (sp * forth + cp * dz) * inv_dz_};
+    }
     return {-(c * px + s * py) * inv_dx_,        (s * px - c * py) * inv_dy_,
             -(z_ + share * travel_z_) * inv_dz_, (c * dx + s * dy) * inv_dx_,
             (c * dy - s * dx) * inv_dy_,         dz * inv_dz_};
@@ -67,6 +75,7 @@ class BodyMotion {
  private:
   float x_, y_, z_, travel_x_, travel_y_, travel_z_;
   float heading_, turn_, cos_, sin_;
+  float pitch_, pitch_turn_;  ///< of the body's nose downwards
   float inv_dx_, inv_dy_, inv_dz_;
 };
 

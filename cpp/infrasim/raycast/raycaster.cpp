@@ -298,7 +298,7 @@ double Raycaster::visibility(std::size_t index, const Volumes& leaves) {
     return order;
   }();
   Impl& m = *impl_;
-  m.aim_probe(box_at(m.moving[index], 0.5));
+  m.aim_probe(levelled(box_at(m.moving[index], 0.5)));
   clear(m.probe.size(), m.probe_hits);
   for_each_packet(kOrder, [&](std::span<const std::uint32_t> part) {
     m.cast_body(index, m.probe, part, m.probe_hits, false);

@@ -120,7 +120,8 @@ Vec3 LevelPose::to_level(Vec3 world) const {
 
 Box3d LevelPose::to_level(const Box3d& world) const {
   const Vec3 p = to_level(Vec3{world.x, world.y, world.z});
-  return {p.x, p.y, p.z, world.dx, world.dy, world.dz, wrap_angle(world.heading - yaw)};
+  return {p.x,        p.y, p.z, world.dx, world.dy, world.dz, wrap_angle(world.heading - yaw),
+          world.pitch};
 }
 
 LevelPose level_pose(const MountConfig& mount) {

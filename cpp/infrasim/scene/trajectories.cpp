@@ -12,6 +12,8 @@ namespace infrasim {
 namespace {
 
 constexpr char kHeader[] = "t,id,class,x,y,z,heading,dx,dy,dz,speed";
+constexpr char kPitchColumn[] = "pitch";
+constexpr double kMostPitch = kPi / 6;
 constexpr double kMaxStep = 10;       // m in 0.1 s: 360 km/h
 constexpr double kMaxTurn = kPi / 3;  // rad in 0.1 s
 constexpr double kMetreDigits = 1e4;
@@ -27,6 +29,7 @@ Box3d MovingObject::at(double u) const {
   box.y += u * (to.y - from.y);
   box.z += u * (to.z - from.z);
   box.heading = wrap_angle(from.heading + u * wrap_angle(to.heading - from.heading));
+  box.pitch += u * (to.pitch - from.pitch);
   return box;
 }
 
@@ -60,11 +63,20 @@ ObjectState rounded(ObjectState state) {
   Box3d& b = state.box;
   for (double* v : {&b.x, &b.y, &b.z, &b.dx, &b.dy, &b.dz}) *v = round_to(*v, kMetreDigits);
   b.heading = round_to(wrap_angle(b.heading), kRadianDigits);
+  b.pitch = round_to(b.pitch, kRadianDigits);
   state.speed_m_s = round_to(state.speed_m_s, kMetreDigits);
   return state;
 }
 
-std::string TrajectoryText::header() { return std::string(kHeader) + "\n"; }
+bool Trajectories::pitched() const {
+  return std::ranges::any_of(rows, [](const auto& states) {
+    return std::ranges::any_of(states, [](const ObjectState& s) { return s.box.pitch != 0; });
+  });
+}
+
+std::string TrajectoryText::header() const {
+  return std::string(kHeader) + (pitched_ ? std::string(",") + kPitchColumn : "") + "\n";
+}
 
 std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
   std::string text;
@@ -82,15 +94,16 @@ std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
     text += ',';
     for (const double v : {s.box.x, s.box.y, s.box.z, s.box.heading, s.box.dx, s.box.dy, s.box.dz})
       append(v, ',');
-    append(s.speed_m_s, '\n');
+    append(s.speed_m_s, pitched_ ? ',' : '\n');
+    if (pitched_) append(s.box.pitch, '\n');
   }
   ++instants_;
   return text;
 }
 
 std::string trajectories_csv(const Trajectories& trajectories) {
-  std::string text = TrajectoryText::header();
-  TrajectoryText lines;
+  TrajectoryText lines(trajectories.pitched());
+  std::string text = lines.header();
   for (const auto& states : trajectories.rows) text += lines.rows(states);
   return text;
 }
@@ -100,7 +113,8 @@ namespace {
 /// Reads a trajectory file row by row and says what is wrong where.
 class TrajectoryReader {
  public:
-  explicit TrajectoryReader(const std::filesystem::path& file) : csv_(file, kHeader) {}
+  explicit TrajectoryReader(const std::filesystem::path& file)
+      : csv_(file, kHeader, kPitchColumn) {}
 
   Trajectories read() {
     while (csv_.next_row()) row();
@@ -131,6 +145,7 @@ class TrajectoryReader {
     s.box.dy = csv_.number("dy", 0.1, 50);
     s.box.dz = csv_.number("dz", 0.1, 50);
     s.speed_m_s = csv_.number("speed", -100, 200);
+    if (csv_.has_last()) s.box.pitch = csv_.number(kPitchColumn, -kMostPitch, kMostPitch);
     add(t, s);
   }
 

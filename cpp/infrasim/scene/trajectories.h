@@ -37,6 +37,8 @@ struct MovingObject {
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;
 
+  /// Whether a vehicle leans forwards or backwards at any time.
+  bool pitched() const;
   int frames() const { return static_cast<int>(rows.size()) - 1; }
   /// Vehicles that are there for the whole of frame k.
   std::vector<MovingObject> in_frame(int k) const;
@@ -54,17 +56,21 @@ ObjectState rounded(ObjectState state);
 using TakeInstant = std::function<void(const std::vector<ObjectState>&)>;
 
 /// The text of trajectories.csv, one instant after the other: columns
-/// t,id,class,x,y,z,heading,dx,dy,dz,speed; metres, radians, world frame, 10 Hz.
+/// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch where vehicles lean; metres, radians, world
+/// frame, 10 Hz.
 class TrajectoryText {
  public:
+  explicit TrajectoryText(bool pitched = false) : pitched_(pitched) {}
+
   /// The first line.
-  static std::string header();
+  std::string header() const;
   /// The rows of the next instant.
   std::string rows(const std::vector<ObjectState>& states);
 
   int instants() const { return instants_; }
 
  private:
+  bool pitched_;
   int instants_ = 0;
 };
 
