@@ -100,7 +100,7 @@ TEST(trajectories, give_the_same_frames_from_their_file_as_from_the_traffic) {
 TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   const SceneConfig scene = road_with_traffic(15);
   TrajectoryText lines;
-  std::string text = TrajectoryText::header();
+  std::string text = lines.header();
   for_each_instant(scene, [&](const auto& states) { text += lines.rows(states); });
   EXPECT_EQ(text, trajectories_csv(build_world(scene).trajectories));
   EXPECT_EQ(lines.instants(), 31);
