@@ -115,8 +115,7 @@ def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
     """
     rows = [line.split(",") for line in lines]
     if header == PITCHED_HEADER:
-        whole = len(OBJECT_COLUMNS) + 1
-        return [r[:-1] if len(r) == whole else r for r in rows]
+        return [r[:-1] for r in rows]
     if header == ",".join(OBJECT_COLUMNS):
         return rows
     if header != ",".join(FRAME_COLUMNS):

@@ -205,6 +205,16 @@ def test_objects_without_a_scan_are_as_if_scanned_at_mid_frame(tmp_path: Path) -
     assert (objects.scan_time_s[0], objects.points_in_scan_box[0]) == (0.05, 9)
 
 
+def test_objects_of_a_run_whose_vehicles_lean_have_a_pitch(tmp_path: Path) -> None:
+    text = f"{HEADER},pitch\n{VEHICLE},-0.06\n{VEHICLE.replace('7,', '8,', 1)},0\n"
+    objects = kitti.read_objects(written(tmp_path, text))
+    assert objects.pitch is not None
+    assert objects.pitch.tolist() == [-0.06, 0]
+    level = kitti.read_objects(written(tmp_path, f"{HEADER}\n{VEHICLE}\n"))
+    assert level.pitch is None
+    np.testing.assert_array_equal(objects.boxes[0], level.boxes[0])
+
+
 @pytest.mark.parametrize("found", ["frame", "scan"])
 def test_labels_of_a_folder_hold_when_its_lidar_says(found: str, tmp_path: Path) -> None:
     folder = lidar_folder(tmp_path, LIDAR + f"label_time: {found}\n")
@@ -258,6 +268,9 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
         (f"{HEADER}\n{VEHICLE.replace(',11', ',13')}\n", ":2: points_in_scan_box: found 13, all"),
         (f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n", ":2: scan_time_s: found -1, allowed -0.2"),
         (f"{OLD_HEADER}\n{OLD_VEHICLE},1\n", ":2: found 15 columns, allowed 20"),
+        (f"{HEADER},pitch\n{VEHICLE},9\n", ":2: pitch: found 9, allowed -2 pi"),
+        (f"{HEADER},pitch\n{VEHICLE}\n", ":2: found 19 columns, allowed 20"),
+        (f"{HEADER},pitch\n{VEHICLE},up\n", ":2: pitch: found 'up'"),
         (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: found 20, allowed"),
         (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: found 1e+99, allowed"),
     ],
