@@ -35,7 +35,7 @@ from pyinfra.simulator.runs import infrasim
 from pyinfra.sites.generator import make_site
 from pyinfra.training import detect
 from pyinfra.training.recipe import Recipe, read_recipe
-from pyinfra.training.sources import read_source
+from pyinfra.training.sources import Tier, read_source
 from pyinfra.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -87,20 +87,20 @@ def simulated(cell: Cell, work: Path) -> Path:
     return work / cell.name / cell.lidar
 
 
-def recipe_of(arm: str) -> Recipe:
+def recipe_of(arm: str, model: Path) -> Recipe:
     """How an arm learns at the site."""
     if arm == "specialist":
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
-    return read_recipe(RECIPES / "generalist.yaml", "smoke" if arm == "tuned_30" else "quick")
+    tier: Tier = "smoke" if arm == "tuned_30" else "quick"
+    return read_recipe(RECIPES / "generalist.yaml", tier).begun_with(model)
 
 
 def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int, float]:
     """The arm's model, its steps and the CPU seconds of its training."""
     if arm == "none":
         return model, 0, 0.0
-    recipe = recipe_of(arm)
-    start = None if arm == "specialist" else model
-    file = train(recipe, [read_source(folder, "quick")], run, quiet=True, start=start)
+    recipe = recipe_of(arm, model)
+    file = train(recipe, [read_source(folder, "quick")], run, quiet=True)
     seconds = float(pd.read_csv(run / "log.csv").cpu_seconds.sum())
     return file, recipe.learning.steps, seconds
 

@@ -17,14 +17,21 @@ from pyinfra.benchmark.measure import SETTINGS
 from pyinfra.benchmark.pool import Say, silent
 from pyinfra.benchmark.value import KEY
 from pyinfra.config import ConfigError, as_plain
+from pyinfra.training.detect import model_file
 from pyinfra.training.recipe import Recipe, read_recipe
 
 SHOWN = 5  # cells that a message names
 
 
 def recipe_digest(recipe: Recipe) -> str:
-    """Of what a cell depends on beside frames and seed: the recipe, and how AP is counted."""
+    """Of what a cell depends on beside frames and seed: the recipe, and how AP is counted.
+
+    Raises FileNotFoundError for a recipe that starts with a network that is not there.
+    """
     plain = [as_plain(recipe), as_plain(SETTINGS)]
+    start = plain[0]["learning"].pop("start")
+    if start:  # else as the rows of earlier versions
+        plain.append(hashlib.sha256(model_file(Path(start)).read_bytes()).hexdigest())
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -45,6 +45,14 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
     return path
 
 
+def scene_of(word: str) -> Path:
+    """A scene that a user names. Raises ValueError."""
+    try:
+        return config_file("scenes", Path.cwd() / "plan", word)
+    except ValueError as error:
+        raise ValueError(f"--scene: {error}") from None
+
+
 def files_of(kind: str) -> Any:
     return checked(partial(config_file, kind), once=True)
 
@@ -130,13 +138,19 @@ class Plan:
         return found
 
 
-def read_plan(file: Path, tier: Tier) -> Plan:
-    """Raises ConfigError with file, key, what was found and what is allowed."""
+def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
+    """The cells of a file; scene: a file or a name in place of all of its scenes.
+
+    Raises ConfigError with file, key, what was found and what is allowed, and ValueError for the
+    scene.
+    """
     benchmark = read_config(file, Benchmark)
     files: dict[tuple[str, str], Path] = {}
+    own = (scene_of(scene),) if scene else ()
 
     def known(kind: str, words: tuple[str, ...]) -> list[str]:
         paths = [config_file(kind, file, word) for word in words]
+        paths = list(own) if own and kind == "scenes" else paths
         for path in paths:
             if files.setdefault((kind, path.stem), path) != path:
                 raise ConfigError(

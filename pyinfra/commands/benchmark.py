@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("config", type=Path, help="file of configs/benchmarks")
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument("--scene", default="", help="file or name, in place of the plan's scenes")
     parser.add_argument("--out", type=Path, required=True, help="folder of the tables")
     parser.add_argument(
         "--work", type=Path, default=Path("data/benchmark"), help="folder of frames and runs"
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise ValueError(f"--jobs: found {args.jobs}, allowed 1 or more")
-    plan = read_plan(args.config, args.tier)
+    plan = read_plan(args.config, args.tier, args.scene)
     workspace = Workspace(args.work, args.out, args.tier)
     if args.dry_run:
         print(outlook(plan, workspace, args.jobs))

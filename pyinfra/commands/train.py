@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="start",
         type=Path,
         metavar="RUN",
-        help="begin with a trained network's weights: a folder, a file, or one of the package",
+        help="begin with a trained network's weights: a folder, a file, or one of the package; "
+        "default: the recipe's start",
     )
     parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
     parser.add_argument(
@@ -83,6 +84,7 @@ def run(args: argparse.Namespace) -> int:
     recipe = read_recipe(args.config, args.tier)
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
+        recipe = recipe.begun_with(args.start) if args.start is not None else recipe
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"--{key}" for key in given).replace("--start", "--from")
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
@@ -91,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         sources = _with_region(args, recipe, sources)
         for warning in filter(None, (source.read_warning() for source in sources)):
             print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
-    how = {name: getattr(args, name) for name in ("seed", "device", "precision", "start")}
+    how = {name: getattr(args, name) for name in ("seed", "device", "precision")}
     model = train(recipe, sources, args.out, **how)
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first
         print(model)

@@ -20,7 +20,8 @@ Precision = Literal["float32", "bfloat16"]
 class Learning:
     """One-cycle AdamW over all steps of the budget."""
 
-    steps: int = ruled(1000, 1, 10_000_000)  # batches until the end
+    steps: int = ruled(1000, 0, 10_000_000)  # batches until the end; 0, with start: as it comes
+    start: str = ""  # whose weights are the first ones: a run, a file, or a model of the package
     batch: int = ruled(4, 1, 1024)  # frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # the highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # of AdamW
@@ -29,6 +30,10 @@ class Learning:
     # The last ones of each LiDAR are not learnt from: they choose best.safetensors. None by
     # default, because the published figures are of networks that learnt from all frames.
     validate_frames: int = ruled(0, 0, 100_000)
+
+    def __post_init__(self) -> None:
+        if not self.steps and not self.start:
+            raise ValueError("steps: found 0 without start, allowed 1 or more")
 
 
 @dataclass(frozen=True)
@@ -42,8 +47,12 @@ class Recipe:
 
     def for_budget(self, share: float) -> Recipe:
         """With so much of the steps, the schedule with them."""
-        steps = max(1, round(share * self.learning.steps))
+        steps = max(min(1, self.learning.steps), round(share * self.learning.steps))
         return replace(self, learning=replace(self.learning, steps=steps))
+
+    def begun_with(self, start: Path) -> Recipe:
+        """With the weights of a run, a file, or a model of the package."""
+        return replace(self, learning=replace(self.learning, start=str(start)))
 
 
 @dataclass(frozen=True)

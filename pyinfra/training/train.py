@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -43,12 +44,11 @@ def train(
     device: str = "cpu",
     precision: Precision = "float32",
     quiet: bool = False,
-    start: Path | None = None,
 ) -> Path:
     """Trains a detector into the folder `out`, or goes on there; returns the model's file.
 
-    start: a network's run, file or name, whose weights are the first ones. Raises what reading
-    frames and training raise.
+    Of a recipe without steps it is that of the network it starts with. Raises what reading frames
+    and training raise.
     """
     out.mkdir(parents=True, exist_ok=True)
     other = "last.safetensors" if recipe.detector == "background" else "background.npz"
@@ -56,7 +56,17 @@ def train(
         raise FileExistsError(f"{out}: {other}: is there already, of another detector")
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
-    return _train_network(recipe, sources, out, seed, device, precision, quiet, start)
+    if recipe.learning.steps == 0:
+        return _as_it_comes(Path(recipe.learning.start), out)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet)
+
+
+def _as_it_comes(start: Path, out: Path) -> Path:
+    """Raises FileNotFoundError."""
+    model = out / "last.safetensors"
+    with replacing(model) as beside:
+        shutil.copyfile(model_file(start), beside)
+    return model
 
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
@@ -85,7 +95,6 @@ def _train_network(
     device: str,
     precision: Precision,
     quiet: bool,
-    start: Path | None,
 ) -> Path:
     import torch
 
@@ -100,9 +109,9 @@ def _train_network(
     windows.check(network, recipe.learning.window_m2)
     if network.columns > 4 and stream.accumulation.frames == 1:
         raise ValueError("network.age: found true of single frames, allowed with --accumulate")
-    if start is not None:
-        _begin_with(network, start)
-    about = _about(recipe, stream, seed, start)
+    if recipe.learning.start:
+        _begin_with(network, Path(recipe.learning.start))
+    about = _about(recipe, stream, seed)
     description = loop.describe(about, recipe, len(frames), precision)
     with processes.joined(device_of(device)) as where:
         processes.check_batch(recipe.learning.batch)
@@ -125,10 +134,11 @@ def _train_network(
     return out / "last.safetensors"
 
 
-def _about(recipe: Recipe, stream: Stream, seed: int, start: Path | None) -> About:
+def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
     """What the checkpoint will say before the first step."""
     from pyinfra.training import checkpoint
 
+    start = recipe.learning.start
     return checkpoint.About(
         detector=recipe.detector,
         network=as_plain(recipe.network),
@@ -139,7 +149,7 @@ def _about(recipe: Recipe, stream: Stream, seed: int, start: Path | None) -> Abo
         label_time=stream.label_time,
         above_road=True,
         ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
-        start=checkpoint.digest(model_file(start)) if start is not None else "",
+        start=checkpoint.digest(model_file(Path(start))) if start else "",
         anywhere=stream.anywhere,
         accumulate=stream.accumulation.frames,
         label_at=stream.accumulation.label_at,

@@ -347,7 +347,7 @@ def test_keys_of_many_cells_are_looked_up_together() -> None:
 def test_every_benchmark_of_the_package_has_its_files() -> None:
     folder = Path(__file__).resolve().parents[2] / "configs/benchmarks"
     sizes = {file.stem: len(read_plan(file, "quick").cells) for file in folder.glob("*.yaml")}
-    assert sizes == {"demo": 8, "paper": 3 * 4 * 7 + 3 + 8, "datasheet": 48}
+    assert sizes == {"demo": 8, "paper": 3 * 4 * 7 + 3 + 8, "datasheet": 48, "first_look": 4}
 
 
 @pytest.mark.parametrize(

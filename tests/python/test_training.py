@@ -350,6 +350,10 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
             "4: tiers.huge: found an unknown key, allowed smoke, quick, full",
         ),
         ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: found nothing, required"),
+        (
+            "detector: dsvt\ntiers:\n  smoke: {}\n  quick: {learning: {steps: 0}}\n  full: {}\n",
+            "4: tiers.quick.learning: steps: found 0 without start, allowed 1 or more",
+        ),
     ],
 )
 def test_a_wrong_recipe_is_named_by_file_line_and_key(
@@ -649,9 +653,9 @@ def test_a_training_begins_with_the_weights_of_another(
     trained: Path, lidar_folder: Path, tmp_path: Path
 ) -> None:
     source = read_source(lidar_folder, "smoke")
-    slow = recipe(1)
+    slow = recipe(1).begun_with(trained)
     slow = dataclasses.replace(slow, learning=dataclasses.replace(slow.learning, rate=1e-7))
-    file = train.train(slow, [source], tmp_path / "tuned", quiet=True, start=trained)
+    file = train.train(slow, [source], tmp_path / "tuned", quiet=True)
     found, before = checkpoint.load(file), checkpoint.load(trained / "last.safetensors")
     assert found.about.start == checkpoint.digest(trained / "last.safetensors")
     for name, weights in before.weights().items():
@@ -659,7 +663,20 @@ def test_a_training_begins_with_the_weights_of_another(
             torch.testing.assert_close(found.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
     with pytest.raises(ConfigError, match="found weights of another network"):
-        train.train(other, [source], tmp_path / "other", quiet=True, start=trained)
+        train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
+
+
+def test_a_recipe_without_steps_takes_a_network_as_it_comes(
+    trained: Path, lidar_folder: Path, tmp_path: Path
+) -> None:
+    source = read_source(lidar_folder, "smoke")
+    still = recipe(1).begun_with(trained)
+    still = dataclasses.replace(still, learning=dataclasses.replace(still.learning, steps=0))
+    assert still.for_budget(0.5).learning.steps == 0
+    file = train.train(still, [source], tmp_path / "as_is", quiet=True)
+    assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
+    with pytest.raises(FileNotFoundError, match="nor a model of the package"):
+        train.train(still.begun_with(Path("nobody")), [source], tmp_path / "as_is", quiet=True)
 
 
 def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
