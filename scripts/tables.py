@@ -23,6 +23,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 SHOWN = 90  # letters of a finding
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as benchmarks/people.py has them
+LEAST_BOXES = 10  # of a site, for its own precision
 PRESETS = ("paper", "equal", "datasheet")
 DETECTORS = {
     "background": "Background",
@@ -447,6 +448,21 @@ def people_reach(own: pd.DataFrame) -> str:
     return f"{end[last]} (all to {end[unbroken]})"
 
 
+def generalist_sites() -> str:
+    """By LiDAR, precision and recall of the shipped network's boxes at sites it never saw."""
+    rows = []
+    for lidar, own in results("generalist_sites").groupby("lidar", sort=True):
+        found = own[["boxes", "vehicles"]].sum()
+        right = (own.precision * own.boxes).sum()
+        said = (own.precision_said * own.boxes).sum() / found.boxes
+        low, high = own[own.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
+        spread = f"{low:.2f} to {high:.2f}"
+        shares = f"{right / found.boxes:.2f}", spread, f"{said:.2f}", f"{right / found.vehicles:.2f}"
+        rows.append([str(lidar), str(own.site.nunique()), f"{found.vehicles:.0f}", *shares])
+    heads = ["precision", "of 80 % of the sites", "precision said", "recall"]
+    return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -470,6 +486,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "correlation": correlation,
     "differences": differences,
     "people": people,
+    "generalist at sites": generalist_sites,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 
