@@ -457,7 +457,12 @@ def generalist_sites() -> str:
         said = (own.precision_said * own.boxes).sum() / found.boxes
         low, high = own[own.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
         spread = f"{low:.2f} to {high:.2f}"
-        shares = f"{right / found.boxes:.2f}", spread, f"{said:.2f}", f"{right / found.vehicles:.2f}"
+        shares = (
+            f"{right / found.boxes:.2f}",
+            spread,
+            f"{said:.2f}",
+            f"{right / found.vehicles:.2f}",
+        )
         rows.append([str(lidar), str(own.site.nunique()), f"{found.vehicles:.0f}", *shares])
     heads = ["precision", "of 80 % of the sites", "precision said", "recall"]
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)

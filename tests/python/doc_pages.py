@@ -195,4 +195,8 @@ def small_text(text: str, name: str) -> str:
 
 
 def small_tier(smoke: dict[str, Any]) -> dict[str, Any]:
-    return {**smoke, "learning": {"steps": 2, "batch": 1}} if "learning" in smoke else smoke
+    """Two steps, or none where nothing is learnt."""
+    if "learning" not in smoke:
+        return smoke
+    learning = {"start": smoke["learning"].get("start", ""), "batch": 1}
+    return {**smoke, "learning": {**learning, "steps": min(2, smoke["learning"].get("steps", 2))}}

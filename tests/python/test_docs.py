@@ -45,7 +45,20 @@ def make_clouds(infrasim: Callable[..., object], run_command: Callable[..., list
         write_pcd(Path(f"recordings/street/{1651673050 + int(file.stem) / 10:.6f}.pcd"), records)
 
 
-GIVEN = {"own_data": make_recording, "own_recording": make_clouds}
+def make_site(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
+    """A site, ten frames of it, and a lone cloud."""
+    blocks = doc_pages.blocks(doc_pages.ROOT / "docs/tutorial.md")
+    (scene,) = (block.text for block in blocks if block.file == "site.yaml")
+    Path("site.yaml").write_text(doc_pages.small_text(scene, "site.yaml"))
+    out = Path("data/site").resolve()
+    words = run_command("livox_avia", frames="0:5000:500", preset="datasheet", out=out)
+    infrasim(*words, "--set", "duration_s=500", check=True)
+    points = kitti.read_points(out / "livox_avia/training/velodyne/000000.bin")
+    kind = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
+    write_pcd(Path("cloud.pcd"), points.view(kind)[:, 0])
+
+
+GIVEN = {"own_data": make_recording, "own_recording": make_clouds, "generalist": make_site}
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}
 
 
