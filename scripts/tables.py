@@ -468,6 +468,19 @@ def generalist_sites() -> str:
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 
 
+def engines() -> str:
+    """How much faster a frame is with another engine in the generalist, and its AP."""
+    table = results("engines")
+    rows = []
+    for engine, own in table.groupby("engine", sort=False):
+        by_scene = own.set_index("scene")
+        both = (f"{row.speed:.2f}, {row.ap_fine:.1f}" for _, row in by_scene.iterrows())
+        rows.append([str(engine), *both])
+    scenes = table.drop_duplicates("scene")
+    heads = (f"{r.scene}, {LIDARS[r.lidar]}" for r in scenes.itertuples())
+    return markdown(["engine", *heads], rows)
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -491,6 +504,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "correlation": correlation,
     "differences": differences,
     "people": people,
+    "engines": engines,
     "generalist at sites": generalist_sites,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }

@@ -1,0 +1,164 @@
+"""Would another engine be faster? The generalist by PyTorch, ONNX Runtime and OpenVINO.
+
+The backbone is where a frame's time goes; each engine takes its place in the detector, so that all
+else is the same, boxes included. Frames of the three scenes, one core, engines in turn frame by
+frame; AP of what each finds. int8: quantised with the activations of other frames. Rows of
+results/engines.csv.
+    .venv/bin/pip install onnxruntime openvino
+    .venv/bin/python benchmarks/engines.py --work data/engines
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import openvino
+import pandas as pd
+import torch
+from onnxruntime.quantization import CalibrationDataReader, QuantFormat, quant_pre_process
+from onnxruntime.quantization import quantize_static as quantize
+from torch import Tensor, nn
+
+from pyinfra import __version__, kitti, machine
+from pyinfra.arrays import FloatArray
+from pyinfra.benchmark import store
+from pyinfra.data.frames import frame_numbers
+from pyinfra.detectors.network import one_thread
+from pyinfra.evaluation.evaluate import judged
+from pyinfra.evaluation.judge import Settings
+from pyinfra.evaluation.tables import fine_ap
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.training import detect
+
+ROOT = Path(__file__).resolve().parent.parent
+CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
+FRAMES, QUANTISED_BY = "0:2000:50", 5  # of the frames, the first ones calibrate int8
+SETTINGS = Settings(ground_truths=("captured",))
+KEY = ["scene", "lidar", "engine"]
+Run = Callable[[FloatArray], Sequence[FloatArray]]
+
+
+class Engine(nn.Module):
+    """The backbone, by another engine."""
+
+    def __init__(self, run: Run) -> None:
+        super().__init__()
+        self.run = run
+
+    def forward(self, canvas: Tensor) -> Tensor:
+        return torch.from_numpy(self.run(canvas.contiguous().numpy())[0])
+
+
+class Canvases(CalibrationDataReader):  # type: ignore[misc]  # it has no types
+    """What activations are measured with."""
+
+    def __init__(self, canvases: Sequence[FloatArray]) -> None:
+        self.left = iter(canvases)
+
+    def get_next(self) -> dict[str, FloatArray] | None:
+        canvas = next(self.left, None)
+        return None if canvas is None else {"canvas": canvas}
+
+
+def by_onnxruntime(file: Path) -> Run:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(str(file), options, ["CPUExecutionProvider"])
+    return lambda canvas: session.run(None, {"canvas": canvas})
+
+
+def by_openvino(file: Path) -> Run:
+    limits = {"INFERENCE_NUM_THREADS": 1, "PERFORMANCE_HINT": "LATENCY"}
+    compiled = openvino.Core().compile_model(str(file), "CPU", limits)
+    return lambda canvas: [compiled(canvas)[0]]
+
+
+def engines(
+    backbone: nn.Module, canvases: Sequence[FloatArray], work: Path
+) -> dict[str, nn.Module]:
+    whole, ready, small = (work / f"{name}.onnx" for name in ("whole", "ready", "int8"))
+    first = torch.from_numpy(canvases[0])
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    torch.onnx.export(
+        backbone,
+        (first,),
+        str(whole),
+        input_names=["canvas"],
+        output_names=["maps"],
+        dynamo=True,
+        external_data=False,
+    )
+    quant_pre_process(str(whole), str(ready), skip_symbolic_shape=True)
+    quantize(
+        str(ready), str(small), Canvases(canvases), quant_format=QuantFormat.QDQ, per_channel=True
+    )
+    return {
+        "pytorch": backbone,
+        "onnxruntime": Engine(by_onnxruntime(whole)),
+        "onnxruntime int8": Engine(by_onnxruntime(small)),
+        "openvino": Engine(by_openvino(whole)),
+        "openvino int8": Engine(by_openvino(small)),
+    }
+
+
+def simulated(scene: str, lidar: str, work: Path) -> Path:
+    words = ["--preset", "datasheet", "--frames", FRAMES, "--out", work / scene]
+    infrasim("run", scene_file(scene), "--lidar", lidar_file(lidar), *map(str, words))
+    return work / scene / lidar
+
+
+def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
+    network_on_road = detect.detector_at(Path("generalist"), folder)
+    network = network_on_road.detector  # type: ignore[attr-defined]
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder, "all")]
+    seen: list[FloatArray] = []
+    hook = network.bev.register_forward_pre_hook(lambda _, given: seen.append(given[0].numpy()))
+    detect.detect(network_on_road, files[:QUANTISED_BY], None)
+    hook.remove()
+    with one_thread():
+        found = engines(network.bev, seen, work)
+    times: dict[str, list[float]] = {name: [] for name in found}
+    for file in files[QUANTISED_BY:]:
+        points = kitti.read_points(file)
+        for name, engine in found.items():
+            network.bev = engine
+            start = time.perf_counter()
+            boxes = network_on_road.predict(points)
+            times[name].append(1000 * (time.perf_counter() - start))
+            (work / name).mkdir(exist_ok=True)
+            detect.write(work / name, file, boxes)
+    frames = [int(file.stem) for file in files[QUANTISED_BY:]]
+    for name, own in times.items():
+        (judgement,) = judged(folder, work / name, SETTINGS, frames=frames)
+        ratio = np.median(np.array(times["pytorch"]) / np.array(own))
+        yield {
+            "engine": name,
+            "latency_p50_ms": round(float(np.median(own)), 1),
+            "speed": round(float(ratio), 3),
+            "ap_fine": round(fine_ap(judgement).measured().value, 3),
+        }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames")
+    parser.add_argument("--out", type=Path, default=ROOT / "results/engines.csv")
+    args = parser.parse_args()
+    about = {"version": __version__, "machine": machine(), "command": "benchmarks/engines.py"}
+    for scene, lidar in CELLS:
+        folder = simulated(scene, lidar, args.work)
+        for row in rows(folder, args.work):
+            found = {"scene": scene, "lidar": lidar, **row, **about}
+            store.put(args.out, pd.DataFrame([found]), KEY)
+            print(found, flush=True)
+
+
+if __name__ == "__main__":
+    main()
