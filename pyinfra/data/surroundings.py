@@ -23,11 +23,15 @@ class Lanes:
     each_way: int
     width_m: float
     median_m: float
+    one_way: bool = False
 
     def lines(self) -> dict[float, bool]:
         """Metres to the left of the centreline at which a line lies, and whether it is solid."""
-        aside = [self.median_m / 2 + i * self.width_m for i in range(self.each_way + 1)]
         solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
+        if self.one_way:
+            middle = self.each_way / 2
+            return {(i - middle) * self.width_m: s for i, s in enumerate(solid)}
+        aside = [self.median_m / 2 + i * self.width_m for i in range(self.each_way + 1)]
         one_side = dict(zip(aside, solid, strict=True))
         return {-a: s for a, s in reversed(one_side.items())} | one_side
 
@@ -72,6 +76,7 @@ def _lanes(node: YamlNode) -> Lanes:
         each_way=int(node.at("each_way").number()),
         width_m=node.at("width_m").number(),
         median_m=node.at("median_m").number(),
+        one_way=(one_way := node.maybe("one_way")) is not None and one_way.text() == "true",
     )
 
 

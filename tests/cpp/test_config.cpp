@@ -286,13 +286,13 @@ TEST(scene_file, a_roads_name_is_refused_or_keeps_the_seven_columns_of_roads_csv
   }
 }
 
-TEST(scene_file, a_junction_needs_two_roads_that_cross) {
-  expect_scene_error("roads: [main, side]", "roads: [main, main] #!", "roads", "do not cross");
+TEST(scene_file, a_junction_needs_two_roads_that_meet) {
+  expect_scene_error("roads: [main, side]", "roads: [main, main] #!", "roads", "do not meet");
   expect_scene_error("roads: [main, side]", "roads: [main] #!", "junctions.0.roads", "allowed 2");
   const TestFolder folder;
   const auto file =
       folder.write("scene.yaml", replaced(kScene, "x_m: 0, y_m: -100", "x_m: 150, y_m: -100"));
-  EXPECT_NE(error_of([&] { build_world(read_scene(file)); }).find("do not cross"),
+  EXPECT_NE(error_of([&] { build_world(read_scene(file)); }).find("do not meet"),
             std::string::npos);
 }
 

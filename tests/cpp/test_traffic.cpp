@@ -19,6 +19,7 @@ namespace {
 
 using testing::configs;
 using testing::empty_road;
+using testing::error_of;
 
 SceneConfig committed(const std::string& name, double duration_s) {
   SceneConfig scene = read_scene(configs() / "scenes" / (name + ".yaml"));
@@ -300,6 +301,97 @@ TEST(crossroad, has_vehicles_that_turn_left_and_right_and_go_straight_on) {
   EXPECT_GE(left, 10);
   EXPECT_GE(right, 10);
   EXPECT_GT(straight, left + right);
+}
+
+/// A road of two lanes each way along x, and one that ends on it from the south at an angle.
+SceneConfig t_junction(int lanes, double angle_deg) {
+  SceneConfig scene = empty_road();
+  scene.duration_s = 300;
+  scene.roads[0].lanes.each_way = 2;
+  RoadConfig side;
+  side.name = "side";
+  const Vec2 start = -200.0 * heading_vector(rad(angle_deg));
+  side.start = {start.x, start.y, angle_deg};
+  side.centreline.push_back({.line_m = 199});
+  side.lanes.each_way = lanes;
+  scene.roads.push_back(side);
+  JunctionConfig junction;
+  junction.roads = {"road", "side"};
+  scene.junctions.push_back(junction);
+  scene.traffic->vehicles_per_km_lane = 15;
+  scene.traffic->warm_up_s = 60;
+  scene.traffic->class_shares = {{"Car", 0.8}, {"Truck", 0.1}, {"Bus", 0.1}};
+  return scene;
+}
+
+/// From where to where vehicles went: w(est), e(ast), s(outh).
+std::map<std::string, int> ways(const SceneConfig& scene) {
+  const auto arm = [](const Box3d& box) { return box.y < -15 ? 's' : box.x < 0 ? 'w' : 'e'; };
+  std::map<int, std::string> way;
+  simulate_traffic(scene, [&](const auto& states) {
+    for (const ObjectState& s : states) {
+      std::string& own = way.try_emplace(s.id, 2, arm(s.box)).first->second;
+      if (std::hypot(s.box.x, s.box.y) > 30) own[1] = arm(s.box);
+    }
+  });
+  std::map<std::string, int> out;
+  for (const auto& [id, own] : way) ++out[own];
+  return out;
+}
+
+TEST(t_junction, every_way_is_driven_and_no_two_vehicles_are_in_one_place) {
+  for (const int lanes : {1, 2})
+    for (const double angle : {90.0, 60.0, 45.0}) {
+      const SceneConfig scene = t_junction(lanes, angle);
+      std::map<std::string, int> count = ways(scene);
+      for (const char* way : {"we", "ew", "ws", "es", "sw", "se"})
+        EXPECT_GE(count[way], 3) << way << " of " << lanes << " lanes at " << angle;
+      SCOPED_TRACE(std::to_string(lanes) + " lanes at " + std::to_string(angle));
+      expect_no_overlaps(scene);
+    }
+}
+
+TEST(t_junction, is_also_where_a_road_begins_or_stops_short_of_the_middle) {
+  SceneConfig scene = t_junction(1, 90);
+  scene.roads[1].centreline[0].line_m =
+      195;  // its end is 5 m from the other's middle, on its lanes
+  EXPECT_GE(ways(scene)["sw"], 3);
+  scene.roads[1].start = {0, 0, -90};
+  scene.roads[1].centreline[0].line_m = 200;
+  EXPECT_GE(ways(scene)["sw"], 3);
+  scene.roads[1].start = {0, -10, -90};
+  EXPECT_NE(error_of([&] { simulate_traffic(scene); }).find("do not meet"), std::string::npos);
+}
+
+TEST(t_junction, has_a_turn_for_each_lane_of_the_road_that_ends) {
+  const std::string message = error_of([] { simulate_traffic(t_junction(3, 90)); });
+  EXPECT_NE(message.find("found 1 lanes of a road that ends there"), std::string::npos) << message;
+}
+
+TEST(one_way_road, is_driven_along_its_centreline_alone) {
+  SceneConfig scene = t_junction(2, 90);
+  scene.roads[1].lanes.one_way = true;
+  std::map<std::string, int> count = ways(scene);
+  EXPECT_GE(count["sw"], 3);
+  EXPECT_GE(count["se"], 3);
+  EXPECT_EQ(count["ws"] + count["es"], 0);
+  expect_no_overlaps(scene);
+  for (const auto& row : simulate_traffic(scene).rows)
+    for (const ObjectState& s : row)
+      if (s.box.y < -30) {
+        EXPECT_LT(std::abs(s.box.x), scene.roads[1].lanes.width_m);
+        EXPECT_NEAR(s.box.heading, kPi / 2, 0.01);
+      }
+}
+
+TEST(one_way_road, that_leads_nowhere_is_an_error) {
+  SceneConfig scene = t_junction(1, 90);
+  for (RoadConfig& road : scene.roads) road.lanes.one_way = true;
+  EXPECT_GE(ways(scene)["se"], 3);
+  scene.roads[0].lanes.one_way.reset();
+  scene.roads[1].start = {0, 0, -90};
+  scene.roads[1].lanes.one_way = true;
+  EXPECT_GE(ways(scene)["ws"], 3);
 }
 
 }  // namespace

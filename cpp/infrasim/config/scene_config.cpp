@@ -63,11 +63,15 @@ void visit(Fields& f, RoadStart& c) {
 
 template <class Fields>
 void visit(Fields& f, LanesConfig& c) {
-  f.field("each_way", c.each_way, "lanes on each side of the centreline", required(between(1, 8)));
+  f.field("each_way", c.each_way, "lanes on each side of the centreline; of a one-way road all",
+          required(between(1, 8)));
+  f.field("one_way", c.one_way, "traffic in the direction of the centreline alone");
   f.field("width_m", c.width_m, "width of a lane", between(2.5, 6));
   f.field("median_m", c.median_m, "strip between the two directions", between(0, 50));
   f.field("shoulder_m", c.shoulder_m, "strip outside the lanes", between(0, 20));
   f.field("sidewalk_m", c.sidewalk_m, "footway outside the shoulder", between(0, 20));
+  f.check(!c.one_way.value_or(false) || c.median_m == 0, "median_m",
+          "found a median of a one-way road, allowed 0");
 }
 
 template <class Fields>
@@ -97,7 +101,7 @@ void visit(Fields& f, RoadConfig& c) {
   f.field("embankment", c.embankment, "slopes down from both edges");
   check_name(f, c.name);
   const LanesConfig& l = c.lanes;
-  const double half = l.median_m / 2 + l.each_way * l.width_m + l.shoulder_m + l.sidewalk_m;
+  const double half = lanes_half_width(l) + l.shoulder_m + l.sidewalk_m;
   for (const CentrelinePiece& piece : c.centreline)
     f.check(piece.radius_m == 0 || piece.radius_m > half, "centreline",
             "found a radius_m of " + config::number_text(piece.radius_m) +

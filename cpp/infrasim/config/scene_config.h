@@ -39,14 +39,24 @@ struct RoadStart {
   double heading_deg = 0;
 };
 
-/// Cross-section: the same number of lanes on both sides of the centreline, traffic on the right.
+/// Cross-section: the same number of lanes on both sides of the centreline, traffic on the right;
+/// of a one-way road all lanes side by side, the centreline in their middle.
 struct LanesConfig {
   int each_way = 1;
+  std::optional<bool> one_way;
   double width_m = 3.5;
   double median_m = 0;
   double shoulder_m = 0;
   double sidewalk_m = 0;
 };
+
+inline bool is_one_way(const LanesConfig& lanes) { return lanes.one_way.value_or(false); }
+
+/// Distance from the centreline to the outer edge of the lanes.
+inline double lanes_half_width(const LanesConfig& lanes) {
+  const double one_side = lanes.each_way * lanes.width_m;
+  return is_one_way(lanes) ? one_side / 2 : lanes.median_m / 2 + one_side;
+}
 
 struct EmbankmentConfig {
   double run_per_rise = 1.5;

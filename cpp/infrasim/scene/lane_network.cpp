@@ -6,10 +6,6 @@
 
 namespace infrasim {
 
-double lanes_half_width(const LanesConfig& lanes) {
-  return lanes.median_m / 2 + lanes.each_way * lanes.width_m;
-}
-
 double carriageway_half_width(const LanesConfig& lanes) {
   return lanes_half_width(lanes) + lanes.shoulder_m;
 }
@@ -21,8 +17,12 @@ double outer_half_width(const LanesConfig& lanes) {
 namespace {
 
 constexpr double kStopLineGap = 3;             // between the crossing road's edge and the stop line
+constexpr double kLeastArm = 10;               // of a road on each side of its junction
+constexpr double kSharpTurnGap = 8;            // m more at a T, times the cosine of its angle: room
+                                               // for tails that are still on the bend
 constexpr double kLateralAcceleration = 2;     // m/s2 that drivers accept in a turn
 constexpr double kSharpestCrossing = kPi / 4;  // between two roads: a sharper turn is none
+constexpr double kAngleSlack = 1e-6;           // of angles that were meant to be equal
 constexpr double kMostBend = kPi / 6;          // of a road within its junction
 
 /// One direction of a road at a junction: lane indices, inner lane first.
@@ -49,6 +49,40 @@ std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
       if (t >= 0 && t <= 1 && u >= 0 && u <= 1) return p + t * r;
     }
   return std::nullopt;
+}
+
+/// Where two roads meet: they cross, or one ends on the carriageway of the other.
+std::optional<Vec2> meeting(const RoadLine& a, const RoadLine& b) {
+  if (const auto point = crossing(a.curve, b.curve)) return point;
+  for (const auto& [stem, main] : {std::pair{&a, &b}, std::pair{&b, &a}})
+    for (const double s : {0.0, stem->curve.length()}) {
+      const Vec2 end = stem->curve.at(s).position;
+      const Vec2 foot = main->curve.at(main->curve.project(end)).position;
+      if (norm(end - foot) <= carriageway_half_width(main->config->lanes)) return foot;
+    }
+  return std::nullopt;
+}
+
+/// Whether a road ends within `reach` of a station.
+bool is_end(const RoadLine& road, double s, double reach) {
+  return std::min(s, road.curve.length() - s) <= reach;
+}
+
+/// What a junction takes of a road at a station; a road that ends within `reach` of it stops there.
+JunctionCut cut_at(const JunctionConfig& junction, int index, const RoadLine& road, double s,
+                   double half, double reach) {
+  const double length = road.curve.length();
+  if (s <= reach && length - s > half + kLeastArm) return {index, 0, s + half};
+  if (length - s <= reach && s > half + kLeastArm) return {index, s - half, length};
+  if (s < half + kLeastArm || s > length - half - kLeastArm)
+    config::fail(junction.place, "roads",
+                 "found a junction within 10 m of the end of '" + road.config->name +
+                     "', allowed further in, or a road that ends on the other");
+  return {index, s - half, s + half};
+}
+
+bool ends_at(const RoadLine& road) {
+  return road.cut->from == 0 || road.cut->to == road.curve.length();
 }
 
 /// Half the length that a crossing road's width, footways included, takes of a road.
@@ -89,10 +123,10 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
   for (const double s : {a.cut->from, a.cut->to})
     for (const double t : {b.cut->from, b.cut->to}) {
       const double angle = between_lines(a.curve.at(s).heading, b.curve.at(t).heading);
-      if (angle <= kSharpestCrossing)
+      if (angle < kSharpestCrossing - kAngleSlack)
         config::fail(junction.place, "roads",
-                     "found arms at " + degrees_text(angle) + " to each other, allowed above " +
-                         degrees_text(kSharpestCrossing));
+                     "found arms at " + degrees_text(angle) + " to each other, allowed " +
+                         degrees_text(kSharpestCrossing) + " or more");
     }
 }
 
@@ -100,26 +134,35 @@ void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads
   const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
   RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];
   RoadLine& b = roads[road_index(scene, junction.roads[1], junction.place, "roads")];
-  const auto point = crossing(a.curve, b.curve);
+  const auto point = meeting(a, b);
   if (&a == &b || !point)
-    config::fail(junction.place, "roads", "found roads that do not cross, allowed two that do");
+    config::fail(junction.place, "roads",
+                 "found roads that do not meet, allowed two that cross, or one that ends on the "
+                 "other");
   check_heights(junction, *a.config, *b.config);
   const std::array stations{a.curve.project(*point), b.curve.project(*point)};
   const double angle =
       between_lines(a.curve.at(stations[0]).heading, b.curve.at(stations[1]).heading);
-  for (auto* road : {&a, &b}) {
-    const LanesConfig& other = (road == &a ? b : a).config->lanes;
-    const double half =
-        half_crossing(road->config->lanes, other, std::max(angle, kSharpestCrossing)) +
-        kStopLineGap;
-    const double s = stations[road == &a ? 0 : 1];
+  const double least = std::max(angle, kSharpestCrossing);
+  const double reach_a = outer_half_width(b.config->lanes) / std::sin(least);
+  const double reach_b = outer_half_width(a.config->lanes) / std::sin(least);
+  const bool t = is_end(a, stations[0], reach_a) || is_end(b, stations[1], reach_b);
+  const double gap = kStopLineGap + (t ? kSharpTurnGap * std::cos(least) : 0);
+  for (RoadLine* road : {&a, &b}) {
     if (road->cut)
-      config::fail(junction.place, "roads", "found a second junction on a road, allowed one");
-    if (s < half + 10 || s > road->curve.length() - half - 10)
       config::fail(junction.place, "roads",
-                   "found a junction within 10 m of a road's end, allowed further in");
-    road->cut = JunctionCut{index, s - half, s + half};
+                   "found a second junction on '" + road->config->name +
+                       "', allowed one; a net of them is a site of lanes and trajectories "
+                       "(pyinfra site import, pyinfra site traffic)");
+    const bool first = road == &a;
+    const LanesConfig& other = (first ? b : a).config->lanes;
+    const double half = half_crossing(road->config->lanes, other, least) + gap;
+    road->cut =
+        cut_at(junction, index, *road, stations[first ? 0 : 1], half, first ? reach_a : reach_b);
   }
+  if (ends_at(a) && ends_at(b))
+    config::fail(junction.place, "roads",
+                 "found two roads that end there, allowed one that goes on");
   check_angles(junction, a, b);
 }
 
@@ -141,22 +184,27 @@ void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& alon
   if (road.cut) {
     stop = reversed ? along.length() - road.cut->to : road.cut->from;
     resume = reversed ? along.length() - road.cut->from : road.cut->to;
-    arm.heading = along.at(stop).heading;
+    arm.heading = along.at(stop > 0 ? stop : resume).heading;
   }
+  const double inner =
+      is_one_way(cross_section) ? -lanes_half_width(cross_section) : cross_section.median_m / 2;
   for (int i = 0; i < cross_section.each_way; ++i) {
-    const double right = cross_section.median_m / 2 + (i + 0.5) * cross_section.width_m;
+    const double right = inner + (i + 0.5) * cross_section.width_m;
     const auto lane_curve = [&](double s0, double s1) { return along.part(s0, s1).offset(-right); };
     if (!road.cut) {
       network.lanes[add_lane(network, *road.config, lane_curve(0, along.length()))].entry = true;
       continue;
     }
-    arm.in.push_back(add_lane(network, *road.config, lane_curve(0, stop)));
-    network.lanes[arm.in.back()].entry = true;
-    network.lanes[arm.in.back()].approach = static_cast<int>(network.approach_junctions.size());
-    arm.out.push_back(add_lane(network, *road.config, lane_curve(resume, along.length())));
+    if (stop > 0) {
+      arm.in.push_back(add_lane(network, *road.config, lane_curve(0, stop)));
+      network.lanes[arm.in.back()].entry = true;
+      network.lanes[arm.in.back()].approach = static_cast<int>(network.approach_junctions.size());
+    }
+    if (resume < along.length())
+      arm.out.push_back(add_lane(network, *road.config, lane_curve(resume, along.length())));
   }
   if (!road.cut) return;
-  network.approach_junctions.push_back(road.cut->junction);
+  if (!arm.in.empty()) network.approach_junctions.push_back(road.cut->junction);
   arms[road.cut->junction].push_back(arm);
 }
 
@@ -177,19 +225,37 @@ void connect(LaneNetwork& network, int junction, int from, int to, Turn kind) {
   network.lanes.push_back(std::move(lane));
 }
 
-void connect_arms(LaneNetwork& network, int junction, const std::vector<Arm>& arms) {
-  for (const Arm& from : arms)
+std::optional<Turn> turn_between(const Arm& from, const Arm& to) {
+  if (from.in.empty() || to.out.empty()) return std::nullopt;
+  if (&from == &to) return Turn::kStraight;
+  const double angle = wrap_angle(to.heading - from.heading);
+  const double turned = std::abs(angle);
+  if (turned < kSharpestCrossing - kAngleSlack || turned > kPi - kSharpestCrossing + kAngleSlack)
+    return std::nullopt;
+  return angle > 0 ? Turn::kLeft : Turn::kRight;
+}
+
+/// Left turns leave from the inner lane, right ones from the outer; two that turn side by side
+/// would need more room than there is, so of a road that ends there each lane has its own turn.
+void connect_arms(LaneNetwork& network, int index, const std::vector<Arm>& arms) {
+  for (const Arm& from : arms) {
     for (const Arm& to : arms) {
-      const double angle = wrap_angle(to.heading - from.heading);
-      if (&from == &to) {
+      const auto kind = turn_between(from, to);
+      if (kind == Turn::kStraight)
         for (std::size_t i = 0; i < from.in.size(); ++i)
-          connect(network, junction, from.in[i], to.out[i], Turn::kStraight);
-      } else if (angle > kPi / 4 && angle < 3 * kPi / 4) {
-        connect(network, junction, from.in.front(), to.out.front(), Turn::kLeft);
-      } else if (angle < -kPi / 4 && angle > -3 * kPi / 4) {
-        connect(network, junction, from.in.back(), to.out.back(), Turn::kRight);
-      }
+          connect(network, index, from.in[i], to.out[i], Turn::kStraight);
+      else if (kind == Turn::kLeft)
+        connect(network, index, from.in.front(), to.out.front(), Turn::kLeft);
+      else if (kind == Turn::kRight)
+        connect(network, index, from.in.back(), to.out.back(), Turn::kRight);
     }
+    const auto leads_nowhere = [&](int lane) { return network.lanes[lane].next.empty(); };
+    if (const auto lanes = std::ranges::count_if(from.in, leads_nowhere))
+      config::fail(network.junctions[index].place, "roads",
+                   "found " + std::to_string(lanes) +
+                       " lanes of a road that ends there without a turn of their own, allowed one "
+                       "lane to the left and one to the right");
+  }
 }
 
 }  // namespace
@@ -211,7 +277,8 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
   std::vector<std::vector<Arm>> arms(scene.junctions.size());
   for (const RoadLine& road : roads) {
     add_direction(network, road, road.curve, false, arms);
-    add_direction(network, road, road.curve.reversed(), true, arms);
+    if (!is_one_way(road.config->lanes))
+      add_direction(network, road, road.curve.reversed(), true, arms);
   }
   for (std::size_t i = 0; i < arms.size(); ++i) connect_arms(network, static_cast<int>(i), arms[i]);
   return network;

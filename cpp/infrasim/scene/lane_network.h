@@ -37,12 +37,12 @@ struct LaneNetwork {
   std::vector<JunctionConfig> junctions;
 };
 
-/// Distance from the centreline to the outer edge of the lanes, of the shoulder, or of the footway.
-double lanes_half_width(const LanesConfig& lanes);
+/// Distance from the centreline to the outer edge of the shoulder, or of the footway.
 double carriageway_half_width(const LanesConfig& lanes);
 double outer_half_width(const LanesConfig& lanes);
 
-/// @throws ConfigError if a junction names an unknown road, or joins roads that do not cross, lie
+/// Two roads make a junction where they cross, or where one ends on the other (a T).
+/// @throws ConfigError if a junction names an unknown road, or joins roads that do not meet, lie
 /// at different heights, or meet at an angle that traffic can't drive
 LaneNetwork build_lane_network(const SceneConfig& scene);
 

@@ -243,6 +243,20 @@ class Traffic {
     const Lane& lane = lane_of(v);
     if (lane.next.size() == 1) return lane.next.front();
     const JunctionConfig& junction = network_.junctions[network_.approach_junctions[lane.approach]];
+    const auto way = [&](Turn turn) {
+      return std::ranges::find(lane.next, turn,
+                               [&](int next) { return network_.lanes[next].turn; });
+    };
+    if (way(Turn::kStraight) == lane.next.end()) {  // one lane that ends at a T
+      const double shares = junction.left_share + junction.right_share;
+      const double left = shares > 0 ? junction.left_share / shares : 0.5;
+      const bool goes_left = v.turn_choice < left;
+      const int wanted = *way(goes_left ? Turn::kLeft : Turn::kRight);
+      const int other = *way(goes_left ? Turn::kRight : Turn::kLeft);
+      const bool only_other =
+          !stays_in_lane(v, network_.lanes[wanted]) && stays_in_lane(v, network_.lanes[other]);
+      return only_other ? other : wanted;
+    }
     for (const int next : lane.next) {
       const Turn turn = network_.lanes[next].turn;
       // A turn leaves from one of the lanes only, so its share of that lane is larger.
@@ -251,9 +265,7 @@ class Traffic {
       if (turn == Turn::kLeft && v.turn_choice < junction.left_share * lanes) return next;
       if (turn == Turn::kRight && v.turn_choice > 1 - junction.right_share * lanes) return next;
     }
-    for (const int next : lane.next)
-      if (network_.lanes[next].turn == Turn::kStraight) return next;
-    return lane.next.front();
+    return *way(Turn::kStraight);
   }
 
   /// On a turn that it takes, a vehicle leaves the lanes beside it free.
