@@ -60,8 +60,8 @@ class Habitat:
     walks: Mapping[str, WalkRanges]  # by class of people
 
 
-# Adults walk at 4 to 6 km/h, people who look around or wait hardly at all; most bicycles go at 12 to
-# 25 km/h.
+# Adults walk at 4 to 6 km/h, people who look around or wait hardly at all; most bicycles go at 12
+# to 25 km/h.
 ON_FOOT = {"speed_km_h": (1.5, 6.0), "speed_spread": (0.05, 0.25)}
 ON_BICYCLES = {"speed_km_h": (9.0, 26.0), "speed_spread": (0.05, 0.25)}
 _NOBODY: Mapping[str, WalkRanges] = {}
