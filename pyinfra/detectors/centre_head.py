@@ -61,10 +61,12 @@ class CentreHead(nn.Module):
     ) -> Losses:
         """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some."""
         logits, found = self(x)
-        heat = [
-            self.heat_losses(logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)])
-            for i in range(len(self.classes))
-        ]
+        heat = {
+            "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_losses(
+                logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)]
+            )
+            for i, name in enumerate(self.classes)
+        }
         count = of_all(torch.tensor(sum(len(b) for b in boxes), device=x.device))
         frame = torch.repeat_interleave(
             torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
@@ -73,8 +75,7 @@ class CentreHead(nn.Module):
         row, column = self.cells_of(every, logits.shape[2:])
         at = found[frame, row, column]  # (k, 8)
         parts = self.box_losses(at, every, row, column)
-        own = {"heat": torch.stack(heat).sum()}
-        return own | {name: part / count for name, part in parts.items()}
+        return heat | {name: part / count for name, part in parts.items()}
 
     def heat_losses(self, logits: Tensor, boxes: Sequence[Tensor]) -> Tensor:
         """Of one class (B, H, W) by its own number of boxes, so that a rare one is learnt too."""
