@@ -105,9 +105,9 @@ class Network(nn.Module, abc.ABC):
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
-        return [self._best(*found) for found in self.candidates(batch.to(device))]
+        return [self.best(*found) for found in self.candidates(batch.to(device))]
 
-    def _best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
+    def best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
         """Of candidates; those of a class suppress each other alone."""
         parts = []
         for i, name in enumerate(self.classes):
