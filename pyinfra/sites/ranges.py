@@ -71,7 +71,7 @@ _FEW = {
 }
 _MANY = {
     "Pedestrian": WalkRanges(share=0.65, per_km=(8, 60), **ON_FOOT),
-    "Cyclist": WalkRanges(share=0.45, per_km=(5, 45), **ON_BICYCLES),
+    "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),  # as many as on foot, to learn
 }
 
 # RAA: lanes 3.5 to 3.75 m, shoulders to 3 m, radii from 280 m (EKA 3); speeds of free flow and
