@@ -36,7 +36,7 @@ demo: build
 dataset: build
 	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
 
-# The model that comes with the package: some nine hours of one core; a stopped one goes on.
+# The model that comes with the package: some two hours of one core; a stopped one goes on.
 generalist: build
 	@scripts/setup.sh detectors
 	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --out out/generalist

@@ -100,7 +100,8 @@ def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int,
     if arm == "none":
         return model, 0, 0.0
     recipe = recipe_of(arm, model)
-    file = train(recipe, [read_source(folder, "quick")], run, quiet=True)
+    source = read_source(folder, "quick", classes=recipe.classes)
+    file = train(recipe, [source], run, quiet=True)
     seconds = float(pd.read_csv(run / "log.csv").cpu_seconds.sum())
     return file, recipe.learning.steps, seconds
 

@@ -2,17 +2,17 @@
 
     .venv/bin/python scripts/pack_generalist.py RUN
 
-looks at sites that no training saw, fits the line of logits that makes scores shares of right
-boxes, and writes pyinfra/models/generalist.safetensors: layers in half precision, the line and its
-figures in the header. results/generalist_sites.csv has precision and recall of the boxes from the
-cut on, by site and LiDAR, and what their scores say.
+looks at sites that no training saw, fits for each class the line of logits that makes scores
+shares of right boxes, and writes pyinfra/models/generalist.safetensors: layers in half precision,
+the lines and their figures in the header. results/generalist_sites.csv has precision and recall of
+the boxes from the cut on, by site, LiDAR and class, and what their scores say.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,9 @@ from torch import Tensor
 
 from pyinfra import __version__
 from pyinfra.arrays import BoolArray, FloatArray
+from pyinfra.data.regions import FOOTWAYS_M
+from pyinfra.detectors import Detections
+from pyinfra.detectors.classes import METRICS, TYPES, VEHICLES, ObjectClass
 from pyinfra.detectors.fused import fused
 from pyinfra.detectors.network import Network
 from pyinfra.evaluation import matching
@@ -37,7 +40,21 @@ CUT = 0.5  # of calibrated scores: from here on a box is shown
 PRESET = "datasheet"
 
 
-def looked_at(sites: int, frames: int) -> Iterator[tuple[str, str, list[SiteSample]]]:
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The boxes of a class that one LiDAR has in its frames at a site."""
+
+    site: str
+    lidar: str
+    name: ObjectClass
+    scores: FloatArray  # (n,)
+    right: BoolArray  # (n,)
+    objects: int  # that are there to be found
+
+
+def looked_at(
+    sites: int, frames: int, classes: tuple[ObjectClass, ...]
+) -> Iterator[tuple[str, str, list[SiteSample]]]:
     """Site, LiDAR and frames: four LiDARs a site, of all that the catalogue has."""
     everyone = catalogue.sensors(presets={PRESET: 1.0})
     for seed in range(FIRST_SITE, FIRST_SITE + sites):
@@ -45,40 +62,60 @@ def looked_at(sites: int, frames: int) -> Iterator[tuple[str, str, list[SiteSamp
         keys, world = world_of(seed, "scan")
         for lidar in everyone.draw(random, 4):
             chosen = sorted(random.choice(world.frames, frames, replace=False).tolist())
-            yield keys["name"], lidar.name, samples_of(world, keys, lidar, chosen)
+            yield keys["name"], lidar.name, samples_of(world, keys, lidar, chosen, classes)
 
 
-def found_in(network: Network, samples: list[SiteSample]) -> tuple[FloatArray, BoolArray, int]:
-    """Scores of the boxes in the region, which are right, and how many vehicles there are."""
-    scores, right, vehicles = [np.empty(0)], [np.empty(0, np.bool_)], 0
+def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -> Iterator[Judged]:
+    """The boxes of each class in its region."""
+    found = []
     for sample in samples:
         network.know(sample.region)
-        found = network.predict(sample.points)
-        inside = sample.region.holds(found.boxes, 0.0)
-        truth = sample.boxes[sample.region.holds(sample.boxes, 0.0)]
-        boxes = found.boxes[inside]
-        frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-        scores.append(found.scores[inside])
-        right.append(matching.hits(frames[0], boxes, scores[-1], frames[1], truth))
-        vehicles += len(truth)
-    return np.concatenate(scores), np.concatenate(right), vehicles
+        found.append(network.predict(sample.points))
+    for number, name in enumerate(network.classes):
+        parts = [right_of(*pair, number, name) for pair in zip(samples, found, strict=True)]
+        scores, right, objects = zip(*parts, strict=True)
+        columns = np.concatenate(scores), np.concatenate(right)
+        yield Judged(site, lidar, name, *columns, sum(objects))
 
 
-def row(
-    site: str, lidar: str, scores: FloatArray, right: BoolArray, vehicles: int
-) -> dict[str, object]:
+def right_of(
+    sample: SiteSample, found: Detections, number: int, name: ObjectClass
+) -> tuple[FloatArray, BoolArray, int]:
+    """Scores of a class's boxes in its region, which are right, and how many objects there are."""
+    margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
+    inside = (found.names == TYPES[name]) & sample.region.holds(found.boxes, margin_m)
+    there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
+    boxes, scores, truth = found.boxes[inside], found.scores[inside], sample.boxes[there]
+    frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
+    right = matching.hits(frames[0], boxes, scores, frames[1], truth, METRICS[name])
+    return scores, right, len(truth)
+
+
+def row(cell: Judged, line: tuple[float, float]) -> dict[str, object]:
     """Precision and recall from the cut on, and what calibrated scores say of them."""
+    scores, right = calibration.calibrated(cell.scores, line), cell.right
     shown = scores >= CUT
     return {
-        "site": site,
-        "lidar": lidar,
-        "vehicles": vehicles,
+        "site": cell.site,
+        "lidar": cell.lidar,
+        "class": cell.name,
+        "objects": cell.objects,
         "boxes": int(shown.sum()),
         "precision": right[shown].mean() if shown.any() else np.nan,
         "precision_said": scores[shown].mean() if shown.any() else np.nan,
-        "recall": right[shown].sum() / vehicles if vehicles else np.nan,
+        "recall": right[shown].sum() / cell.objects if cell.objects else np.nan,
         "recall_said": scores[shown].sum() / scores.sum() if len(scores) else np.nan,
     }
+
+
+def line_of(cells: list[Judged], name: ObjectClass) -> tuple[float, float]:
+    """Raises ValueError for a class without a right and a wrong box."""
+    own = [cell for cell in cells if cell.name == name]
+    columns = (np.concatenate([getattr(cell, key) for cell in own]) for key in ("scores", "right"))
+    try:
+        return calibration.fit(*columns)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
 
 
 def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
@@ -86,6 +123,15 @@ def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
     return {
         f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
         for name, tensor in weights.items()
+    }
+
+
+def figures_of(table: pd.DataFrame) -> dict[str, float]:
+    """Means over sites and LiDARs; those of people by the name of their class."""
+    return {
+        key if name in VEHICLES else f"{name}_{key}": round(float(own[key].mean()), 3)
+        for name, own in table.groupby("class", sort=False)
+        for key in ("precision", "recall")
     }
 
 
@@ -99,17 +145,20 @@ def main() -> None:
     args = parser.parse_args()
     found = checkpoint.load(model_file(args.run))
     network = fused(found.network())
-    network.calibration = (1.0, RAISED)  # so that boxes of low scores are there as well
+    classes = network.classes
+    # So that boxes of low scores are there as well.
+    network.calibration = (1.0, RAISED) * len(classes)
     cells = [
-        (site, lidar, *found_in(network, samples))
-        for site, lidar, samples in looked_at(args.sites, args.frames)
+        cell
+        for visit in looked_at(args.sites, args.frames, classes)
+        for cell in judged(network, *visit)
     ]
-    a, b = calibration.fit(*(np.concatenate([cell[i] for cell in cells]) for i in (2, 3)))
-    line = (a, b + a * RAISED)
-    rows = [row(*cell[:2], calibration.calibrated(cell[2], (a, b)), *cell[3:]) for cell in cells]
+    lines = {name: line_of(cells, name) for name in classes}
+    line = tuple(v for a, b in lines.values() for v in (a, b + a * RAISED))
+    rows = [row(cell, lines[cell.name]) for cell in cells]
     table = pd.DataFrame(rows).assign(version=__version__, command="scripts/pack_generalist.py")
     table.to_csv(args.table, index=False, float_format="%.4g")
-    figures = {name: round(float(table[name].mean()), 3) for name in ("precision", "recall")}
+    figures = figures_of(table)
     about = replace(
         found.about,
         anywhere=True,

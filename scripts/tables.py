@@ -449,10 +449,10 @@ def people_reach(own: pd.DataFrame) -> str:
 
 
 def generalist_sites() -> str:
-    """By LiDAR, precision and recall of the shipped network's boxes at sites it never saw."""
-    rows = []
-    for lidar, own in results("generalist_sites").groupby("lidar", sort=True):
-        found = own[["boxes", "vehicles"]].sum()
+    """By LiDAR, precision and recall of the shipped network's vehicles at sites it never saw."""
+    rows, table = [], results("generalist_sites")
+    for lidar, own in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
+        found = own[["boxes", "objects"]].sum()
         right = (own.precision * own.boxes).sum()
         said = (own.precision_said * own.boxes).sum() / found.boxes
         low, high = own[own.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
@@ -461,9 +461,9 @@ def generalist_sites() -> str:
             f"{right / found.boxes:.2f}",
             spread,
             f"{said:.2f}",
-            f"{right / found.vehicles:.2f}",
+            f"{right / found.objects:.2f}",
         )
-        rows.append([str(lidar), str(own.site.nunique()), f"{found.vehicles:.0f}", *shares])
+        rows.append([str(lidar), str(own.site.nunique()), f"{found.objects:.0f}", *shares])
     heads = ["precision", "of 80 % of the sites", "precision said", "recall"]
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 

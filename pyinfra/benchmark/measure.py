@@ -66,7 +66,7 @@ def check_counted(evaluation: Evaluation) -> None:
 def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
     """CPU seconds of the training: of every step of the model, in whichever go it was done."""
     before = time.process_time()
-    source = read_source(folder, cell.tier)
+    source = read_source(folder, cell.tier, classes=recipe.classes)
     train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
     log = run / "log.csv"
     if log.exists():

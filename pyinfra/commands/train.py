@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"--{key}" for key in given).replace("--start", "--from")
         print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
-    sources = _sources(args)
+    sources = _sources(args, recipe)
     if not isinstance(sources, Stream):
         sources = _with_region(args, recipe, sources)
         for warning in filter(None, (source.read_warning() for source in sources)):
@@ -121,7 +121,7 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     return sources
 
 
-def _sources(args: argparse.Namespace) -> list[Source] | Stream:
+def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
         raise ValueError(
@@ -136,8 +136,10 @@ def _sources(args: argparse.Namespace) -> list[Source] | Stream:
             )
         from pyinfra.sites.stream import read_stream  # needs the extension
 
-        return read_stream(args.sites)
+        return read_stream(args.sites, recipe.classes)
     if args.scene is None:
-        return [read_source(folder, args.tier, accumulation) for folder in args.data]
-    how = {"preset": args.preset, "accumulation": accumulation}
+        return [
+            read_source(folder, args.tier, accumulation, recipe.classes) for folder in args.data
+        ]
+    how = {"preset": args.preset, "accumulation": accumulation, "classes": recipe.classes}
     return [simulated_source(args.scene, args.lidar, args.tier, **how)]

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pyinfra.arrays import BoolArray, FloatArray, Floats, Points
+from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray, Points
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,12 @@ class Sample:
 
     points: Points  # (n, 4), stacked (n, 5) with ages
     boxes: FloatArray  # (k, 7) of the vehicles with a point of this LiDAR
+    classes: IntArray | None = None  # (k,) numbers of the boxes' classes; None: all of the first
+
+    @property
+    def numbers(self) -> IntArray:
+        """(k,) numbers of the boxes' classes."""
+        return np.zeros(len(self.boxes), np.int64) if self.classes is None else self.classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +80,7 @@ class CanvasPart:
     sides: tuple[int, int]  # rows, columns
     first: Tensor | None  # (B, 2) row and column of each frame's first cell; None: the canvas's
     boxes: tuple[Tensor, ...]  # (k, 7) in it, moved as it is to the canvas's first cell
+    classes: tuple[Tensor, ...]  # (k,) of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +91,7 @@ class Batch:
     frame: Tensor  # (n,) int64, ascending
     boxes: tuple[Tensor, ...]  # of each frame (k, 7) float32
     windows: Windows | None = None  # None: the whole area
+    classes: tuple[Tensor, ...] = ()  # of each frame (k,) int64, the numbers of the boxes' classes
 
     @property
     def size(self) -> int:
@@ -91,7 +99,8 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         boxes = tuple(b.to(device) for b in self.boxes)
-        return Batch(self.points.to(device), self.frame.to(device), boxes, self.windows)
+        classes = tuple(c.to(device) for c in self.classes)
+        return Batch(self.points.to(device), self.frame.to(device), boxes, self.windows, classes)
 
 
 def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch:
@@ -107,12 +116,11 @@ def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch
             )
     clouds = [area.crop(sample.points)[:, :columns] for sample in samples]
     counts = torch.tensor([len(cloud) for cloud in clouds])
+    inside = [area.holds(sample.boxes[:, :3]) for sample in samples]
+    pairs = list(zip(samples, inside, strict=True))
     return Batch(
         points=torch.from_numpy(np.concatenate(clouds).astype(np.float32)),
         frame=torch.repeat_interleave(torch.arange(len(clouds)), counts),
-        boxes=tuple(_inside(sample.boxes, area) for sample in samples),
+        boxes=tuple(torch.from_numpy(s.boxes[own].astype(np.float32)) for s, own in pairs),
+        classes=tuple(torch.from_numpy(s.numbers[own]) for s, own in pairs),
     )
-
-
-def _inside(boxes: FloatArray, area: Area) -> Tensor:
-    return torch.from_numpy(boxes[area.holds(boxes[:, :3])].astype(np.float32))

@@ -1,8 +1,8 @@
 """CenterPoint on pillars: Center-based 3D Object Detection and Tracking, Yin et al., CVPR 2021.
 
-Deviations: dynamic pillars (pillars.py) through one layer, one class, no second stage, Gaussians
-along the vehicles, a plainer head and the weight of its box (centre_head.py), boxes on every second
-row and column of pillars of 0.2 m.
+Deviations: dynamic pillars (pillars.py) through one layer, one head for all classes, no second
+stage, Gaussians along the vehicles, a plainer head and the weight of its box (centre_head.py),
+boxes on every second row and column of pillars of 0.2 m.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pyinfra.data.regions import Region
 from pyinfra.detectors.batch import Batch
 from pyinfra.detectors.bev import BevConfig, BevNetwork, multiple
 from pyinfra.detectors.centre_head import AxisHead, CentreHead
+from pyinfra.detectors.classes import VEHICLES, ObjectClass
 from pyinfra.detectors.network import Losses, Network
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.site import Site
@@ -34,6 +35,11 @@ class Config:
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat and box share
     axis: bool = False  # whether boxes have an axis and a way, for sites with traffic any way
+    classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # that are told apart
+
+    def __post_init__(self) -> None:
+        if not self.classes:
+            raise ValueError("classes: found none, allowed one or more")
 
 
 class CenterPointPillar(Network):
@@ -44,17 +50,18 @@ class CenterPointPillar(Network):
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
+        self.classes = config.classes
         self.columns = 5 if config.age else 4
         looks_at = {"intensity": config.intensity, "place": config.place, "age": config.age}
         self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
         self.bev = BevNetwork(config.bev, config.pillar_width)
         cell_m = config.bev.strides[0] * config.pillar_m
         head = AxisHead if config.axis else CentreHead
-        self.head = head(self.bev.channels, config.head_width, self.site, cell_m)
+        self.head = head(self.bev.channels, config.head_width, self.site, cell_m, config.classes)
 
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
-        return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes)
+        return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes, view.classes)
 
     def know(self, region: Region) -> None:
         if isinstance(self.head, AxisHead):
@@ -62,5 +69,5 @@ class CenterPointPillar(Network):
             columns, rows = (round((high[i] - low[i]) / self.head.cell_m) for i in (0, 1))
             self.head.know(region, (rows, columns))
 
-    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, ...]]:
         return self.head.candidates(self.bev(self.encoder(batch)))

@@ -1,4 +1,4 @@
-"""The centre head: a heat map of vehicles' centres, and a box at each peak.
+"""The centre head: a heat map of the centres of each class, and a box at each peak.
 
 CenterPoint, Yin et al., CVPR 2021, first stage. Deviations: the heat of a vehicle is a Gaussian as
 long and as wide as the vehicle itself, along its heading, in place of a circle; one layer for the
@@ -18,6 +18,7 @@ from torch.nn import functional
 from pyinfra.data.regions import Region
 from pyinfra.detectors.anchors import in_half_turn, is_backwards
 from pyinfra.detectors.bev import conv
+from pyinfra.detectors.classes import ALONG_ROADS, VEHICLES, ObjectClass
 from pyinfra.detectors.losses import heat_map_focal, start_rare
 from pyinfra.detectors.network import Losses
 from pyinfra.detectors.processes import of_all
@@ -31,32 +32,56 @@ LEAST_CELLS = 0.6  # standard deviation of a Gaussian
 
 
 class CentreHead(nn.Module):
-    """(B, C, H, W), row = y: heat and boxes of each cell."""
+    """(B, C, H, W), row = y: heat of each class and boxes of each cell.
 
-    def __init__(self, channels: int, width: int, site: Site, cell_m: float) -> None:
+    What stands in a cell has one box, of whichever class it is.
+    """
+
+    def __init__(
+        self,
+        channels: int,
+        width: int,
+        site: Site,
+        cell_m: float,
+        classes: tuple[ObjectClass, ...] = VEHICLES,
+    ) -> None:
         super().__init__()
-        self.site, self.cell_m = site, cell_m
+        self.site, self.cell_m, self.classes = site, cell_m, classes
         self.shared = conv(channels, width)
-        self.heat: nn.Module = start_rare(nn.Conv2d(width, 1, 3, padding=1))
+        self.heat: nn.Module = start_rare(nn.Conv2d(width, len(classes), 3, padding=1))
         self.box: nn.Module = nn.Conv2d(width, BOX, 3, padding=1)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Heat as logits (B, H, W), and boxes (B, H, W, 8); a subclass may add to the 8."""
+        """Heat as logits (B, classes, H, W), boxes (B, H, W, 8); a subclass may add to the 8."""
         x = self.shared(x)
-        return self.heat(x)[:, 0].float(), self.box(x).permute(0, 2, 3, 1).float()
+        return self.heat(x).float(), self.box(x).permute(0, 2, 3, 1).float()
 
-    def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
+    def losses(
+        self, x: Tensor, boxes: tuple[Tensor, ...], classes: tuple[Tensor, ...] = ()
+    ) -> Losses:
+        """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some."""
         logits, found = self(x)
-        heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
+        heat = {
+            "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_losses(
+                logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)]
+            )
+            for i, name in enumerate(self.classes)
+        }
         count = of_all(torch.tensor(sum(len(b) for b in boxes), device=x.device))
         frame = torch.repeat_interleave(
             torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
         ).to(x.device)
         every = torch.cat(boxes)
-        row, column = self.cells_of(every, logits.shape[1:])
+        row, column = self.cells_of(every, logits.shape[2:])
         at = found[frame, row, column]  # (k, 8)
-        parts = {"heat": heat_map_focal(logits, heat), **self.box_losses(at, every, row, column)}
-        return {name: part / count for name, part in parts.items()}
+        parts = self.box_losses(at, every, row, column)
+        return heat | {name: part / count for name, part in parts.items()}
+
+    def heat_losses(self, logits: Tensor, boxes: Sequence[Tensor]) -> Tensor:
+        """Of one class (B, H, W) by its own number of boxes, so that a rare one is learnt too."""
+        heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
+        count = of_all(torch.tensor(sum(len(b) for b in boxes), device=logits.device))
+        return heat_map_focal(logits, heat) / count
 
     def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
         """Summed over the boxes (k, 7), each with what was found at its centre (k, 8)."""
@@ -82,8 +107,10 @@ class CentreHead(nn.Module):
         heading = boxes[:, 6:]
         return torch.cat([offset, z, boxes[:, 3:6].log(), heading.sin(), heading.cos()], dim=1)
 
-    def decode(self, found: Tensor, row: Tensor, column: Tensor) -> Tensor:
-        """(k, 8) -> (k, 7)."""
+    def decode(
+        self, found: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
+    ) -> Tensor:
+        """(k, 8) -> (k, 7); along_road: whether their class goes where roads lead."""
         xy = self.middle_of(row, column) + found[:, :2] * self.cell_m
         z = found[:, 2:3] + self.site.floor_z
         sizes = found[:, 3:6].clamp(-5, 5).exp()
@@ -105,23 +132,38 @@ class CentreHead(nn.Module):
         each = torch.exp(-((ahead / sigma[:, 0]) ** 2 + (left / sigma[:, 1]) ** 2) / 2)
         return each.amax(dim=0)
 
-    def candidates(self, x: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """The peaks of each frame: boxes (k, 7) and scores (k,)."""
+    def candidates(self, x: Tensor) -> list[tuple[Tensor, ...]]:
+        """The peaks of each frame, as `Network.candidates` gives them."""
         logits, boxes = self(x)
         heat = torch.sigmoid(logits)
-        peak = functional.max_pool2d(heat[:, None], 3, 1, 1)[:, 0] == heat
-        found = []
+        peak = functional.max_pool2d(heat, 3, 1, 1) == heat
+        score = heat * peak
+        found: list[tuple[Tensor, ...]] = []
         for i in range(len(x)):
-            score = (heat[i] * peak[i]).flatten()
-            best = score.topk(min(PEAKS, len(score)))
-            row, column = best.indices // heat.shape[2], best.indices % heat.shape[2]
-            at = boxes[i, row, column]
-            found.append((self.decode(at, row, column), self.score(best.values, at)))
+            of_classes = [
+                self.peaks(score[i, number], boxes[i], along_road=name in ALONG_ROADS)
+                for number, name in enumerate(self.classes)
+            ]
+            found.append(_numbered(of_classes) if len(of_classes) > 1 else of_classes[0])
         return found
+
+    def peaks(self, score: Tensor, boxes: Tensor, *, along_road: bool) -> tuple[Tensor, Tensor]:
+        """Boxes (k, 7) and scores (k,) of the highest cells of one class (H, W)."""
+        best = score.flatten().topk(min(PEAKS, score.numel()))
+        row, column = best.indices // score.shape[1], best.indices % score.shape[1]
+        at = boxes[row, column]
+        return self.decode(at, row, column, along_road=along_road), self.score(best.values, at)
 
     def score(self, heat: Tensor, at: Tensor) -> Tensor:
         """(k,) of peaks with this heat (k,) and what was found at them (k, 8)."""
         return heat
+
+
+def _numbered(of_classes: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor, Tensor]:
+    """Boxes (k, 7), scores (k,) and numbers (k,) of all classes."""
+    boxes, scores = (torch.cat(parts) for parts in zip(*of_classes, strict=True))
+    numbers = [torch.full_like(own, i, dtype=torch.int64) for i, (_, own) in enumerate(of_classes)]
+    return boxes, scores, torch.cat(numbers)
 
 
 class AxisHead(CentreHead):
@@ -132,8 +174,15 @@ class AxisHead(CentreHead):
     is found of it is short, and the axis of the road fills it up, if the roads are known.
     """
 
-    def __init__(self, channels: int, width: int, site: Site, cell_m: float) -> None:
-        super().__init__(channels, width, site, cell_m)
+    def __init__(
+        self,
+        channels: int,
+        width: int,
+        site: Site,
+        cell_m: float,
+        classes: tuple[ObjectClass, ...] = VEHICLES,
+    ) -> None:
+        super().__init__(channels, width, site, cell_m, classes)
         self.box = nn.Conv2d(width, BOX + 1, 3, padding=1)
         self.road_axes: Tensor | None = None
 
@@ -159,8 +208,10 @@ class AxisHead(CentreHead):
         twice[:, 6] *= 2
         return super().encode(twice, row, column)
 
-    def decode(self, found: Tensor, row: Tensor, column: Tensor) -> Tensor:
-        if self.road_axes is not None:
+    def decode(
+        self, found: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
+    ) -> Tensor:
+        if along_road and self.road_axes is not None:
             own = found[:, 6:8]
             lacking = (1 - own.norm(dim=1, keepdim=True)).clamp(min=0)
             axis = own + ROAD_WEIGHT * lacking * self.road_axes.to(own.device)[row, column]

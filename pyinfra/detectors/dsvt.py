@@ -179,10 +179,10 @@ class IouHead(CentreHead):
         self.iou = nn.Sequential(conv(width, width), iou)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Heat as logits (B, H, W), and boxes (B, H, W, 9)."""
+        """Heat as logits (B, 1, H, W), and boxes (B, H, W, 9)."""
         x = self.shared(x)
         found = torch.cat([self.box(x), self.iou(x)], dim=1)
-        return self.heat(x)[:, 0].float(), found.permute(0, 2, 3, 1).float()
+        return self.heat(x).float(), found.permute(0, 2, 3, 1).float()
 
     def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
         overlap = iou_3d_pairs(self.decode(at, row, column), boxes)
@@ -231,7 +231,7 @@ class Dsvt(Network):
 
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
-        return self.head.losses(self.bev(self.canvas(batch, view)), view.boxes)
+        return self.head.losses(self.bev(self.canvas(batch, view)), view.boxes, view.classes)
 
-    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, ...]]:
         return self.head.candidates(self.bev(self.canvas(batch)))

@@ -16,14 +16,14 @@ from pyinfra.arrays import Points
 from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 from pyinfra.detectors.batch import Batch, Sample, make_batch
+from pyinfra.detectors.classes import TYPES, VEHICLES, ObjectClass
 from pyinfra.detectors.ops.boxes import nms
 from pyinfra.detectors.site import Site
 from pyinfra.evaluation.matching import MIN_SCORE
 
 NMS_IOU = 0.1  # of footprints: vehicles never overlap
 CANDIDATES = 4096  # best ones at most that enter the suppression
-MOST_BOXES = 200  # of a frame
-CLASS = "vehicle"
+MOST_BOXES = 200  # of a frame and class
 
 Losses = dict[str, Tensor]  # of one element; their sum is minimised
 
@@ -74,19 +74,23 @@ class Network(nn.Module, abc.ABC):
 
     learns_in_windows = False  # of a wide site (windows.py)
     columns = 4  # of a cloud that it looks at: x y z intensity, and with 5 the age
+    classes: tuple[ObjectClass, ...] = VEHICLES  # that it tells apart
 
     def __init__(self, site: Site) -> None:
         super().__init__()
         self.site = site
-        self.calibration: tuple[float, float] | None = None  # of scores, see calibrated
+        self.calibration: tuple[float, ...] | None = None  # of scores: a line a class (calibrated)
 
     @abc.abstractmethod
     def losses(self, batch: Batch) -> Losses:
         """The parts of the loss, by name."""
 
     @abc.abstractmethod
-    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
-        """Of each frame: boxes (k, 7) and scores (k,), before suppression."""
+    def candidates(self, batch: Batch) -> Sequence[tuple[Tensor, ...]]:
+        """Of each frame: boxes (k, 7) and scores (k,), before suppression.
+
+        Of more than one class also their numbers (k,).
+        """
 
     def know(self, region: Region) -> None:
         """Takes what helps it of a region whose frames it will see; most need nothing."""
@@ -94,24 +98,40 @@ class Network(nn.Module, abc.ABC):
     @torch.inference_mode()
     @one_thread()
     def find(self, clouds: Sequence[Points]) -> list[Detections]:
-        """The vehicles of some frames. The network must be in eval mode."""
+        """The vehicles of some frames, or whatever its classes are. It must be in eval mode."""
         keep_memory()
         samples = [Sample(cloud, np.empty((0, 7))) for cloud in clouds]
         batch = make_batch(samples, self.site.area, self.columns)
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
-        return [
-            suppressed(boxes, calibrated(scores, self.calibration))
-            for boxes, scores in self.candidates(batch.to(device))
-        ]
+        return [self.best(*found) for found in self.candidates(batch.to(device))]
+
+    def best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
+        """Of candidates; those of a class suppress each other alone."""
+        parts = []
+        for i, name in enumerate(self.classes):
+            own = slice(None) if numbers is None else numbers == i
+            line = self.calibration and self.calibration[2 * i : 2 * i + 2]
+            parts.append(suppressed(boxes[own], calibrated(scores[own], line), TYPES[name]))
+        return parts[0] if len(parts) == 1 else best_first(parts)
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.detectors.Detector."""
         return self.find([points])[0]
 
 
-def calibrated(scores: Tensor, calibration: tuple[float, float] | None) -> Tensor:
+def best_first(parts: Sequence[Detections]) -> Detections:
+    """Several detections as one; of equal scores those of the first part come first."""
+    order = np.argsort(np.concatenate([-part.scores for part in parts]), kind="stable")
+    return Detections(
+        boxes=np.concatenate([part.boxes for part in parts])[order],
+        scores=np.concatenate([part.scores for part in parts])[order],
+        names=np.concatenate([part.names for part in parts])[order],
+    )
+
+
+def calibrated(scores: Tensor, calibration: tuple[float, ...] | None) -> Tensor:
     """(n,) scores whose logits are a line of what they were (Platt, 1999); None: as they were."""
     if calibration is None:
         return scores
@@ -119,7 +139,7 @@ def calibrated(scores: Tensor, calibration: tuple[float, float] | None) -> Tenso
     return torch.sigmoid(a * torch.logit(scores, 1e-7) + b)
 
 
-def suppressed(boxes: Tensor, scores: Tensor) -> Detections:
+def suppressed(boxes: Tensor, scores: Tensor, name: str = TYPES["vehicle"]) -> Detections:
     """The best boxes (n, 7) with at least the least score, overlapping by NMS_IOU at most."""
     good = torch.isfinite(boxes).all(dim=1) & (scores >= MIN_SCORE)
     boxes, scores = boxes[good], scores[good]
@@ -128,7 +148,7 @@ def suppressed(boxes: Tensor, scores: Tensor) -> Detections:
     return Detections(
         boxes=boxes[kept].double().cpu().numpy(),
         scores=scores[kept].double().cpu().numpy(),
-        names=np.full(len(kept), CLASS),
+        names=np.full(len(kept), name),
     )
 
 

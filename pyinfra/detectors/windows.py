@@ -37,10 +37,10 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
     columns, rows = (round(area.size[axis] / cell_m) for axis in (0, 1))
     whole = (rows, columns)
     if batch.windows is None:
-        return CanvasPart(whole, None, batch.boxes)
+        return CanvasPart(whole, None, batch.boxes, batch.classes)
     sides = sides_of(whole, batch.windows.most_m2 / cell_m**2, step)
     if sides == whole:
-        return CanvasPart(whole, None, batch.boxes)
+        return CanvasPart(whole, None, batch.boxes, batch.classes)
     low = torch.tensor(area.low[:2])
     middles = ((batch.windows.centres - low) / cell_m).flip(1).tolist()  # row, column
     first = torch.tensor(
@@ -49,14 +49,15 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
             for pair in middles
         ]
     ).to(batch.frame.device)
-    boxes = []
-    for own, corner in zip(batch.boxes, first, strict=True):
+    boxes, classes = [], []
+    for own, numbers, corner in zip(batch.boxes, batch.classes, first, strict=True):
         moved = own.clone()
         moved[:, :2] -= corner.flip(0) * cell_m
         cell = (moved[:, :2] - low.to(moved)) / cell_m
         inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)
         boxes.append(moved[inside])
-    return CanvasPart(sides, first, tuple(boxes))
+        classes.append(numbers[inside])
+    return CanvasPart(sides, first, tuple(boxes), tuple(classes))
 
 
 def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
@@ -67,7 +68,7 @@ def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
     points[:, :2] -= (view.first.flip(1) * cell_m)[batch.frame].to(points)
     at = points[:, :2] - points.new_tensor(area.low[:2])
     inside = ((at >= 0) & (at < at.new_tensor(view.sides[::-1]) * cell_m)).all(dim=1)
-    return Batch(points[inside], batch.frame[inside], view.boxes)
+    return Batch(points[inside], batch.frame[inside], view.boxes, classes=view.classes)
 
 
 def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:

@@ -122,11 +122,13 @@ def hits(
     scores: FloatArray,
     vehicle_frame: IntArray,
     vehicles: FloatArray,
+    metric: Metric = "bev",
 ) -> BoolArray:
-    """(p,) which predictions take a vehicle by footprints; arguments as of overlapping_pairs."""
-    pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles)
+    """(p,) which predictions take a vehicle; arguments as of overlapping_pairs."""
+    pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles, metric)
     pairs = in_order(pairs, scores, predictions, vehicles)
-    return np.asarray(match(pairs, len(predictions), len(vehicles), IOU) >= 0)
+    threshold = threshold_of(metric, IOU)
+    return np.asarray(match(pairs, len(predictions), len(vehicles), threshold) >= 0)
 
 
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:

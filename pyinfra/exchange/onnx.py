@@ -1,7 +1,8 @@
 """`pyinfra onnx RUN --out FILE.onnx`: a dense detector as one graph, from points to boxes.
 
 Input `points` (n, 4) float32, n >= 1, inside the area that the file's metadata give; outputs
-`boxes` (k, 7) and `scores` (k,), best first, before suppression. Levelled LiDAR frame.
+`boxes` (k, 7) and `scores` (k,), best first, before suppression; of several classes one after the
+other, with `classes` (k,), the place of each in the network's. Levelled LiDAR frame.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ class Graph(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(self, points: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, points: Tensor) -> tuple[Tensor, ...]:
         canvas = whole_canvas(self.network.encoder, points)
-        ((boxes, scores),) = self.network.head.candidates(self.network.bev(canvas))
-        return boxes, scores
+        (found,) = self.network.head.candidates(self.network.bev(canvas))
+        return found
 
 
 def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
@@ -71,7 +72,7 @@ def export(run: Path, file: Path) -> None:
             Graph(network).eval(),
             (points,),
             input_names=["points"],
-            output_names=["boxes", "scores"],
+            output_names=["boxes", "scores", *["classes"] * (len(network.classes) > 1)],
             dynamic_shapes=({0: torch.export.Dim("n", min=1)},),
             opset_version=OPSET,
             dynamo=True,

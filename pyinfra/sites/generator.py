@@ -10,6 +10,7 @@ import numpy as np
 
 from pyinfra.sites.draws import Draws
 from pyinfra.sites.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room
+from pyinfra.sites.people import Walks
 from pyinfra.sites.ranges import HABITATS, RANGES, Habitat, Ranges
 from pyinfra.sites.roadside import Roadside
 
@@ -43,7 +44,20 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
         side.park(road, seed)
     for road in layout.roads:
         side.furnish(road, seed)
-    return _scene(seed, habitat, ranges, layout, mount, side.keys, foot_m)
+    things = side.keys | {"people": _people(seed, room, habitat, ranges, side.keys)}
+    return _scene(seed, habitat, ranges, layout, mount, things, foot_m)
+
+
+def _people(
+    seed: int, room: Room, habitat: Habitat, ranges: Ranges, things: dict[str, list[Keys]]
+) -> list[Keys]:
+    """Last of all, so that whatever else is drawn is as without them."""
+    if not Draws(seed, "people").chance(ranges.ways.sites):
+        return []
+    walks = Walks(room, habitat, ranges, things)
+    for road in room.layout.roads:
+        walks.add(road, seed)
+    return walks.rows
 
 
 def _scene(

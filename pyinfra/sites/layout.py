@@ -204,22 +204,23 @@ class Room:
         edge = np.concatenate(
             [corners + share * (np.roll(corners, -1, axis=0) - corners) for share in _SHARES]
         )
-        return bool(self._off_roads(np.vstack([edge, grown[:, :2]]), 0.0).all())
+        return bool(self.off_roads(np.vstack([edge, grown[:, :2]]), 0.0).all())
 
     def rows(
-        self, road: DrawnRoad, left_m: float, half_width_m: float, within: Stretch = WHOLE
+        self, road: DrawnRoad, left_m: float, half_width_m: float, part: Stretch = WHOLE
     ) -> list[Stretch]:
         """From where to where along a road a row of that width has room beside it."""
         middle = road.beside(left_m)
-        free = self._off_roads(middle, half_width_m, own=(road, left_m))
+        free = self.off_roads(middle, half_width_m, own=(road, left_m))
         for side in (-half_width_m, half_width_m):
             for box in self.taken:
-                free &= ~_within(road.beside(left_m + side), box, 0.5)
-        return _runs(road.stations[:, 0], free, within)
+                free &= ~within(road.beside(left_m + side), box, 0.5)
+        return runs(road.stations[:, 0], free, part)
 
-    def _off_roads(
+    def off_roads(
         self, points: FloatArray, margin_m: float, own: tuple[DrawnRoad, float] | None = None
     ) -> BoolArray:
+        """Which points (n, 2) are off junctions and roads; own: a road and how far beside it."""
         free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
         for road in self.layout.roads:
             away = road.distance(points)
@@ -233,7 +234,7 @@ class Room:
 _SHARES = np.linspace(0, 1, 8, endpoint=False)
 
 
-def _within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
+def within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
     """Which points (n, 2) lie in a box, or that near to it."""
     dx, dy = (points - box[:2]).T
     cos, sin = np.cos(box[6]), np.sin(box[6])
@@ -241,12 +242,12 @@ def _within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
     return np.asarray(inside & (np.abs(cos * dy - sin * dx) <= box[4] / 2 + margin_m))
 
 
-def _runs(s: FloatArray, free: BoolArray, within: Stretch) -> list[Stretch]:
+def runs(s: FloatArray, free: BoolArray, part: Stretch = WHOLE) -> list[Stretch]:
     """Stretches of stations that are free, a metre shorter at both ends."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
     found = []
     for first, end in edges.reshape(-1, 2):
-        low, high = max(s[first] + STEP_M, within[0]), min(s[end - 1] - STEP_M, within[1])
+        low, high = max(s[first] + STEP_M, part[0]), min(s[end - 1] - STEP_M, part[1])
         if high - low >= SHORTEST_M:
             found.append((round(float(low), 1), round(float(high), 1)))
     return found

@@ -16,6 +16,16 @@ Weights = Mapping[str, float]
 
 
 @dataclass(frozen=True)
+class WalkRanges:
+    """People of a class on one side of a road."""
+
+    share: float  # of the sides of roads
+    per_km: Range  # both ways together; the simulator allows 60
+    speed_km_h: Range  # mean
+    speed_spread: Range  # standard deviation by the mean: a third at most
+
+
+@dataclass(frozen=True)
 class Habitat:
     """A kind of place: its roads, its traffic, and what stands beside it."""
 
@@ -47,7 +57,22 @@ class Habitat:
     kerb_parking: float
     car_park: float
     gantry: float  # of the site
+    walks: Mapping[str, WalkRanges]  # by class of people
 
+
+# Adults walk at 4 to 6 km/h, people who look around or wait hardly at all; most bicycles go at 12
+# to 25 km/h.
+ON_FOOT = {"speed_km_h": (1.5, 6.0), "speed_spread": (0.05, 0.25)}
+ON_BICYCLES = {"speed_km_h": (9.0, 26.0), "speed_spread": (0.05, 0.25)}
+_NOBODY: Mapping[str, WalkRanges] = {}
+_FEW = {
+    "Pedestrian": WalkRanges(share=0.2, per_km=(4, 25), **ON_FOOT),
+    "Cyclist": WalkRanges(share=0.25, per_km=(4, 25), **ON_BICYCLES),
+}
+_MANY = {
+    "Pedestrian": WalkRanges(share=0.65, per_km=(8, 60), **ON_FOOT),
+    "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),  # as many as on foot, to learn
+}
 
 # RAA: lanes 3.5 to 3.75 m, shoulders to 3 m, radii from 280 m (EKA 3); speeds of free flow and
 # of jams; a third of lorries on working days. Most have rails on both sides and a median with a
@@ -87,6 +112,7 @@ MOTORWAY = Habitat(
     kerb_parking=0.0,
     car_park=0.1,
     gantry=0.25,
+    walks=_NOBODY,
 )
 
 # RAL: one lane each way, some with two, 3.25 to 3.5 m, radii as of EKL 4 and of older roads;
@@ -126,6 +152,7 @@ RURAL = Habitat(
     kerb_parking=0.02,
     car_park=0.15,
     gantry=0.02,
+    walks=_FEW,
 )
 
 # RASt: lanes 2.75 to 3.5 m, footways from 1.5 m, parking lanes of 2 m at the kerb, trees in rows,
@@ -165,6 +192,7 @@ STREET = Habitat(
     kerb_parking=0.35,
     car_park=0.25,
     gantry=0.02,
+    walks=_MANY,
 )
 
 
@@ -250,6 +278,16 @@ class ParkingRanges:
 
 
 @dataclass(frozen=True)
+class WayRanges:
+    """Where people go."""
+
+    sites: float = 0.85  # share of those that may have people; the others are as deserted as before
+    within_m: float = 120  # from the sensor
+    verge_m: float = 3.0  # beyond the footway: paths beside the road; their region reaches 6 m
+    shortest_m: float = 15.0  # of a row: people come and go at its ends
+
+
+@dataclass(frozen=True)
 class SkyRanges:
     rain: float = 0.15
     rain_mm_per_h: Range = (0.5, 20)
@@ -269,6 +307,7 @@ class Ranges:
     things: ThingRanges = ThingRanges()
     parking: ParkingRanges = ParkingRanges()
     sky: SkyRanges = SkyRanges()
+    ways: WayRanges = WayRanges()
     half_length_m: Range = (170, 260)  # of roads: beyond the region's 100 m on both sides
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
     signal_green_s: Range = (8, 30)

@@ -20,6 +20,8 @@ COLUMNS = 6
 PANEL_INCHES = 2.3
 GROUND, FOOTWAY, SURFACE, LEAVES, HOUSE = "#F1EDE4", "#D0D0D0", "#8C8C8C", "#009E73", "#B08050"
 PARKED, RAIL, SENSOR, LINE = "#0072B2", "#000000", "#D55E00", "#FFFFFF"
+PEOPLE = {"Pedestrian": "#CC79A7", "Cyclist": "#F0E442"}
+WALK_HALF_M = 0.5
 ROW_HALF_M = {True: 1.0, False: 2.3}  # of parked vehicles: along the road, and at an angle
 
 
@@ -71,6 +73,9 @@ def _draw_rows(axes: Axes, site: Keys, roads: dict[str, DrawnRoad]) -> None:
     for row in site.get("barriers", []):
         half = max(row["width_m"] / 2, 0.4)
         _strip(axes, roads[row["road"]], row["offset_m"], half, RAIL, 4, _stretch(row))
+    for row in site.get("people", []):
+        colour, road = PEOPLE[row["class"]], roads[row["road"]]
+        _strip(axes, road, row["offset_m"], WALK_HALF_M, colour, 2.8, _stretch(row))
 
 
 def _draw_plants(axes: Axes, plant: Keys, roads: dict[str, DrawnRoad]) -> None:

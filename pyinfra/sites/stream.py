@@ -21,17 +21,18 @@ from pyinfra.config import ConfigError, read_config, ruled
 from pyinfra.data import regions
 from pyinfra.data.ground import ground_of_roads
 from pyinfra.detectors.batch import Area
+from pyinfra.detectors.classes import VEHICLES, ObjectClass
 from pyinfra.detectors.site import Site
 from pyinfra.kitti import LabelTime
 from pyinfra.sites import catalogue
 from pyinfra.sites.catalogue import PresetShares
-from pyinfra.sites.draws import VERSION
+from pyinfra.sites.draws import KEY, VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
 from pyinfra.training.samples import SiteSample
 from pyinfra.training.sources import (
     Stream,
-    boxes_of_frame,
+    labels_of_frame,
     pose_of,
     roads_of_simulation,
 )
@@ -83,6 +84,7 @@ class SiteSamples:
 
     plan: StreamPlan
     sensors: catalogue.Sensors
+    classes: tuple[ObjectClass, ...] = VEHICLES  # that their boxes are of
     cost: Cost = field(default_factory=Cost)
     make_keys: Callable[[int], Keys] = make_site
     _group: tuple[int, list[SiteSample]] = (-1, [])
@@ -112,7 +114,7 @@ class SiteSamples:
         return self._samples(group)[first + int(draw.integers(self.plan.frames))]
 
     def _order(self, group: int) -> list[int]:
-        random = np.random.default_rng([VERSION, self.plan.seed, 1, group])
+        random = np.random.default_rng([KEY, self.plan.seed, 1, group])
         return [int(k) for k in random.permutation(self.plan.of_group)]
 
     def _samples(self, group: int) -> list[SiteSample]:
@@ -124,7 +126,7 @@ class SiteSamples:
 
     def _visit(self, visit: int) -> list[SiteSample]:
         start = time.process_time()
-        random = np.random.default_rng([VERSION, self.plan.seed, 0, visit])
+        random = np.random.default_rng([KEY, self.plan.seed, 0, visit])
         seed = self.plan.first_site + visit % self.plan.sites
         keys, world = world_of(seed, self.plan.label_time, self.make_keys)
         built = time.process_time()
@@ -132,7 +134,7 @@ class SiteSamples:
         for lidar in self.sensors.draw(random, self.plan.lidars):
             # Drawn, not evenly spaced: a pattern that nearly repeats would show few phases.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
-            samples += samples_of(world, keys, lidar, frames)
+            samples += samples_of(world, keys, lidar, frames, self.classes)
         self.cost.visits += 1
         self.cost.samples += len(samples)
         self.cost.building_s += built - start
@@ -164,7 +166,11 @@ def redrawn(seed: int, times: int) -> int:
 
 
 def samples_of(
-    world: sim.World, keys: Keys, lidar: sim.Lidar, frames: list[int]
+    world: sim.World,
+    keys: Keys,
+    lidar: sim.Lidar,
+    frames: list[int],
+    classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> list[SiteSample]:
     """Frames of a site's LiDAR, above its road. Raises what the simulator does."""
     pose = pose_of(keys)
@@ -173,8 +179,9 @@ def samples_of(
     label_time = sim.label_time(world, lidar)
     samples = []
     for frame in cast(world, lidar, frames):
-        points, boxes = sim.points(frame), boxes_of_frame(frame, label_time)
-        samples.append(SiteSample(ground.above(points), ground.above(boxes), region))
+        points, (boxes, numbers) = sim.points(frame), labels_of_frame(frame, label_time, classes)
+        above = ground.above(points), ground.above(boxes)
+        samples.append(SiteSample(*above, numbers, region=region))
     return samples
 
 
@@ -193,23 +200,29 @@ class StreamFile:
     presets: PresetShares = field(default_factory=PresetShares)
 
 
-def read_stream(file: Path) -> Stream:
-    """Raises ConfigError with file, line and key, and FileNotFoundError."""
+def read_stream(file: Path, classes: tuple[ObjectClass, ...] = VEHICLES) -> Stream:
+    """What a file says, with boxes of these classes.
+
+    Raises ConfigError with file, line and key, and FileNotFoundError."""
     said = read_config(file, StreamFile)
     try:
         chosen = catalogue.sensors(without=said.without, presets=asdict(said.presets))
-        return site_stream(said.plan, chosen)
+        return site_stream(said.plan, chosen, classes)
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from None
 
 
-def site_stream(plan: StreamPlan, sensors: catalogue.Sensors | None = None) -> Stream:
+def site_stream(
+    plan: StreamPlan,
+    sensors: catalogue.Sensors | None = None,
+    classes: tuple[ObjectClass, ...] = VEHICLES,
+) -> Stream:
     """What `pyinfra.training.train.train` learns from in place of sources.
 
     Raises ValueError for more LiDARs a visit than there are.
     """
     chosen = sensors or catalogue.sensors()
-    samples = SiteSamples(plan, chosen)
+    samples = SiteSamples(plan, chosen, classes)
     last = plan.first_site + plan.sites - 1
     return Stream(
         lidar=catalogue.names_of(chosen.files),
@@ -219,4 +232,5 @@ def site_stream(plan: StreamPlan, sensors: catalogue.Sensors | None = None) -> S
         samples=samples,
         site=Site(AREA),
         anywhere=True,
+        classes=classes,
     )

@@ -22,6 +22,7 @@ from pyinfra.atomic import replacing
 from pyinfra.config import ConfigError, as_plain, from_plain
 from pyinfra.data.regions import Region
 from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.detectors.classes import ObjectClass, classes_of
 from pyinfra.detectors.network import Network
 from pyinfra.detectors.site import Site, around
 from pyinfra.training.accumulation import LabelAt
@@ -51,8 +52,9 @@ class About:
     accumulate: int = 1  # frames of one cloud
     label_at: LabelAt = "newest"  # of them, whose labels it learnt
     start: str = ""  # digest of the weights that it began with; empty: drawn
-    # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes
-    calibration: tuple[float, float] | None = None
+    # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes; of
+    # several classes those of each in turn
+    calibration: tuple[float, ...] | None = None
     figures: Any = None  # what it was found to do, by name
     format: int = FORMAT
     convention: str = CONVENTION
@@ -65,6 +67,11 @@ class Checkpoint:
 
     about: About
     tensors: dict[str, Tensor]
+
+    @property
+    def classes(self) -> tuple[ObjectClass, ...]:
+        """That its network tells apart."""
+        return classes_of(config_of(self.about.detector, self.about.network))
 
     def weights(self) -> dict[str, Tensor]:
         """Those of the network, by the names it has for them."""

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from pyinfra.config import Part, checked, read_config, ruled
 from pyinfra.detectors.catalogue import DETECTORS
+from pyinfra.detectors.classes import ObjectClass, classes_of
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import TIERS, Tier
 
@@ -44,6 +45,11 @@ class Recipe:
     network: Any  # the detector's own Config
     learning: Learning
     augmentation: Augmentation
+
+    @property
+    def classes(self) -> tuple[ObjectClass, ...]:
+        """That the detector tells apart."""
+        return classes_of(self.network)
 
     def for_budget(self, share: float) -> Recipe:
         """With so much of the steps, the schedule with them."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import bisect
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
 import numpy as np
 
-from pyinfra.arrays import BoolArray, FloatArray, Points
+from pyinfra.arrays import BoolArray, FloatArray, IntArray, Points
 from pyinfra.boxes import bev_iou, points_in_box, points_in_boxes
 from pyinfra.config import ruled
 from pyinfra.data.regions import Region
@@ -36,7 +36,7 @@ class Augmentation:
 class SiteSample(Sample):
     """A frame that knows where it was taken; points and boxes are above the road."""
 
-    region: Region  # where vehicles can be
+    region: Region = field(kw_only=True)  # where vehicles can be
 
 
 class Samples(Protocol):
@@ -64,6 +64,7 @@ class Frames:
     clouds: tuple[Callable[[], Points], ...]
     boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
     starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
+    classes: tuple[IntArray, ...] = ()  # (k,) of each frame's boxes; none: all of the first class
 
     def __len__(self) -> int:
         return len(self.clouds)
@@ -71,11 +72,12 @@ class Frames:
     def __add__(self, more: Frames) -> Frames:
         starts = tuple(len(self) + first for first in more.starts)
         starts = self.starts + starts if len(self) else starts
-        return Frames(self.clouds + more.clouds, self.boxes + more.boxes, starts)
+        classes = self.classes + more.classes
+        return Frames(self.clouds + more.clouds, self.boxes + more.boxes, starts, classes)
 
     def part(self, rows: slice) -> Frames:
         """Of the frames of one LiDAR."""
-        return Frames(self.clouds[rows], self.boxes[rows])
+        return Frames(self.clouds[rows], self.boxes[rows], classes=self.classes[rows])
 
     def nth(self, seed: int, n: int) -> int:
         """Each comes once before one comes twice."""
@@ -83,7 +85,11 @@ class Frames:
         return int(np.random.default_rng([seed, turn]).permutation(len(self))[place])
 
     def sample(self, i: int) -> Sample:
-        return Sample(self.clouds[i](), self.boxes[i])
+        return Sample(self.clouds[i](), self.boxes[i], self.numbers(i))
+
+    def numbers(self, i: int) -> IntArray:
+        """(k,) of the classes of a frame's boxes."""
+        return self.classes[i] if self.classes else np.zeros(len(self.boxes[i]), np.int64)
 
     def another(self, i: int, draw: np.random.Generator) -> Sample:
         """Any frame of the LiDAR of frame i."""
@@ -116,13 +122,13 @@ def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) ->
     ):
         if most > 0:
             points = fault(points, draw.uniform(0, most), draw)
-    boxes = sample.boxes
+    boxes, numbers = sample.boxes, sample.numbers
     if len(points) < len(sample.points):
         lost = (points_in_boxes(points, boxes) == 0) & (points_in_boxes(sample.points, boxes) > 0)
-        boxes = boxes[~lost]
+        boxes, numbers = boxes[~lost], numbers[~lost]
     if how.range_noise_m > 0:
         points = sensor_faults.range_noise(points, draw.uniform(0, how.range_noise_m), draw)
-    return replace(sample, points=points, boxes=boxes)
+    return replace(sample, points=points, boxes=boxes, classes=numbers)
 
 
 def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
@@ -158,7 +164,7 @@ def with_pasted(
     free = np.ones(len(order), dtype=np.bool_)
     if len(sample.boxes) > 0:
         free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
-    points, boxes = [sample.points], [sample.boxes]
+    points, boxes, numbers = [sample.points], [sample.boxes], [sample.numbers]
     for i in order[free[order]]:
         if len(boxes) > how.pasted:
             break
@@ -169,4 +175,10 @@ def with_pasted(
         points[0] = points[0][~here]
         points.append(own)
         boxes.append(other.boxes[i : i + 1])
-    return replace(sample, points=np.concatenate(points), boxes=np.concatenate(boxes))
+        numbers.append(other.numbers[i : i + 1])
+    return replace(
+        sample,
+        points=np.concatenate(points),
+        boxes=np.concatenate(boxes),
+        classes=np.concatenate(numbers),
+    )

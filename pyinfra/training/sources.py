@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from pyinfra import kitti
-from pyinfra.arrays import FloatArray, Points
+from pyinfra.arrays import FloatArray, IntArray, Points
 from pyinfra.data import regions, split
 from pyinfra.data.frame_tables import Vehicles, other_types, read_vehicles
 from pyinfra.data.frames import (
@@ -24,7 +24,9 @@ from pyinfra.data.frames import (
 )
 from pyinfra.data.ground import Ground, ground_of, ground_of_boxes, ground_of_roads
 from pyinfra.data.outlines import outlines_of
-from pyinfra.kitti import VEHICLE_TYPES, read_yaml
+from pyinfra.detectors.classes import VEHICLES, ObjectClass, numbers_of
+from pyinfra.evaluation.judge import OBJECT_CLASSES
+from pyinfra.kitti import read_yaml
 from pyinfra.training.accumulation import Accumulation
 
 if TYPE_CHECKING:
@@ -36,7 +38,12 @@ Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
-VEHICLE_CLASSES = range(10, 15)  # of the simulator: Car to Motorcycle
+# Numbers of the simulator's classes: Car to Motorcycle, Pedestrian, Cyclist.
+SIMULATED: dict[ObjectClass, range] = {
+    "vehicle": range(10, 15),
+    "pedestrian": range(15, 16),
+    "cyclist": range(16, 17),
+}
 ONE_FRAME = Accumulation()
 
 
@@ -49,11 +56,15 @@ class Source:
     scene: str
     label_time: kitti.LabelTime
     clouds: tuple[Callable[[], Points], ...]
-    read_boxes: Callable[[], tuple[FloatArray, ...]]  # (k, 7) of each frame's vehicles with a point
+    # (k, 7) of each frame's vehicles with a point, or of whatever the classes are
+    read_boxes: Callable[[], tuple[FloatArray, ...]]
     read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
     region: regions.Region | None = None  # where vehicles can be, if that is known
     ground: Ground | None = None  # how high the road lies; None: as the vehicles stand
     accumulation: Accumulation = ONE_FRAME  # of the clouds: (n, 5), of one frame (n, 4)
+    classes: tuple[ObjectClass, ...] = VEHICLES  # that the boxes are of
+    # (k,) numbers of the boxes' classes in each frame; none: all are of the first
+    read_classes: Callable[[], tuple[IntArray, ...]] = tuple
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +80,15 @@ class Stream:
     ground: Ground | None = None  # if it is the same for all
     anywhere: bool = False  # whether sites are so many that another one is meant to be found in
     accumulation: Accumulation = ONE_FRAME
+    classes: tuple[ObjectClass, ...] = VEHICLES  # that the samples' boxes are of
 
 
-def read_source(folder: Path, tier: Tier, accumulation: Accumulation = ONE_FRAME) -> Source:
+def read_source(
+    folder: Path,
+    tier: Tier,
+    accumulation: Accumulation = ONE_FRAME,
+    classes: tuple[ObjectClass, ...] = VEHICLES,
+) -> Source:
     """The train frames of a folder: those of ImageSets/train.txt, else the split by time.
 
     Without a label all frames are train frames. Stacked with them are train frames and those that
@@ -86,17 +103,20 @@ def read_source(folder: Path, tier: Tier, accumulation: Accumulation = ONE_FRAME
     there = _stackable(folder, numbers) if accumulation.frames > 1 else numbers
     read = partial(read_frame, folder)
     vehicles = cache(partial(read_vehicles, folder, frames))
+    known = [name for own in classes for name in OBJECT_CLASSES[own]]
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
         scene=scene_of(folder),
         label_time=lidar.label_time,
         clouds=accumulation.clouds(read, frames, there, lidar.period_s),
-        read_boxes=lambda: hit_boxes(vehicles(), len(frames)),
-        read_warning=lambda: other_types(folder, frames, vehicles(), VEHICLE_TYPES),
+        read_boxes=lambda: hit_boxes(vehicles(), len(frames), classes)[0],
+        read_warning=lambda: other_types(folder, frames, vehicles(), known),
         region=regions.region_of(folder, lidar.T_world_levelled),
         ground=ground_of(folder),
         accumulation=accumulation,
+        classes=classes,
+        read_classes=lambda: hit_boxes(vehicles(), len(frames), classes)[1],
     )
 
 
@@ -152,10 +172,14 @@ def scene_of(folder: Path) -> str:
     return read_yaml(description).at("name").text() if description.is_file() else "unknown"
 
 
-def hit_boxes(vehicles: Vehicles, frames: int) -> tuple[FloatArray, ...]:
-    """(k, 7) of the vehicles of each frame that have a point."""
-    hit = np.isin(vehicles.names, VEHICLE_TYPES) & (vehicles.points > 0)
-    return tuple(vehicles.boxes[hit & (vehicles.frame == i)] for i in range(frames))
+def hit_boxes(
+    vehicles: Vehicles, frames: int, classes: tuple[ObjectClass, ...] = VEHICLES
+) -> tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]:
+    """(k, 7) of what of the classes has a point in each frame, and the numbers (k,) of these."""
+    numbers = numbers_of(vehicles.names, classes)
+    hit = (numbers >= 0) & (vehicles.points > 0)
+    own = [hit & (vehicles.frame == i) for i in range(frames)]
+    return tuple(vehicles.boxes[i] for i in own), tuple(numbers[i] for i in own)
 
 
 def simulated_source(
@@ -167,6 +191,7 @@ def simulated_source(
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
     accumulation: Accumulation = ONE_FRAME,
+    classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> Source:
     """The same frames as a run would write, cast when they are asked for; nothing is on disk.
 
@@ -180,16 +205,19 @@ def simulated_source(
     numbers = split.by_time(range(world.frames), PERIOD_S).train
     frames = spread(numbers, MOST_FRAMES[tier])
     roads, pose = roads_of_simulation(world, keys["name"]), pose_of(keys)
+    labels = cache(partial(labels_of_simulation, world, unit, frames, classes))
     return Source(
         lidar=unit.name,
         preset=unit.preset,
         scene=str(keys["name"]),
         label_time=sim.label_time(world, unit),
         clouds=accumulation.clouds(partial(cast, world, unit), frames, numbers, PERIOD_S),
-        read_boxes=partial(boxes_of_simulation, world, unit, frames),
+        read_boxes=lambda: labels()[0],
         region=regions.roads_region(roads, pose, outlines_of(keys)),
         ground=ground_of_roads(roads, pose),
         accumulation=accumulation,
+        classes=classes,
+        read_classes=lambda: labels()[1],
     )
 
 
@@ -212,23 +240,35 @@ def cast(world: sim.World, lidar: sim.Lidar, frame: int) -> Points:
     return sim.points(found)
 
 
-def boxes_of_simulation(
-    world: sim.World, lidar: sim.Lidar, frames: Sequence[int]
-) -> tuple[FloatArray, ...]:
+def labels_of_simulation(
+    world: sim.World,
+    lidar: sim.Lidar,
+    frames: Sequence[int],
+    classes: tuple[ObjectClass, ...] = VEHICLES,
+) -> tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]:
+    """As hit_boxes."""
     from pyinfra import sim
 
     time = sim.label_time(world, lidar)
     simulated = sim.simulate(world, [lidar], frames, threads=1)
-    return tuple(boxes_of_frame(frame, time) for _, (frame,) in simulated)
+    labels = [labels_of_frame(frame, time, classes) for _, (frame,) in simulated]
+    return tuple(boxes for boxes, _ in labels), tuple(numbers for _, numbers in labels)
 
 
-def boxes_of_frame(frame: sim.Frame, label_time: kitti.LabelTime) -> FloatArray:
-    """(k, 7) of a simulated frame's vehicles that have a point."""
+def labels_of_frame(
+    frame: sim.Frame,
+    label_time: kitti.LabelTime,
+    classes: tuple[ObjectClass, ...] = VEHICLES,
+) -> tuple[FloatArray, IntArray]:
+    """(k, 7) of what of the classes has a point in a simulated frame, and the numbers (k,)."""
     at = "scan_" if label_time == "scan" else ""
     pose = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
     o = frame.objects
-    hit = np.isin(o["class_id"], VEHICLE_CLASSES) & (o["points"] > 0)
-    return np.stack([o[name][hit] for name in pose], axis=1)
+    numbers = np.full(len(o["points"]), -1)
+    for number, name in enumerate(classes):
+        numbers[np.isin(o["class_id"], SIMULATED[name])] = number
+    hit = (numbers >= 0) & (o["points"] > 0)
+    return np.stack([o[name][hit] for name in pose], axis=1), numbers[hit]
 
 
 def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:

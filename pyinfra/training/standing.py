@@ -1,4 +1,4 @@
-"""Boxes that come back where nothing ever moves: hedges and rails, found without a label."""
+"""Vehicles that come back where nothing ever moves: hedges and rails, found without a label."""
 
 from __future__ import annotations
 
@@ -26,18 +26,22 @@ MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
 def without_standing(
     clouds: Sequence[Path], found: Sequence[Detections], region: Region | None
 ) -> list[Detections]:
-    """The detections of each cloud without boxes that come back where nothing ever moves.
+    """The detections of each cloud without vehicles that come back where nothing ever moves.
 
     The background is learnt from the same clouds, so they should be of a minute or more: what
-    stands for most of it, parked or at a red light, goes as well. Raises ValueError without a
-    point.
+    stands for most of it, parked or at a red light, goes as well. People who wait stay. Raises
+    ValueError without a point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
     background = Background.learn(learnt, DEFAULT, region)
     moves = [_moves(background, cloud, d.boxes) for cloud, d in zip(clouds, found, strict=True)]
     centres = np.concatenate([np.empty((0, 2)), *(d.boxes[:, :2] for d in found)])
-    keep = ~standing(centres, np.concatenate([np.empty(0, np.bool_), *moves]))
+    vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in found)])
+    keep = np.ones(len(centres), np.bool_)
+    keep[vehicles] = ~standing(
+        centres[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
+    )
     ends = np.cumsum([len(d) for d in found])[:-1]
     return [_only(d, own) for d, own in zip(found, np.split(keep, ends), strict=True)]
 
@@ -56,6 +60,10 @@ def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
     points = kitti.read_points(cloud)
     moving = points_in_boxes(background.moving(points), boxes)
     return (moving > 0) & (moving > MOVING_SHARE * points_in_boxes(points, boxes))
+
+
+def _are_vehicles(found: Detections) -> BoolArray:
+    return ~np.isin(found.names, kitti.PERSON_TYPES)
 
 
 def _only(found: Detections, keep: BoolArray) -> Detections:

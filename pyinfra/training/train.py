@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 BACKGROUND_FRAMES = 100
 
+OF_CLASSES = {"head.heat.weight", "head.heat.bias"}  # weights with a row a class
 
 # What a method that does not learn by steps has no use for, and its default.
 OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0, "start": None}
@@ -109,6 +110,11 @@ def _train_network(
     windows.check(network, recipe.learning.window_m2)
     if network.columns > 4 and stream.accumulation.frames == 1:
         raise ValueError("network.age: found true of single frames, allowed with --accumulate")
+    if network.classes != stream.classes:
+        raise ValueError(
+            f"network.classes: found {', '.join(network.classes)}, allowed "
+            f"{', '.join(stream.classes)} as the boxes that are learnt from"
+        )
     if recipe.learning.start:
         _begin_with(network, Path(recipe.learning.start))
     about = _about(recipe, stream, seed)
@@ -160,11 +166,24 @@ def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
 
 
 def _begin_with(network: Network, start: Path) -> None:
-    """Raises FileNotFoundError, and ConfigError for weights of another network."""
+    """What is learnt of classes that both know; the others of the network begin as they were drawn.
+
+    Raises FileNotFoundError, and ConfigError for weights of another network.
+    """
+    import torch
+
     from pyinfra.training import checkpoint
 
+    found = checkpoint.load(model_file(start))
+    weights, own = found.weights(), network.state_dict()
+    places = {name: i for i, name in enumerate(found.classes)}
+    if found.classes != network.classes:
+        for key in OF_CLASSES & weights.keys() & own.keys():
+            rows = [weights[key][places[c]] if c in places else row
+                    for c, row in zip(network.classes, own[key], strict=True)]  # fmt: skip
+            weights[key] = torch.stack(rows)
     try:
-        network.load_state_dict(checkpoint.load(model_file(start)).weights())
+        network.load_state_dict(weights)
     except RuntimeError as error:
         first = str(error).splitlines()[-1].strip()
         raise ConfigError(f"{start}: found weights of another network: {first}") from None
@@ -248,6 +267,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
     stream = Stream(
         *(lidar, preset, scene, label_time, frames, site, ground),
         accumulation=common_accumulation(sources),
+        classes=sources[0].classes,
     )
     return stream, held_out
 
@@ -259,7 +279,8 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
     """
     learnt, held_out = Frames((), ()), Frames((), ())
     for source in sources:
-        whole = Frames(source.clouds, source.read_boxes())
+        classes = source.read_classes() if len(source.classes) > 1 else ()
+        whole = Frames(source.clouds, source.read_boxes(), classes=classes)
         if 0 < len(whole) <= kept:
             raise ValueError(
                 f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "

@@ -26,7 +26,7 @@ OFF_M = 1.0  # a box's centre may lie so far off the region
 def trust_of(
     folder: Path, pred: Path, split: str | None = None, *, allow_missing: bool = False
 ) -> list[Trust]:
-    """How far to believe predictions of a folder's frames; its labels are not looked at.
+    """How far to believe predictions of a folder's vehicles; its labels are not looked at.
 
     split: all frames by default. The background is learnt from the same frames. Raises
     FileNotFoundError, FormatError for files that are none, and ValueError without a point.
@@ -34,6 +34,7 @@ def trust_of(
     frames = frame_numbers(folder, split or "all")
     files = find_files(pred, frames, frame_numbers(folder, "all"), allow_missing=allow_missing)
     predictions = read_predictions(files.files, read_cameras(folder, frames))
+    predictions = predictions.select(~np.isin(predictions.names, kitti.PERSON_TYPES))
     lidar = kitti.read_lidar(folder) if (folder / "lidar.yaml").is_file() else None
     region = region_of(folder, lidar.T_world_levelled) if lidar else None
     clouds = [kitti.frame_file(folder, "velodyne", k) for k in frames]

@@ -7,13 +7,14 @@ AP chooses among states of one run and says nothing else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from pyinfra.arrays import FloatArray, IntArray
 from pyinfra.atomic import replacing
-from pyinfra.detectors import Detections
+from pyinfra.detectors.classes import METRICS, TYPES
 from pyinfra.detectors.network import Network
 from pyinfra.evaluation import ap, matching
 from pyinfra.training.samples import Frames
@@ -27,19 +28,30 @@ def is_due(done: int, steps: int) -> bool:
 
 
 def average_precision(network: Network, frames: Frames) -> float:
-    """AP of all vehicles with a point, 0 to 100; leaves the network as it is."""
+    """AP of all vehicles with a point, 0 to 100; leaves the network as it is.
+
+    Of several classes the mean over those that are there.
+    """
     training = network.training
     network.eval()
     found = [network.predict(cloud()) for cloud in frames.clouds]
     network.train(training)
-    boxes = np.concatenate([detections.boxes for detections in found])
-    scores = np.concatenate([detections.scores for detections in found])
-    vehicles = np.concatenate(frames.boxes)
-    hit = matching.hits(_frame_of(found), boxes, scores, _frame_of(frames.boxes), vehicles)
-    return float(ap.average_precision(ap.rank(scores, hit, len(vehicles)))[0])
+    values = []
+    for number, name in enumerate(network.classes):
+        own = [detections.names == TYPES[name] for detections in found]
+        boxes = [d.boxes[of] for d, of in zip(found, own, strict=True)]
+        scores = np.concatenate([d.scores[of] for d, of in zip(found, own, strict=True)])
+        truth = [b[frames.numbers(i) == number] for i, b in enumerate(frames.boxes)]
+        if not any(map(len, truth)):
+            continue
+        columns = _frame_of(boxes), np.concatenate(boxes), scores
+        there = _frame_of(truth), np.concatenate(truth)
+        hit = matching.hits(*columns, *there, METRICS[name])
+        values.append(ap.average_precision(ap.rank(scores, hit, len(there[1])))[0])
+    return float(np.mean(values))
 
 
-def _frame_of(parts: list[Detections] | tuple[FloatArray, ...]) -> IntArray:
+def _frame_of(parts: Sequence[FloatArray]) -> IntArray:
     return np.repeat(np.arange(len(parts)), [len(part) for part in parts])
 
 

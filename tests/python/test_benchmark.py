@@ -186,7 +186,7 @@ def test_a_training_that_went_on_has_the_seconds_of_all_its_steps(
         (run / "log.csv").write_text("step,seconds,cpu_seconds\n1,9,2.5\n2,3,1.5\n")
 
     monkeypatch.setattr(measure, "train", goes_on)
-    monkeypatch.setattr(measure, "read_source", lambda *_: None)
+    monkeypatch.setattr(measure, "read_source", lambda *_, **_how: None)
     cell = Cell("highway", "ruby_plus", "paper", "dsvt", "quick", 1)
     recipe = read_recipe(configs() / "detectors/dsvt.yaml", "quick")
     assert measure.trained(cell, recipe, tmp_path, tmp_path, "cpu") == 4.0

@@ -79,6 +79,25 @@ def test_sites_have_what_stands_beside_real_roads() -> None:
     assert {site["label_time"] for site in SITES} == {"frame", "scan"}
 
 
+def test_people_go_in_streets_more_than_along_rural_roads_and_on_no_motorway() -> None:
+    rows = [row for site in SITES for row in site.get("people", [])]
+    assert 0.3 * MANY < count("people") < 0.7 * MANY
+    assert {row["class"] for row in rows} == {"Pedestrian", "Cyclist"}
+    for row in rows:
+        assert 15 <= row["to_m"] - row["from_m"] <= 250
+        assert row["speed"]["std_km_h"] <= row["speed"]["mean_km_h"] / 3
+    motorways = [site for site in SITES if site["traffic"]["speed"]["mean_km_h"] > 100]
+    assert motorways
+    assert not any(site.get("people") for site in motorways)
+
+
+def test_people_are_all_that_is_new_in_a_site() -> None:
+    deserted = replace(RANGES, ways=replace(RANGES.ways, sites=0))
+    for seed in range(12):
+        others = {key: value for key, value in SITES[seed].items() if key != "people"}
+        assert make_site(seed, deserted) == others
+
+
 def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
     mounts = [site["mounts"]["pole"] for site in SITES]
     heights = np.array([mount["z_m"] for mount in mounts])

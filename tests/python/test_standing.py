@@ -55,3 +55,14 @@ def test_clouds_alone_say_nothing_of_what_stands(
     cloud = kitti.frame_file(lidar, "velodyne", 0)
     assert cli.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
     assert "--drop-standing: found clouds alone, allowed with --data" in capsys.readouterr().err
+
+
+def test_people_who_wait_stay(lidar: Path) -> None:
+    files = [kitti.frame_file(lidar, "velodyne", k) for k in kitti.frames(lidar)]
+    boxes = np.array(
+        [[25.0, 12.0, -7.0, 4.5, 1.9, 1.6, 0.0], [25.0, 14.0, -7.0, 0.7, 0.7, 1.7, 0.0]]
+    )
+    names = np.array(["vehicle", "Pedestrian"])
+    found = [Detections(boxes, np.array([0.9, 0.8]), names)] * len(files)
+    left = without_standing(files, found, region=None)
+    assert {tuple(d.names.tolist()) for d in left} == {("Pedestrian",)}

@@ -201,6 +201,8 @@ class Known:
 
     training = True
 
+    classes = ("vehicle",)
+
     def __init__(self, answers: list[Detections]) -> None:
         self.answers = iter(answers)
 
@@ -797,7 +799,7 @@ def test_a_region_moves_with_the_points_of_its_sample() -> None:
     sample = road_sample(18)
     outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 4.0], [0.0, 4.0]])
     region = regions.Region(partial(in_outline, outline), outline)
-    of_site = SiteSample(sample.points, sample.boxes, region)
+    of_site = SiteSample(sample.points, sample.boxes, region=region)
     before = region.holds(sample.points.astype(np.float64), 0.0)
     assert 0 < before.sum() < len(before)
     for turn, scale, flip in ((0.3, 1.05, False), (-2.0, 0.95, True)):
