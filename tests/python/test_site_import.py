@@ -13,8 +13,8 @@ import site_data
 import yaml
 
 from pyinfra.cli import main
-from pyinfra.site.lane_map import MapError
-from pyinfra.site.map_import import ImportOptions, import_map
+from pyinfra.site.lane_map import MapError, MapLane
+from pyinfra.site.map_import import ImportOptions, import_map, lanes_table
 from pyinfra.site.netconvert import sumo_folder
 from pyinfra.site.opendrive_geometry import read_reference_line
 from pyinfra.site.openstreetmap import transverse_mercator
@@ -139,6 +139,39 @@ def test_pole_stands_off_the_carriageway_and_looks_at_it(
     yaw = math.radians(pole["yaw_deg"])
     ahead = away @ [math.cos(yaw), math.sin(yaw)]
     assert ((ahead > 5) & (ahead < 30)).any()
+
+
+def test_pole_looks_along_a_road_without_a_junction(tmp_path: Path) -> None:
+    made = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "site")
+    assert made.record["guessed"][-1].startswith("the pole, 6 m high, beside lane road1")
+    along = abs(math.remainder(made.pole.yaw_deg, 180))
+    assert 0 < along < 45
+
+
+def test_pole_is_apart_from_houses_and_trees(district: Path) -> None:
+    pole = yaml.safe_load((district / "site.yaml").read_text())["mounts"]["pole"]
+    at = np.array([pole["x_m"], pole["y_m"]])
+    assert np.hypot(*(at - (40, -12))) > 5
+    houses = read_ply(district / "meshes/buildings.ply").vertices[:, :2]
+    assert np.hypot(*(houses - at).T).min() > 1
+
+
+def test_rows_of_a_lane_are_apart_in_the_file() -> None:
+    """The simulator refuses two rows of one place."""
+    y = np.array([0, 0.0003, 0.0004, 4, 8])
+    left, right = (np.column_stack([side * 1.5 + 0 * y, y, 0 * y]) for side in (-1, 1))
+    rows = lanes_table([MapLane("a", "road", True, left, right)]).splitlines()
+    assert rows[1:] == [f"a,0.000,{v},0.0000,3.000" for v in ("0.000", "4.000", "8.000")]
+
+
+def test_lanes_of_a_network_have_no_crowded_points(tmp_path: Path) -> None:
+    """A random network's turning lanes have points a few millimetres apart."""
+    import site_maps
+
+    file = site_maps.netgenerate(tmp_path, sumo_folder())
+    import_map(file, tmp_path / "site", ImportOptions(radius_m=150))
+    for lane in read_lanes(tmp_path / "site/lanes.csv").values():
+        assert np.hypot(*np.diff(lane[:, :2], axis=0).T).min() > 1e-3
 
 
 def test_houses_and_trees_of_a_district(district: Path) -> None:
