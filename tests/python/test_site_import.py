@@ -248,9 +248,12 @@ def test_a_mount_is_where_it_is_said(tmp_path: Path) -> None:
 
 
 def test_plans_of_sites(district: Path, tmp_path: Path) -> None:
-    assert main(["site", "draw", str(district), "--out", str(tmp_path / "plan.svg")]) == 0
-    labels = {t.text for t in ElementTree.parse(tmp_path / "plan.svg").iter() if t.text}
-    assert labels
+    out = tmp_path / "new/plan.svg"
+    assert main(["site", "draw", str(district), "--out", str(out), "--radius", "60"]) == 0
+    assert {t.text for t in ElementTree.parse(out).iter() if t.text}
+    low, high = plan(district, 60).axes[0].get_xlim()
+    assert high - low == pytest.approx(120)
+    assert main(["site", "draw", str(district), "--out", str(out), "--radius", "nan"]) == 2
     axes = plan(district).axes[0]
     assert "pole" in {text.get_text() for text in axes.texts}
 
