@@ -49,6 +49,10 @@ def slip_road(folder: Path, home: Path) -> Path:
 
 
 def district(folder: Path, home: Path) -> Path:
+    return _written(folder / "district.osm", district_text())
+
+
+def district_text() -> str:
     """Three streets each way, houses in four blocks, and rows of trees."""
     osm = Osm(8.4, 49.0)
     lines = (-100, 0, 100)
@@ -63,7 +67,7 @@ def district(folder: Path, home: Path) -> Path:
                    (x, y + 12)], **({"building__levels": str(2 + number % 3)}))  # fmt: skip
     for x in (-70, -40, 30, 60):
         osm.node(x, 8, natural="tree", height="7")
-    return _written(folder / "district.osm", osm.text())
+    return osm.text()
 
 
 def netgenerate(folder: Path, home: Path) -> Path:
