@@ -27,7 +27,7 @@ from pyinfra.site.netconvert import sumo_folder
 ROOT = Path(__file__).resolve().parents[1]
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
-PRESET, FRAMES, SEED = "datasheet", "0:5000:20", 1
+PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1
 VEHICLES_PER_HOUR = 600
 SPLIT_S = (250, 260)  # until when learnt, from when tested
 COMMAND = "benchmarks/sites.py --work DIR --towns DIR"
@@ -102,14 +102,14 @@ def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
 def maps_of(towns: Path | None, work: Path) -> Iterator[tuple[str, Path]]:
     import site_maps
 
-    if towns is None:
-        print("--towns: not given: the three towns are left out")
-    else:
-        yield from ((town.lower(), towns / f"{town}.xodr") for town in TOWNS)
     folder = work / "maps"
     folder.mkdir(parents=True, exist_ok=True)
     for name, make in site_maps.MAPS.items():
         yield name, make(folder, sumo_folder())
+    if towns is None:
+        print("--towns: not given: the three towns are left out")
+    else:
+        yield from ((town.lower(), towns / f"{town}.xodr") for town in TOWNS)
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """Where a pole would stand if nobody says: off the carriageway beside the biggest junction.
 
-It looks where a narrow field of view holds most metres of lanes.
+It looks where a narrow field of view has the junction and most metres of lanes.
 """
 
 import math
@@ -18,6 +18,7 @@ CLEAR_M = 1.0  # from the lanes' edges and from houses
 CLEAR_OF_TREES_M = 5.0
 SEEN_M, SEEN_DEG = 100.0, 70.0  # of roads that the yaw is chosen by
 YAW_STEP_DEG = 5.0
+JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0  # as far off the yaw the target may be
 
 
 @dataclass(frozen=True)
@@ -49,22 +50,24 @@ def guess_pole(found: SiteMap) -> tuple[Pole, str]:
     dense = np.concatenate([lane.centre for lane in driven])
     road_z = dense[np.hypot(*(dense[:, :2] - foot).T).argmin(), 2]
     x, y, z = (round(float(v), 2) for v in (*foot, road_z + HEIGHT_M))
-    return Pole(x, y, z, _yaw_deg(foot, driven)), what
+    off_deg = JUNCTION_OFF_DEG if inside else LANE_OFF_DEG
+    return Pole(x, y, z, _yaw_deg(foot, target, driven, off_deg)), what
 
 
-def _yaw_deg(foot: FloatArray, lanes: list[MapLane]) -> float:
-    """Where most metres of lanes lie within a field of view; of several the middle one."""
+def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
+    """Where a field of view has the target and most metres of lanes; of several the middle one."""
     middles = [(lane.centre[1:] + lane.centre[:-1])[:, :2] / 2 - foot for lane in lanes]
     metres = [np.hypot(*np.diff(lane.centre[:, :2], axis=0).T) for lane in lanes]
     ways, weights = np.concatenate(middles), np.concatenate(metres)
     near = np.hypot(*ways.T) < SEEN_M
     at = np.degrees(np.arctan2(*ways[near].T[::-1]))
-    yaws = np.arange(-180, 180, YAW_STEP_DEG)
+    to_target = math.degrees(math.atan2(*(target - foot)[::-1]))
+    yaws = to_target + np.arange(-off_deg, off_deg + 1, YAW_STEP_DEG)
     off = np.abs((at - yaws[:, None] + 180) % 360 - 180)
     seen = ((off < SEEN_DEG / 2) * weights[near]).sum(1)
     best = np.flatnonzero(seen >= seen.max() - 1)
     run = best[: int(np.argmax(np.diff(best, append=np.inf) > 1)) + 1]
-    return float(yaws[run[len(run) // 2]])
+    return round(math.remainder(float(yaws[run[len(run) // 2]]), 360), 1)
 
 
 def _clear_place(
@@ -78,13 +81,16 @@ def _clear_place(
     order = order[(distance[order] >= NEAREST_M) & (distance[order] <= FARTHEST_M)]
     near = np.hypot(*(points - target).T) < FARTHEST_M + 20
     trees = np.array([(tree.x_m, tree.y_m) for tree in found.trees]).reshape(-1, 2)
+    reach = FARTHEST_M + 20
+    outlines = [thing.outline for thing in found.bodies] + found.areas
+    outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
     best, freest = target, -math.inf
     for offset in offsets[order]:
         place = target + offset
         free = (np.hypot(*(points[near] - place).T) - clear[near]).min(initial=math.inf)
         if np.hypot(*(trees - place).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
             continue
-        if any(_is_close(thing.outline, place) for thing in found.bodies):
+        if any(_is_close(outline, place) for outline in outlines):
             continue
         if free >= 0:
             return np.asarray(place)
