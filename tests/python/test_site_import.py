@@ -1,6 +1,7 @@
 """Maps of others as sites: surfaces where the map says, nothing half written, clear refusals."""
 
 import gzip
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -219,6 +220,13 @@ def test_objects_of_opendrive_and_what_is_not_understood(tmp_path: Path) -> None
     assert scene["trajectories"] == "trajectories.csv"
 
 
+def test_a_map_may_name_its_schema(tmp_path: Path) -> None:
+    text = _changed(site_data.straight(), "<OpenDRIVE>", '<OpenDRIVE xmlns="http://asam.net/odr">')
+    plain = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "plain")
+    named = import_map(write_map(tmp_path, "b.xodr", text), tmp_path / "named")
+    assert (named.lanes, named.triangles) == (plain.lanes, plain.triangles)
+
+
 def test_packed_osm_is_the_same_and_a_radius_cuts(tmp_path: Path) -> None:
     packed = tmp_path / "d.osm.gz"
     packed.write_bytes(gzip.compress(site_data.district().encode()))
@@ -295,6 +303,9 @@ NET = (
     'projParameter="!"/><edge id="e" from="a" to="b"><lane id="e_0" index="0" speed="9" '
     'length="9" shape="0,0 9,0"/></edge></net>'
 )
+ENTITIES = "".join(f'<!ENTITY {b} "{10 * f"&{a};"}">' for a, b in itertools.pairwise("abcdefghij"))
+GROWING = f'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">{ENTITIES}]><OpenDRIVE>&j;</OpenDRIVE>'
+TWICE = site_data.open_drive(*2 * [site_data.road(1, (0, 0, 0), 99)])
 BROKEN: dict[str, tuple[str, str | bytes]] = {
     "empty": ("a.xodr", ""),
     "not XML": ("a.xodr", "this is no map"),
@@ -315,6 +326,10 @@ BROKEN: dict[str, tuple[str, str | bytes]] = {
     "degrees as metres": ("a.xodr", _changed(XODR, 'x="1000"', 'x="4e9"')),
     "a cliff": ("a.xodr", _changed(site_data.hill(), 's="100" a="6"', 's="100" a="60"')),
     "sections that fall": ("a.xodr", _changed(XODR, "</lanes>", '<laneSection s="-5"/></lanes>')),
+    "one id of two roads": ("a.xodr", TWICE),
+    "entities that grow": ("a.xodr", GROWING),
+    "OSM in a cycle of one": ("a.osm", re.sub(r'<nd ref="[2-5]"/>', '<nd ref="1"/>', OSM)),
+    "OSM far off": ("a.osm", OSM.replace('lat="49.', 'lat="95.').replace('lat="48.', 'lat="94.')),
     "OSM cut": ("a.osm", OSM[: len(OSM) // 2]),
     "OSM without roads": ("a.osm", OSM.replace("highway", "waterway")),
     "OSM without nodes": ("a.osm", re.sub(r"<node.*?</node>", "", OSM)),
