@@ -48,7 +48,7 @@ def _crossing(folder: Path) -> Path:
 def _print_run(net: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> None:
     start = time.perf_counter()
     sumo_run = record(net, feet, demand, seconds, seed)
-    after = cleaned(sumo_run)
+    after = cleaned(sumo_run, feet)
     took = time.perf_counter() - start
     end = sumo_run.start + sumo_run.count
     raw = [unsmoothed(path).between(sumo_run.start, end) for path in sumo_run.paths]

@@ -481,6 +481,30 @@ def engines() -> str:
     return markdown(["engine", *heads], rows)
 
 
+def sites() -> str:
+    """Ten maps: what they hold, seconds of each step, and Background's AP by LiDAR."""
+    table = results("sites")
+    steps = ("import", "traffic", "check", "run")
+    rows = []
+    for site, own in table.groupby("site", sort=False):
+        first = own.iloc[0]
+        counts = [f"{first.lanes}", f"{first.triangles / 1000:.0f}", f"{first.vehicles}"]
+        seconds = [f"{first[f'{step}_s']:.1f}" for step in steps]
+        by_lidar = own.set_index("lidar")
+        line = by_lidar.loc["ruby_plus"]
+        seconds += [f"{line.detect_s + line.evaluate_s:.1f}"]
+        found = [site_ap(by_lidar.loc[lidar], "all") for lidar in ("ruby_plus", "livox_avia")]
+        captured = [site_ap(by_lidar.loc["livox_avia"], "captured")]
+        rows.append([str(site).replace("_", " "), *counts, *seconds, *found, *captured])
+    heads = ["site", "lanes", "triangles, k", "vehicles", *(f"{step}, s" for step in steps)]
+    heads += ["Background, s", "AP of all, 128 lines", "AP of all, Avia", "of captured, Avia"]
+    return markdown(heads, rows)
+
+
+def site_ap(row: pd.Series, truth: str) -> str:
+    return with_interval_of_ap(*(float(row[f"ap_{truth}{end}"]) for end in ("", "_low", "_high")))
+
+
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
 TABLES: dict[str, Callable[[], str]] = {
@@ -506,6 +530,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "people": people,
     "engines": engines,
     "generalist at sites": generalist_sites,
+    "sites": sites,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
 }
 

@@ -14,7 +14,7 @@ import yaml
 
 from pyinfra.atomic import replacing
 from pyinfra.benchmark import store
-from pyinfra.benchmark.matrix import Plan
+from pyinfra.benchmark.matrix import Plan, name_of
 from pyinfra.config import ConfigError
 from pyinfra.data.frames import lidars_in
 from pyinfra.simulator.runs import infrasim
@@ -53,9 +53,10 @@ def check_names(plan: Plan) -> None:
 
 def check_name(file: Path, text: str) -> None:
     """Raises ConfigError if a resolved text is not named as the file."""
-    found = yaml.safe_load(text)["name"]
-    if found != file.stem:
-        raise ConfigError(f"{file}: name: found '{found}', allowed '{file.stem}', as the file")
+    found, name = yaml.safe_load(text)["name"], name_of(file)
+    if found != name:
+        what = "file" if name == file.stem else "folder"
+        raise ConfigError(f"{file}: name: found '{found}', allowed '{name}', as the {what}")
 
 
 def digests(plan: Plan) -> pd.DataFrame:

@@ -16,6 +16,7 @@ from pyinfra.config import ConfigError, checked, read_config, ruled
 from pyinfra.data import split
 from pyinfra.data.frames import PERIOD_S
 from pyinfra.simulator.catalogue import configs
+from pyinfra.site.site_folder import MAP, SCENE
 from pyinfra.training.sources import Tier
 
 Preset = Literal["paper", "equal", "datasheet"]
@@ -27,6 +28,12 @@ MOST_CELLS = 100_000  # of a benchmark, of 20 s at least
 NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
 
+def name_of(path: Path) -> str:
+    """That of the file; of a site that of its folder (sites/corner/site.yaml)."""
+    is_site = path.name == SCENE and (path.parent / MAP).exists()
+    return path.absolute().parent.name if is_site else path.stem
+
+
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """`ruby_plus` of configs/lidars, or `own.yaml` beside the benchmark's file.
 
@@ -34,7 +41,7 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """
     folder = configs() / kind
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
-    if not NAME.fullmatch(path.stem):
+    if not NAME.fullmatch(name_of(path)):
         raise ValueError(
             f"found '{word}', allowed a name of up to 100 letters that begins with a letter, a "
             "digit or _"
@@ -152,12 +159,13 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
         paths = [config_file(kind, file, word) for word in words]
         paths = list(own) if own and kind == "scenes" else paths
         for path in paths:
-            if files.setdefault((kind, path.stem), path) != path:
+            name = name_of(path)
+            if files.setdefault((kind, name), path) != path:
                 raise ConfigError(
-                    f"{file}: {kind}: found '{path.stem}' of two files, {path} and "
-                    f"{files[kind, path.stem]}, allowed one of a name"
+                    f"{file}: {kind}: found '{name}' of two files, {path} and "
+                    f"{files[kind, name]}, allowed one of a name"
                 )
-        return [path.stem for path in paths]
+        return [name_of(path) for path in paths]
 
     def cells() -> Iterator[Cell]:
         for block in benchmark.matrix:

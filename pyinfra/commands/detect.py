@@ -151,7 +151,8 @@ def _without_standing(
     """As `detect`; what stands is known when all frames are."""
     once(files)
     every, times = detect(detector, files, None, read=read)
-    found = without_standing(files, every, _place(args)[1])
+    road, region = _place(args)
+    found = without_standing(files, every, region, road)
     args.out.mkdir(parents=True, exist_ok=True)
     for file, detections in zip(files, found, strict=True):
         write(args.out, file, detections)

@@ -6,6 +6,7 @@ import importlib
 STEPS = {
     "import": ("pyinfra.commands.site_import", "a map as a site"),
     "draw": ("pyinfra.commands.site_draw", "the plan of a site"),
+    "mesh": ("pyinfra.commands.site_mesh", "a surface of others in it"),
     "traffic": ("pyinfra.commands.site_traffic", "traffic of a site by SUMO"),
     "trajectories": ("pyinfra.commands.site_trajectories", "others' trajectories as its traffic"),
 }

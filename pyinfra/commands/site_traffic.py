@@ -7,7 +7,8 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Simulates traffic on SITE/map.net.xml by SUMO, with its signals and right of way, and "
-        "writes it as SITE/trajectories.csv: boxes that move as vehicles on two axles."
+        "writes it as SITE/trajectories.csv: boxes that move as vehicles on two axles. The "
+        "scene's duration_s becomes the time that they fill."
     )
     parser.epilog = "example: pyinfra site traffic sites/corner --vehicles-per-hour 1200"
     parser.add_argument("site", type=Path, metavar="SITE")
@@ -21,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from pyinfra.site import site_folder
+    from pyinfra.site.tracks import lasts_s
     from pyinfra.site.traffic import NET, simulate
     from pyinfra.site.traffic_demand import Demand
     from pyinfra.site.traffic_figures import report_lines
@@ -30,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     feet = site_folder.feet(args.site)
     traffic = simulate(args.site / NET, feet, demand, args.seconds, args.seed)
     write_trajectories(args.site / NAME, traffic.tracks)
+    site_folder.set_duration(args.site, lasts_s(traffic.tracks))
     notes = [f"{name}: left out: no average makes it smooth" for name in traffic.rough]
     notes += [f"{name}: left out: it stood in another" for name in traffic.overlapping]
     print(*report_lines(args.site / NAME, traffic.tracks, feet, notes), sep="\n")

@@ -8,7 +8,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Takes trajectories of others into a site: SUMO's floating car data (.xml, .gz), a .csv "
         "of boxes, or the folder of a LiDAR with labels. Resampled to 10 Hz, gaps up to 1 s "
-        "filled, smoothed where they jump; without ids boxes are linked."
+        "filled, smoothed where they jump; without ids boxes are linked. The scene's duration_s "
+        "becomes the time that they fill."
     )
     parser.epilog = (
         "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
@@ -29,6 +30,7 @@ def run(args: argparse.Namespace) -> int:
 
     from pyinfra.kitti import FormatError
     from pyinfra.site import fcd, recorded_boxes, site_folder
+    from pyinfra.site.tracks import lasts_s
     from pyinfra.site.traffic_figures import report_lines
     from pyinfra.site.trajectory_file import NAME, write_trajectories
     from pyinfra.site.trajectory_import import import_boxes, import_fcd
@@ -52,6 +54,8 @@ def run(args: argparse.Namespace) -> int:
         raise FormatError(named) from error
     write_trajectories(args.out / NAME, imported.tracks)
     has_scene = (args.out / site_folder.SCENE).exists()
+    if has_scene:
+        site_folder.set_duration(args.out, lasts_s(imported.tracks))
     feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
     print(*report_lines(args.out / NAME, imported.tracks, feet, imported.notes), sep="\n")
     return 0

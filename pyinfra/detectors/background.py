@@ -34,6 +34,7 @@ from pyinfra.arrays import BoolArray, FloatArray, Floats, Int32Array, IntArray, 
 from pyinfra.atomic import replacing
 from pyinfra.boxes import bev_overlap
 from pyinfra.config import ruled
+from pyinfra.data.ground import Ground
 from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 
@@ -96,18 +97,23 @@ class Background:
 
     @classmethod
     def learn(
-        cls, frames: Sequence[Points], settings: Config = DEFAULT, region: Region | None = None
+        cls,
+        frames: Sequence[Points],
+        settings: Config = DEFAULT,
+        region: Region | None = None,
+        road: Ground | None = None,
     ) -> Background:
         """frames: clouds (k, 4) of one sensor that stays where it is, spread over minutes.
 
         region: where vehicles can be; left out, or without `within_region`, everywhere.
+        road: how high it lies; only a relief is used, a level road is taken from the frames.
         Vehicles may stand in the way for most of that time if the road is seen free once.
         Raises ValueError if no frame has a point in range.
         """
         clouds = [_usable(frame, settings) for frame in frames]
         if sum(map(len, clouds)) == 0:
             raise ValueError(f"frames: found {len(clouds)} without a point in range, allowed more")
-        ground = _ground(clouds, settings)
+        ground = _ground(clouds, settings, road)
         permanent = _permanent(clouds, ground, settings)
         cells = _road_cells(settings)
         nowhere = np.zeros((cells, cells, 2), np.float32)
@@ -284,20 +290,27 @@ def _centres(s: Config) -> tuple[Floats, Floats]:
     return at[:, None], at[None]
 
 
+def _places(s: Config) -> FloatArray:
+    """(n * n, 2) x y of the cells of the ground, row by row."""
+    n = _cells(s)
+    x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
+    return np.column_stack([x, y]).astype(np.float64)
+
+
 def _inside_region(region: Region | None, s: Config) -> BoolArray:
     """(n, n) of the cells whose centre is in the region or its margin."""
     n = _cells(s)
     if region is None or not s.within_region:
         return np.ones((n, n), np.bool_)
-    x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
-    return region.holds(np.column_stack([x, y]).astype(np.float64), s.region_margin_m).reshape(n, n)
+    return region.holds(_places(s), s.region_margin_m).reshape(n, n)
 
 
-def _ground(clouds: Sequence[Floats], s: Config) -> Floats:
+def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None) -> Floats:
     """(n, n) z: the lowest return of each cell, unless it is only ever of vehicles.
 
-    A cell whose lowest return is well above the plane of the road and not there in most frames is
-    one whose ground no ray reaches; it gets that of a neighbour, or of the plane.
+    A cell whose lowest return is well above the road and not there in most frames is one whose
+    ground no ray reaches; it gets that of a neighbour, or of the road: its relief where that is
+    known, else the plane that fits it best.
     """
     n = _cells(s)
     lowest = np.full(n * n, np.inf, np.float32)
@@ -308,7 +321,10 @@ def _ground(clouds: Sequence[Floats], s: Config) -> Floats:
         seen += np.bincount(cell, minlength=n * n) > 0
     z = lowest.reshape(n, n)
     share = (seen / len(clouds)).reshape(n, n)
-    plane = _plane(z, share, s)
+    if road is not None and road.relief is not None:
+        plane = road.height(_places(s)).reshape(n, n).astype(np.float32)
+    else:
+        plane = _plane(z, share, s)
     real = (share > s.permanent_share) | (z < plane + s.clearance_m) | (z == z.min())
     apart, (i, j) = distance_transform_edt(~real, s.cell_m, return_indices=True)
     return np.where(apart <= _NEIGHBOUR_M, z[i, j], plane).astype(np.float32)

@@ -37,7 +37,7 @@ MATERIALS = {"buildings": "structure"}  # of the others the mesh's own name
 FORMATS = (".xodr", ".osm", ".osm.gz", ".net.xml")
 NETWORK = "map.net.xml"
 RECORD = "map.yaml"
-VERSION = 1  # of what an import makes
+VERSION = 2  # of what an import makes
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         meshes, terrain = surfaces(found, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
             raise MapError(f"{file}: more than {MOST_TRIANGLES} triangles; use a smaller --radius")
-        pole, what = _pole(found, terrain, options)
+        pole, what = _pole(found, options)
         found.guessed += [what] if what else []
         _write_site(folder, out.name, found, meshes, (pole, options), terrain)
         counts = {
@@ -140,7 +140,7 @@ def _from_opendrive(
     warnings = _shifted_network(file, arguments, offset, folder / NETWORK)
     network = read_network(folder / NETWORK, lanes=False)
     found.areas, found.junctions = _near(network, options.radius_m)
-    found.guessed.append("traffic lights of the network where the map says none")
+    found.guessed.append("traffic lights, where the map says none")
     return found, {"offset_m": offset.tolist(), "network": warnings}
 
 
@@ -237,11 +237,11 @@ def _near(network: SiteMap, radius_m: float) -> tuple[list[FloatArray], list[Any
     return areas, [j for j in network.junctions if math.hypot(j[1], j[2]) <= radius_m]
 
 
-def _pole(found: SiteMap, terrain: Sheet, options: ImportOptions) -> tuple[Pole, str]:
+def _pole(found: SiteMap, options: ImportOptions) -> tuple[Pole, str]:
     if options.mount is not None:
         return Pole(*options.mount), ""
-    pole, what = guess_pole(found, terrain)
-    return pole, f"the pole, {HEIGHT_M:g} m high, looking at {what}"
+    pole, what = guess_pole(found)
+    return pole, f"the pole, {HEIGHT_M:g} m high, beside {what}"
 
 
 def _write_site(
@@ -290,6 +290,10 @@ def lanes_table(lanes: Sequence[MapLane]) -> str:
         for part, (first, last) in enumerate(_wide(lane.width)):
             name = lane.name if part == 0 else f"{lane.name}_part{part + 1}"
             table = np.column_stack([lane.centre, lane.width])[first:last]
+            apart = np.abs(np.diff(table[:, :3].round(3), axis=0)).max(1) > 0
+            table = table[np.concatenate([[True], apart])]
+            if len(table) < 2:
+                continue
             rows += [f"{name},{x:.3f},{y:.3f},{z:.4f},{w:.3f}" for x, y, z, w in table]
     return "\n".join(rows) + "\n"
 

@@ -1,4 +1,7 @@
-"""Where a pole would stand if nobody says: off the carriageway beside the biggest junction."""
+"""Where a pole would stand if nobody says: off the carriageway beside the biggest junction.
+
+It looks where a narrow field of view has the junction and most metres of lanes.
+"""
 
 import math
 from dataclasses import dataclass
@@ -6,12 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.arrays import FloatArray
-from pyinfra.site.lane_map import SiteMap
-from pyinfra.site.surfaces import Sheet, contains
+from pyinfra.site.lane_map import MapLane, SiteMap
+from pyinfra.site.surfaces import contains
 
 HEIGHT_M = 6.0
 NEAREST_M, FARTHEST_M = 12.0, 80.0  # from the junction's middle
 CLEAR_M = 1.0  # from the lanes' edges and from houses
+CLEAR_OF_TREES_M = 5.0
+SEEN_M, SEEN_DEG = 100.0, 70.0  # of roads that the yaw is chosen by
+YAW_STEP_DEG = 5.0
+JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0  # as far off the yaw the target may be
 
 
 @dataclass(frozen=True)
@@ -24,8 +31,8 @@ class Pole:
     yaw_deg: float
 
 
-def guess_pole(found: SiteMap, terrain: Sheet) -> tuple[Pole, str]:
-    """The pole, and in words what it looks at."""
+def guess_pole(found: SiteMap) -> tuple[Pole, str]:
+    """The pole, and in words what it stands beside."""
     lanes = [lane for lane in found.lanes if lane.kind == "road"]
     points = np.concatenate([lane.centre[:, :2] for lane in lanes])
     clear = np.concatenate([lane.width / 2 + CLEAR_M for lane in lanes])
@@ -39,16 +46,32 @@ def guess_pole(found: SiteMap, terrain: Sheet) -> tuple[Pole, str]:
     else:
         longest = max(driven, key=lambda lane: len(lane.centre))
         target, what = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"
-    foot = _clear_place(target, points, clear, [thing.outline for thing in found.bodies])
+    foot = _clear_place(target, points, clear, found)
     dense = np.concatenate([lane.centre for lane in driven])
     road_z = dense[np.hypot(*(dense[:, :2] - foot).T).argmin(), 2]
-    yaw = math.degrees(math.atan2(*(target - foot)[::-1]))
     x, y, z = (round(float(v), 2) for v in (*foot, road_z + HEIGHT_M))
-    return Pole(x, y, z, round(yaw, 1)), what
+    off_deg = JUNCTION_OFF_DEG if inside else LANE_OFF_DEG
+    return Pole(x, y, z, _yaw_deg(foot, target, driven, off_deg)), what
+
+
+def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
+    """Where a field of view has the target and most metres of lanes; of several the middle one."""
+    middles = [(lane.centre[1:] + lane.centre[:-1])[:, :2] / 2 - foot for lane in lanes]
+    metres = [np.hypot(*np.diff(lane.centre[:, :2], axis=0).T) for lane in lanes]
+    ways, weights = np.concatenate(middles), np.concatenate(metres)
+    near = np.hypot(*ways.T) < SEEN_M
+    at = np.degrees(np.arctan2(*ways[near].T[::-1]))
+    to_target = math.degrees(math.atan2(*(target - foot)[::-1]))
+    yaws = to_target + np.arange(-off_deg, off_deg + 1, YAW_STEP_DEG)
+    off = np.abs((at - yaws[:, None] + 180) % 360 - 180)
+    seen = ((off < SEEN_DEG / 2) * weights[near]).sum(1)
+    best = np.flatnonzero(seen >= seen.max() - 1)
+    run = best[: int(np.argmax(np.diff(best, append=np.inf) > 1)) + 1]
+    return round(math.remainder(float(yaws[run[len(run) // 2]]), 360), 1)
 
 
 def _clear_place(
-    target: FloatArray, points: FloatArray, clear: FloatArray, houses: list[FloatArray]
+    target: FloatArray, points: FloatArray, clear: FloatArray, found: SiteMap
 ) -> FloatArray:
     """The free place nearest to the target; if all is paved, the one that is freest."""
     axis = np.arange(-FARTHEST_M, FARTHEST_M + 1, 1.0)
@@ -57,14 +80,28 @@ def _clear_place(
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] >= NEAREST_M) & (distance[order] <= FARTHEST_M)]
     near = np.hypot(*(points - target).T) < FARTHEST_M + 20
+    trees = np.array([(tree.x_m, tree.y_m) for tree in found.trees]).reshape(-1, 2)
+    reach = FARTHEST_M + 20
+    outlines = [thing.outline for thing in found.bodies] + found.areas
+    outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
     best, freest = target, -math.inf
     for offset in offsets[order]:
         place = target + offset
         free = (np.hypot(*(points[near] - place).T) - clear[near]).min(initial=math.inf)
-        if any(contains(house, place[None])[0] for house in houses):
+        if np.hypot(*(trees - place).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
+            continue
+        if any(_is_close(outline, place) for outline in outlines):
             continue
         if free >= 0:
             return np.asarray(place)
         if free > freest:
             best, freest = place, free
     return np.asarray(best)
+
+
+def _is_close(outline: FloatArray, place: FloatArray) -> bool:
+    """Whether a place lies in an outline (n, 2) or within CLEAR_M of it."""
+    sides = np.roll(outline, -1, axis=0) - outline
+    along = ((place - outline) * sides).sum(1) / np.maximum((sides**2).sum(1), 1e-12)
+    away = outline + along.clip(0, 1)[:, None] * sides - place
+    return bool(np.hypot(*away.T).min() < CLEAR_M) or bool(contains(outline, place[None])[0])

@@ -10,7 +10,7 @@ from pyinfra.site.lane_map import MapError
 LONGEST_S = 600.0
 INSTALL = "needs SUMO, which is not installed: pip install 'infrasim[site]'"
 ALL = ["--junctions.internal-link-detail", "20", "--xml-validation", "never"]
-OPENDRIVE = ["--opendrive.import-all-lanes", "--opendrive.internal-shapes", "--tls.guess-signals"]
+OPENDRIVE = ["--opendrive.import-all-lanes", "--opendrive.internal-shapes", "--tls.guess"]
 OSM = (
     "--osm.elevation --geometry.remove --roundabouts.guess --ramps.guess --junctions.join "
     "--tls.guess-signals --tls.discard-simple --tls.join --sidewalks.guess --crossings.guess"

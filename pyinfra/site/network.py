@@ -1,6 +1,7 @@
 """Lanes and junctions of a SUMO network (`.net.xml`)."""
 
 import itertools
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -14,6 +15,7 @@ from pyinfra.site.opendrive_geometry import number
 DEFAULT_WIDTH_M = 3.2  # SUMO's, of a lane without one
 KERB_M = 0.15
 STEP_M = 4.0
+CLOSE_M = 0.05
 CARS = frozenset({"passenger", "private", "taxi", "bus", "delivery", "truck", "custom1", "all"})
 WALKERS = frozenset({"pedestrian"})
 
@@ -62,8 +64,7 @@ def _read_edge(edge: Element, found: SiteMap) -> None:
         width = number(lane, "width", DEFAULT_WIDTH_M)
         if not 0 < width < 100:
             raise MapError(f"lane {lane.get('id')}: width: found {width:g}, allowed 0 to 100 m")
-        kept = np.concatenate([[True], np.hypot(*np.diff(shape[:, :2], axis=0).T) > 1e-3])
-        shape = shape[kept]
+        shape = _thinned(shape)
         if len(shape) < 2 or np.hypot(*np.diff(shape[:, :2], axis=0).T).sum() < SHORTEST_M:
             found.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
             continue
@@ -82,6 +83,17 @@ def _read_edge(edge: Element, found: SiteMap) -> None:
                 KERB_M if walked else 0.0,
             )
         )
+
+
+def _thinned(shape: FloatArray) -> FloatArray:
+    """The line without points closer than CLOSE_M to the one before; its ends stay."""
+    kept: list[int] = []
+    for i, place in enumerate(shape[:, :2]):
+        if not kept or math.hypot(*(place - shape[kept[-1], :2])) >= CLOSE_M:
+            kept.append(i)
+    if len(kept) > 1 and kept[-1] != len(shape) - 1:
+        kept[-1] = len(shape) - 1
+    return shape[kept]
 
 
 def _unfolded(shape: FloatArray) -> FloatArray:
@@ -134,5 +146,15 @@ def _read_junction(node: Element, found: SiteMap) -> None:
     found.areas.append(shape[:, :2])
     ways = len(node.get("intLanes", "").split())
     if ways > 1:
-        x, y = shape[:, :2].mean(0)
-        found.junctions.append((ways, float(x), float(y)))
+        x, y = _centroid(shape[:, :2])
+        found.junctions.append((ways, x, y))
+
+
+def _centroid(outline: FloatArray) -> tuple[float, float]:
+    """Of the area of an outline (n, 2); its corners' mean if it has none."""
+    middle = outline.mean(0)
+    a, b = outline - middle, np.roll(outline, -1, axis=0) - middle
+    doubled = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    if abs(doubled.sum()) > 1e-6:
+        middle = middle + ((a + b) * doubled[:, None]).sum(0) / (3 * doubled.sum())
+    return float(middle[0]), float(middle[1])

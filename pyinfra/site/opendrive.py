@@ -72,11 +72,16 @@ def read_opendrive(file: Path) -> SiteMap:
         root = ElementTree.parse(file).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: not XML that can be read: {error}") from error
+    for node in root.iter():
+        node.tag = node.tag.rpartition("}")[2]  # some writers name the schema
     if root.tag != "OpenDRIVE":
         raise MapError(f"{file}: found <{root.tag}>, allowed <OpenDRIVE>")
-    found = SiteMap()
+    found, ids = SiteMap(), set[str | None]()
     try:
-        for node in root.iter("road"):
+        for count, node in enumerate(root.iter("road")):
+            ids.add(node.get("id"))
+            if len(ids) <= count:
+                raise MapError(f"road {node.get('id')}: id: found it twice, allowed once")
             _read_road(node, found)
     except MapError as error:
         raise MapError(f"{file}: {error}") from error

@@ -64,18 +64,23 @@ def read_scene(folder: Path) -> dict[str, Any]:
     return scene
 
 
-def save_plan(folder: Path, out: Path) -> None:
+def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
     """Raises MapError and OSError."""
+    out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
-        plan(folder).savefig(beside, format=out.suffix.lstrip(".") or "svg", dpi=150)
+        plan(folder, radius_m).savefig(beside, format=out.suffix.lstrip(".") or "svg", dpi=150)
 
 
-def plan(folder: Path) -> Figure:
-    """The site's lanes with 20 m around them."""
+def plan(folder: Path, radius_m: float | None = None) -> Figure:
+    """The site's lanes with 20 m around them, or what is so near to the first mount."""
     scene = read_scene(folder)
     lanes = read_lanes(folder / scene["lanes"])
     places = np.concatenate(list(lanes.values()))[:, :2]
     low, high = places.min(0) - 20, places.max(0) + 20
+    if radius_m is not None:
+        mount = next(iter(scene["mounts"].values()))
+        foot = np.array([mount["x_m"], mount["y_m"]])
+        low, high = foot - radius_m, foot + radius_m
     width, height = high - low
     with mpl.rc_context(clouds.STYLE):
         size = SIZE_IN / max(width, height)

@@ -1,12 +1,14 @@
-"""What traffic needs of a site's folder: where its mounts stand, and the map's offset."""
+"""What traffic needs of a site's folder, and the time that it fills."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from pyinfra.arrays import FloatArray
+from pyinfra.atomic import write
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.yaml_file import read_keys
 
@@ -44,3 +46,17 @@ def offset(site: Path) -> FloatArray:
     if found.shape != (3,) or not np.isfinite(found).all():
         raise FormatError(f"{file}: offset_m: found {value!r}, allowed [x, y, z] in metres")
     return found
+
+
+def set_duration(site: Path, seconds: float) -> None:
+    """Writes `duration_s` into site.yaml, and leaves all else in it as it is."""
+    file = site / SCENE
+    before = read_keys(file).get("duration_s")
+    if before == seconds:
+        return
+    text, line = file.read_text(), f"duration_s: {seconds:g}"
+    if before is None:
+        changed = text.rstrip("\n") + f"\n{line}\n"
+    else:
+        changed = re.sub(r"^duration_s:[^#\n]*?(?=\s*(#|$))", line, text, flags=re.MULTILINE)
+    write(file, changed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,15 @@ class Track:
         states = self.states[low - self.first : high - self.first + 1]
         return Track(self.name, self.object_class, self.size_m, low - start, states)
 
+    def near(self, feet: FloatArray, reach_m: float) -> list[Track]:
+        """Its pieces within a distance of one of the feet (k, 2), each a track."""
+        away = np.linalg.norm(self.states[:, None, :2] - feet, axis=2).min(1)
+        inside = np.concatenate([[False], away <= reach_m, [False]])
+        edges = np.flatnonzero(np.diff(inside.astype(int))).reshape(-1, 2)
+        return [
+            replace(self, first=self.first + a, states=self.states[a:b]) for a, b in edges.tolist()
+        ]
+
 
 @dataclass(frozen=True)
 class TrackTable:
@@ -75,6 +84,17 @@ class TrackTable:
     track: IntArray
     boxes: FloatArray
     states: FloatArray
+
+
+def from_zero(tracks: list[Track]) -> list[Track]:
+    """The same by a clock that starts with the first of them."""
+    start = min((t.first for t in tracks), default=0)
+    return [replace(t, first=t.first - start) for t in tracks]
+
+
+def lasts_s(tracks: list[Track]) -> float:
+    """The time of the last instant."""
+    return round(max((t.first + len(t.states) - 1 for t in tracks), default=0) * STEP_S, 1)
 
 
 def table(tracks: list[Track]) -> TrackTable:

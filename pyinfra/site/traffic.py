@@ -14,11 +14,13 @@ from pyinfra.arrays import FloatArray
 from pyinfra.site.fcd import Recorded, read_fcd
 from pyinfra.site.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
 from pyinfra.site.smoothing import smooth
-from pyinfra.site.tracks import STEP_S, FrontPath, Track
+from pyinfra.site.tracks import STEP_S, FrontPath, Track, from_zero
 from pyinfra.site.traffic_demand import Demand, Trips, trips
 from pyinfra.site.traffic_figures import without_overlaps
 
 NET = "map.net.xml"
+REACH_M = 300.0  # from a mount; who drives on is no more in the file, and may come back as another
+STRIPE_M = "0.8"  # as wide as anyone walks, so that two pass each other
 _WARM_UP_S, _WALKING_S = 200, 400
 _AROUND_S = 4.0  # before and after, so that averages have neighbours
 _DETAIL = ("--junctions.internal-link-detail", "20")
@@ -31,7 +33,7 @@ _WALKS = (
 
 @dataclass(frozen=True)
 class Traffic:
-    """Tracks from 0 to the end, and what was left out and why."""
+    """Tracks, the first of them from 0 on, and what was left out and why."""
 
     tracks: list[Track]
     asked: int  # objects that were to depart
@@ -56,7 +58,7 @@ def simulate(
 
     Raises ValueError, FormatError, OSError, RuntimeError (of SUMO).
     """
-    return cleaned(record(net_file, feet, demand, seconds, seed))
+    return cleaned(record(net_file, feet, demand, seconds, seed), feet)
 
 
 def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> SumoRun:
@@ -74,8 +76,8 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
     return SumoRun(paths, len(asked.sizes), round(warm_up / STEP_S), round(seconds / STEP_S))
 
 
-def cleaned(sumo_run: SumoRun) -> Traffic:
-    """Smoothed, cut to the time, without overlaps."""
+def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
+    """Smoothed, cut to the time and to what is near the mounts, without overlaps."""
     tracks, rough = [], []
     start, end = sumo_run.start, sumo_run.start + sumo_run.count
     for path in sumo_run.paths:
@@ -83,9 +85,9 @@ def cleaned(sumo_run: SumoRun) -> Traffic:
         if track is None:
             rough.append(path.name)
         elif (part := track.between(start, end)) is not None:
-            tracks.append(part)
+            tracks += part.near(feet, REACH_M)
     kept, overlapping = without_overlaps(tracks)
-    return Traffic(kept, sumo_run.asked, rough, overlapping)
+    return Traffic(from_zero(kept), sumo_run.asked, rough, overlapping)
 
 
 def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
@@ -118,6 +120,7 @@ def _run_sumo(
     words += ["--fcd-output", str(fcd), "--device.fcd.begin", str(begin), "--precision", "4"]
     words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
     words += ["--collision.action", "none", "--pedestrian.model", "striping"]
+    words += ["--pedestrian.striping.stripe-width", STRIPE_M]
     run_tool([*words, "--no-step-log", "true", "--no-warnings", "true"])
     return read_fcd(fcd)
 

@@ -12,7 +12,7 @@ from pyinfra.kitti import FormatError
 from pyinfra.site.fcd import Recorded
 from pyinfra.site.recorded_boxes import BoxTrack
 from pyinfra.site.smoothing import smooth, unsmoothed, within_limits
-from pyinfra.site.tracks import CLASSES, STEP_S, FrontPath, Track
+from pyinfra.site.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
 
 FILLED_S = 1.0  # gaps up to this are filled, longer ones cut a track
 _FASTEST_M_S = 70.0  # what is faster is another object, or a clock that jumped
@@ -98,12 +98,10 @@ def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
 
 def _from_zero(out: ImportedTracks) -> ImportedTracks:
     """The clock starts with the first track that was kept."""
-    start = min((t.first for t in out.tracks), default=0)
     if not out.tracks:
         why = out.notes[0] if out.notes else "no rows"
         raise FormatError(f"found no track that can be used ({why}), allowed one or more")
-    end = max(t.first + len(t.states) for t in out.tracks)
-    out.tracks = [part for t in out.tracks if (part := t.between(start, end)) is not None]
+    out.tracks = from_zero(out.tracks)
     return out
 
 

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.boxes import points_in_boxes
+from pyinfra.data.ground import Ground
 from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 from pyinfra.detectors.background import DEFAULT, Background
@@ -24,7 +25,10 @@ MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
 
 
 def without_standing(
-    clouds: Sequence[Path], found: Sequence[Detections], region: Region | None
+    clouds: Sequence[Path],
+    found: Sequence[Detections],
+    region: Region | None,
+    road: Ground | None = None,
 ) -> list[Detections]:
     """The detections of each cloud without vehicles that come back where nothing ever moves.
 
@@ -34,7 +38,7 @@ def without_standing(
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
-    background = Background.learn(learnt, DEFAULT, region)
+    background = Background.learn(learnt, DEFAULT, region, road)
     moves = [_moves(background, cloud, d.boxes) for cloud, d in zip(clouds, found, strict=True)]
     centres = np.concatenate([np.empty((0, 2)), *(d.boxes[:, :2] for d in found)])
     vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in found)])

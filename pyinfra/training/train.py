@@ -84,7 +84,7 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
     clouds = [source.clouds[i]() for i in chosen]
-    Background.learn(clouds, recipe.network, source.region).save(file)
+    Background.learn(clouds, recipe.network, source.region, source.ground).save(file)
     return file
 
 

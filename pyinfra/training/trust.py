@@ -12,6 +12,7 @@ from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.boxes import points_in_boxes
 from pyinfra.data.frame_tables import Predictions, read_cameras, read_predictions
 from pyinfra.data.frames import PERIOD_S, frame_numbers
+from pyinfra.data.ground import ground_of
 from pyinfra.data.regions import Region, region_of
 from pyinfra.detectors.background import DEFAULT, Background
 from pyinfra.evaluation.prediction_checks import find_files
@@ -40,7 +41,7 @@ def trust_of(
     clouds = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
-    background = Background.learn(learnt, DEFAULT, region)
+    background = Background.learn(learnt, DEFAULT, region, ground_of(folder) if lidar else None)
     moving, clusters = _second_opinion(background, clouds, frames, predictions)
     found = BoxSeries(np.asarray(frames)[predictions.frame], predictions.boxes, predictions.scores)
     return trust(

@@ -63,13 +63,13 @@ def hill() -> str:
     return open_drive(road(1, (0, 0, 0), 300, elevation=rise), bend)
 
 
-def roundabout(folder: Path, netconvert: Path) -> Path:
+def roundabout(folder: Path, netconvert: Path, reach_m: float = 120) -> Path:
     """A network of a ring of 20 m and four arms, built from nodes and edges."""
     nodes, edges = [], []
     for k in range(4):
         x, y = (round(math.cos(k * math.pi / 2)), round(math.sin(k * math.pi / 2)))
         nodes += [f'<node id="r{k}" x="{20 * x}" y="{20 * y}"/>']
-        nodes += [f'<node id="a{k}" x="{120 * x}" y="{120 * y}"/>']
+        nodes += [f'<node id="a{k}" x="{reach_m * x}" y="{reach_m * y}"/>']
         arc = [k * math.pi / 2 + i * math.pi / 16 for i in range(9)]
         shape = " ".join(f"{20 * math.cos(a):.2f},{20 * math.sin(a):.2f}" for a in arc)
         edges += [f'<edge id="ring{k}" from="r{k}" to="r{(k + 1) % 4}" shape="{shape}"/>']

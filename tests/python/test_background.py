@@ -12,6 +12,7 @@ from evaluation_data import write_lidar, write_roads
 from pyinfra import cli, kitti
 from pyinfra.arrays import FloatArray, Points
 from pyinfra.boxes import bev_iou, iou_3d
+from pyinfra.data.ground import ground_of_roads
 from pyinfra.data.regions import Region, Road, outline_region, roads_region
 from pyinfra.detectors import Detector
 from pyinfra.detectors.background import DEFAULT, Background, _clusters, _road_cells
@@ -173,6 +174,31 @@ def test_vehicles_do_not_raise_ground_that_no_ray_reaches() -> None:
     ground = Background.learn(frames).ground
     middle = len(ground) // 2
     assert np.abs(ground[middle : middle + 95, middle : middle + 8] + SENSOR_HEIGHT_M).max() < 0.2
+
+
+def test_far_ground_of_a_road_that_rises_is_its_relief() -> None:
+    """Beyond 60 m the road climbs by 8 %, where a ray in four frames of five meets none of it."""
+    rng = np.random.default_rng(3)
+
+    def road_z(x: FloatArray) -> FloatArray:
+        return np.asarray(0.08 * (x - 60).clip(0) - SENSOR_HEIGHT_M)
+
+    def frame(seed: int) -> Points:
+        points = cast(NO_BOXES, seed)
+        far = points[:, 0] > 60
+        points[:, 2] = road_z(points[:, 0])
+        return points[~far | (rng.random(len(points)) < 0.05)]
+
+    s = np.arange(-110.0, 111)
+    road = Road("a", s, np.column_stack([s, 0 * s]), road_z(s) + 6, 0 * s, 0 * s + 6)
+    known = ground_of_roads([road], kitti.WorldPose(0, 0, 6, 0))
+    frames = [frame(seed) for seed in range(40)]
+    middle = 120
+    truth = road_z(np.arange(61.0, 109) + 0.5)
+    for given, high in ((known, False), (None, True)):
+        ground = Background.learn(frames, road=given).ground
+        off = np.abs(ground[middle + 61 : middle + 109, middle - 3 : middle + 3] - truth[:, None])
+        assert (off.max() > 1) == high
 
 
 def hedge(seed: int) -> Points:

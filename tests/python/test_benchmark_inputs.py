@@ -54,6 +54,19 @@ def changed(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new))
 
 
+def test_an_imported_site_has_its_folder_as_its_name(config: Path) -> None:
+    site = config.parent / "sites/corner"
+    site.mkdir(parents=True)
+    shutil.copy(config.parent / "site.yaml", site)
+    (site / "map.yaml").write_text("source: corner.osm\n")
+    changed(config, "[site.yaml]", "[sites/corner/site.yaml]")
+    plan = read_plan(config, "smoke")
+    assert [cell.scene for cell in plan.cells] == ["corner"]
+    with pytest.raises(ConfigError, match="found 'site', allowed 'corner', as the folder"):
+        inputs.check_names(plan)
+    inputs.check_name(site / "site.yaml", "name: corner")
+
+
 def test_a_changed_price_counts_at_once_and_a_changed_pole_is_refused(
     config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

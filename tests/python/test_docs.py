@@ -8,6 +8,7 @@ import doc_pages
 import numpy as np
 import pandas as pd
 import pytest
+import site_maps
 import yaml
 
 from pyinfra import cli, kitti
@@ -58,7 +59,19 @@ def make_site(infrasim: Callable[..., object], run_command: Callable[..., list[s
     write_pcd(Path("cloud.pcd"), points.view(kind)[:, 0])
 
 
-GIVEN = {"own_data": make_recording, "own_recording": make_clouds, "generalist": make_site}
+def make_map(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
+    """A district as an OpenStreetMap file."""
+    pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`")
+    Path("crossing.osm").write_text(site_maps.district_text())
+
+
+MOST_COMMANDS = 20  # from a map to a recommendation
+GIVEN = {
+    "generalist": make_site,
+    "own_data": make_recording,
+    "own_recording": make_clouds,
+    "own_site": make_map,
+}
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}
 
 
@@ -79,6 +92,14 @@ def test_every_command_of_the_page_runs(
     if page.stem in LEAST_AP:
         file, least = LEAST_AP[page.stem]
         assert pd.read_csv(file).ap[0] > least
+
+
+def test_a_map_becomes_a_recommendation_in_few_commands() -> None:
+    shell = [b.text for b in doc_pages.blocks(page("own_site")) if b.kind == "sh"]
+    commands = [command for text in shell for command in doc_pages.commands(text)]
+    assert commands[1].startswith("pyinfra site import crossing.osm ")
+    assert any(command.startswith("pyinfra recommend ") for command in commands)
+    assert len(commands) <= MOST_COMMANDS
 
 
 @pytest.mark.parametrize("page", doc_pages.PAGES, ids=lambda page: page.stem)

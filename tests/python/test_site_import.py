@@ -1,6 +1,7 @@
 """Maps of others as sites: surfaces where the map says, nothing half written, clear refusals."""
 
 import gzip
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -13,8 +14,8 @@ import site_data
 import yaml
 
 from pyinfra.cli import main
-from pyinfra.site.lane_map import MapError
-from pyinfra.site.map_import import ImportOptions, import_map
+from pyinfra.site.lane_map import MapError, MapLane
+from pyinfra.site.map_import import ImportOptions, import_map, lanes_table
 from pyinfra.site.netconvert import sumo_folder
 from pyinfra.site.opendrive_geometry import read_reference_line
 from pyinfra.site.openstreetmap import transverse_mercator
@@ -141,6 +142,39 @@ def test_pole_stands_off_the_carriageway_and_looks_at_it(
     assert ((ahead > 5) & (ahead < 30)).any()
 
 
+def test_pole_looks_along_a_road_without_a_junction(tmp_path: Path) -> None:
+    made = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "site")
+    assert made.record["guessed"][-1].startswith("the pole, 6 m high, beside lane road1")
+    along = abs(math.remainder(made.pole.yaw_deg, 180))
+    assert 0 < along < 45
+
+
+def test_pole_is_apart_from_houses_and_trees(district: Path) -> None:
+    pole = yaml.safe_load((district / "site.yaml").read_text())["mounts"]["pole"]
+    at = np.array([pole["x_m"], pole["y_m"]])
+    assert np.hypot(*(at - (40, -12))) > 5
+    houses = read_ply(district / "meshes/buildings.ply").vertices[:, :2]
+    assert np.hypot(*(houses - at).T).min() > 1
+
+
+def test_rows_of_a_lane_are_apart_in_the_file() -> None:
+    """The simulator refuses two rows of one place."""
+    y = np.array([0, 0.0003, 0.0004, 4, 8])
+    left, right = (np.column_stack([side * 1.5 + 0 * y, y, 0 * y]) for side in (-1, 1))
+    rows = lanes_table([MapLane("a", "road", True, left, right)]).splitlines()
+    assert rows[1:] == [f"a,0.000,{v},0.0000,3.000" for v in ("0.000", "4.000", "8.000")]
+
+
+def test_lanes_of_a_network_have_no_crowded_points(tmp_path: Path) -> None:
+    """A random network's turning lanes have points a few millimetres apart."""
+    import site_maps
+
+    file = site_maps.netgenerate(tmp_path, sumo_folder())
+    import_map(file, tmp_path / "site", ImportOptions(radius_m=150))
+    for lane in read_lanes(tmp_path / "site/lanes.csv").values():
+        assert np.hypot(*np.diff(lane[:, :2], axis=0).T).min() > 1e-3
+
+
 def test_houses_and_trees_of_a_district(district: Path) -> None:
     houses = read_ply(district / "meshes/buildings.ply")
     ground = read_ply(district / "meshes/terrain.ply").vertices[:, 2].min()
@@ -186,6 +220,13 @@ def test_objects_of_opendrive_and_what_is_not_understood(tmp_path: Path) -> None
     assert scene["trajectories"] == "trajectories.csv"
 
 
+def test_a_map_may_name_its_schema(tmp_path: Path) -> None:
+    text = _changed(site_data.straight(), "<OpenDRIVE>", '<OpenDRIVE xmlns="http://asam.net/odr">')
+    plain = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "plain")
+    named = import_map(write_map(tmp_path, "b.xodr", text), tmp_path / "named")
+    assert (named.lanes, named.triangles) == (plain.lanes, plain.triangles)
+
+
 def test_packed_osm_is_the_same_and_a_radius_cuts(tmp_path: Path) -> None:
     packed = tmp_path / "d.osm.gz"
     packed.write_bytes(gzip.compress(site_data.district().encode()))
@@ -215,9 +256,12 @@ def test_a_mount_is_where_it_is_said(tmp_path: Path) -> None:
 
 
 def test_plans_of_sites(district: Path, tmp_path: Path) -> None:
-    assert main(["site", "draw", str(district), "--out", str(tmp_path / "plan.svg")]) == 0
-    labels = {t.text for t in ElementTree.parse(tmp_path / "plan.svg").iter() if t.text}
-    assert labels
+    out = tmp_path / "new/plan.svg"
+    assert main(["site", "draw", str(district), "--out", str(out), "--radius", "60"]) == 0
+    assert {t.text for t in ElementTree.parse(out).iter() if t.text}
+    low, high = plan(district, 60).axes[0].get_xlim()
+    assert high - low == pytest.approx(120)
+    assert main(["site", "draw", str(district), "--out", str(out), "--radius", "nan"]) == 2
     axes = plan(district).axes[0]
     assert "pole" in {text.get_text() for text in axes.texts}
 
@@ -259,6 +303,9 @@ NET = (
     'projParameter="!"/><edge id="e" from="a" to="b"><lane id="e_0" index="0" speed="9" '
     'length="9" shape="0,0 9,0"/></edge></net>'
 )
+ENTITIES = "".join(f'<!ENTITY {b} "{10 * f"&{a};"}">' for a, b in itertools.pairwise("abcdefghij"))
+GROWING = f'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">{ENTITIES}]><OpenDRIVE>&j;</OpenDRIVE>'
+TWICE = site_data.open_drive(*2 * [site_data.road(1, (0, 0, 0), 99)])
 BROKEN: dict[str, tuple[str, str | bytes]] = {
     "empty": ("a.xodr", ""),
     "not XML": ("a.xodr", "this is no map"),
@@ -279,6 +326,10 @@ BROKEN: dict[str, tuple[str, str | bytes]] = {
     "degrees as metres": ("a.xodr", _changed(XODR, 'x="1000"', 'x="4e9"')),
     "a cliff": ("a.xodr", _changed(site_data.hill(), 's="100" a="6"', 's="100" a="60"')),
     "sections that fall": ("a.xodr", _changed(XODR, "</lanes>", '<laneSection s="-5"/></lanes>')),
+    "one id of two roads": ("a.xodr", TWICE),
+    "entities that grow": ("a.xodr", GROWING),
+    "OSM in a cycle of one": ("a.osm", re.sub(r'<nd ref="[2-5]"/>', '<nd ref="1"/>', OSM)),
+    "OSM far off": ("a.osm", OSM.replace('lat="49.', 'lat="95.').replace('lat="48.', 'lat="94.')),
     "OSM cut": ("a.osm", OSM[: len(OSM) // 2]),
     "OSM without roads": ("a.osm", OSM.replace("highway", "waterway")),
     "OSM without nodes": ("a.osm", re.sub(r"<node.*?</node>", "", OSM)),

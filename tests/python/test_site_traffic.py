@@ -13,12 +13,14 @@ pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`"
 import traffic_data as data
 
 from pyinfra import cli
+from pyinfra.arrays import FloatArray
 from pyinfra.simulator.launch import binary
+from pyinfra.site.site_folder import set_duration
 from pyinfra.site.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, smooth, spread_jumps
-from pyinfra.site.tracks import CLASSES, HEADING, PITCH, FrontPath
-from pyinfra.site.traffic import Traffic, simulate
+from pyinfra.site.tracks import CLASSES, HEADING, PITCH, FrontPath, Track, lasts_s
+from pyinfra.site.traffic import REACH_M, Traffic, simulate
 from pyinfra.site.traffic_demand import Demand
-from pyinfra.site.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures
+from pyinfra.site.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures, without_overlaps
 from pyinfra.site.trajectory_file import write_trajectories
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -156,6 +158,60 @@ def test_a_broken_network_is_refused_by_name(
     (site / "map.net.xml").write_text(text)
     assert cli.main(["site", "traffic", str(site)]) == cli.FAILED
     assert "map.net.xml: found" in capsys.readouterr().err
+
+
+def test_the_scene_is_as_long_as_its_traffic(folder: Path) -> None:
+    net = data.crossing(folder / "timed")
+    file = net.parent / "site.yaml"
+    file.write_text(data.SITE + "duration_s: 500.0  # of ten minutes\nregion_half_length_m: 90\n")
+    words = ["site", "traffic", str(net.parent), "--seconds", "12", "--vehicles-per-hour", "900"]
+    assert cli.main(words) == 0
+    end = pd.read_csv(net.parent / "trajectories.csv").t.max()
+    assert file.read_text() == (
+        data.SITE + f"duration_s: {end:g}  # of ten minutes\nregion_half_length_m: 90\n"
+    )
+    set_duration(net.parent, 7.5)
+    assert "duration_s: 7.5  #" in file.read_text()
+
+
+def test_duration_is_added_where_there_is_none(tmp_path: Path) -> None:
+    (tmp_path / "site.yaml").write_text(data.SITE)
+    set_duration(tmp_path, 30.0)
+    assert (tmp_path / "site.yaml").read_text() == data.SITE + "duration_s: 30\n"
+
+
+def test_few_vehicles_are_a_file_that_starts_with_the_first(folder: Path) -> None:
+    net = data.crossing(folder / "lonely")
+    found = simulate(net, data.FOOT, Demand(40), 200, seed=4)
+    assert min(track.first for track in found.tracks) == 0
+    write_trajectories(folder / "lonely/trajectories.csv", found.tracks)
+    assert pd.read_csv(folder / "lonely/trajectories.csv").t.max() == lasts_s(found.tracks)
+
+
+def box_track(name: str, first: int, xy: FloatArray) -> Track:
+    states = np.zeros((len(xy), 6))
+    states[:, :2] = xy
+    return Track(name, "Car", np.array([4.0, 2.0, 1.5]), first, states)
+
+
+def test_tracks_end_far_from_the_mounts_and_come_back_as_others() -> None:
+    x = np.concatenate([np.arange(0.0, 350, 5), np.arange(350.0, 0, -5)])
+    far = box_track("a", 3, np.column_stack([x, 0 * x]))
+    there, back = far.near(np.array([[0.0, 0.0]]), REACH_M)
+    assert (there.first, len(there.states)) == (3, 61)
+    assert there.states[-1, 0] == back.states[0, 0] == REACH_M
+    assert back.first + len(back.states) == far.first + len(far.states)
+
+
+def test_an_overlap_between_two_instants_counts() -> None:
+    """At 10 m/s against each other: 4 m of a car are passed by 0.2 s, the corners by less."""
+    still = box_track("a", 0, np.zeros((3, 2)))
+    across = np.array([[-4.5, 1.6], [4.5, 1.6], [13.5, 1.6]])
+    assert traffic_figures([still, box_track("b", 0, across)], data.FOOT).overlap_share > 0
+    apart = traffic_figures([still, box_track("b", 0, across + np.array([0, 0.6]))], data.FOOT)
+    assert apart.overlap_share == 0
+    kept, gone = without_overlaps([still, box_track("b", 0, across)])
+    assert (len(kept), len(gone)) == (1, 1)
 
 
 def test_a_lane_change_in_one_step_takes_seconds() -> None:

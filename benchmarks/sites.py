@@ -1,0 +1,141 @@
+"""Ten sites from a map to an average precision, each step by the command that a user types.
+
+Seven maps are written here, three are towns (.xodr) of a folder that --towns names; without it they
+are left out. Rows go to results/sites.csv as they come; those that are there stay, unless --again.
+    .venv/bin/python benchmarks/sites.py --work out/sites --towns maps
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/python"))
+
+from pyinfra import __version__, machine
+from pyinfra.site.netconvert import sumo_folder
+
+ROOT = Path(__file__).resolve().parents[1]
+TOWNS = ("Town04", "Town05", "Town10HD")
+LIDARS = ("ruby_plus", "livox_avia")
+PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1
+VEHICLES_PER_HOUR = 600
+SPLIT_S = (250, 260)  # until when learnt, from when tested
+COMMAND = "benchmarks/sites.py --work DIR --towns DIR"
+
+
+@dataclass
+class Steps:
+    """Commands of one site, timed; a step's seconds are those of all its commands."""
+
+    log: Path
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def run(self, step: str, program: str, *words: object) -> str:
+        """What it printed. Raises RuntimeError with its errors."""
+        start = time.perf_counter()
+        command = [str(Path(sys.executable).parent / program), *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+        self.seconds[step] = self.seconds.get(step, 0) + time.perf_counter() - start
+        with self.log.open("a") as stream:
+            print(f"$ {program}", *words, file=stream)
+            print(done.stdout, done.stderr, file=stream)
+        if done.returncode:
+            raise RuntimeError(f"{program} {words[0]}: {done.stderr.strip()}")
+        return done.stdout
+
+
+def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
+    """A row for each LiDAR of a site."""
+    shutil.rmtree(work / name, ignore_errors=True)
+    (work / name).mkdir(parents=True)
+    steps = Steps(work / name / "log.txt")
+    site, data = work / name / name, work / name / "data"
+    steps.run("import_s", "pyinfra", "site", "import", map_, "--out", site)
+    words = ["--vehicles-per-hour", VEHICLES_PER_HOUR, "--seed", SEED]
+    steps.run("traffic_s", "pyinfra", "site", "traffic", site, *words)
+    scene = site / "site.yaml"
+    steps.run("check_s", "infrasim", "check", scene, "--traffic")
+    words = ["--lidar", *LIDARS, "--preset", PRESET, "--frames", FRAMES, "--out", data]
+    steps.run("run_s", "infrasim", "run", scene, *words)
+    until, start = SPLIT_S
+    steps.run("detect_s", "pyinfra", "split", data, "--train-until-s", until, "--val-from-s", start)
+    shared = dict(steps.seconds)
+    record = yaml.safe_load((site / "map.yaml").read_text())
+    vehicles = pd.read_csv(site / "trajectories.csv", usecols=["id"]).id.nunique()
+    about = {"lanes": record["lanes"], "triangles": record["triangles"], "vehicles": vehicles}
+    for lidar in LIDARS:
+        steps.seconds = dict(shared)
+        found = with_background(steps, data / lidar, work / name / lidar)
+        yield {"site": name, "map": map_.name, "lidar": lidar, **about, **steps.seconds, **found}
+
+
+def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
+    """Background's AP on a LiDAR's frames."""
+    recipe, run = ROOT / "configs/detectors/background.yaml", work / "run"
+    steps.run("detect_s", "pyinfra", "train", recipe, "--data", data, "--out", run)
+    steps.run("detect_s", "pyinfra", "detect", run, "--data", data, "--out", run / "predictions")
+    words = ["--gt", data, "--pred", run / "predictions", "--out", work / "ap"]
+    steps.run("evaluate_s", "pyinfra", "evaluate", *words, "--no-figures")
+    table = pd.read_csv(work / "ap" / "ap.csv").set_index("ground_truth")
+    found: dict[str, object] = {"frames": table.frames["all"]}
+    for truth in ("captured", "all"):
+        row = table.loc[truth]
+        found |= {
+            f"ap_{truth}": row.ap_fine,
+            f"ap_{truth}_low": row.ap_fine_low,
+            f"ap_{truth}_high": row.ap_fine_high,
+            f"objects_{truth}": row.objects,
+        }
+    return found
+
+
+def maps_of(towns: Path | None, work: Path) -> Iterator[tuple[str, Path]]:
+    import site_maps
+
+    folder = work / "maps"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, make in site_maps.MAPS.items():
+        yield name, make(folder, sumo_folder())
+    if towns is None:
+        print("--towns: not given: the three towns are left out")
+    else:
+        yield from ((town.lower(), towns / f"{town}.xodr") for town in TOWNS)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder for sites and frames")
+    parser.add_argument("--towns", type=Path, help=f"folder of {', '.join(TOWNS)} (.xodr)")
+    parser.add_argument("--sites", nargs="+", help="these alone")
+    parser.add_argument("--again", action="store_true", help="also those that are in the table")
+    parser.add_argument("--out", type=Path, default=ROOT / "results/sites.csv")
+    args = parser.parse_args()
+    about = {"preset": PRESET, "seed": SEED, "version": __version__, "machine": machine()}
+    table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"site": []})
+    for name, map_ in maps_of(args.towns, args.work.resolve()):
+        wanted = not args.sites or name in args.sites
+        if not wanted or (name in set(table.site) and not args.again):
+            continue
+        try:
+            rows = list(measured(name, map_, args.work.resolve()))
+        except RuntimeError as error:
+            print(f"{name}: {error}")
+            continue
+        new = pd.DataFrame(rows).assign(**about, command=COMMAND)
+        table = pd.concat([table[table.site != name], new], ignore_index=True)
+        table.to_csv(args.out, index=False, float_format="%.4g")
+        print(new.T.to_string(header=False), flush=True)
+
+
+if __name__ == "__main__":
+    main()
