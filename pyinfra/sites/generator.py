@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pyinfra.sites.draws import Draws
-from pyinfra.sites.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room
+from pyinfra.sites.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room, varied
 from pyinfra.sites.people import Walks
 from pyinfra.sites.ranges import HABITATS, RANGES, Habitat, Ranges
 from pyinfra.sites.roadside import Roadside
@@ -35,6 +35,7 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     draws = Draws(seed, "roads")
     habitat = HABITATS[draws.one_of(ranges.habitats)]
     layout = LAYOUTS[draws.one_of(habitat.layouts)](draws, habitat, ranges)
+    layout = varied(layout, Draws(seed, "junction"), ranges)
     foot_m = _embank(Draws(seed, "ground"), habitat, ranges, layout)
     room = Room(layout)
     mount = _mount(Draws(seed, "mount"), ranges, layout)

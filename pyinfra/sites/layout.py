@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,8 @@ Stretch = tuple[float, float]  # of stations
 
 STEP_M = 1.0  # between stations
 STOP_LINE_M = 3.0  # before the crossing road's footway, as the simulator has it
+SHARP_TURN_M = 8.0  # more at a T, times the cosine of its angle
+T_LANES = 2  # of a road that ends there, at most: one to the left, one to the right
 SHORTEST_M = 6.0  # of a row of something
 WHOLE: Stretch = (0.0, np.inf)
 
@@ -38,7 +40,8 @@ class DrawnRoad:
     @cached_property
     def lanes_half_m(self) -> float:
         lanes = self.keys["lanes"]
-        return float(lanes["median_m"] / 2 + lanes["each_way"] * lanes["width_m"])
+        one_side = lanes["each_way"] * lanes["width_m"]
+        return float(one_side / 2 if lanes.get("one_way") else lanes["median_m"] / 2 + one_side)
 
     @cached_property
     def carriageway_half_m(self) -> float:
@@ -153,14 +156,38 @@ def crossing(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
     return Layout((main, side), (half, 0.0), (junction,), reach)
 
 
+def varied(layout: Layout, draws: Draws, ranges: Ranges) -> Layout:
+    """Some crossings are a T, and some of their side roads one-way streets."""
+    if not layout.junctions:
+        return layout
+    one_way, t = draws.chance(ranges.one_way), draws.chance(ranges.t_junctions)
+    main, side = layout.roads
+    lanes, keys = side.keys["lanes"], dict(side.keys)
+    if one_way:
+        keys["lanes"] = lanes | {"median_m": 0.0, "one_way": True}
+    t = t and lanes["each_way"] <= T_LANES
+    if t:
+        half = keys["centreline"][0]["line_m"] / 2
+        keys["centreline"] = [{"line_m": half}]
+        if draws.chance(0.5):
+            keys["start"] = keys["start"] | {"x_m": 0.0, "y_m": 0.0}
+    if not (one_way or t):
+        return layout
+    side = DrawnRoad(keys)
+    angle = np.radians(keys["start"]["heading_deg"])
+    more_m = SHARP_TURN_M * abs(np.cos(angle)) if t else 0.0
+    reach = max(_stop_line(main, side, angle, more_m), _stop_line(side, main, angle, more_m))
+    return replace(layout, roads=(main, side), junction_m=reach)
+
+
 Builder = Callable[[Draws, Habitat, Ranges], Layout]
 LAYOUTS: Mapping[str, Builder] = {"straight": straight, "curve": curve, "crossing": crossing}
 
 
-def _stop_line(own: DrawnRoad, other: DrawnRoad, angle: float) -> float:
+def _stop_line(own: DrawnRoad, other: DrawnRoad, angle: float, more_m: float = 0.0) -> float:
     """From the middle of a crossing to the outer end of the stop line."""
     along = own.carriageway_half_m * abs(np.cos(angle))
-    half = (other.outer_half_m + along) / np.sin(angle) + STOP_LINE_M
+    half = (other.outer_half_m + along) / np.sin(angle) + STOP_LINE_M + more_m
     return float(np.hypot(half, own.lanes_half_m)) + 1.0
 
 

@@ -310,6 +310,8 @@ class Ranges:
     ways: WayRanges = WayRanges()
     half_length_m: Range = (170, 260)  # of roads: beyond the region's 100 m on both sides
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
+    t_junctions: float = 0.35  # share of the crossings
+    one_way: float = 0.15  # share of the roads across
     signal_green_s: Range = (8, 30)
     turns: Range = (0.05, 0.3)  # share that turns left, and right
     ground_below_m: Range = (0.02, 0.2)

@@ -98,6 +98,20 @@ def test_people_are_all_that_is_new_in_a_site() -> None:
         assert make_site(seed, deserted) == others
 
 
+def test_crossings_are_also_a_t_and_some_roads_across_are_one_way() -> None:
+    crossings = [site["roads"] for site in map(make_site, range(300)) if "junctions" in site]
+    whole = [main["centreline"][0]["line_m"] for main, _ in crossings]
+    ends = [
+        side["centreline"][0]["line_m"] < 0.6 * m
+        for (_, side), m in zip(crossings, whole, strict=True)
+    ]
+    one_way = [side["lanes"].get("one_way", False) for _, side in crossings]
+    assert 0.1 < np.mean(ends) < 0.5
+    assert 0.05 < np.mean(one_way) < 0.3
+    for (_, side), t in zip(crossings, ends, strict=True):
+        assert not t or side["lanes"]["each_way"] <= 2
+
+
 def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
     mounts = [site["mounts"]["pole"] for site in SITES]
     heights = np.array([mount["z_m"] for mount in mounts])
