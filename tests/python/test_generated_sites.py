@@ -16,9 +16,10 @@ from pyinfra.kitti import read_keys
 from pyinfra.simulator.catalogue import configs, lidar_file
 from pyinfra.sites import generator
 from pyinfra.sites.catalogue import Sensors, sensors
+from pyinfra.sites.draws import Draws
 from pyinfra.sites.generator import make_site
-from pyinfra.sites.layout import DrawnRoad, Keys
-from pyinfra.sites.ranges import HABITATS, RANGES
+from pyinfra.sites.layout import DrawnRoad, Keys, crossing, varied
+from pyinfra.sites.ranges import HABITATS, RANGES, STREET
 from pyinfra.sites.stream import SiteSamples, StreamPlan, read_stream, samples_of, site_stream
 from pyinfra.training.recipe import read_recipe
 from pyinfra.training.samples import SiteSample
@@ -99,17 +100,17 @@ def test_people_are_all_that_is_new_in_a_site() -> None:
 
 
 def test_crossings_are_also_a_t_and_some_roads_across_are_one_way() -> None:
-    crossings = [site["roads"] for site in map(make_site, range(300)) if "junctions" in site]
-    whole = [main["centreline"][0]["line_m"] for main, _ in crossings]
-    ends = [
-        side["centreline"][0]["line_m"] < 0.6 * m
-        for (_, side), m in zip(crossings, whole, strict=True)
-    ]
-    one_way = [side["lanes"].get("one_way", False) for _, side in crossings]
-    assert 0.1 < np.mean(ends) < 0.5
-    assert 0.05 < np.mean(one_way) < 0.3
-    for (_, side), t in zip(crossings, ends, strict=True):
-        assert not t or side["lanes"]["each_way"] <= 2
+    drawn = [crossing(Draws(seed, "roads"), STREET, RANGES) for seed in range(300)]
+    layouts = [varied(own, Draws(seed, "junction"), RANGES) for seed, own in enumerate(drawn)]
+    through, side = zip(*(layout.roads for layout in layouts), strict=True)
+    t = np.array([b.length_m < 0.6 * a.length_m for a, b in zip(through, side, strict=True)])
+    one_way = [road.keys["lanes"].get("one_way", False) for road in side]
+    assert 0.2 < t.mean() < 0.45
+    assert 0.1 < np.mean(one_way) < 0.2
+    ending = [road for road, ends in zip(side, t, strict=True) if ends]
+    assert {road.keys["lanes"]["each_way"] for road in ending} <= {1, 2}
+    starts = [np.hypot(*road.stations[0, 1:3]) < 1 for road in ending]
+    assert 0.3 < np.mean(starts) < 0.7  # of both ways to draw it
 
 
 def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
