@@ -507,6 +507,64 @@ def site_ap(row: pd.Series, truth: str) -> str:
 
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
+
+
+def poles() -> str:
+    """AP by the number of poles, what more poles add, and of which boxes it is."""
+    rows = []
+    for names, own in of_poles():
+        ap = [with_interval(*row[["ap_fine", "ap_fine_low", "ap_fine_high"]]) for row in own]
+        rows.append([*names, *ap[:1], *ap[2:], *(_less(own, i) for i in (1, 2))])
+    heads = ["LiDAR", "detector", "1 pole", "4 poles", "2 less 1", "4 less 2"]
+    return markdown(heads, rows)
+
+
+def pole_errors() -> str:
+    """What each error costs, of two poles and of four."""
+    rows = []
+    for names, own in of_poles():
+        for right in own[1:]:
+            cells = [_less([right, *one], 1) for one in _errors(right)]
+            rows.append([*names, f"{right.poles}", *cells])
+    return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
+
+
+POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
+POLE_ERRORS = {
+    "clock_20_ms": "clocks by 20 ms",
+    "clock_50_ms": "50 ms",
+    "yaw_0.2_deg": "yaw by 0.2 degrees",
+    "yaw_0.5_deg": "0.5 degrees",
+}
+
+
+def of_poles() -> Iterable[tuple[list[str], list[pd.Series]]]:
+    """LiDAR and detector, and the rows of `all` without an error: one, two, four poles."""
+    table = results("poles")
+    right = table[(table.error == "none") & (table.ground_truth == "all")]
+    for (lidar, arm), own in right.groupby(["lidar", "arm"], sort=False):
+        rows = [row for _, row in own.sort_values("poles").iterrows()]
+        if len(rows) == 3:
+            yield [LIDARS[lidar], POLE_DETECTORS[arm]], rows
+
+
+def _errors(right: pd.Series) -> Iterable[list[pd.Series]]:
+    """Of the same cell with each error, the row or none."""
+    table = results("poles")
+    keys = ["lidar", "arm", "poles", "ground_truth"]
+    own = table[(table[keys] == right[keys]).all(axis=1)]
+    for name in POLE_ERRORS:
+        yield [row for _, row in own[own.error == name].iterrows()]
+
+
+def _less(rows: Sequence[pd.Series], i: int) -> str:
+    """One less the one before it; nothing if it is not there."""
+    if len(rows) <= i:
+        return ""
+    found = difference(rows[i], rows[i - 1]).measured()
+    return f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "claims in short": in_short,
     "claims about scanning": scanning,
@@ -528,6 +586,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "correlation": correlation,
     "differences": differences,
     "people": people,
+    "poles": poles,
+    "pole errors": pole_errors,
     "engines": engines,
     "generalist at sites": generalist_sites,
     "sites": sites,
