@@ -7,6 +7,7 @@ with what it is made of. `--check` writes nothing and fails if a page differs.
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import re
 import sys
@@ -510,21 +511,24 @@ TWO = ("pointpillars", "centerpoint-pillar")
 
 
 def poles() -> str:
-    """AP by the number of poles, what more poles add, and of which boxes it is."""
+    """AP by the number of poles, and what more poles add."""
     rows = []
     for names, own in of_poles():
-        ap = [with_interval(*row[["ap_fine", "ap_fine_low", "ap_fine_high"]]) for row in own]
-        rows.append([*names, *ap[:1], *ap[2:], *(_less(own, i) for i in (1, 2))])
-    heads = ["LiDAR", "detector", "1 pole", "4 poles", "2 less 1", "4 less 2"]
-    return markdown(heads, rows)
+        ap = [
+            with_interval(*own[n][["ap_fine", "ap_fine_low", "ap_fine_high"]]) if n in own else ""
+            for n in (1, 2, 4)
+        ]
+        rows.append([*names, *ap, _less(own.get(2), own.get(1)), _less(own.get(4), own.get(2))])
+    heads = ["1 pole", "2 poles", "4 poles", "2 less 1", "4 less 2"]
+    return markdown(["LiDAR", "detector", *heads], rows)
 
 
 def pole_errors() -> str:
     """What each error costs, of two poles and of four."""
     rows = []
     for names, own in of_poles():
-        for right in own[1:]:
-            cells = [_less([right, *one], 1) for one in _errors(right)]
+        for right in (own[n] for n in (2, 4) if n in own):
+            cells = [_less(wrong, right) for wrong in _errors(right)]
             rows.append([*names, f"{right.poles}", *cells])
     return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
 
@@ -538,30 +542,30 @@ POLE_ERRORS = {
 }
 
 
-def of_poles() -> Iterable[tuple[list[str], list[pd.Series]]]:
-    """LiDAR and detector, and the rows of `all` without an error: one, two, four poles."""
+def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
+    """LiDAR and detector, and by the number of poles the row of `all` without an error."""
     table = results("poles")
     right = table[(table.error == "none") & (table.ground_truth == "all")]
-    for (lidar, arm), own in right.groupby(["lidar", "arm"], sort=False):
-        rows = [row for _, row in own.sort_values("poles").iterrows()]
-        if len(rows) == 3:
-            yield [LIDARS[lidar], POLE_DETECTORS[arm]], rows
+    for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
+        own = right[(right.lidar == lidar) & (right.arm == detector)]
+        if len(own):
+            rows = {int(row.poles): row for _, row in own.iterrows()}
+            yield [words, POLE_DETECTORS[detector]], rows
 
 
-def _errors(right: pd.Series) -> Iterable[list[pd.Series]]:
-    """Of the same cell with each error, the row or none."""
+def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
+    """The same cell with each error, if it is there."""
     table = results("poles")
     keys = ["lidar", "arm", "poles", "ground_truth"]
-    own = table[(table[keys] == right[keys]).all(axis=1)]
-    for name in POLE_ERRORS:
-        yield [row for _, row in own[own.error == name].iterrows()]
+    own = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
+    return (own.loc[name] if name in own.index else None for name in POLE_ERRORS)
 
 
-def _less(rows: Sequence[pd.Series], i: int) -> str:
-    """One less the one before it; nothing if it is not there."""
-    if len(rows) <= i:
+def _less(a: pd.Series | None, b: pd.Series | None) -> str:
+    """Their difference with its interval; nothing if one is not there."""
+    if a is None or b is None:
         return ""
-    found = difference(rows[i], rows[i - 1]).measured()
+    found = difference(a, b).measured()
     return f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
 
 
