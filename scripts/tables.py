@@ -7,6 +7,7 @@ with what it is made of. `--check` writes nothing and fails if a page differs.
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import re
 import sys
@@ -507,6 +508,67 @@ def site_ap(row: pd.Series, truth: str) -> str:
 
 FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 TWO = ("pointpillars", "centerpoint-pillar")
+
+
+def poles() -> str:
+    """AP by the number of poles, and what more poles add."""
+    rows = []
+    for names, own in of_poles():
+        ap = [
+            with_interval(*own[n][["ap_fine", "ap_fine_low", "ap_fine_high"]]) if n in own else ""
+            for n in (1, 2, 4)
+        ]
+        rows.append([*names, *ap, _less(own.get(2), own.get(1)), _less(own.get(4), own.get(2))])
+    heads = ["1 pole", "2 poles", "4 poles", "2 less 1", "4 less 2"]
+    return markdown(["LiDAR", "detector", *heads], rows)
+
+
+def pole_errors() -> str:
+    """What each error costs, of two poles and of four."""
+    rows = []
+    for names, own in of_poles():
+        for right in (own[n] for n in (2, 4) if n in own):
+            cells = [_less(wrong, right) for wrong in _errors(right)]
+            rows.append([*names, f"{right.poles}", *cells])
+    return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
+
+
+POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
+POLE_ERRORS = {
+    "clock_20_ms": "clocks by 20 ms",
+    "clock_50_ms": "50 ms",
+    "yaw_0.2_deg": "yaw by 0.2 degrees",
+    "yaw_0.5_deg": "0.5 degrees",
+}
+
+
+def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
+    """LiDAR and detector, and by the number of poles the row of `all` without an error."""
+    table = results("poles")
+    right = table[(table.error == "none") & (table.ground_truth == "all")]
+    for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
+        own = right[(right.lidar == lidar) & (right.arm == detector)]
+        if len(own):
+            rows = {int(row.poles): row for _, row in own.iterrows()}
+            yield [words, POLE_DETECTORS[detector]], rows
+
+
+def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
+    """The same cell with each error, if it is there."""
+    table = results("poles")
+    keys = ["lidar", "arm", "poles", "ground_truth"]
+    own = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
+    return (own.loc[name] if name in own.index else None for name in POLE_ERRORS)
+
+
+def _less(a: pd.Series | None, b: pd.Series | None) -> str:
+    """Their difference with its interval; nothing if one is not there."""
+    if a is None or b is None:
+        return ""
+    found = difference(a, b).measured()
+    return f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "claims in short": in_short,
     "claims about scanning": scanning,
@@ -528,6 +590,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "correlation": correlation,
     "differences": differences,
     "people": people,
+    "poles": poles,
+    "pole errors": pole_errors,
     "engines": engines,
     "generalist at sites": generalist_sites,
     "sites": sites,

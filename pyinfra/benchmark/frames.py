@@ -11,7 +11,9 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra import kitti
+from pyinfra.benchmark.inputs import has_several_mounts
 from pyinfra.benchmark.matrix import Cell, Parts, Plan, range_of
+from pyinfra.benchmark.value import MOUNTS
 from pyinfra.data import split
 from pyinfra.data.data_set import read_data_set
 from pyinfra.simulator.runs import infrasim
@@ -64,6 +66,7 @@ def parts_of(frames: str, parts: int) -> list[str]:
 def simulate(shard: Shard) -> None:
     """Frames that are there stay as they are. Raises SimulatorError."""
     words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]
+    words += ["--fuse"] if has_several_mounts(shard.scene) else []
     infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
 
 
@@ -93,7 +96,9 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
 
 
 def lidar_row(folder: Path) -> dict[str, object]:
-    """Price, field of view and range of a LiDAR, as the run resolved them."""
+    """Price, field of view and range of a LiDAR, as the run resolved them; of one mount's."""
+    mounts = mount_names(folder)
+    folder = folder.parents[1] / mounts[0] / folder.name if mounts else folder
     lidar, top = kitti.read_lidar(folder), kitti.read_yaml(folder / "lidar.yaml")
     units = lidar.field_of_view
     price = top.at("price_usd") if len(units) == 1 else None
@@ -116,11 +121,17 @@ def lidar_row(folder: Path) -> dict[str, object]:
 
 def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
     """Points per frame, and those of them on vehicles, of all frames together."""
-    frames = kitti.frames(folder)
+    frames, mounts = kitti.frames(folder), mount_names(folder)
     sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in frames]
     return {
         "lidar": folder.name,
         "frames": len(frames),
         "hits_per_frame": sum(sizes) / POINT_BYTES / len(frames),
         "vehicle_points_per_frame": on_vehicles / len(frames),
-    }
+    } | ({MOUNTS: len(mounts)} if mounts else {})
+
+
+def mount_names(folder: Path) -> list[str]:
+    """Of a fused LiDAR's folder; else none."""
+    names: list[str] = kitti.read_keys(folder / "lidar.yaml").get("mounts", [])
+    return names

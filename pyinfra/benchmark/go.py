@@ -17,7 +17,7 @@ from pyinfra.benchmark.gpus import own_gpu
 from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.paper import paper_table
 from pyinfra.benchmark.pool import Say, silent
-from pyinfra.benchmark.value import KEY, value_table
+from pyinfra.benchmark.value import KEY, mounts_of, value_table
 from pyinfra.config import ConfigError
 from pyinfra.training.recipe import read_recipe
 
@@ -45,7 +45,10 @@ class Workspace:
     tier: str
 
     def data(self, world: str) -> Path:
-        return self.work / "data" / world
+        """The data set of a world; of several mounts the fused one."""
+        folder = self.work / "data" / world
+        fused = folder / "fused"
+        return fused if (fused / "dataset.yaml").is_file() else folder
 
     def table(self, name: str) -> Path:
         """`TIER.csv` has the cells, `TIER_areas.csv` their areas; LiDARs know no tier."""
@@ -106,12 +109,14 @@ def benchmark(
 def check_costs(workspace: Workspace, plan: Plan) -> None:
     """Raises ConfigError if the prices of the table are with other costs of the site."""
     table = store.read(workspace.table("value"))
-    found = sorted(set(table.site_usd) - {plan.costs.site_usd}) if len(table) else []
-    if found:
-        raise ConfigError(
-            f"{workspace.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
-            f"{plan.costs.site_usd:g} as in this benchmark, or another --out"
-        )
+    for mounts, rows in table.groupby(mounts_of(table)) if len(table) else ():
+        allowed = plan.costs.of_mounts(mounts).site_usd
+        found = sorted(set(rows.site_usd) - {allowed})
+        if found:
+            raise ConfigError(
+                f"{workspace.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
+                f"{allowed:g} as in this benchmark, or another --out"
+            )
 
 
 def forget_failed(workspace: Workspace, plan: Plan) -> None:
@@ -130,8 +135,8 @@ def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say
     """All data sets of the plan, split, and their tables."""
     for world, cells in plan.worlds().items():
         for name in frames.lidars_of(cells):
-            file = workspace.data(world) / name / "lidar.yaml"
-            inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
+            for file in lidar_files(workspace.work / "data" / world, name):
+                inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
     digests = inputs.digests(plan)
     shards = frames.shards(plan, workspace.work, where.jobs)
     say(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards")
@@ -142,6 +147,12 @@ def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say
             tables = frames.described(workspace.data(world), cells)
             tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF, how="left")
             workspace.put(tables)
+
+
+def lidar_files(folder: Path, name: str) -> list[Path]:
+    """Every `lidar.yaml` of a LiDAR: of the data set, or of each mount's and of the fused one."""
+    files = (folder / name / "lidar.yaml", *folder.glob(f"*/{name}/lidar.yaml"))
+    return [file for file in files if file.is_file()]
 
 
 def is_described(workspace: Workspace, cells: Sequence[Cell]) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from pyinfra import kitti
 from pyinfra.atomic import replacing
 from pyinfra.benchmark import store
 from pyinfra.benchmark.matrix import Plan, name_of
@@ -40,6 +41,11 @@ def price_of(lidar: Path, preset: str) -> dict[str, Any]:
     units = [price_of(lidar.parent / unit["lidar"], preset) for unit in file["bundle"]]
     ends = {end: sum(unit[end] for unit in units) for end in ("low", "high")}
     return {**ends, "source": "sum of the units", "date": ""}
+
+
+def has_several_mounts(scene: Path) -> bool:
+    """Whether a scene's frames are fused. Raises SimulatorError."""
+    return len(yaml.safe_load(resolved(scene))["mounts"]) > 1
 
 
 def check_names(plan: Plan) -> None:
@@ -143,9 +149,9 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
 
 def renew_price(lidar: Path, preset: str, file: Path) -> None:
     """Writes the price of now into the `lidar.yaml` of frames, which do not depend on it."""
-    if not file.is_file():
-        return
     price = price_of(lidar, preset)
+    mounts = len(kitti.read_keys(file).get("mounts", ["the only one"]))
+    price |= {end: mounts * price[end] for end in ("low", "high")}
     total = "price_total_usd: {{low: {low:.15g}, high: {high:.15g}}}\n".format(**price)
     own = PRICE.search(resolved(lidar, preset))
     old = file.read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pyinfra.benchmark.cell_draws import CellDraws
 from pyinfra.benchmark.results import Results, read_results
-from pyinfra.benchmark.value import KEY, REGION_M, SITE_ITEMS, covered
+from pyinfra.benchmark.value import KEY, MOUNTS, REGION_M, SITE_ITEMS, covered, mounts_of
 from pyinfra.data.frames import PERIOD_S
 from pyinfra.evaluation.draws import difference
 from pyinfra.evaluation.tables import HIGH_QUALITY
@@ -65,7 +65,7 @@ class Option:
     price_usd: float  # middle of low and high
     price_low_usd: float
     price_high_usd: float
-    site_usd: float  # what of the price is not the LiDAR's
+    site_usd: float  # what of the price is not the LiDARs'
     site_items: Mapping[str, float]  # what it is the sum of; nothing if the table does not say
     covered_m: Measured
     road_m: float  # that was evaluated, within the range that is asked
@@ -73,6 +73,7 @@ class Option:
     latency_p95_ms: float
     machine: str  # on which latency was measured; empty if the table does not say
     draws: pd.Series | None  # of ap_all; None of an earlier version
+    mounts: int = 1  # LiDARs, whose frames are fused
 
     @property
     def name(self) -> str:
@@ -165,13 +166,15 @@ def prices(results: Results) -> pd.DataFrame:
     Without a row in the table of LiDARs low and high are the price itself.
     """
     columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
-    value = results.table("value").dropna(subset="price_usd")[columns]
+    value = results.table("value").dropna(subset="price_usd")
+    value = value[columns].assign(**{MOUNTS: mounts_of(value)})
     lidars = results.table("lidars")
     if lidars.empty:
         return value.assign(price_low_usd=value.price_usd, price_high_usd=value.price_usd)
     ends = ["price_low_usd", "price_high_usd"]
     value = value.merge(lidars[["lidar", "preset", *ends]], on=["lidar", "preset"], how="left")
-    return value.assign(**{e: (value[e] + value.site_usd).fillna(value.price_usd) for e in ends})
+    found = {end: value[end] * value[MOUNTS] + value.site_usd for end in ends}
+    return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in found.items()})
 
 
 def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
@@ -213,4 +216,5 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
         draws=draws.row(row, "all"),
+        mounts=int(row[MOUNTS]),
     )

@@ -117,7 +117,8 @@ def covered_road(option: Option, wish: Wish) -> str:
 def price(option: Option, wish: Wish) -> str:
     """With the range of prices, if there is one, and whether a price too high may be within it."""
     text = f"{option.price_usd:,.0f} USD"
-    lidar = f"LiDAR {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
+    own = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
+    lidar = f"{own} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
     span, may = "", ""
     if option.price_low_usd != option.price_high_usd:
         span = price_range(option)
@@ -143,9 +144,11 @@ def about_costs(option: Option) -> Iterator[str]:
     """What the prices hold beside the LiDAR, the same for every option, and what they do not."""
     if not option.site_usd:
         items = ", ".join(map(item_name, SITE_ITEMS))
-        yield f"Prices are of LiDARs alone: {items} are missing (`costs` of the benchmark)."
+        lidars = f"{option.mounts} LiDARs, a mount each," if option.mounts > 1 else "LiDARs alone"
+        yield f"Prices are of {lidars}: {items} are missing (`costs` of the benchmark)."
         return
-    text = f"In every price are {option.site_usd:,.0f} USD of the site"
+    mounts = f" with {option.mounts} mounts" if option.mounts > 1 else ""
+    text = f"In every price are {option.site_usd:,.0f} USD of the site{mounts}"
     if not option.site_items:
         yield f"{text}; this table does not say for what."
         return

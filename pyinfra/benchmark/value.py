@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -15,19 +15,25 @@ from pyinfra.statistics.selection import CELL, each_road_once, with_fine
 KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
 REGION_M = 100.0
+MOUNTS = "mounts"  # column of scenes with several, whose frames are fused
 SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
 
 
 @dataclass(frozen=True)
 class Costs:
-    """What a site costs beside its LiDAR: assumptions of the user, nothing by default."""
+    """What a site costs beside its LiDARs: assumptions of the user, nothing by default."""
 
-    pole_usd: float = ruled(0.0, 0, 1e7)  # of all poles of the site
-    installation_usd: float = ruled(0.0, 0, 1e7)  # work and permits
+    pole_usd: float = ruled(0.0, 0, 1e7)  # of each mount's
+    installation_usd: float = ruled(0.0, 0, 1e7)  # of each mount: work and permits
     computer_usd: float = ruled(0.0, 0, 1e7)  # that runs the detector
     power_w: float = ruled(0.0, 0, 1e5)  # of LiDAR and computer, all day
     usd_per_kwh: float = ruled(0.0, 0, 100)  # price of energy
     years: float = ruled(0.0, 0, 100)  # of energy that are counted
+
+    def of_mounts(self, mounts: int) -> Costs:
+        """Of a site with so many: a pole and an installation each."""
+        each = {"pole_usd": self.pole_usd, "installation_usd": self.installation_usd}
+        return replace(self, **{name: mounts * usd for name, usd in each.items()})
 
     @property
     def energy_usd(self) -> float:
@@ -46,23 +52,23 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     """One row a finished cell.
 
     tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
-    middle of the LiDAR's low and high, and the site's costs; areas and metres are those of the
-    ground truth `all`, the same for every LiDAR. An option is dominated if another one of the same
-    scene, preset, tier and seed costs no more and finds no less of `all`, by its fine AP, and is
-    better in one.
+    middle of the LiDAR's low and high, times the scene's mounts, and the site's costs; areas and
+    metres are those of the ground truth `all`, the same for every LiDAR. An option is dominated if
+    another one of the same scene, preset, tier and seed costs no more and finds no less of `all`,
+    by its fine AP, and is better in one.
     """
     cells = with_fine(tables["cells"].dropna(subset=["ap"]))
     cells = cells[[*KEY, "ap", "ap_all", "ap_all_fine"]]
-    price = tables["lidars"].assign(
-        lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2,
-        site_usd=costs.site_usd,
-        **costs.items(),
-    )[["lidar", "preset", "lidar_usd", "site_usd", *SITE_ITEMS]]
+    price = tables["lidars"].assign(lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2)[
+        ["lidar", "preset", "lidar_usd"]
+    ]
     areas = each_road_once(tables["areas"])
     areas = areas[areas.ground_truth == "all"].groupby(KEY, as_index=False)[["n_hqda"]].sum()
-    hits = tables["hits"][["scene", "preset", "lidar", "vehicle_points_per_frame"]]
-    t = cells.merge(price, on=["lidar", "preset"]).merge(areas, on=KEY, how="left")
-    t = t.merge(covered(tables["distance"]), on=KEY, how="left")
+    of_hits = [name for name in ("vehicle_points_per_frame", MOUNTS) if name in tables["hits"]]
+    hits = tables["hits"][["scene", "preset", "lidar", *of_hits]]
+    t = cells.merge(price, on=["lidar", "preset"])
+    t = of_mounts(t, mounts_of(t.merge(hits, how="left")), costs)
+    t = t.merge(areas, on=KEY, how="left").merge(covered(tables["distance"]), on=KEY, how="left")
     t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
     usd = t.lidar_usd + t.site_usd
     t.insert(len(KEY), "price_usd", usd)
@@ -80,6 +86,21 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     )
     t.insert(len(t.columns) - 1, "pareto", t.dominated_by == "")
     return t
+
+
+def of_mounts(table: pd.DataFrame, mounts: pd.Series, costs: Costs) -> pd.DataFrame:
+    """With the LiDARs' and the site's costs of each row's mounts."""
+    table["lidar_usd"] *= mounts
+    sites = [costs.of_mounts(n) for n in mounts]
+    items = {item: [site.items()[item] for site in sites] for item in SITE_ITEMS}
+    return table.assign(site_usd=[site.site_usd for site in sites], **items)
+
+
+def mounts_of(table: pd.DataFrame) -> pd.Series:
+    """How many LiDARs a row's frames are of; one where the table does not say."""
+    if MOUNTS not in table:
+        return pd.Series(1, index=table.index)
+    return pd.to_numeric(table[MOUNTS]).fillna(1).astype(int)
 
 
 def covered(

@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", nargs="+", type=Path, default=[], help="folders of LiDARs")
     parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
     parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
+    parser.add_argument("--mount", default="", help="with --scene: which of several")
     parser.add_argument(
         "--sites", type=Path, metavar="FILE", help="in place of --data: file of configs/streams"
     )
@@ -121,12 +122,24 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     return sources
 
 
+def check_mount(mount: str, scene: Path | None) -> None:
+    """Raises ValueError for one that cannot be streamed."""
+    if mount and scene is None:
+        raise ValueError(f"--mount: found '{mount}' without --scene, allowed with it")
+    if mount == "fused":
+        raise ValueError(
+            "--mount: found 'fused', allowed one mount's name: fused frames are learnt from disk, "
+            "`infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
+        )
+
+
 def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
         raise ValueError(
             "found no or two sources, allowed --data, or --scene with --lidar, or --sites"
         )
+    check_mount(args.mount, args.scene)
     accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
         if accumulation.frames > 1:
@@ -141,5 +154,6 @@ def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
         return [
             read_source(folder, args.tier, accumulation, recipe.classes) for folder in args.data
         ]
-    how = {"preset": args.preset, "accumulation": accumulation, "classes": recipe.classes}
+    how = {"preset": args.preset, "mount": args.mount}
+    how |= {"accumulation": accumulation, "classes": recipe.classes}
     return [simulated_source(args.scene, args.lidar, args.tier, **how)]

@@ -208,7 +208,8 @@ def bird_view(
         _draw_boxes(axes, boxes[classes == i], look, headings=headings)
     for unit in view.lidar.field_of_view:
         axes.plot(*sector(unit).T, zorder=1, **VIEW_LINE)
-    axes.plot(0, 0, marker="^", color="black", markersize=5, zorder=5)
+    for at in view.lidar.sensors:
+        axes.plot(at.x, at.y, marker="^", color="black", markersize=5, zorder=5)
     axes.set_aspect("equal")
     axes.set_xlim(*window.x)
     axes.set_ylim(*window.y)

@@ -139,7 +139,7 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
     """Sensor and fields of view; adds the look of each area, by what the legend says of it."""
     areas: dict[tuple[Any, ...], list[kitti.Lidar]] = {}
     for lidar in scene.lidars:
-        units = [(u.yaw, u.azimuth, u.range_m[1]) for u in lidar.field_of_view]
+        units = [(u.at, u.yaw, u.azimuth, u.range_m[1]) for u in lidar.field_of_view]
         areas.setdefault((lidar.T_world_levelled, *units), []).append(lidar)
     for lidars in areas.values():
         first = lidars[0]
@@ -152,10 +152,12 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
         style = looks.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
         for unit in first.field_of_view:
             axes.plot(*regions.to_world(clouds.sector(unit), pose).T, zorder=3, **style)
-        tip = regions.to_world(np.array([[ARROW_M, 0.0]]), pose)[0]
-        arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0}
-        axes.annotate("", tip, (pose.x, pose.y), arrowprops=arrow, zorder=5)
-        axes.plot(pose.x, pose.y, marker="^", color="black", markersize=5, zorder=5)
+        for at in first.sensors:
+            x, y = at.x + ARROW_M * np.cos(at.yaw), at.y + ARROW_M * np.sin(at.yaw)
+            foot, tip = regions.to_world(np.array([(at.x, at.y), (x, y)]), pose)
+            arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0}
+            axes.annotate("", tip, foot, arrowprops=arrow, zorder=5)
+            axes.plot(*foot, marker="^", color="black", markersize=5, zorder=5)
 
 
 def _draw_scale(axes: Axes, window: clouds.DrawnArea) -> None:

@@ -108,7 +108,7 @@ def read_ground_truth(
         farthest = max((_reach(other), other.name) for other, _ in neighbours)
         if farthest[0] > _reach(lidar):
             others = read_vehicles(data_set / farthest[1], frames)
-            vehicles = _with_unreached(vehicles, others)
+            vehicles = with_unreached(vehicles, others)
     file = data_set / "roads.csv"
     roads = tuple(regions.read_roads(file)) if lidar and file.is_file() else ()
     return GroundTruth(
@@ -130,7 +130,7 @@ def _reach(lidar: kitti.Lidar) -> float:
     return max(unit.range_m[1] for unit in lidar.field_of_view)
 
 
-def _with_unreached(own: Vehicles, others: Vehicles) -> Vehicles:
+def with_unreached(own: Vehicles, others: Vehicles) -> Vehicles:
     """Own vehicles, and those of the region that only the others have.
 
     These have 0 points, so that they are labelled at mid-frame.

@@ -69,6 +69,12 @@ class Lidar:
     field_of_view: tuple[FieldOfView, ...]  # one per unit
     label_time: LabelTime = "frame"  # when the labels hold; the same up to version 0.2
 
+    @property
+    def sensors(self) -> tuple[SensorPose, ...]:
+        """Where they stand in the levelled frame: of a fused data set all, else one, its origin."""
+        origin = SensorPose(0, 0, 0, 0, 0, 0)
+        return tuple(dict.fromkeys(unit.at or origin for unit in self.field_of_view)) or (origin,)
+
 
 def read_lidar(lidar_folder: Path) -> Lidar:
     """What the run wrote about the LiDAR of a folder; keys that are not needed are left alone.

@@ -80,14 +80,18 @@ def _dial(word: str) -> float:
 WORLD = (limits.scene, limits.rays)
 TRAFFIC = (*WORLD, limits.traffic)
 SEAM = (*WORLD, limits.seam)
+POLES = (limits.several_mounts, *WORLD)
+ALONE = (limits.one_mount,)  # ranges and directions of a fused cloud are from no one place
 NONE = Stressor("none", "", (0.0,))
 STRESSORS = {
     row.name: row
     for row in (
         Stressor("drop_out", "share", (0.0, 0.5, 0.75, 0.9, 0.97), sensor_faults.drop_out),
-        Stressor("rain", "mm/h", (0.0, 10.0, 50.0, 100.0, 200.0), clouds.rain),
-        Stressor("fog", "1/km", (0.0, 5.0, 10.0, 20.0, 40.0), clouds.fog),
-        Stressor("range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), sensor_faults.range_noise),
+        Stressor("rain", "mm/h", (0.0, 10.0, 50.0, 100.0, 200.0), clouds.rain, needs=ALONE),
+        Stressor("fog", "1/km", (0.0, 5.0, 10.0, 20.0, 40.0), clouds.fog, needs=ALONE),
+        Stressor(
+            "range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), sensor_faults.range_noise, needs=ALONE
+        ),
         Stressor("height_error", "m", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.height_error),
         Stressor("roll_error", "deg", (0.0, 0.5, 1.0, 2.0, 4.0), clouds.roll_error),
         Stressor("pitch_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.pitch_error),
@@ -97,9 +101,16 @@ STRESSORS = {
             "share",
             (0.0, 0.5, 0.75, 0.9, 0.97),
             sensor_faults.lost_lines,
+            needs=ALONE,
             each_frame=False,
         ),
-        Stressor("blocked_sector", "deg", (0.0, 10.0, 20.0, 40.0, 80.0), clouds.blocked_sector),
+        Stressor(
+            "blocked_sector",
+            "deg",
+            (0.0, 10.0, 20.0, 40.0, 80.0),
+            clouds.blocked_sector,
+            needs=ALONE,
+        ),
         # The motorway of the catalogue holds no more than four times its own.
         Stressor("density", "times", (1.0, 2.0, 4.0), world=worlds.density, needs=TRAFFIC),
         Stressor("speed", "times", (1.0, 1.25, 1.5, 2.0), world=worlds.speed, needs=TRAFFIC),
@@ -125,7 +136,13 @@ STRESSORS = {
             world=worlds.other_lidar,
             needs=(limits.scene, limits.known_preset),
         ),
-        Stressor("unseen_scene", "name", (OWN, *SCENES), world=worlds.other_scene, needs=WORLD),
+        Stressor(
+            "unseen_scene",
+            "name",
+            (OWN, *SCENES),
+            world=worlds.other_scene,
+            needs=(*ALONE, *WORLD),
+        ),
         Stressor(
             "unseen_preset",
             "name",
@@ -140,6 +157,10 @@ STRESSORS = {
             world=worlds.one_class,
             needs=TRAFFIC,
         ),
+        Stressor(
+            "pole_clock", "ms", (0.0, 10.0, 20.0, 50.0, 100.0), world=worlds.pole_clock, needs=POLES
+        ),
+        Stressor("pole_yaw", "deg", (0.0, 0.1, 0.2, 0.5, 1.0), world=worlds.pole_yaw, needs=POLES),
         # Their dials are what the runs were trained with.
         Stressor("training_frames", "frames", ()),
         Stressor("training_seed", "name", (OWN,)),

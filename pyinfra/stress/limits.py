@@ -32,11 +32,13 @@ def scene(base: Base) -> str:
 
 def rays(base: Base) -> str:
     """Where the rays of its LiDAR go."""
-    file = base.folder / lidar.FILE
+    file = base.lidar_file
+    if not file.is_file():
+        return f"{file}: found no such file, needed to simulate the fused frames again"
     config = lidar.read(file)
     if not lidar.units_of(config):
         return f"{file}: found no pattern, as of a recording, {CLOUDS_ALONE}"
-    for table in lidar.table_files(config, base.folder):
+    for table in lidar.table_files(config, file.parent):
         if not table.is_file():
             return f"{file}: pattern.table.file: found no file {table}, allowed a copy of it there"
     return ""
@@ -44,7 +46,7 @@ def rays(base: Base) -> str:
 
 def seam(base: Base) -> str:
     """A unit that spins."""
-    file = base.folder / lidar.FILE
+    file = base.lidar_file
     return (
         ""
         if lidar.spins(lidar.read(file))
@@ -60,6 +62,21 @@ def traffic(base: Base) -> str:
     return ""
 
 
+def several_mounts(base: Base) -> str:
+    """Frames of several mounts, fused."""
+    if not base.is_fused:
+        return f"{base.folder.parent}: found frames of one mount, allowed those of `--fuse`"
+    return ""
+
+
+def one_mount(base: Base) -> str:
+    """Frames whose points are all from one place."""
+    if base.is_fused:
+        found = f"found fused frames of {', '.join(base.mounts)}"
+        return f"{base.folder.parent}: {found}, allowed those of one mount"
+    return ""
+
+
 def known_preset(base: Base) -> str:
     """A preset that the LiDARs of the catalogue have."""
     found = base.lidar.preset
@@ -71,7 +88,7 @@ def known_preset(base: Base) -> str:
 
 def catalogue(base: Base) -> str:
     """A LiDAR of the catalogue: what another's presets say, its frames do not tell."""
-    file = base.folder / lidar.FILE
+    file = base.lidar_file
     shipped = lidar_file(base.lidar.name)
     if not shipped.is_file():
         return f"{file}: name: found '{base.lidar.name}', allowed a LiDAR of the catalogue"

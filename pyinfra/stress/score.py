@@ -63,7 +63,7 @@ def scored(
         **{name: row[name] for name in COLUMNS[: COLUMNS.index("objects") + 1]},
         "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / len(truth.frames),
         **{f"recall_{band}": _recall(judgement, ends) for band, ends in BANDS_M.items()},
-        **_box_errors(judgement),
+        **box_errors(judgement),
         **{f"forgiven_{error}": gains[error] for error in ERRORS},
     }, draw_rows(same, "captured", [("ap_fine", fine_ap(judgement))])
 
@@ -139,7 +139,7 @@ def _recall(judgement: Judgement, ends: tuple[float, float]) -> float:
     return float(hit[counted].mean()) if counted.any() else math.nan
 
 
-def _box_errors(judgement: Judgement) -> dict[str, float]:
+def box_errors(judgement: Judgement) -> dict[str, float]:
     """Medians over the hits; heading to the nearer of the two ways along the vehicle."""
     p = judgement.contest.predictions.boxes[judgement.hit]
     v = judgement.contest.vehicles.boxes[judgement.took[judgement.hit]]

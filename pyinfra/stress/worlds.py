@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,22 @@ class Base:
         file = self.scene.get("trajectories")
         return Path(file) if file else None
 
+    @property
+    def mounts(self) -> dict[str, dict[str, Any]]:
+        """By name; several of a fused data set, none if they are not known."""
+        return dict(self.scene.get("mounts", {}))
+
+    @property
+    def is_fused(self) -> bool:
+        return len(self.mounts) > 1
+
+    @property
+    def lidar_file(self) -> Path:
+        """What says where rays go: of a fused data set, that of its first mount beside it."""
+        if not self.is_fused:
+            return self.folder / lidar.FILE
+        return self.folder.parents[1] / next(iter(self.mounts)) / self.folder.name / lidar.FILE
+
 
 @dataclass(frozen=True)
 class World:
@@ -71,10 +87,18 @@ def read_base(folder: Path, most: int) -> Base:
     scene = {key: value for key, value in scene.items() if key not in NOT_OF_THE_SCENE}
     if scene.get("trajectories"):  # relative to a scene file that is elsewhere; a run copies them
         scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
-        for mount in scene["mounts"].values():  # the copy is by the mount's clock
-            mount.pop("clock_offset_s", None)
+        _tell_from_first(scene["mounts"])
     step = math.ceil(len(frames) / most)
     return Base(folder, kitti.read_lidar(folder), scene, tuple(frames[::step]))
+
+
+def _tell_from_first(mounts: dict[str, dict[str, Any]]) -> None:
+    """The copy of trajectories is by the clock of the only mount, or of the first."""
+    first_s = next(iter(mounts.values())).get("clock_offset_s", 0)
+    for mount in mounts.values():
+        late_s = mount.pop("clock_offset_s", 0) - first_s
+        if late_s:
+            mount["clock_offset_s"] = late_s
 
 
 def density(base: Base, times: float | str) -> World:
@@ -86,10 +110,37 @@ def speed(base: Base, times: float | str) -> World:
 
 
 def tilt(base: Base, pitch_deg: float | str) -> World:
-    """Looks further down by the pitch; every mount, as there is one."""
-    mounts = base.scene["mounts"].items()
+    """Looks further down by the pitch; every mount."""
+    mounts = base.mounts.items()
     down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
     return World(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
+
+
+def pole_clock(base: Base, ms: float | str) -> World:
+    return World(late_clocks(base.mounts, float(ms)))
+
+
+def pole_yaw(base: Base, degrees: float | str) -> World:
+    return World(wrong_turns(base.mounts, float(degrees)))
+
+
+def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str, ...]:
+    """KEY=VALUE: clocks later than they are, the last one's by ms, those between evenly."""
+    own_s = [mount.get("clock_offset_s", 0) for mount in mounts.values()]
+    more_s = [ms / 1000 * i / (len(own_s) - 1) for i in range(len(own_s))]
+    late = zip(mounts, own_s, more_s, strict=True)
+    return tuple(f"mounts.{name}.clock_offset_s={a + b:.6g}" for name, a, b in late if b)
+
+
+def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tuple[str, ...]:
+    """KEY=VALUE: all but the first are taken to stand turned, left and right by turns."""
+    words = []
+    for i, (name, mount) in enumerate(mounts.items()):
+        own = mount.get("calibration_error", {}).get("yaw_deg", 0)
+        if i > 0:
+            yaw_deg = own + degrees * (1 if i % 2 else -1)
+            words.append(f"mounts.{name}.calibration_error.yaw_deg={yaw_deg:g}")
+    return tuple(words)
 
 
 def seam(_: Base, degrees: float | str) -> World:
@@ -157,12 +208,14 @@ def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
     texts = _texts(base, world)
     out = cache / f"{name}_{_digest(base, world, texts)}"
     with held(cache / f"{out.name}.lock", wait=True):
-        folder = out / (world.lidar or base.lidar.name)
+        fused = out / "fused" if base.is_fused else out
+        folder = fused / (world.lidar or base.lidar.name)
         if all(kitti.frame_file(folder, "velodyne", k).is_file() for k in base.frames):
             return folder
         scene, lidar_yaml = _written(texts, world, cache / f"{out.name}_inputs")
         words = ["--preset", _preset(base, world), "--frames", frame_words(base.frames)]
         words += ["--threads", "1", "--label-time", base.lidar.label_time, *_sets(world)]
+        words += ["--fuse"] if base.is_fused else []
         infrasim("run", scene, "--lidar", lidar_yaml, "--out", out, *words)
     return folder
 
@@ -177,7 +230,7 @@ def _texts(base: Base, world: World) -> dict[str, str]:
 
 
 def _lidar_text(base: Base, world: World) -> str:
-    return lidar.text(base.folder / lidar.FILE, world.turns_deg)
+    return lidar.text(base.lidar_file, world.turns_deg)
 
 
 def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, Path]:

@@ -190,16 +190,18 @@ def simulated_source(
     preset: str = "datasheet",
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
+    mount: str = "",
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> Source:
     """The same frames as a run would write, cast when they are asked for; nothing is on disk.
 
-    Raises ConfigError and IoError as the simulator does, ImportError without the extension.
+    mount: which of several. Raises ConfigError and IoError as the simulator does, ImportError
+    without the extension.
     """
     from pyinfra import sim
 
-    world = sim.load_scene(scene, preset=preset, seed=seed, set=set)
+    world = sim.load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)
     unit = sim.load_lidar(lidar, preset)
     keys = yaml.safe_load(world.dump())
     numbers = split.by_time(range(world.frames), PERIOD_S).train

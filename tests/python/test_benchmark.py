@@ -429,6 +429,17 @@ def test_a_site_costs_what_its_owner_says() -> None:
     assert table.price_usd == pytest.approx(3853.2)
 
 
+def test_a_mount_costs_a_lidar_a_pole_and_an_installation() -> None:
+    costs = Costs(pole_usd=100, installation_usd=50, computer_usd=800)
+    tables = made_up({"a": (2000, 80)})
+    alone = value_table(tables, costs).iloc[0]
+    assert alone.price_usd == 2000 + 150 + 800
+    four = value_table(tables | {"hits": tables["hits"].assign(mounts=4)}, costs).iloc[0]
+    assert (four.lidar_usd, four.pole_usd, four.installation_usd) == (8000, 400, 200)
+    assert four.price_usd == 8000 + 600 + 800
+    assert four.ap_per_1000_usd == pytest.approx(1000 * 80 / 9400)
+
+
 def test_the_dominated_are_named_with_what_beats_them() -> None:
     options = {"cheap": (1000, 50), "good": (3000, 90), "dear": (4000, 80), "same": (3000, 90)}
     table = value_table(made_up(options), Costs()).set_index("lidar")

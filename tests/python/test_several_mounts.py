@@ -11,9 +11,11 @@ import yaml
 from conftest import ROOT, Infrasim
 
 from pyinfra import kitti
+from pyinfra.benchmark.frames import hit_row, lidar_row
 from pyinfra.boxes import points_in_box
 from pyinfra.data.data_set import field_of_view_mask, read_data_set
 from pyinfra.data.frame_tables import read_vehicles
+from pyinfra.drawing import scene as scene_figures
 
 LIDAR = ROOT / "configs/lidars/helios_16.yaml"
 SPEED = 15.0
@@ -246,6 +248,25 @@ def test_a_fused_data_set_says_where_its_sensors_are(runs: Runs) -> None:
     np.testing.assert_array_equal(field_of_view_mask(own, data.tilts[0], moved), seen)
     assert 0 < seen[1].sum() < len(far)
     assert read_vehicles(out / "fused/helios_16", data.frames).points.sum() > 0
+
+
+def test_a_plan_marks_every_sensor(runs: Runs) -> None:
+    out = runs("out", "--fuse")
+    for name, mounts in (("left", ["left"]), ("fused", list(MOUNTS))):
+        folder = out / name / "helios_16"
+        assert len(kitti.read_lidar(folder).sensors) == len(mounts)
+        lines = scene_figures.plan([scene_figures.read_scene([folder])]).axes[0].lines
+        marks = [line.get_xydata()[0] for line in lines if line.get_marker() == "^"]
+        places = [(MOUNTS[mount]["x_m"], MOUNTS[mount]["y_m"]) for mount in mounts]
+        np.testing.assert_allclose(marks, places, atol=1e-3)
+
+
+def test_a_fused_lidar_is_one_of_each_mount_in_a_benchmark(runs: Runs) -> None:
+    out = runs("out", "--fuse")
+    fused, left = (out / name / "helios_16" for name in ("fused", "left"))
+    assert lidar_row(fused) == lidar_row(left)
+    assert hit_row(fused, 10)["mounts"] == 2
+    assert "mounts" not in hit_row(left, 10)
 
 
 def test_a_fused_run_goes_on_to_the_same_bytes(runs: Runs, digests: Digests) -> None:

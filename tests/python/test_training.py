@@ -838,6 +838,34 @@ def test_a_training_needs_one_kind_of_source(
         assert "allowed --data, or --scene with --lidar" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("mount", "message"),
+    [
+        ("", "mount: found none, allowed west, east, south, north"),
+        ("middle", "mount: found 'middle', allowed west, east, south, north"),
+        ("fused", "allowed one mount's name: fused frames are learnt from disk"),
+    ],
+)
+def test_a_scene_with_several_mounts_is_learnt_at_one(
+    mount: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene, lidar = ROOT / "configs/scenes/crossroad_poles.yaml", ROOT / "configs/lidars"
+    words = ["--scene", str(scene), "--lidar", str(lidar / "helios_16.yaml"), "--mount", mount]
+    assert cli.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_source_is_of_the_mount_that_is_named() -> None:
+    scene, lidar = ROOT / "configs/scenes/crossroad_poles.yaml", ROOT / "configs/lidars"
+    short = {"duration_s": 430, "traffic.warm_up_s": 5}
+    found = [
+        simulated_source(scene, lidar / "helios_16.yaml", "smoke", set=short, mount=name)
+        for name in ("west", "north")
+    ]
+    clouds = [source.clouds[0]() for source in found]
+    assert clouds[0].tobytes() != clouds[1].tobytes()
+
+
 def test_labels_of_two_times_are_not_learnt_together() -> None:
     one, other = (
         Source("helios_16", "datasheet", scene, time, (), tuple)

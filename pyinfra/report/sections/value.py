@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from pyinfra.benchmark.value import mounts_of
 from pyinfra.report import svg
 from pyinfra.report.blocks import Block, Column, Figure, Panel, Section, Table, TableCell, number
 from pyinfra.report.looks import FAINT, GROUND, drawing, log_ticks, panel
@@ -52,6 +53,8 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         text = (
             f"Prices are of LiDARs, as their sources state them, and {site} assumed for the site."
         )
+    if mounts_of(value).max() > 1:
+        text += " Of a scene with several mounts they are the sum over these."
     if value.empty:
         return text
     best = material.of_answers(value)

@@ -1,0 +1,196 @@
+"""One, two and four poles at a crossroad, fused: AP, and what wrong clocks and poses cost.
+
+A detector learns from 400 s of fused frames whose clocks and poses are right, and is tested on
+500 s that come later in the same world: so, with late clocks, and with mounts turned by more than
+is known. (90 s would hold little more than one stay of a vehicle that waits: no interval.) The
+vehicles of `all` are those that four poles together see, whichever poles the tested frames are of,
+so that differences are of the same vehicles and blocks. Rows go to results/poles.csv as they come,
+with their draws; what is there is not computed again.
+    .venv/bin/python benchmarks/poles.py --work data/poles
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from pyinfra import __version__, kitti, machine
+from pyinfra.benchmark import store
+from pyinfra.data.frame_tables import read_vehicles
+from pyinfra.data.frames import frame_numbers
+from pyinfra.evaluation.draws import draw_rows, same_of
+from pyinfra.evaluation.ground_truth import GroundTruth, read_ground_truth, with_unreached
+from pyinfra.evaluation.judge import Judgement, Settings, causes, contest, judge
+from pyinfra.evaluation.matching import IOU
+from pyinfra.evaluation.tables import fine_ap
+from pyinfra.simulator.catalogue import lidar_file, scene_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.stress import worlds
+from pyinfra.stress.score import as_predictions, box_errors
+from pyinfra.training import detect
+from pyinfra.training.recipe import read_recipe
+from pyinfra.training.sources import read_source
+from pyinfra.training.train import train
+
+ROOT = Path(__file__).resolve().parent.parent
+SCENE = "crossroad_poles"
+LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
+ANEW = "-relearnt"  # from the tested frames, with their errors; without labels
+ARMS = ("background", "centerpoint-pillar", f"background{ANEW}")
+MOUNTS = {1: ("west",), 2: ("west", "east"), 4: ("west", "east", "south", "north")}
+LEARNT_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"
+TEST_S = 1000
+SETTINGS = Settings(ground_truths=("all", "captured"))
+KEY = ["lidar", "poles", "arm", "error", "ground_truth"]
+
+
+@dataclass(frozen=True)
+class Error:
+    """What is wrong between the mounts; the first one is always right."""
+
+    clock_ms: float = 0
+    yaw_deg: float = 0
+
+    @property
+    def name(self) -> str:
+        if self.clock_ms:
+            return f"clock_{self.clock_ms:g}_ms"
+        return f"yaw_{self.yaw_deg:g}_deg" if self.yaw_deg else "none"
+
+    def assignments(self, mounts: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """KEY=VALUE of the scene."""
+        late, turned = worlds.late_clocks, worlds.wrong_turns
+        words = late(mounts, self.clock_ms) if self.clock_ms else ()
+        return [*words, *(turned(mounts, self.yaw_deg) if self.yaw_deg else ())]
+
+
+NONE = Error()
+ERRORS = (NONE, Error(clock_ms=20), Error(clock_ms=50), Error(yaw_deg=0.2), Error(yaw_deg=0.5))
+
+
+def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) -> Path:
+    """The LiDAR's folder of all poles together: frames to learn from; with an error, to test on."""
+    out = work / f"{lidar}_{poles}_{error.name if error else 'learnt'}"
+    folder = (out if poles == 1 else out / "fused") / lidar
+    if (done := out / "done").is_file():
+        return folder
+    mounts = MOUNTS[poles]
+    keys = yaml.safe_load(scene_file(SCENE).read_text("utf-8"))
+    keys["mounts"] = {name: keys["mounts"][name] | {"own_draws": True} for name in mounts}
+    work.mkdir(parents=True, exist_ok=True)
+    (scene := work / f"{SCENE}_{poles}.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
+    words = ["--frames", TEST_FRAMES if error else LEARNT_FRAMES, "--threads", "1"]
+    words += ["--fuse"] if poles > 1 else []
+    changes = [f"duration_s={TEST_S}", *error.assignments(keys["mounts"])] if error else []
+    words += ["--set", *changes] if changes else []
+    infrasim("run", scene, "--lidar", lidar_file(lidar), "--out", out, *words)
+    for mount in mounts if poles > 1 else ():
+        shutil.rmtree(out / mount)  # the fused frames hold their points
+    (folder / "ImageSets").mkdir(exist_ok=True)
+    for part in ("train", "val") if error else ("train",):
+        numbers = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
+        (folder / "ImageSets" / f"{part}.txt").write_text(numbers)
+    done.touch()
+    return folder
+
+
+def truth_of(folder: Path, reference: Path) -> GroundTruth:
+    """With the vehicles of the reference, and `all` as that has it; labels and points stay."""
+    truth = read_ground_truth(folder, frame_numbers(folder))
+    others = read_vehicles(reference, truth.frames)
+    own = with_unreached(truth.vehicles, others)
+    seen = dict(zip(zip(others.frame, others.ids, strict=True), others.visibility, strict=True))
+    pairs = zip(own.frame, own.ids, strict=True)
+    visibility = np.array([seen.get(pair, -1.0) for pair in pairs])
+    return replace(truth, vehicles=replace(own, visibility=visibility))
+
+
+def model_of(arm: str, folder: Path) -> tuple[Path, float]:
+    """What an arm learnt from the folder's frames, and the CPU seconds of its steps."""
+    run = folder.parent / f"{folder.name}_{arm}"
+    recipe = read_recipe(ROOT / "configs/detectors" / f"{arm.removesuffix(ANEW)}.yaml", "quick")
+    file = train(recipe, [read_source(folder, "quick")], run, quiet=True)
+    log = run / "log.csv"
+    return file, float(pd.read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
+
+
+def judged(model: Path, folder: Path, reference: Path) -> tuple[list[Judgement], float]:
+    """Under each ground truth, and the median of milliseconds a frame."""
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    found, times = detect.detect(detect.detector_at(model, folder), files, None)
+    truth = truth_of(folder, reference)
+    one = contest(truth, as_predictions(found), "vehicle", SETTINGS, "bev")
+    took = one.match(IOU, strict=False)
+    rows = [judge(one, which, took, SETTINGS.min_points) for which in SETTINGS.ground_truths]
+    return rows, float(np.median(times))
+
+
+def row(judgement: Judgement, which: str) -> dict[str, object]:
+    found = fine_ap(judgement)
+    ap = found.measured()
+    vehicles = judgement.contest.vehicles
+    same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
+    wrong = causes(judgement, IOU, strict=False)
+    frames = len(judgement.contest.truth.frames)
+    return {
+        "ap_fine": round(ap.value, 3),
+        "ap_fine_low": round(ap.low, 3),
+        "ap_fine_high": round(ap.high, 3),
+        "objects": judgement.objects,
+        "found": int(judgement.hit.sum()),
+        "points_per_vehicle": float(np.median(vehicles.points[judgement.counted])),
+        "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / frames,
+        "misplaced_per_frame": np.count_nonzero(wrong == "localisation") / frames,
+        **box_errors(judgement),
+        **draw_rows(same, which, [("ap_fine", found)]).iloc[0].to_dict(),
+    }
+
+
+def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterator[pd.DataFrame]:
+    """The rows of every error that the table has not."""
+    table = store.read(args.out, KEY)
+    for error in ERRORS if poles > 1 else (NONE,):
+        cell = {"lidar": lidar, "poles": poles, "arm": arm, "error": error.name}
+        if store.has(table, cell):
+            continue
+        reference = simulated(lidar, max(MOUNTS), args.work, NONE)
+        folder = simulated(lidar, poles, args.work, error)
+        learnt = folder if arm.endswith(ANEW) else simulated(lidar, poles, args.work)
+        model, seconds = model_of(arm, learnt)
+        judgements, ms = judged(model, folder, reference)
+        found = [row(j, which) for j, which in zip(judgements, SETTINGS.ground_truths, strict=True)]
+        points = [
+            kitti.frame_file(folder, "velodyne", k).stat().st_size / 16
+            for k in kitti.frames(folder)
+        ]
+        more = {"points_per_frame": round(float(np.mean(points))), "train_cpu_s": round(seconds, 1)}
+        more |= {"latency_p50_ms": round(ms, 1)}
+        yield pd.DataFrame([{**cell, **asdict(error), **more, **one} for one in found])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 10 GB")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "poles.csv")
+    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
+    args = parser.parse_args()
+    about = {"version": __version__, "machine": machine(), "command": "benchmarks/poles.py"}
+    for arm in args.arms:
+        for lidar in args.lidars:
+            for poles in MOUNTS:
+                for rows in filled(lidar, poles, arm, args):
+                    store.put(args.out, rows.assign(**about), KEY)
+                    print(*rows.iloc[0][[*KEY, "ap_fine", "train_cpu_s"]], flush=True)
+
+
+if __name__ == "__main__":
+    main()
