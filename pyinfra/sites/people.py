@@ -75,7 +75,9 @@ class Walks:
         for box in self.boxes[_reached(self.boxes, line[near])]:
             free &= ~within(line, box, HALF_WAY_M + 0.2)
         for tree in self.lines:
-            free &= tree.query(line)[0] > HALF_WAY_M
+            there = np.flatnonzero(free)
+            away = tree.query(line[there], distance_upper_bound=HALF_WAY_M)[0]
+            free[there] = away > HALF_WAY_M  # infinite beyond
         found = runs(road.stations[:, 0], free)
         return [(a, b) for a, b in found if b - a >= self.how.shortest_m]
 
