@@ -32,6 +32,7 @@ from pyinfra.evaluation.judge import Judgement, Settings
 from pyinfra.evaluation.tables import fine_ap
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
+from pyinfra.sites.draws import VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.training import detect
 from pyinfra.training.recipe import Recipe, read_recipe
@@ -68,7 +69,7 @@ class Cell:
 def cells(sites: int, seeds: int) -> Iterator[Cell]:
     """Every site in every world, with the next LiDAR in turn."""
     lidars = itertools.cycle((*STUDIED, *HELD_OUT))
-    generated = [f"site_{FIRST_SITE + i}" for i in range(sites)]
+    generated = [f"site_v{VERSION}_{FIRST_SITE + i}" for i in range(sites)]
     for seed, site in itertools.product(range(1, seeds + 1), (*SCENES, *generated)):
         yield Cell(site, seed, next(lidars))
 
@@ -78,7 +79,7 @@ def simulated(cell: Cell, work: Path) -> Path:
     scene = scene_file(cell.site) if cell.site in SCENES else work / f"{cell.site}.yaml"
     if cell.site not in SCENES:
         work.mkdir(parents=True, exist_ok=True)
-        keys = make_site(int(cell.site.split("_")[1])) | {"duration_s": 500.0}
+        keys = make_site(int(cell.site.split("_")[-1])) | {"duration_s": 500.0}
         scene.write_text(yaml.safe_dump(keys))
     words = ["--preset", cell.preset, "--seed", str(cell.seed), "--label-time", "scan"]
     words += ["--frames", FRAMES, "--out", str(work / cell.name), "--threads", "1"]
@@ -123,7 +124,7 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
         "latency_p50_ms": round(float(np.median(times)), 1),
         "ap_fine": round(ap.value, 3),
         "ap_fine_low": round(ap.low, 3),
-        "ap_fine_high": round(ap.high, 3),
+        "ap_fine_high": round(min(100.0, ap.high), 3),
         "objects": judgement.objects,
         **at_cut(judgement),
         **draws.to_dict(),

@@ -469,6 +469,29 @@ def generalist_sites() -> str:
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 
 
+ARMS = {
+    "none": "as it comes",
+    "tuned_30": "30 s",
+    "tuned_120": "120 s",
+    "specialist": "a specialist",
+}
+
+
+def generalist() -> str:
+    """Fine AP of the shipped network as it comes, after a little training, and of a specialist."""
+    table = results("generalist")
+    rows = []
+    for (site, lidar), own in table[table.seed == 1].groupby(["site", "lidar"], sort=False):
+        by_arm = own.set_index("arm")
+        ends = ["ap_fine", "ap_fine_low", "ap_fine_high"]
+        cells = (
+            with_interval_of_ap(*by_arm.loc[arm, ends].astype(float)) if arm in by_arm.index else ""
+            for arm in ARMS
+        )
+        rows.append([str(site), str(lidar), *cells])
+    return markdown(["site", "LiDAR", *ARMS.values()], rows)
+
+
 def engines() -> str:
     """How much faster a frame is with another engine in the generalist, and its AP."""
     table = results("engines")
@@ -593,6 +616,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "poles": poles,
     "pole errors": pole_errors,
     "engines": engines,
+    "generalist": generalist,
     "generalist at sites": generalist_sites,
     "sites": sites,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
