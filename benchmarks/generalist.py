@@ -79,7 +79,7 @@ def simulated(cell: Cell, work: Path) -> Path:
     scene = scene_file(cell.site) if cell.site in SCENES else work / f"{cell.site}.yaml"
     if cell.site not in SCENES:
         work.mkdir(parents=True, exist_ok=True)
-        keys = make_site(int(cell.site.split("_")[-1])) | {"duration_s": 500.0}
+        keys = make_site(int(cell.site.split("_")[-1])) | {"duration_s": 500.0, "name": cell.site}
         scene.write_text(yaml.safe_dump(keys))
     words = ["--preset", cell.preset, "--seed", str(cell.seed), "--label-time", "scan"]
     words += ["--frames", FRAMES, "--out", str(work / cell.name), "--threads", "1"]

@@ -22,10 +22,11 @@ def oblique(folder: Path, home: Path) -> Path:
     return _written(folder / "oblique.xodr", junction([0, 50, 180, 230], 30))
 
 
-def hill(folder: Path, home: Path) -> Path:
-    """700 m: level, 6 % over 250 m, level."""
-    up = [(0, 0, 0, 0), (150, 0, 0, 0.0003), (250, 3, 0.06, 0), (500, 18, 0.06, -0.0003)]
-    up += [(600, 21, 0, 0)]
+def hill(folder: Path, home: Path, grade: float = 0.06) -> Path:
+    """700 m: level, a grade over 250 m, level."""
+    bend = grade / 200
+    up = [(0, 0, 0, 0), (150, 0, 0, bend), (250, 50 * grade, grade, 0)]
+    up += [(500, 300 * grade, grade, -bend), (600, 350 * grade, 0, 0)]
     elevation = "".join(f'<elevation s="{s}" a="{a}" b="{b}" c="{c}" d="0"/>' for s, a, b, c in up)
     road = site_data.road(1, (0, 0, 0), 700, elevation=elevation)
     return _written(folder / "hill.xodr", site_data.open_drive(road))
