@@ -1,9 +1,9 @@
-"""What a hill does: to a network that knows the road's height at each place or one alone, and to boxes.
+"""What a hill does: to a network that knows one height of the road, and to boxes that do not lean.
 
-A road of 700 m rises at a grade in its middle, where the pole stands; an own map, SUMO's traffic. The
-generalist looks at the same frames twice: with the height of the local road, and with one height, that
-under the pole. `iou_3d`: of boxes that turn with the vehicle but do not lean, with those that do.
-Rows of results/hill.csv.
+A road of 700 m rises at a grade in its middle, where the pole stands; an own map, SUMO's traffic.
+The generalist looks at the same frames twice: with the height of the local road, and with one
+height, that under the pole. `iou_3d`: of boxes that turn with the vehicle but do not lean, with
+those that do. Rows of results/hill.csv.
     .venv/bin/python benchmarks/hill.py --work out/hill
 """
 
