@@ -492,6 +492,19 @@ def generalist() -> str:
     return markdown(["site", "LiDAR", *ARMS.values()], rows)
 
 
+def hill() -> str:
+    """AP of the generalist by grade, with the road's height at each place and with one."""
+    rows = []
+    for (lidar, percent), own in results("hill").groupby(["lidar", "grade_percent"], sort=False):
+        by_height = own.set_index("height")
+        ends = ["ap_fine", "ap_fine_low", "ap_fine_high"]
+        ap = (with_interval_of_ap(*by_height.loc[h, ends].astype(float)) for h in ("local", "one"))
+        iou = by_height.iou_3d.iloc[0]
+        rows.append([LIDARS[str(lidar)], f"{percent} %", *ap, f"{iou:.2f}"])
+    rows.sort(key=lambda row: list(LIDARS.values()).index(row[0]))
+    return markdown(["LiDAR", "grade", "local height", "one height", "3-D IoU"], rows)
+
+
 def engines() -> str:
     """How much faster a frame is with another engine in the generalist, and its AP."""
     table = results("engines")
@@ -617,6 +630,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "pole errors": pole_errors,
     "engines": engines,
     "generalist": generalist,
+    "hill": hill,
     "generalist at sites": generalist_sites,
     "sites": sites,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
