@@ -16,13 +16,15 @@ from pyinfra.config import as_plain  # noqa: E402
 from pyinfra.detectors.batch import make_batch  # noqa: E402
 from pyinfra.training import checkpoint  # noqa: E402
 from pyinfra.training.recipe import read_recipe  # noqa: E402
+from pyinfra.training.sources import Tier  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def saved(name: str, folder: Path, steps: int = 0) -> Path:
-    """A checkpoint of a network of the smoke tier that has seen a few frames."""
-    recipe = read_recipe(ROOT / f"configs/detectors/{name}.yaml", "smoke")
+    """A checkpoint of a small network that has seen a few frames; the generalist tells classes."""
+    tier: Tier = "full" if name == "generalist" else "smoke"
+    recipe = read_recipe(ROOT / f"configs/detectors/{name}.yaml", tier)
     torch.manual_seed(3)
     network = checkpoint.build(recipe.detector, recipe.network, SITE)
     optimizer = torch.optim.AdamW(network.train().parameters(), 0.003)
