@@ -21,7 +21,7 @@ from pyinfra.kitti.layout import (
     Part,
     frame_file,
 )
-from pyinfra.kitti.read import OBJECT_NUMBERS, OBJECT_RULES
+from pyinfra.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
 from pyinfra.kitti.table import rules_hold
 
 _IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in height
@@ -44,16 +44,22 @@ def write_fields(file: Path, fields: Records) -> None:
 
 
 def write_objects(file: Path, objects: Objects) -> None:
-    """Raises ValueError for numbers that read_objects does not take."""
+    """With a last column for the pitch if there is one.
+
+    Raises ValueError for numbers that read_objects does not take.
+    """
     o = objects
+    pitch = o.pitch
     pose = o.scan_boxes[:, [0, 1, 2, 6]]
     values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [pose, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
         raise ValueError("objects: found values out of range")
+    if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
+        raise ValueError("objects: found a pitch beyond a whole turn, or that is no number")
     if len(np.unique(o.ids)) < len(o):
         raise ValueError("objects: found an id twice, allowed once a frame")
-    lines = [",".join(OBJECT_COLUMNS)]
+    lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
         numbers += [f"{o.boxes[i, 6]:.6f}", f"{o.speed[i]:.4f}"]
@@ -64,6 +70,7 @@ def write_objects(file: Path, objects: Objects) -> None:
             *(f"{v:.4f}" for v in pose[i, :3]),
         ]
         last += [f"{pose[i, 3]:.6f}", f"{o.scan_time_s[i]:.6f}", str(o.points_in_scan_box[i])]
+        last += [f"{pitch[i]:.6f}"] if pitch is not None else []
         lines.append(",".join([str(o.ids[i]), str(o.names[i]), *numbers, *counts, *last]))
     _replace_lines(file, lines)
 

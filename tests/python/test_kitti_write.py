@@ -154,11 +154,13 @@ def test_any_cloud_round_trips(
 
 
 @given(
-    rows=st.lists(st.tuples(names, boxes, st.integers(0, 10**6), st.integers(-1, 1)), max_size=5)
+    rows=st.lists(st.tuples(names, boxes, st.integers(0, 10**6), st.integers(-1, 1)), max_size=5),
+    leans=st.booleans(),
 )
 def test_any_objects_round_trip(
     tmp_path_factory: pytest.TempPathFactory,
     rows: list[tuple[str, tuple[float, ...], int, int]],
+    leans: bool,
 ) -> None:
     file = tmp_path_factory.mktemp("objects") / "000000.csv"
     counts = np.array([row[2] for row in rows], dtype=np.int64)
@@ -175,13 +177,15 @@ def test_any_objects_round_trip(
         scan_boxes=places[:, [1, 0, 2, 3, 4, 5, 6]],
         scan_time_s=np.minimum(counts / 1e5, 1),
         points_in_scan_box=counts // 3,
+        pitch=counts / 1e6 - 0.5 if leans else None,
     )
     kitti.write_objects(file, objects)
     read = kitti.read_objects(file)
+    assert (read.pitch is None) == (not leans)
     for name, column in vars(objects).items():
         if name == "names":
             assert read.names.tolist() == column.tolist()
-        else:
+        elif column is not None:
             np.testing.assert_allclose(getattr(read, name), column, atol=6e-5, rtol=1e-12)
 
 
