@@ -479,17 +479,17 @@ ARMS = {
 
 def generalist() -> str:
     """Fine AP of the shipped network as it comes, after a little training, and of a specialist."""
-    table = results("generalist")
     rows = []
-    for (site, lidar), own in table[table.seed == 1].groupby(["site", "lidar"], sort=False):
+    table = results("generalist")
+    for (site, lidar, world), own in table.groupby(["site", "lidar", "seed"], sort=False):
         by_arm = own.set_index("arm")
         ends = ["ap_fine", "ap_fine_low", "ap_fine_high"]
         cells = (
             with_interval_of_ap(*by_arm.loc[arm, ends].astype(float)) if arm in by_arm.index else ""
             for arm in ARMS
         )
-        rows.append([str(site), str(lidar), *cells])
-    return markdown(["site", "LiDAR", *ARMS.values()], rows)
+        rows.append([str(site), str(lidar), str(world), *cells])
+    return markdown(["site", "LiDAR", "world", *ARMS.values()], rows)
 
 
 def hill() -> str:
