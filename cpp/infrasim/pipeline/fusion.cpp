@@ -23,15 +23,21 @@ const ObjectRecord* find_object(const Frame& frame, int id) {
 
 /// Counts the points in each vehicle's boxes, as they lie in the frame.
 void count_in_boxes(Frame& frame) {
-  std::unordered_map<int, ObjectRecord*> by_id;
-  for (ObjectRecord& o : frame.objects) by_id[o.id] = &o;
+  struct Held {
+    ObjectRecord* object;
+    BoxFrame frame, scan;
+  };
+  std::unordered_map<int, Held> by_id;
+  for (ObjectRecord& o : frame.objects)
+    by_id.emplace(o.id, Held{&o, BoxFrame(o.box), BoxFrame(o.scan_box)});
   const PointCloud& c = frame.cloud;
   for (std::size_t i = 0; i < c.size(); ++i) {
     const auto found = by_id.find(c.object_id[i]);
     if (found == by_id.end()) continue;
     const Vec3 p{c.xyz[3 * i], c.xyz[3 * i + 1], c.xyz[3 * i + 2]};
-    found->second->points_in_box += BoxFrame(found->second->box).contains(p, kBoxMargin);
-    found->second->points_in_scan_box += BoxFrame(found->second->scan_box).contains(p, kBoxMargin);
+    const auto& [object, box, scan_box] = found->second;
+    object->points_in_box += box.contains(p, kBoxMargin);
+    object->points_in_scan_box += scan_box.contains(p, kBoxMargin);
   }
 }
 
