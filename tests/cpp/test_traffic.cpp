@@ -384,14 +384,29 @@ TEST(one_way_road, is_driven_along_its_centreline_alone) {
       }
 }
 
-TEST(one_way_road, that_leads_nowhere_is_an_error) {
+TEST(one_way_road, joins_one_that_is_one_way_and_leads_away_from_another) {
   SceneConfig scene = t_junction(1, 90);
   for (RoadConfig& road : scene.roads) road.lanes.one_way = true;
   EXPECT_GE(ways(scene)["se"], 3);
   scene.roads[0].lanes.one_way.reset();
   scene.roads[1].start = {0, 0, -90};
-  scene.roads[1].lanes.one_way = true;
   EXPECT_GE(ways(scene)["ws"], 3);
+}
+
+TEST(one_way_road, needs_a_turn_for_each_lane_that_joins_it) {
+  SceneConfig scene = t_junction(2, 90);
+  scene.roads[0].lanes.one_way = true;
+  const std::string message = error_of([&] { simulate_traffic(scene); });
+  EXPECT_NE(message.find("found 1 lanes of a road that ends there"), std::string::npos) << message;
+}
+
+TEST(crossroad, of_45_degrees_has_turns_and_no_two_vehicles_in_one_place) {
+  SceneConfig scene = t_junction(2, 45);
+  scene.roads[1].centreline[0].line_m = 400;
+  std::map<std::string, int> count = ways(scene);
+  EXPECT_GE(count["ws"], 1);
+  EXPECT_GE(count["es"], 1);
+  expect_no_overlaps(scene);
 }
 
 }  // namespace
