@@ -49,9 +49,14 @@ def ruled(
     return field(default=default, metadata={"rule": Rule(low, high, once=once)})
 
 
-def checked(check: Callable[[Path, str], object], *, once: bool = False) -> Any:
-    """A required field whose texts must pass a check; see Rule."""
-    return field(metadata={"rule": Rule(check=check, once=once)})
+def checked(
+    check: Callable[[Path, str], object],
+    default: Any = dataclasses.MISSING,
+    *,
+    once: bool = False,
+) -> Any:
+    """A field whose texts must pass a check; see Rule. Required if it has no default."""
+    return field(default=default, metadata={"rule": Rule(check=check, once=once)})
 
 
 def read_config(file: Path, kind: type[T]) -> T:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pyinfra.config import Part, checked, read_config, ruled
 from pyinfra.detectors.catalogue import DETECTORS
 from pyinfra.detectors.classes import ObjectClass, classes_of
+from pyinfra.training.detect import model_file, shipped
 from pyinfra.training.samples import Augmentation
 from pyinfra.training.sources import TIERS, Tier
 
@@ -17,12 +18,24 @@ from pyinfra.training.sources import TIERS, Tier
 Precision = Literal["float32", "bfloat16"]
 
 
+def _model(_: Path, word: str) -> None:
+    """Raises ValueError if a network to begin with is named that is not there."""
+    try:
+        if word:
+            model_file(Path(word))
+    except FileNotFoundError:
+        ours = ", ".join(shipped())
+        raise ValueError(f"found '{word}', allowed a run, a file, or {ours}") from None
+
+
 @dataclass(frozen=True)
 class Learning:
     """One-cycle AdamW over all steps of the budget."""
 
     steps: int = ruled(1000, 0, 10_000_000)  # batches until the end; 0, with start: as it comes
-    start: str = ""  # whose weights are the first ones: a run, a file, or a model of the package
+    start: str = checked(
+        _model, ""
+    )  # whose weights are the first ones: a run, a file, or a model of the package
     batch: int = ruled(4, 1, 1024)  # frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # the highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # of AdamW

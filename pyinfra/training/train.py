@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -63,10 +64,12 @@ def train(
 
 
 def _as_it_comes(start: Path, out: Path) -> Path:
-    """Raises FileNotFoundError."""
-    model = out / "last.safetensors"
+    """Raises FileNotFoundError, and FileExistsError for the folder of another network."""
+    source, model = model_file(start), out / "last.safetensors"
+    if model.exists() and not filecmp.cmp(source, model, shallow=False):
+        raise FileExistsError(f"{out}: {model.name}: is there already, of another network")
     with replacing(model) as beside:
-        shutil.copyfile(model_file(start), beside)
+        shutil.copyfile(source, beside)
     return model
 
 

@@ -356,6 +356,10 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
             "detector: dsvt\ntiers:\n  smoke: {}\n  quick: {learning: {steps: 0}}\n  full: {}\n",
             "4: tiers.quick.learning: steps: found 0 without start, allowed 1 or more",
         ),
+        (
+            "detector: dsvt\ntiers: {smoke: {learning: {start: me}}, quick: {}, full: {}}\n",
+            "2: tiers.smoke.learning.start: found 'me', allowed a run, a file, or generalist",
+        ),
     ],
 )
 def test_a_wrong_recipe_is_named_by_file_line_and_key(
@@ -676,6 +680,11 @@ def test_a_recipe_without_steps_takes_a_network_as_it_comes(
     still = dataclasses.replace(still, learning=dataclasses.replace(still.learning, steps=0))
     assert still.for_budget(0.5).learning.steps == 0
     file = train.train(still, [source], tmp_path / "as_is", quiet=True)
+    assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
+    assert train.train(still, [source], tmp_path / "as_is", quiet=True) == file  # once more
+    other = still.begun_with(Path("generalist"))
+    with pytest.raises(FileExistsError, match=r"last\.safetensors: is there already, of another"):
+        train.train(other, [source], tmp_path / "as_is", quiet=True)
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
     with pytest.raises(FileNotFoundError, match="nor a model of the package"):
         train.train(still.begun_with(Path("nobody")), [source], tmp_path / "as_is", quiet=True)
