@@ -153,11 +153,10 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
     """
     benchmark = read_config(file, Benchmark)
     files: dict[tuple[str, str], Path] = {}
-    own = (scene_of(scene),) if scene else ()
 
     def known(kind: str, words: tuple[str, ...]) -> list[str]:
-        paths = [config_file(kind, file, word) for word in words]
-        paths = list(own) if own and kind == "scenes" else paths
+        own = scene and kind == "scenes"
+        paths = [scene_of(scene)] if own else [config_file(kind, file, word) for word in words]
         for path in paths:
             name = name_of(path)
             if files.setdefault((kind, name), path) != path:
