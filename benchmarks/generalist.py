@@ -29,7 +29,7 @@ from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.draws import draw_rows, same_of
 from pyinfra.evaluation.evaluate import judged
 from pyinfra.evaluation.judge import Judgement, Settings
-from pyinfra.evaluation.tables import fine_ap
+from pyinfra.evaluation.tables import fine_ap, fine_columns
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.sites.draws import VERSION
@@ -114,7 +114,6 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
     _, times = detect.detect(detect.detector_at(file, folder), files, run / "predictions")
     (judgement,) = judged(folder, run / "predictions", SETTINGS)
     found = fine_ap(judgement)
-    ap = found.measured()
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
     draws = draw_rows(same, "captured", [("ap_fine", found)]).iloc[0]
     return {
@@ -122,9 +121,7 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
         "steps": steps,
         "train_cpu_s": round(seconds, 1),
         "latency_p50_ms": round(float(np.median(times)), 1),
-        "ap_fine": round(ap.value, 3),
-        "ap_fine_low": round(ap.low, 3),
-        "ap_fine_high": round(min(100.0, ap.high), 3),
+        **{name: round(v, 3) for name, v in fine_columns(judgement, found).items()},
         "objects": judgement.objects,
         **at_cut(judgement),
         **draws.to_dict(),

@@ -25,7 +25,7 @@ from pyinfra.data.frames import PERIOD_S, frame_numbers
 from pyinfra.evaluation.draws import draw_rows, same_of
 from pyinfra.evaluation.evaluate import judged
 from pyinfra.evaluation.judge import Judgement, Settings
-from pyinfra.evaluation.tables import fine_ap
+from pyinfra.evaluation.tables import fine_ap, fine_columns
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.training import detect
@@ -108,14 +108,11 @@ def row(trial: Trial, tier: Tier, work: Path) -> dict[str, object]:
     _, times = detect.detect(model, files, run / "predictions", read=read)
     (judgement,) = judged(tested, run / "predictions", SETTINGS, frames=chosen)
     found = fine_ap(judgement)
-    ap = found.measured()
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
     return {
         **asdict(trial),
         "seconds": round(trial.accumulate * PERIOD_S, 3),
-        "ap_fine": round(ap.value, 3),
-        "ap_fine_low": round(ap.low, 3),
-        "ap_fine_high": round(ap.high, 3),
+        **{name: round(v, 3) for name, v in fine_columns(judgement, found).items()},
         "objects": judgement.objects,
         **recalls(judgement),
         "latency_p50_ms": round(float(np.median(times)), 1),

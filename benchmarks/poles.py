@@ -30,7 +30,7 @@ from pyinfra.evaluation.draws import draw_rows, same_of
 from pyinfra.evaluation.ground_truth import GroundTruth, read_ground_truth, with_unreached
 from pyinfra.evaluation.judge import Judgement, Settings, causes, contest, judge
 from pyinfra.evaluation.matching import IOU
-from pyinfra.evaluation.tables import fine_ap
+from pyinfra.evaluation.tables import fine_ap, fine_columns
 from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.stress import worlds
@@ -135,15 +135,12 @@ def judged(model: Path, folder: Path, reference: Path) -> tuple[list[Judgement],
 
 def row(judgement: Judgement, which: str) -> dict[str, object]:
     found = fine_ap(judgement)
-    ap = found.measured()
     vehicles = judgement.contest.vehicles
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
     wrong = causes(judgement, IOU, strict=False)
     frames = len(judgement.contest.truth.frames)
     return {
-        "ap_fine": round(ap.value, 3),
-        "ap_fine_low": round(ap.low, 3),
-        "ap_fine_high": round(ap.high, 3),
+        **{name: round(v, 3) for name, v in fine_columns(judgement, found).items()},
         "objects": judgement.objects,
         "found": int(judgement.hit.sum()),
         "points_per_vehicle": float(np.median(vehicles.points[judgement.counted])),

@@ -495,14 +495,17 @@ def generalist() -> str:
 def hill() -> str:
     """AP of the generalist by grade, with the road's height at each place and with one."""
     rows = []
-    for (lidar, percent), own in results("hill").groupby(["lidar", "grade_percent"], sort=False):
+    key = ["lidar", "grade_percent", "seed"]
+    for (lidar, percent, seed), own in (
+        results("hill").sort_values(key[1:]).groupby(key, sort=False)
+    ):
         by_height = own.set_index("height")
         ends = ["ap_fine", "ap_fine_low", "ap_fine_high"]
         ap = (with_interval_of_ap(*by_height.loc[h, ends].astype(float)) for h in ("local", "one"))
         iou = by_height.iou_3d.iloc[0]
-        rows.append([LIDARS[str(lidar)], f"{percent} %", *ap, f"{iou:.2f}"])
+        rows.append([LIDARS[str(lidar)], f"{percent} %", str(seed), *ap, f"{iou:.2f}"])
     rows.sort(key=lambda row: list(LIDARS.values()).index(row[0]))
-    return markdown(["LiDAR", "grade", "local height", "one height", "3-D IoU"], rows)
+    return markdown(["LiDAR", "grade", "world", "local height", "one height", "3-D IoU"], rows)
 
 
 def engines() -> str:

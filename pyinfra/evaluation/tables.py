@@ -40,8 +40,6 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
     """AP over all frames, without the columns that name the class and the ground truth."""
     ranking = judgement.ranking()
     value, low, high = _ap_with_interval(judgement, ranking, protocol)[:3]
-    fine = fine_ap(judgement)
-    fine_low, fine_high = judgement.interval(fine.value, fine.draws, ranking.objects)
     metric = judgement.contest.metric
     return {
         "iou": iou,
@@ -49,9 +47,7 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
         "ap": value,
         "ap_low": low,
         "ap_high": high,
-        "ap_fine": fine.value,
-        "ap_fine_low": float(fine_low),
-        "ap_fine_high": float(fine_high),
+        **fine_columns(judgement, fine_ap(judgement)),
         "objects": judgement.objects,
         "predictions": len(ranking.slot),
         "frames": len(judgement.contest.truth.frames),
@@ -65,6 +61,12 @@ def fine_ap(judgement: Judgement) -> Bootstrapped:
     value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
     draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
     return Bootstrapped(value, draws, judgement.contest.blocks.count)
+
+
+def fine_columns(judgement: Judgement, fine: Bootstrapped) -> dict[str, float]:
+    """Columns of a fine AP with the ends of its interval, which are 0 to 100."""
+    low, high = judgement.interval(fine.value, fine.draws, judgement.ranking().objects)
+    return {"ap_fine": fine.value, "ap_fine_low": float(low), "ap_fine_high": float(high)}
 
 
 def pr_table(judgement: Judgement) -> pd.DataFrame:
