@@ -39,6 +39,7 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     foot_m = _embank(Draws(seed, "ground"), habitat, ranges, layout)
     room = Room(layout)
     mount = _mount(Draws(seed, "mount"), ranges, layout)
+    mount |= _on_a_slope(Draws(seed, "grade"), habitat, ranges, mount, layout)
     room.take([mount["x_m"], mount["y_m"], 0, BOX_OF_SENSOR_M, BOX_OF_SENSOR_M, 1, 0])
     side = Roadside(room, habitat, ranges, foot_m, mount)
     for road in layout.roads:
@@ -117,7 +118,7 @@ def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
     height = draws.within(how.height_m)
     s, left_m = layout.focus
     if layout.junctions:
-        s += draws.side() * (layout.junction_m + draws.within(how.before_junction_m))
+        s += draws.side() * (layout.corner_m + draws.within(how.before_junction_m))
     else:
         s += draws.within((-30, 30))
     word = draws.one_of({"lanes": how.over_lanes, "median": how.over_median, "beside": 1.0})
@@ -139,6 +140,23 @@ def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
         "yaw_deg": round(float((yaw + 180) % 360 - 180), 1),
         "pitch_deg": draws.within(draws.one_of(how.pitch_deg)),
         "roll_deg": draws.within(how.roll_deg),
+    }
+
+
+def _on_a_slope(
+    draws: Draws, habitat: Habitat, ranges: Ranges, mount: Keys, layout: Layout
+) -> Keys:
+    """The pitch and roll of a sensor whose pole is upright beside roads that rise.
+
+    Frames are as if the roads were level and the sensor leant: networks see points above the road.
+    """
+    if not draws.chance(ranges.grades):
+        return {}
+    slope_deg = np.degrees(np.arctan(draws.side() * draws.within(habitat.grade_percent) / 100))
+    off = np.radians(layout.roads[0].keys["start"]["heading_deg"] - mount["yaw_deg"])
+    return {
+        "pitch_deg": round(float(mount["pitch_deg"] + slope_deg * np.cos(off)), 2),
+        "roll_deg": round(float(mount["roll_deg"] - slope_deg * np.sin(off)), 2),
     }
 
 

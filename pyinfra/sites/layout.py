@@ -14,7 +14,7 @@ from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.boxes import bev_overlap, footprints
 from pyinfra.data.regions import offset_curve
 from pyinfra.sites.draws import Draws
-from pyinfra.sites.ranges import Habitat, Ranges
+from pyinfra.sites.ranges import Habitat, Ranges, RingRanges
 
 Keys = dict[str, Any]
 Stretch = tuple[float, float]  # of stations
@@ -22,6 +22,7 @@ Stretch = tuple[float, float]  # of stations
 STEP_M = 1.0  # between stations
 STOP_LINE_M = 3.0  # before the crossing road's footway, as the simulator has it
 SHARP_TURN_M = 8.0  # more at a T, times the cosine of its angle
+RING_FLARE_M = 10.0  # from a roundabout's stop line to its ring, as the simulator has it
 T_LANES = 2  # of a road that ends there, at most: one to the left, one to the right
 SHORTEST_M = 6.0  # of a row of something
 WHOLE: Stretch = (0.0, np.inf)
@@ -120,6 +121,7 @@ class Layout:
     focus: tuple[float, float]  # station of the first road around which things are
     junctions: tuple[Keys, ...] = ()
     junction_m: float = 0.0  # around the focus: turns are within
+    corner_m: float = 0.0  # from the focus: sensors stand beyond
 
 
 def straight(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
@@ -153,31 +155,61 @@ def crossing(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
     shares = {key: draws.within(ranges.turns) for key in ("left_share", "right_share")}
     junction = {"roads": ["main", "side"], "signal": signal} | shares
     reach = max(_stop_line(main, side, angle), _stop_line(side, main, angle))
-    return Layout((main, side), (half, 0.0), (junction,), reach)
+    return Layout((main, side), (half, 0.0), (junction,), reach, reach)
 
 
 def varied(layout: Layout, draws: Draws, ranges: Ranges) -> Layout:
-    """Some crossings are a T, and some of their side roads one-way streets."""
+    """Some crossings are a T, a roundabout or both, and some side roads one-way streets."""
     if not layout.junctions:
         return layout
     one_way, t = draws.chance(ranges.one_way), draws.chance(ranges.t_junctions)
     main, side = layout.roads
-    lanes, keys = side.keys["lanes"], dict(side.keys)
-    if one_way:
-        keys["lanes"] = lanes | {"median_m": 0.0, "one_way": True}
-    t = t and lanes["each_way"] <= T_LANES
+    t = t and side.keys["lanes"]["each_way"] <= T_LANES
     if t:
-        half = keys["centreline"][0]["line_m"] / 2
-        keys["centreline"] = [{"line_m": half}]
-        if draws.chance(0.5):
-            keys["start"] = keys["start"] | {"x_m": 0.0, "y_m": 0.0}
-    if not (one_way or t):
-        return layout
-    side = DrawnRoad(keys)
-    angle = np.radians(keys["start"]["heading_deg"])
+        side = _ending(side, in_the_middle=draws.chance(0.5))
+    if draws.chance(ranges.roundabouts):
+        return _roundabout(layout, main, side, draws, ranges.ring)
+    if one_way:
+        side = _with_lanes(side, median_m=0.0, one_way=True)
+    angle = np.radians(side.keys["start"]["heading_deg"])
     more_m = SHARP_TURN_M * abs(np.cos(angle)) if t else 0.0
     reach = max(_stop_line(main, side, angle, more_m), _stop_line(side, main, angle, more_m))
-    return replace(layout, roads=(main, side), junction_m=reach)
+    return replace(layout, roads=(main, side), junction_m=reach, corner_m=reach)
+
+
+def _with_lanes(road: DrawnRoad, **lanes: float) -> DrawnRoad:
+    return DrawnRoad(road.keys | {"lanes": road.keys["lanes"] | lanes})
+
+
+def _ending(side: DrawnRoad, in_the_middle: bool) -> DrawnRoad:
+    """A road across that ends on the other one, or begins there."""
+    half = side.keys["centreline"][0]["line_m"] / 2
+    keys = side.keys | {"centreline": [{"line_m": half}]}
+    if in_the_middle:
+        keys["start"] = keys["start"] | {"x_m": 0.0, "y_m": 0.0}
+    return DrawnRoad(keys)
+
+
+def _roundabout(
+    layout: Layout, main: DrawnRoad, side: DrawnRoad, draws: Draws, ring: RingRanges
+) -> Layout:
+    """Of one lane, as its roads then are."""
+    keys = {
+        "radius_m": draws.within(ring.radius_m, 1),
+        "width_m": draws.within(ring.width_m, 1),
+        "island_m": draws.within(ring.island_m),
+    }
+    junction = {k: v for k, v in layout.junctions[0].items() if k != "signal"}
+    roads = tuple(_with_lanes(road, each_way=1, median_m=0.0) for road in (main, side))
+    half = keys["radius_m"] + keys["width_m"] / 2 + RING_FLARE_M
+    reach = float(np.hypot(half, max(road.lanes_half_m for road in roads))) + 1.0
+    return replace(
+        layout,
+        roads=roads,
+        junctions=(junction | {"roundabout": keys},),
+        junction_m=reach,
+        corner_m=half - RING_FLARE_M / 2,
+    )
 
 
 Builder = Callable[[Draws, Habitat, Ranges], Layout]

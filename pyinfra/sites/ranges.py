@@ -58,6 +58,7 @@ class Habitat:
     car_park: float
     gantry: float  # of the site
     walks: Mapping[str, WalkRanges]  # by class of people
+    grade_percent: Range  # of the site's roads, where they rise
 
 
 # Adults walk at 4 to 6 km/h, people who look around or wait hardly at all; most bicycles go at 12
@@ -113,6 +114,7 @@ MOTORWAY = Habitat(
     car_park=0.1,
     gantry=0.25,
     walks=_NOBODY,
+    grade_percent=(0, 6),
 )
 
 # RAL: one lane each way, some with two, 3.25 to 3.5 m, radii as of EKL 4 and of older roads;
@@ -153,6 +155,7 @@ RURAL = Habitat(
     car_park=0.15,
     gantry=0.02,
     walks=_FEW,
+    grade_percent=(0, 10),
 )
 
 # RASt: lanes 2.75 to 3.5 m, footways from 1.5 m, parking lanes of 2 m at the kerb, trees in rows,
@@ -193,6 +196,7 @@ STREET = Habitat(
     car_park=0.25,
     gantry=0.02,
     walks=_MANY,
+    grade_percent=(0, 8),
 )
 
 
@@ -288,6 +292,15 @@ class WayRanges:
 
 
 @dataclass(frozen=True)
+class RingRanges:
+    """Roundabouts of one lane: 30 to 60 m across outside (Merkblatt Kreisverkehre: 26 to 40)."""
+
+    radius_m: Range = (12.5, 26)
+    width_m: Range = (5, 7)
+    island_m: Range = (0.1, 1.2)  # low stones to mounds
+
+
+@dataclass(frozen=True)
 class SkyRanges:
     rain: float = 0.15
     rain_mm_per_h: Range = (0.5, 20)
@@ -312,6 +325,9 @@ class Ranges:
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
     t_junctions: float = 0.35  # share of the crossings
     one_way: float = 0.15  # share of the roads across
+    roundabouts: float = 0.3  # share of the crossings, and of the T
+    ring: RingRanges = RingRanges()
+    grades: float = 0.4  # share of sites on a slope
     signal_green_s: Range = (8, 30)
     turns: Range = (0.05, 0.3)  # share that turns left, and right
     ground_below_m: Range = (0.02, 0.2)

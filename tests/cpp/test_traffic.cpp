@@ -324,6 +324,16 @@ SceneConfig t_junction(int lanes, double angle_deg) {
   return scene;
 }
 
+/// A ring where a road along x, of one lane each way, meets another.
+SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
+  SceneConfig scene = t_junction(1, angle_deg);
+  scene.roads[0].lanes.each_way = 1;
+  if (!ends_there) scene.roads[1].centreline[0].line_m = 400;
+  scene.junctions[0].roundabout = RoundaboutConfig{.radius_m = radius_m};
+  scene.junctions[0].left_share = scene.junctions[0].right_share = 0.3;
+  return scene;
+}
+
 /// From where to where vehicles went: w(est), e(ast), s(outh).
 std::map<std::string, int> ways(const SceneConfig& scene) {
   const auto arm = [](const Box3d& box) { return box.y < -15 ? 's' : box.x < 0 ? 'w' : 'e'; };
@@ -366,6 +376,48 @@ TEST(t_junction, is_also_where_a_road_begins_or_stops_short_of_the_middle) {
 TEST(t_junction, has_a_turn_for_each_lane_of_the_road_that_ends) {
   const std::string message = error_of([] { simulate_traffic(t_junction(3, 90)); });
   EXPECT_NE(message.find("found 1 lanes of a road that ends there"), std::string::npos) << message;
+}
+
+TEST(roundabout, every_way_is_driven_around_the_island_and_no_two_vehicles_are_in_one_place) {
+  for (const double radius : {12.0, 20.0})
+    for (const double angle : {90.0, 60.0})
+      for (const bool ends_there : {true, false}) {
+        SCOPED_TRACE(std::to_string(radius) + " m at " + std::to_string(angle));
+        const SceneConfig scene = roundabout(radius, angle, ends_there);
+        expect_no_overlaps(scene);
+        std::map<std::string, int> count = ways(scene);
+        for (const char* way : {"we", "ew", "ws", "es", "sw", "se"})
+          EXPECT_GE(count[way], 3) << way;
+        double nearest = kInf;
+        simulate_traffic(scene, [&](const auto& states) {
+          for (const ObjectState& s : states)
+            nearest = std::min(nearest, std::hypot(s.box.x, s.box.y) - s.box.dy / 2);
+        });
+        EXPECT_GT(nearest, radius - 3);
+      }
+}
+
+TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
+  const SceneConfig scene = roundabout(15, 90, false);
+  std::set<std::string> classes;
+  simulate_traffic(scene, [&](const auto& states) {
+    for (const ObjectState& s : states) {
+      const double away = std::hypot(s.box.x, s.box.y);
+      if (std::abs(away - 15) > 1) continue;
+      classes.insert(std::string(class_of(s.object_class).name));
+      const double tangent = std::atan2(s.box.y, s.box.x) + kPi / 2;
+      EXPECT_LT(std::abs(deg(wrap_angle(s.box.heading - tangent))), 45);
+    }
+  });
+  EXPECT_EQ(classes, (std::set<std::string>{"Car", "Truck", "Bus"}));
+}
+
+TEST(roundabout, needs_one_lane_each_way_and_arms_that_are_apart) {
+  SceneConfig wide = roundabout(15, 90, false);
+  wide.roads[0].lanes.each_way = 2;
+  EXPECT_NE(error_of([&] { simulate_traffic(wide); }).find("one lane each way"), std::string::npos);
+  const std::string message = error_of([] { simulate_traffic(roundabout(15, 50, false)); });
+  EXPECT_NE(message.find("found arms at 50 degrees"), std::string::npos) << message;
 }
 
 TEST(one_way_road, is_driven_along_its_centreline_alone) {

@@ -252,10 +252,18 @@ void visit(Fields& f, SignalConfig& c) {
 }
 
 template <class Fields>
+void visit(Fields& f, RoundaboutConfig& c) {
+  f.field("radius_m", c.radius_m, "to the middle of its lane", between(12, 60));
+  f.field("width_m", c.width_m, "of its lane", between(4, 8));
+  f.field("island_m", c.island_m, "height of the island above the road", between(0.05, 3));
+}
+
+template <class Fields>
 void visit(Fields& f, JunctionConfig& c) {
   f.here(c.place);
   f.field("roads", c.roads, "names of the two roads that cross", required());
   f.field("signal", c.signal, "signal timing");
+  f.field("roundabout", c.roundabout, "ring in place of the crossing and its signals");
   f.field("left_share", c.left_share, "share that turns left", between(0, 0.5));
   f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
   f.check(c.roads.size() == 2, "roads",

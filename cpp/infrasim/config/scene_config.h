@@ -195,10 +195,18 @@ struct SignalConfig {
   double all_red_s = 2;
 };
 
-/// Signals where two roads cross; each approach has its own green.
+/// A ring of one lane around an island.
+struct RoundaboutConfig {
+  double radius_m = 15;
+  double width_m = 6;
+  double island_m = 0.3;
+};
+
+/// Signals where two roads cross, each approach with its own green; or a roundabout, without any.
 struct JunctionConfig {
   std::vector<std::string> roads;
   SignalConfig signal;
+  std::optional<RoundaboutConfig> roundabout;
   double left_share = 0.2;
   double right_share = 0.2;
   config::Place place;

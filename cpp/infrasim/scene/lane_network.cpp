@@ -24,6 +24,7 @@ constexpr double kLateralAcceleration = 2;     // m/s2 that drivers accept in a 
 constexpr double kSharpestCrossing = kPi / 4;  // between two roads: a sharper turn is none
 constexpr double kAngleSlack = 1e-6;           // of angles that were meant to be equal
 constexpr double kMostBend = kPi / 6;          // of a road within its junction
+constexpr double kSharpestRing = kPi / 3;      // between two arms of a roundabout
 
 /// One direction of a road at a junction: lane indices, inner lane first.
 struct Arm {
@@ -123,14 +124,27 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
   for (const double s : {a.cut->from, a.cut->to})
     for (const double t : {b.cut->from, b.cut->to}) {
       const double angle = between_lines(a.curve.at(s).heading, b.curve.at(t).heading);
-      if (angle < kSharpestCrossing - kAngleSlack)
+      const double least = junction.roundabout ? kSharpestRing : kSharpestCrossing;
+      if (angle < least - kAngleSlack)
         config::fail(junction.place, "roads",
                      "found arms at " + degrees_text(angle) + " to each other, allowed " +
-                         degrees_text(kSharpestCrossing) + " or more");
+                         degrees_text(least) + " or more");
     }
 }
 
-void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
+/// A ring has one lane, and room for its approaches.
+Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
+             const RoadConfig& b) {
+  for (const RoadConfig* road : {&a, &b})
+    if (road->lanes.each_way > 1 || is_one_way(road->lanes))
+      config::fail(junction.place, "roundabout",
+                   "found it on '" + road->name +
+                       "' of several or one-way lanes, allowed roads with one lane each way");
+  return {a.name + "_" + b.name + "_ring", centre, a.elevation_m, *junction.roundabout};
+}
+
+/// Gives both roads their cuts; the ring of a roundabout.
+std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
   const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
   RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];
   RoadLine& b = roads[road_index(scene, junction.roads[1], junction.place, "roads")];
@@ -148,6 +162,8 @@ void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads
   const double reach_b = outer_half_width(a.config->lanes) / std::sin(least);
   const bool t = is_end(a, stations[0], reach_a) || is_end(b, stations[1], reach_b);
   const double gap = kStopLineGap + (t ? kSharpTurnGap * std::cos(least) : 0);
+  std::optional<Ring> ring;
+  if (junction.roundabout) ring = ring_at(junction, *point, *a.config, *b.config);
   for (RoadLine* road : {&a, &b}) {
     if (road->cut)
       config::fail(junction.place, "roads",
@@ -156,7 +172,8 @@ void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads
                        "(pyinfra site import, pyinfra site traffic)");
     const bool first = road == &a;
     const LanesConfig& other = (first ? b : a).config->lanes;
-    const double half = half_crossing(road->config->lanes, other, least) + gap;
+    const double half =
+        ring ? ring->reach_m() : half_crossing(road->config->lanes, other, least) + gap;
     road->cut =
         cut_at(junction, index, *road, stations[first ? 0 : 1], half, first ? reach_a : reach_b);
   }
@@ -164,6 +181,7 @@ void cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads
     config::fail(junction.place, "roads",
                  "found two roads that end there, allowed one that goes on");
   check_angles(junction, a, b);
+  return ring;
 }
 
 int add_lane(LaneNetwork& network, const RoadConfig& road, Curve curve) {
@@ -212,14 +230,18 @@ void connect(LaneNetwork& network, int junction, int from, int to, Turn kind) {
   Lane lane;
   const Curve& in = network.lanes[from].curve;
   const Curve& out = network.lanes[to].curve;
-  lane.curve = turn(in.at(in.length()), out.at(0));
+  const std::optional<Ring>& ring = network.rings[junction];
+  const CurvePoint start = in.at(in.length()), end = out.at(0);
+  lane.curve = ring ? ring->way(start, end) : turn(start, end);
   lane.elevation_m = network.lanes[from].elevation_m;
-  lane.width_m = network.lanes[from].width_m;
+  lane.width_m = ring ? ring->config.width_m : network.lanes[from].width_m;
   lane.junction = junction;
   lane.turn = kind;
   lane.next = {to};
   // A quarter turn over a chord c has radius c / sqrt(2).
-  if (kind != Turn::kStraight)
+  if (ring)
+    lane.speed_limit_m_s = std::sqrt(kLateralAcceleration * lane.curve.tightest_radius());
+  else if (kind != Turn::kStraight)
     lane.speed_limit_m_s = std::sqrt(kLateralAcceleration * lane.curve.length() / (kPi / 2));
   network.lanes[from].next.push_back(static_cast<int>(network.lanes.size()));
   network.lanes.push_back(std::move(lane));
@@ -268,10 +290,9 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
         config::fail(road.place, "name", "found a second road '" + road.name + "', allowed one");
     roads.push_back({&road, centreline(road), {}});
   }
-  for (std::size_t i = 0; i < scene.junctions.size(); ++i)
-    cut_roads(scene, static_cast<int>(i), roads);
-
   LaneNetwork network;
+  for (std::size_t i = 0; i < scene.junctions.size(); ++i)
+    network.rings.push_back(cut_roads(scene, static_cast<int>(i), roads));
   network.junctions = scene.junctions;
   for (const RoadLine& road : roads) network.cuts.push_back(road.cut);
   std::vector<std::vector<Arm>> arms(scene.junctions.size());
@@ -282,6 +303,15 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
   }
   for (std::size_t i = 0; i < arms.size(); ++i) connect_arms(network, static_cast<int>(i), arms[i]);
   return network;
+}
+
+std::vector<Ring> rings_of(const SceneConfig& scene) {
+  std::vector<Ring> out;
+  const auto has_ring = [](const JunctionConfig& junction) { return junction.roundabout.has_value(); };
+  if (std::ranges::none_of(scene.junctions, has_ring)) return out;
+  for (const std::optional<Ring>& ring : build_lane_network(scene).rings)
+    if (ring) out.push_back(*ring);
+  return out;
 }
 
 }  // namespace infrasim

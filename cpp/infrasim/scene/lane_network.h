@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "infrasim/scene/curve.h"
+#include "infrasim/scene/roundabout.h"
 
 namespace infrasim {
 
@@ -35,6 +36,7 @@ struct LaneNetwork {
   std::vector<std::optional<JunctionCut>> cuts;  ///< of each road
   std::vector<int> approach_junctions;           ///< of each signal, one per arm of a junction
   std::vector<JunctionConfig> junctions;
+  std::vector<std::optional<Ring>> rings;  ///< of each junction
 };
 
 /// Distance from the centreline to the outer edge of the shoulder, or of the footway.
@@ -45,5 +47,7 @@ double outer_half_width(const LanesConfig& lanes);
 /// @throws ConfigError if a junction names an unknown road, or joins roads that do not meet, lie
 /// at different heights, or meet at an angle that traffic can't drive
 LaneNetwork build_lane_network(const SceneConfig& scene);
+/// The roundabouts of a scene. @throws ConfigError as build_lane_network does
+std::vector<Ring> rings_of(const SceneConfig& scene);
 
 }  // namespace infrasim

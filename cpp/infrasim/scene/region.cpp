@@ -25,6 +25,12 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
     roads_.push_back({road.name, std::move(along), station, road.elevation_m,
                       carriageway_half_width(road.lanes)});
   }
+  for (const Ring& ring : rings_of(scene)) {
+    Curve along = ring.line();
+    const double station = along.project(foot);
+    roads_.push_back({ring.name, std::move(along), station, ring.elevation_m,
+                      ring.config.width_m / 2});
+  }
   for (const LanePath& lane : lanes_of(scene)) {
     std::vector<LanePart> parts = parts_within(lane, foot, half_length_);
     std::ranges::move(parts, std::back_inserter(parts_));

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kLegWidth = 0.4;    // m, of a gantry
 constexpr double kBeamHeight = 1.0;  // m, of a gantry
+constexpr double kKerbRun = 0.15;    // m, from the foot of a roundabout's island to its top
 constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's leg
 
 class MeshBuilder {
@@ -99,6 +100,18 @@ void add_road(MeshBuilder& mesh, const RoadConfig& road) {
   }
 }
 
+void add_ring(MeshBuilder& mesh, const Ring& ring) {
+  const Curve line = ring.line();
+  const double z = ring.elevation_m, top = z + ring.config.island_m;
+  const double inner = ring.config.width_m / 2, kerb = inner + kKerbRun;
+  mesh.strip(line, inner, z, -inner - kRingShoulder_m, z, Class::kRoad);
+  mesh.strip(line, inner, z, kerb, top, Class::kTerrain);
+  std::vector<Vec2> island;
+  const Curve edge = line.offset(kerb);
+  for (const CurvePoint& p : edge.samples()) island.push_back(p.position);
+  mesh.fan(island, top, Class::kTerrain);
+}
+
 void add_barrier(MeshBuilder& mesh, const SceneConfig& scene, const BarrierConfig& barrier) {
   const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
   const Curve full = centreline(road);
@@ -180,6 +193,7 @@ std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig&
 TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level) {
   MeshBuilder mesh(level);
   for (const RoadConfig& road : scene.roads) add_road(mesh, road);
+  for (const Ring& ring : rings_of(scene)) add_ring(mesh, ring);
   for (const GroundConfig& ground : scene.ground)
     mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
   for (const BarrierConfig& barrier : scene.barriers) add_barrier(mesh, scene, barrier);

@@ -19,6 +19,7 @@ constexpr double kTimeGap = 1.2;         // s
 constexpr double kCommitBraking = 3.0;   // m/s2: who would need more at a red signal drives on
 constexpr double kLookahead = 100;       // m at least; to a comfortable stop for who is faster
 constexpr double kTailClear = 10;        // m into a junction until a turning tail frees the lane
+constexpr double kRingGap = 5;           // s that who enters a roundabout needs before the next comes
 constexpr double kMaxLateral = 0.3;      // m, constant offset of a driver from the lane's centre
 
 struct Vehicle {
@@ -92,7 +93,7 @@ class Traffic {
       const Lane& lane = network_.lanes[i];
       if (lane.entry) entries_.push_back(static_cast<int>(i));
       narrowest_m_ = std::min(narrowest_m_, lane.width_m);
-      if (lane.turn == Turn::kStraight)
+      if (lane.turn == Turn::kStraight && !on_ring(lane))
         tightest_radius_ = std::min(tightest_radius_, lane.curve.tightest_radius());
     }
     for (const auto& [name, share] : config_.class_shares)
@@ -127,6 +128,7 @@ class Traffic {
   using Queue = std::deque<Vehicle>;  ///< vehicles of a lane, the one furthest ahead first
 
   const Lane& lane_of(const Vehicle& v) const { return network_.lanes[v.lane]; }
+  bool on_ring(const Lane& lane) const { return lane.junction >= 0 && network_.rings[lane.junction]; }
 
   // --- population -------------------------------------------------------------------------
 
@@ -308,6 +310,11 @@ class Traffic {
     for (const int next : network_.lanes[lane].next)
       for (const Vehicle& other : lanes_[next])
         if (other.s - other.dx / 2 < kTailClear) consider(other, to_end + other.s);
+    for_each_on_ring(network_.lanes[lane].junction, [&](const Ring& ring, const Vehicle& other) {
+      const double ahead = ring.along(position(v), position(other));
+      if (other.id != v.id && stays_on(ring, v) && ahead < ring.config.radius_m)
+        consider(other, ahead);
+    });
     for (int next = v.next_lane; next >= 0 && to_end < lookahead(v.speed);) {
       if (!lanes_[next].empty()) {
         consider(lanes_[next].back(), to_end + lanes_[next].back().s);
@@ -367,7 +374,38 @@ class Traffic {
 
   // --- signals ----------------------------------------------------------------------------
 
+  bool stays_on(const Ring& ring, const Vehicle& v) const {
+    return ring.holds(position(v)) || v.s < lane_of(v).curve.length() / 2;
+  }
+
+  /// Each vehicle that enters or is on the ring of a junction, if that has one; not who leaves it.
+  template <class Take>
+  void for_each_on_ring(int junction, const Take& take) const {
+    if (junction < 0 || !network_.rings[junction]) return;
+    const Ring& ring = *network_.rings[junction];
+    for (std::size_t i = 0; i < lanes_.size(); ++i)
+      if (network_.lanes[i].junction == junction)
+        for (const Vehicle& v : lanes_[i])
+          if (stays_on(ring, v)) take(ring, v);
+  }
+
+  /// Who enters a roundabout gives way to whom it would make brake, but for those before it from
+  /// its own arm.
+  bool has_gap(int approach) const {
+    const Lane& own = *std::ranges::find(network_.lanes, approach, &Lane::approach);
+    bool free = true;
+    for_each_on_ring(network_.approach_junctions[approach],
+                     [&](const Ring& ring, const Vehicle& v) {
+                       const Vec2 entry = ring.entry(own.curve.at(own.curve.length()).position);
+                       const bool ahead = network_.lanes[v.last_lane].approach == approach;
+                       const double away = ring.along(position(v), entry) - v.dx / 2;
+                       free = free && (ahead || away > kRingGap * lane_of(v).speed_limit_m_s);
+                     });
+    return free;
+  }
+
   bool is_green(int approach) const {
+    if (network_.rings[network_.approach_junctions[approach]]) return has_gap(approach);
     const Signal& signal = signals_[network_.approach_junctions[approach]];
     return signal.green && signal.approaches[signal.current] == approach;
   }
@@ -400,6 +438,8 @@ class Traffic {
     }
     return true;
   }
+
+  Vec2 position(const Vehicle& v) const { return lane_of(v).curve.at(v.s).position; }
 
   /// The path of a vehicle at a station of its lane, or beyond its ends.
   Vec2 on_path(const Vehicle& v, double s) const {
