@@ -10,6 +10,7 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/overlaps.h"
+#include "infrasim/scene/region.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/traffic.h"
 #include "small_scenes.h"
@@ -410,6 +411,26 @@ TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
     }
   });
   EXPECT_EQ(classes, (std::set<std::string>{"Car", "Truck", "Bus"}));
+}
+
+TEST(roundabout, is_in_the_region_and_its_island_in_the_mesh) {
+  const SceneConfig scene = roundabout(20, 90, false);
+  const EvaluationRegion region(scene);
+  const Vec2 away = heading_vector(kPi / 4);
+  EXPECT_TRUE(region.contains(22.9 * away, Class::kCar));
+  EXPECT_FALSE(region.contains(23.1 * away, Class::kCar));
+  EXPECT_FALSE(region.contains(16.9 * away, Class::kCar));
+  EXPECT_NE(region.roads_csv().find("\nroad_side_ring,"), std::string::npos);
+  const TriangleMesh mesh = build_static_mesh(scene, {});
+  std::map<std::string, double> top;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+    for (const std::uint32_t corner : mesh.triangles[i]) {
+      const auto& p = mesh.vertices[corner];
+      if (std::abs(std::hypot(p[0], p[1]) - 23.5) < 0.01) top["edge"] = p[2];
+      if (std::abs(std::hypot(p[0], p[1]) - 16.85) < 0.01) top["island"] = p[2];
+    }
+  EXPECT_EQ(top.at("edge"), 0);
+  EXPECT_NEAR(top.at("island"), 0.3, 1e-6);
 }
 
 TEST(roundabout, needs_one_lane_each_way_and_arms_that_are_apart) {

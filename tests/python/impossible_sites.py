@@ -57,6 +57,12 @@ GROUND = "elevation_m: -0.05"
 HOUSE = "x_m: 60, y_m: 40, length_m: 30, width_m: 20, height_m: 15"
 JUNCTION = "junctions:\n  - roads: [main, side]\n"
 NO_JUNCTION = (JUNCTION, "")
+RING = (JUNCTION, JUNCTION + "    roundabout: {radius_m: 20}\n")
+CROSS_SECTION = "{each_way: 2, width_m: 3.5, shoulder_m: 0.5, sidewalk_m: 2.5}"
+ONE_LANE = tuple(
+    (CROSS_SECTION + after, CROSS_SECTION.replace("2", "1", 1) + after)
+    for after in ("\n  - name: side", "\nground")
+)
 SHARES = "{Car: 0.9, Bus: 0.1}"
 
 Edit = tuple[str, str]
@@ -208,6 +214,17 @@ JUNCTIONS = (
     Site("two junctions on a road", (road(100, -200, 90, "line_m: 400"),
          (JUNCTION, JUNCTION + "  - roads: [main, third]\n")), "roads",
          ("second junction",), "roads: [main, third]"),
+    Site("a roundabout of roads with two lanes", (RING,), "roundabout",
+         ("'main' of several", "one lane each way"), "roads: [main"),
+    Site("a roundabout of 8 m", (*ONE_LANE, (RING[0], RING[1].replace("20", "8"))),
+         "junctions.0.roundabout.radius_m", ("found '8'", "12"), "roundabout:"),
+    Site("a roundabout of arms at 50 degrees",
+         (*ONE_LANE, RING, side_start(-128.558, -153.209, 50)), "roads",
+         ("50 degrees", "60 degrees or more"), "roads: [main"),
+    Site("a house on the ring of a roundabout", (*ONE_LANE, RING, house(14.1, 14.1, SMALL)),
+         "x_m", ("on a lane",), "length_m: 1"),
+    Site("a sensor on the ring of a roundabout", (*ONE_LANE, RING, pole(-14.1, -14.1, 4)),
+         "mounts.pole.z_m", ("lane",), "pole:"),
 )  # fmt: skip
 GROUNDS = (
     Site("ground at the roads' height", ((GROUND, "elevation_m: 0"),), "elevation_m",
@@ -310,6 +327,8 @@ TRAFFIC = (
 IMPOSSIBLE = (*ROADS, *JUNCTIONS, *GROUNDS, *STANDING, *SENSORS, *TRAFFIC)
 
 POSSIBLE = (
+    Site("a roundabout", (*ONE_LANE, RING)),
+    Site("a house on the island of a roundabout", (*ONE_LANE, RING, house(0, 0, SMALL))),
     Site("the town itself", ()),
     Site("a bridge of 4.5 m", (NO_JUNCTION, side_keys("elevation_m: 4.5"))),
     Site("a road that ends 2 cm before another", (NO_JUNCTION, side_line("- {line_m: 192.48}"))),
