@@ -1,7 +1,8 @@
-"""How traffic of SUMO moves before and after smoothing: two runs on a crossing with signals.
+"""How traffic of SUMO moves before and after smoothing, vehicles, bicycles and people on foot.
 
-Prints a table; with --net and --foot those of a network of one's own:
-    .venv/bin/python benchmarks/traffic.py
+Two runs on a crossing with signals that is made here, and on each site of one's own:
+    .venv/bin/python benchmarks/traffic.py sites/town
+A row a run, before and after, in results/traffic.csv.
 """
 
 from __future__ import annotations
@@ -10,58 +11,91 @@ import argparse
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/python"))
+import traffic_data
 
+from pyinfra import __version__, machine
 from pyinfra.arrays import FloatArray
+from pyinfra.kitti.yaml_file import read_keys
 from pyinfra.site.smoothing import unsmoothed
 from pyinfra.site.traffic import cleaned, record
 from pyinfra.site.traffic_demand import Demand
-from pyinfra.site.traffic_figures import traffic_figures
+from pyinfra.site.traffic_figures import TrafficFigures, traffic_figures
 
+ROOT = Path(__file__).resolve().parents[1]
 SEEDS = (1, 2)
+ON_FOOT = ("Pedestrian",)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--net", type=Path, help="a .net.xml; default: a crossing, made here")
-    parser.add_argument("--foot", type=float, nargs=2, default=(12.0, 12.0), metavar=("X", "Y"))
-    parser.add_argument("--vehicles-per-hour", type=float, default=1500)
-    parser.add_argument("--seconds", type=float, default=200)
-    args = parser.parse_args()
-    demand, feet = Demand(args.vehicles_per_hour), np.array([args.foot])
-    with tempfile.TemporaryDirectory() as folder:
-        net = args.net or _crossing(Path(folder))
-        for seed in SEEDS:
-            _print_run(net, feet, demand, args.seconds, seed)
+@dataclass(frozen=True)
+class Place:
+    """A network, and where the poles are."""
+
+    name: str
+    net: Path
+    feet: FloatArray  # (k, 2)
 
 
-def _crossing(folder: Path) -> Path:
-    import traffic_data
+def place_of(site: Path) -> Place:
+    mounts = read_keys(site / "site.yaml")["mounts"].values()
+    feet = np.array([[mount["x_m"], mount["y_m"]] for mount in mounts])
+    return Place(site.name, site / "map.net.xml", feet)
 
-    return traffic_data.crossing(folder)
 
-
-def _print_run(net: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> None:
+def rows(place: Place, demand: Demand, seconds: float, seed: int) -> Iterator[dict[str, object]]:
     start = time.perf_counter()
-    sumo_run = record(net, feet, demand, seconds, seed)
-    after = cleaned(sumo_run, feet)
+    sumo_run = record(place.net, place.feet, demand, seconds, seed)
+    after = cleaned(sumo_run, place.feet)
     took = time.perf_counter() - start
     end = sumo_run.start + sumo_run.count
     raw = [unsmoothed(path).between(sumo_run.start, end) for path in sumo_run.paths]
     before = [track for track in raw if track is not None]
-    rows = zip(
-        traffic_figures(before, feet).rows(),
-        traffic_figures(after.tracks, feet).rows(),
-        strict=True,
+    about = {"net": place.name, "seed": seed, "run_s": round(took, 1)}
+    left_out = len(after.overlapping) + len(after.rough)
+    for stage, tracks, out in (("SUMO", before, 0), ("smoothed", after.tracks, left_out)):
+        figures = row(traffic_figures(tracks, place.feet))
+        yield about | {"stage": stage} | figures | {"left_out": out}
+
+
+def row(figures: TrafficFigures) -> dict[str, object]:
+    return {
+        "vehicles_and_riders": sum(n for c, n in figures.classes.items() if c not in ON_FOOT),
+        "pedestrians": sum(figures.classes.get(name, 0) for name in ON_FOOT),
+        "turn_deg": round(figures.turn_deg, 2),
+        "acceleration_m_s2": round(figures.acceleration_m_s2, 2),
+        "overlap_percent": round(100 * figures.overlap_share, 4),
+        "appearing": figures.appearing,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sites", type=Path, nargs="*", help="folders of `pyinfra site import`")
+    parser.add_argument("--vehicles-per-hour", type=float, default=1500)
+    parser.add_argument("--people-per-hour", type=float, default=300, help="on foot; and riders")
+    parser.add_argument("--seconds", type=float, default=500)
+    parser.add_argument("--out", type=Path, default=ROOT / "results/traffic.csv")
+    args = parser.parse_args()
+    demand = Demand(args.vehicles_per_hour, args.people_per_hour, args.people_per_hour)
+    with tempfile.TemporaryDirectory() as folder:
+        crossing = Place("crossing", traffic_data.crossing(Path(folder)), np.array([[12.0, 12.0]]))
+        places = [crossing, *map(place_of, args.sites)]
+        found = [
+            row for place in places for seed in SEEDS
+            for row in rows(place, demand, args.seconds, seed)
+        ]  # fmt: skip
+    table = pd.DataFrame(found).assign(
+        version=__version__, machine=machine(), command="benchmarks/traffic.py"
     )
-    print(f"seed {seed}: {took:.1f} s, {len(after.overlapping)} left out for overlaps,")
-    print(f"  {len(after.rough)} for motion")
-    for (name, old), (_, new) in rows:
-        print(f"  {name:45} {old:>48} | {new}")
+    table.to_csv(args.out, index=False)
+    print(table.drop(columns=["version", "machine", "command"]).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -508,6 +508,19 @@ def hill() -> str:
     return markdown(["LiDAR", "grade", "world", "local height", "one height", "3-D IoU"], rows)
 
 
+def traffic() -> str:
+    """How SUMO's vehicles, riders and people on foot move, before and after smoothing."""
+    rows = []
+    for (net, seed), own in results("traffic").groupby(["net", "seed"], sort=False):
+        before, after = own.iloc[0], own.iloc[1]
+        pairs = ("turn_deg", "acceleration_m_s2", "overlap_percent")
+        figures = (f"{before[name]:.4g} / {after[name]:.4g}" for name in pairs)
+        tracks = f"{after.vehicles_and_riders} + {after.pedestrians}"
+        rows.append([net, str(seed), tracks, str(after.left_out), *figures, str(after.appearing)])
+    heads = ["network", "seed", "vehicles and riders + people on foot", "left out", "turn, degrees"]
+    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear"], rows)
+
+
 def engines() -> str:
     """How much faster a frame is with another engine in the generalist, and its AP."""
     table = results("engines")
@@ -634,6 +647,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "engines": engines,
     "generalist": generalist,
     "hill": hill,
+    "traffic": traffic,
     "generalist at sites": generalist_sites,
     "sites": sites,
     "detectors on the highway, paper": partial(detectors, "highway", "paper"),
