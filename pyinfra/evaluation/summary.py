@@ -19,9 +19,10 @@ def summary(evaluation: Evaluation) -> str:
         f"{_span(row.ap_low, row.ap_high):<16}{row.objects:>8}{row.predictions:>12}"
         for at, (_, row) in enumerate(evaluation.ap.iterrows())
     ]
+    wide = max([12, *(len(road) + 1 for road in evaluation.areas.road)])
     lines.append(f"high-quality areas (AP > {HIGH_QUALITY:g}), undecided ones included")
     lines += [
-        f"{row.road:<12}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} {row.p_hqda:>15.1f}"
+        f"{row.road:<{wide}}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} {row.p_hqda:>15.1f}"
         f" %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
         for _, row in evaluation.areas.iterrows()
     ]

@@ -417,7 +417,8 @@ TEST(roundabout, is_in_the_region_and_its_island_in_the_mesh) {
   const SceneConfig scene = roundabout(20, 90, false);
   const EvaluationRegion region(scene);
   const Vec2 away = heading_vector(kPi / 4);
-  EXPECT_TRUE(region.contains(22.9 * away, Class::kCar));
+  for (int degrees = 0; degrees < 360; degrees += 5)
+    EXPECT_TRUE(region.contains(22.9 * heading_vector(rad(degrees)), Class::kCar)) << degrees;
   EXPECT_FALSE(region.contains(23.1 * away, Class::kCar));
   EXPECT_FALSE(region.contains(16.9 * away, Class::kCar));
   EXPECT_NE(region.roads_csv().find("\nroad_side_ring,"), std::string::npos);

@@ -26,7 +26,7 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
                       carriageway_half_width(road.lanes)});
   }
   for (const Ring& ring : rings_of(scene)) {
-    Curve along = ring.line();
+    Curve along = ring.line(foot);
     const double station = along.project(foot);
     roads_.push_back({ring.name, std::move(along), station, ring.elevation_m,
                       ring.config.width_m / 2});

@@ -24,7 +24,9 @@ std::vector<CurvePoint> arc(const Ring& ring, double start, double sweep) {
 
 }  // namespace
 
-Curve Ring::line() const { return Curve(arc(*this, 0, 2 * kPi)); }
+Curve Ring::line(Vec2 near) const {
+  return Curve(arc(*this, polar(centre, near) + kPi, 2 * kPi));
+}
 
 Curve Ring::way(const CurvePoint& from, const CurvePoint& to) const {
   const double enter = polar(centre, from.position) + kFlareAngle;

@@ -16,8 +16,8 @@ struct Ring {
   double elevation_m = 0;
   RoundaboutConfig config;
 
-  /// Middle of the lane, closed.
-  Curve line() const;
+  /// Middle of the lane, closed; it begins and ends on the far side of a point.
+  Curve line(Vec2 near) const;
   /// From a stop line over the ring to a way out.
   Curve way(const CurvePoint& from, const CurvePoint& to) const;
   /// Where who comes from a stop line is on the ring.

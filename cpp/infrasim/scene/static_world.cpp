@@ -101,7 +101,7 @@ void add_road(MeshBuilder& mesh, const RoadConfig& road) {
 }
 
 void add_ring(MeshBuilder& mesh, const Ring& ring) {
-  const Curve line = ring.line();
+  const Curve line = ring.line({});
   const double z = ring.elevation_m, top = z + ring.config.island_m;
   const double inner = ring.config.width_m / 2, kerb = inner + kKerbRun;
   mesh.strip(line, inner, z, -inner - kRingShoulder_m, z, Class::kRoad);

@@ -1,0 +1,98 @@
+"""What a minute without labels says of a site: precision of the generalist, promised and found.
+
+At generated sites that neither training nor calibration saw, a LiDAR each in turn: boxes from the
+cut on, as they come and without those that come back where nothing ever moves (`--drop-standing`).
+    .venv/bin/python benchmarks/unlabelled.py --work data/unlabelled
+Rows go to results/unlabelled.csv as they come; what is there is not computed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import yaml
+from generalist import HELD_OUT, STUDIED, at_cut
+
+from pyinfra import __version__, kitti, machine
+from pyinfra.benchmark import store
+from pyinfra.data.frames import frame_numbers
+from pyinfra.detectors import Detections
+from pyinfra.evaluation.evaluate import judged
+from pyinfra.evaluation.judge import Settings
+from pyinfra.simulator.catalogue import lidar_file
+from pyinfra.simulator.runs import infrasim
+from pyinfra.sites.generator import make_site
+from pyinfra.training import detect
+from pyinfra.training.standing import without_standing
+
+ROOT = Path(__file__).resolve().parent.parent
+MODEL = Path("generalist")
+FIRST_SITE = 3_000_000  # streams, calibration and benchmarks/generalist.py end before it
+FRAMES = "0:600:5"  # a minute
+SETTINGS = Settings(ground_truths=("captured",))
+KEY = ["site", "lidar", "way"]
+
+
+def simulated(site: int, lidar: str, work: Path) -> Path:
+    work.mkdir(parents=True, exist_ok=True)
+    scene, out = work / f"site_{site}.yaml", work / f"{site}_{lidar}"
+    scene.write_text(yaml.safe_dump(make_site(site)))
+    words = ["--preset", "datasheet", "--label-time", "scan", "--frames", FRAMES]
+    infrasim(
+        "run", scene, "--lidar", lidar_file(lidar), *words, "--out", str(out), "--threads", "1"
+    )
+    return out / lidar
+
+
+def rows(folder: Path) -> Iterator[dict[str, object]]:
+    frames = frame_numbers(folder, "all")
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
+    ground, region = detect.place_of(folder)
+    found, _ = detect.detect(detect.detector_at(detect.model_file(MODEL), folder), files, None)
+    ways = {
+        "as it comes": found,
+        "standing dropped": without_standing(files, found, region, ground),
+    }
+    for way, boxes in ways.items():
+        out = folder.parent / way.replace(" ", "_")
+        yield {"way": way, **figures(folder, files, boxes, out)}
+
+
+def figures(
+    folder: Path, files: list[Path], found: list[Detections], out: Path
+) -> dict[str, object]:
+    out.mkdir()
+    for file, boxes in zip(files, found, strict=True):
+        detect.write(out, file, boxes)
+    (judgement,) = judged(folder, out, SETTINGS, frames=frame_numbers(folder, "all"))
+    counted = judgement.hit | judgement.wrong
+    shown = int((counted & (judgement.contest.predictions.scores >= 0.5)).sum())
+    return {"objects": judgement.objects, "boxes": shown, **at_cut(judgement)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--sites", type=int, default=28)
+    parser.add_argument("--out", type=Path, default=ROOT / "results/unlabelled.csv")
+    args = parser.parse_args()
+    about = {"version": __version__, "machine": machine(), "command": "benchmarks/unlabelled.py"}
+    lidars = itertools.cycle((*STUDIED, *HELD_OUT))
+    for site, lidar in zip(range(FIRST_SITE, FIRST_SITE + args.sites), lidars, strict=False):
+        key = {"site": f"site_{site}", "lidar": lidar}
+        if store.has(store.read(args.out, KEY), {**key, "way": "standing dropped"}):
+            continue
+        folder = simulated(site, lidar, args.work)
+        for found in rows(folder):
+            store.put(args.out, pd.DataFrame([{**key, **found, **about}]), KEY)
+            print(*key.values(), *found.values(), flush=True)
+        shutil.rmtree(folder.parent)
+
+
+if __name__ == "__main__":
+    main()
