@@ -414,7 +414,8 @@ TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
 }
 
 TEST(roundabout, is_in_the_region_and_its_island_in_the_mesh) {
-  const SceneConfig scene = roundabout(20, 90, false);
+  SceneConfig scene = roundabout(20, 90, false);
+  scene.region_half_length_m = 100;
   const EvaluationRegion region(scene);
   const Vec2 away = heading_vector(kPi / 4);
   for (int degrees = 0; degrees < 360; degrees += 5)
