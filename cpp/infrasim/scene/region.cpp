@@ -27,7 +27,7 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
   }
   for (const Ring& ring : rings_of(scene)) {
     Curve along = ring.line(foot);
-    const double station = along.project(foot);
+    const double station = along.length() / 2;  // nearest to the foot
     roads_.push_back({ring.name, std::move(along), station, ring.elevation_m,
                       ring.config.width_m / 2});
   }
