@@ -492,6 +492,27 @@ def generalist() -> str:
     return markdown(["site", "LiDAR", "world", *ARMS.values()], rows)
 
 
+def unseen() -> str:
+    """Fine AP at generated sites that no training saw, and what an older network has less there."""
+    rows = []
+    key = ["sites", "class", "measure"]
+    for (sites, name, measure), own in results("unseen").groupby(key, sort=False):
+        cells = []
+        for _, row in own.iterrows():
+            ap, less = (
+                row[[column, f"{column}_low", f"{column}_high"]].astype(float)
+                for column in ("ap_fine", "difference")
+            )
+            cells.append(with_interval_of_ap(*ap))
+            if not math.isnan(less.iloc[0]):
+                cells.append("{:+.1f} [{:.1f}, {:.1f}]".format(*less))
+        count, objects = own[["count", "objects"]].iloc[0]
+        cells += [""] * (3 - len(cells))
+        rows.append([f"{sites} ({count})", name, measure, str(objects), *cells])
+    heads = ["sites", "class", "found by", "objects", "generalist", "the one before", "difference"]
+    return markdown(heads, rows)
+
+
 def hill() -> str:
     """AP of the generalist by grade, with the road's height at each place and with one."""
     rows = []
@@ -647,6 +668,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "engines": engines,
     "generalist": generalist,
     "hill": hill,
+    "unseen": unseen,
     "traffic": traffic,
     "generalist at sites": generalist_sites,
     "sites": sites,
