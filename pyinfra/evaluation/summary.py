@@ -22,8 +22,8 @@ def summary(evaluation: Evaluation) -> str:
     wide = max([12, *(len(road) + 1 for road in evaluation.areas.road)])
     lines.append(f"high-quality areas (AP > {HIGH_QUALITY:g}), undecided ones included")
     lines += [
-        f"{row.road:<{wide}}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} {row.p_hqda:>15.1f}"
-        f" %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
+        f"{row.road:<{wide}}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} "
+        f"{row.p_hqda:>15.1f} %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
         for _, row in evaluation.areas.iterrows()
     ]
     for which, rows in evaluation.false_positives.groupby("ground_truth", sort=False):
