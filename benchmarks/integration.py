@@ -2,7 +2,8 @@
 
 One world is learnt from and another is tested, both with all frames, so that each labelled frame
 has its neighbours. A network gets the stacked points alone (`stacked`) or their age as well
-(`aged`), its labels those of the newest frame or of the middle one. Rows, with their draws, go to
+(`aged`), its labels those of the newest frame or of the middle one. AP is that of the vehicles with
+a point in the labelled frame (`ap_fine`), and of all (`ap_all`). Rows, with their draws, go to
 results/integration.csv as they come; what is there is not computed again.
     .venv/bin/python benchmarks/integration.py --work data/integration
 """
@@ -44,7 +45,7 @@ WAYS: tuple[tuple[str, LabelAt], ...] = (
 )
 SEEDS = {"learnt": 1, "tested": 2}
 TEST_EVERY = 10  # frames that are tested on
-SETTINGS = Settings(ground_truths=("captured",))
+SETTINGS = Settings(ground_truths=("captured", "all"))
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, 1e9)}  # as of stress
 KEY = ["scene", "speed_km_h", "lidar", "preset", "detector", "input", "accumulate", "label_at"]
 
@@ -106,14 +107,17 @@ def row(trial: Trial, tier: Tier, work: Path) -> dict[str, object]:
     model = detect.load_detector(run, ground=ground, region=region, stacks=True)
     read = detect.stacking(tested, chosen, accumulation)
     _, times = detect.detect(model, files, run / "predictions", read=read)
-    (judgement,) = judged(tested, run / "predictions", SETTINGS, frames=chosen)
+    judgement, of_all = judged(tested, run / "predictions", SETTINGS, frames=chosen)
     found = fine_ap(judgement)
+    every = fine_columns(of_all, fine_ap(of_all))
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
     return {
         **asdict(trial),
         "seconds": round(trial.accumulate * PERIOD_S, 3),
         **{name: round(v, 3) for name, v in fine_columns(judgement, found).items()},
         "objects": judgement.objects,
+        **{name.replace("fine", "all"): round(v, 3) for name, v in every.items()},
+        "objects_all": of_all.objects,
         **recalls(judgement),
         "latency_p50_ms": round(float(np.median(times)), 1),
         **draw_rows(same, "captured", [("ap_fine", found)]).iloc[0].to_dict(),

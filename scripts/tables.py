@@ -513,6 +513,26 @@ def unseen() -> str:
     return markdown(heads, rows)
 
 
+WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
+
+
+def integration() -> str:
+    """Fine AP of stacked frames, of captured vehicles and of all, each way of input and label."""
+    rows = []
+    key = ["lidar", "speed_km_h", "accumulate"]
+    for (lidar, speed, frames), own in results("integration").groupby(key, sort=False):
+        by_way = own.set_index(["input", "label_at"])
+        cells = [_both_ap(by_way.loc[way]) if way in by_way.index else "" for way in WAYS]
+        rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
+    heads = ["points alone", "with their age", "with their age, label in the middle"]
+    return markdown(["LiDAR", "traffic at", "time", *heads], rows)
+
+
+def _both_ap(row: pd.Series) -> str:
+    ends = row[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float)
+    return f"{with_interval_of_ap(*ends)}; {row.ap_all:.1f}"
+
+
 def hill() -> str:
     """AP of the generalist by grade, with the road's height at each place and with one."""
     rows = []
@@ -668,6 +688,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "engines": engines,
     "generalist": generalist,
     "hill": hill,
+    "integration": integration,
     "unseen": unseen,
     "traffic": traffic,
     "generalist at sites": generalist_sites,

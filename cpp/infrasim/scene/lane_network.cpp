@@ -307,7 +307,9 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
 
 std::vector<Ring> rings_of(const SceneConfig& scene) {
   std::vector<Ring> out;
-  const auto has_ring = [](const JunctionConfig& junction) { return junction.roundabout.has_value(); };
+  const auto has_ring = [](const JunctionConfig& junction) {
+    return junction.roundabout.has_value();
+  };
   if (std::ranges::none_of(scene.junctions, has_ring)) return out;
   for (const std::optional<Ring>& ring : build_lane_network(scene).rings)
     if (ring) out.push_back(*ring);

@@ -28,8 +28,8 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
   for (const Ring& ring : rings_of(scene)) {
     Curve along = ring.line(foot);
     const double station = along.length() / 2;  // nearest to the foot
-    roads_.push_back({ring.name, std::move(along), station, ring.elevation_m,
-                      ring.config.width_m / 2});
+    roads_.push_back(
+        {ring.name, std::move(along), station, ring.elevation_m, ring.config.width_m / 2});
   }
   for (const LanePath& lane : lanes_of(scene)) {
     std::vector<LanePart> parts = parts_within(lane, foot, half_length_);

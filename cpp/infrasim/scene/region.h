@@ -14,8 +14,8 @@ inline constexpr double kFootways_m = 6;  ///< beside a carriageway, where peopl
 /// The evaluation region. With lanes of a file: what of them lies within the half length of the
 /// sensor's foot, each stretch a road of its own that runs with the traffic. With roads: along each
 /// from -half length to +half length around the foot, within the carriageway; stations s are 0 at
-/// the foot and grow along the sensor's view, of a roundabout's ring along its traffic. For people kFootways_m more on both sides. With
-/// `regions`, only what lies in one of them.
+/// the foot and grow along the sensor's view, of a roundabout's ring along its traffic. For people
+/// kFootways_m more on both sides. With `regions`, only what lies in one of them.
 class EvaluationRegion {
  public:
   /// @throws ConfigError if no lane is near, or none of the roads or lanes meets `regions`

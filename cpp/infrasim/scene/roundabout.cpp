@@ -6,9 +6,7 @@ namespace {
 
 constexpr double kFlareAngle = kPi * 25 / 180;  // on the ring, beside an arm's lane
 
-double polar(Vec2 centre, Vec2 point) {
-  return std::atan2(point.y - centre.y, point.x - centre.x);
-}
+double polar(Vec2 centre, Vec2 point) { return std::atan2(point.y - centre.y, point.x - centre.x); }
 
 CurvePoint on_ring(const Ring& ring, double angle) {
   return {ring.centre + ring.config.radius_m * heading_vector(angle), wrap_angle(angle + kPi / 2)};
@@ -24,9 +22,7 @@ std::vector<CurvePoint> arc(const Ring& ring, double start, double sweep) {
 
 }  // namespace
 
-Curve Ring::line(Vec2 near) const {
-  return Curve(arc(*this, polar(centre, near) + kPi, 2 * kPi));
-}
+Curve Ring::line(Vec2 near) const { return Curve(arc(*this, polar(centre, near) + kPi, 2 * kPi)); }
 
 Curve Ring::way(const CurvePoint& from, const CurvePoint& to) const {
   const double enter = polar(centre, from.position) + kFlareAngle;

@@ -25,7 +25,9 @@ struct Ring {
   /// Metres on the ring from beside one point to beside another, with the traffic.
   double along(Vec2 from, Vec2 to) const;
   /// Whether a point is on the lane or the island.
-  bool holds(Vec2 point) const { return norm(point - centre) < config.radius_m + config.width_m / 2; }
+  bool holds(Vec2 point) const {
+    return norm(point - centre) < config.radius_m + config.width_m / 2;
+  }
   /// From the centre to the stop lines.
   double reach_m() const;
 };

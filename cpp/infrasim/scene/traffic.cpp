@@ -19,8 +19,8 @@ constexpr double kTimeGap = 1.2;         // s
 constexpr double kCommitBraking = 3.0;   // m/s2: who would need more at a red signal drives on
 constexpr double kLookahead = 100;       // m at least; to a comfortable stop for who is faster
 constexpr double kTailClear = 10;        // m into a junction until a turning tail frees the lane
-constexpr double kRingGap = 5;           // s that who enters a roundabout needs before the next comes
-constexpr double kMaxLateral = 0.3;      // m, constant offset of a driver from the lane's centre
+constexpr double kRingGap = 5;       // s that who enters a roundabout needs before the next comes
+constexpr double kMaxLateral = 0.3;  // m, constant offset of a driver from the lane's centre
 
 struct Vehicle {
   int id = 0;
@@ -128,7 +128,9 @@ class Traffic {
   using Queue = std::deque<Vehicle>;  ///< vehicles of a lane, the one furthest ahead first
 
   const Lane& lane_of(const Vehicle& v) const { return network_.lanes[v.lane]; }
-  bool on_ring(const Lane& lane) const { return lane.junction >= 0 && network_.rings[lane.junction]; }
+  bool on_ring(const Lane& lane) const {
+    return lane.junction >= 0 && network_.rings[lane.junction];
+  }
 
   // --- population -------------------------------------------------------------------------
 
