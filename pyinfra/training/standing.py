@@ -33,30 +33,47 @@ def without_standing(
     """The detections of each cloud without vehicles that come back where nothing ever moves.
 
     The background is learnt from the same clouds, so they should be of a minute or more: what
-    stands for most of it, parked or at a red light, goes as well. People who wait stay. Raises
+    stands for most of it where nothing drives past goes as well. People who wait stay. Raises
     ValueError without a point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
     background = Background.learn(learnt, DEFAULT, region, road)
     moves = [_moves(background, cloud, d.boxes) for cloud, d in zip(clouds, found, strict=True)]
-    centres = np.concatenate([np.empty((0, 2)), *(d.boxes[:, :2] for d in found)])
+    boxes = np.concatenate([np.empty((0, 7)), *(d.boxes for d in found)])
     vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in found)])
-    keep = np.ones(len(centres), np.bool_)
+    keep = np.ones(len(boxes), np.bool_)
     keep[vehicles] = ~standing(
-        centres[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
+        boxes[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
     )
     ends = np.cumsum([len(d) for d in found])[:-1]
     return [_only(d, own) for d, own in zip(found, np.split(keep, ends), strict=True)]
 
 
-def standing(centres: FloatArray, moves: BoolArray) -> BoolArray:
-    """(n,) which boxes come back where none moves; centres: (n, 2) of all frames, moves: (n,)."""
-    boxes, moving = (
-        cKDTree(places).query_ball_point(centres, PLACE_M, return_length=True)
-        for places in (centres, centres[moves])
-    )
-    return np.asarray((boxes >= COMES_BACK) & (moving == 0))
+def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
+    """(n,) which boxes come back where none moves, nor drives past: queues stand on lanes.
+
+    boxes: (n, 7) of all frames; moves: (n,).
+    """
+    places = cKDTree(boxes[:, :2])
+    comes_back = places.query_ball_point(boxes[:, :2], PLACE_M, return_length=True) >= COMES_BACK
+    moving = boxes[moves]
+    reach_m = max(PLACE_M, float(np.hypot(*moving[:, 3:5].T).max(initial=0)) / 2)
+    near = cKDTree(moving[:, :2]).query_ball_point(boxes[:, :2], reach_m)
+    driven = [
+        _hold(moving[some], box[:2]).any() if len(some) else False
+        for box, some in zip(boxes, near, strict=True)
+    ]
+    return np.asarray(comes_back & ~np.array(driven, np.bool_))
+
+
+def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
+    """(k,) whether a point (2,) is in a box (k, 7) seen from above, or at its middle."""
+    dx, dy = (point - boxes[:, :2]).T
+    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+    ahead, left = np.abs(cos * dx + sin * dy), np.abs(cos * dy - sin * dx)
+    inside = (ahead <= boxes[:, 3] / 2) & (left <= boxes[:, 4] / 2)
+    return np.asarray(inside | (np.hypot(dx, dy) <= PLACE_M))
 
 
 def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:

@@ -7,17 +7,31 @@ import numpy as np
 import pytest
 
 from pyinfra import cli, kitti
+from pyinfra.arrays import FloatArray
 from pyinfra.detectors import Detections
 from pyinfra.training.standing import standing, without_standing
 
 
 def test_boxes_stand_that_come_back_at_a_place_where_none_moves() -> None:
     hedge, lane, once = [[20.0, 9.0]] * 4, [[30.0, 0.0]] * 4, [[50.0, 0.0]]
-    centres = np.array(hedge + lane + once)
-    moves = np.zeros(len(centres), np.bool_)
+    boxes = vehicles_at(hedge + lane + once)
+    moves = np.zeros(len(boxes), np.bool_)
     moves[5] = True
-    assert standing(centres, moves).tolist() == [True] * 4 + [False] * 5
-    assert standing(np.empty((0, 2)), np.empty(0, np.bool_)).tolist() == []
+    assert standing(boxes, moves).tolist() == [True] * 4 + [False] * 5
+    assert standing(np.empty((0, 7)), np.empty(0, np.bool_)).tolist() == []
+
+
+def test_a_queue_on_a_lane_stays_and_a_hedge_beside_it_goes() -> None:
+    queue, hedge, passing = [[30.0, 0.0]] * 9, [[30.0, 2.0]] * 9, [[31.8, 0.1]]
+    boxes = vehicles_at(queue + hedge + passing)
+    moves = np.arange(len(boxes)) == len(boxes) - 1
+    assert standing(boxes, moves).tolist() == [False] * 9 + [True] * 9 + [False]
+
+
+def vehicles_at(centres: list[list[float]]) -> FloatArray:
+    """(n, 7): cars along x."""
+    size = [-5.0, 4.5, 1.9, 1.6, 0.0]
+    return np.array([[*centre, *size] for centre in centres])
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +48,7 @@ def lidar(
 
 def test_rails_go_and_vehicles_stay(lidar: Path) -> None:
     files, found, vehicles = [], [], 0
-    rail = np.array([[25.0, 12.0, -7.0, 4.5, 1.9, 1.6, 0.0]])
+    rail = np.array([[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0]])
     for k in kitti.frames(lidar):
         objects = kitti.read_objects(kitti.frame_file(lidar, "objects", k))
         boxes = objects.label_boxes("scan")[objects.points >= 10]
@@ -60,7 +74,7 @@ def test_clouds_alone_say_nothing_of_what_stands(
 def test_people_who_wait_stay(lidar: Path) -> None:
     files = [kitti.frame_file(lidar, "velodyne", k) for k in kitti.frames(lidar)]
     boxes = np.array(
-        [[25.0, 12.0, -7.0, 4.5, 1.9, 1.6, 0.0], [25.0, 14.0, -7.0, 0.7, 0.7, 1.7, 0.0]]
+        [[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0], [25.0, 14.0, -7.0, 0.7, 0.7, 1.7, 0.0]]
     )
     names = np.array(["vehicle", "Pedestrian"])
     found = [Detections(boxes, np.array([0.9, 0.8]), names)] * len(files)
