@@ -513,6 +513,28 @@ def unseen() -> str:
     return markdown(heads, rows)
 
 
+def unlabelled() -> str:
+    """Precision promised and found after a minute without labels, over sites."""
+    rows = []
+    for way, own in results("unlabelled").groupby("way", sort=False):
+        own = own[own.boxes >= LEAST_BOXES]
+        off = (own.precision_said - own.precision).abs()
+        right, objects = (own.precision * own.boxes).sum(), own.objects.sum()
+        rows.append(
+            [
+                str(way),
+                str(len(own)),
+                f"{right / own.boxes.sum():.2f}",
+                f"{(own.precision_said * own.boxes).sum() / own.boxes.sum():.2f}",
+                f"{off.median():.3f}",
+                f"{100 * (off <= 0.05).mean():.0f} %",
+                f"{(own.recall * own.objects).sum() / objects:.2f}",
+            ]
+        )
+    heads = ["boxes", "sites", "precision", "said", "off by (median)", "within 0.05", "recall"]
+    return markdown(heads, rows)
+
+
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
 
 
@@ -689,6 +711,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "generalist": generalist,
     "hill": hill,
     "integration": integration,
+    "unlabelled": unlabelled,
     "unseen": unseen,
     "traffic": traffic,
     "generalist at sites": generalist_sites,
