@@ -535,6 +535,42 @@ def unlabelled() -> str:
     return markdown(heads, rows)
 
 
+STRESSED = {
+    "background": "Background",
+    "centerpoint": "specialist",
+    "generalist": "generalist",
+}  # by the end of the run's name
+
+
+def stress_generalist() -> str:
+    """Where AP falls by 10 and to half, and AP under names, of three detectors and two LiDARs."""
+    curves, trials = (
+        results(name).assign(who=lambda t: t.run.str.rsplit("_", n=1).str[-1])
+        for name in ("stress_generalist_summary", "stress_generalist")
+    )
+    columns = [(lidar, who) for lidar in curves.lidar.unique() for who in STRESSED]
+    rows = [["AP (fine) without", *(_unstressed(trials, *own) for own in columns)]]
+    for (stressor, unit), own in curves[curves.unit != "name"].groupby(
+        ["stressor", "unit"], sort=False
+    ):
+        cells = own.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
+        falls = (" / ".join(cells.loc[c]) if c in cells.index else "" for c in columns)
+        rows.append([f"{stressor}, {unit}", *falls])
+    names = trials[trials.unit == "name"]
+    for (stressor, dial), own in names.groupby(["stressor", "dial"], sort=False):
+        ap = own.set_index(["lidar", "who"]).ap_fine
+        cells = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
+        rows.append([f"{stressor}: {dial}", *cells])
+    return markdown(["", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
+
+
+def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
+    own = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
+    return with_interval_of_ap(
+        *own.iloc[0][["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float)
+    )
+
+
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
 
 
@@ -711,6 +747,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "generalist": generalist,
     "hill": hill,
     "integration": integration,
+    "stress_generalist": stress_generalist,
     "unlabelled": unlabelled,
     "unseen": unseen,
     "traffic": traffic,
