@@ -6,6 +6,7 @@ To write them anew, with a line of history that says why: GOLDEN=write make test
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden"
 SCENES = ROOT / "configs/scenes"
 EVERY = 200  # th point of a frame is kept
+LOST = 3  # points of a frame that are there on one type of CPU and not on another: the kernels that
+# cast rays differ in the last digits, and `datasheet` draws a return against its power
 
 
 def golden(name: str, text: str) -> str:
@@ -35,34 +38,44 @@ def test_resolved_configuration(name: str, infrasim: Callable[..., object]) -> N
     assert text == golden(f"{Path(name).name}.yaml", text)
 
 
-def frame_table(preset: str) -> pd.DataFrame:
-    """Some points of one frame of two LiDARs at the curve, after 30 frames."""
+def frame_tables(preset: str) -> dict[str, pd.DataFrame]:
+    """The points of one frame of two LiDARs at the curve, after 30 frames."""
     short = {"duration_s": 4, "traffic.warm_up_s": 10}
     world = sim.load_scene(SCENES / "curve.yaml", preset=preset, set=short)
     names = ["livox_avia", "helios_16"]
     lidars = [sim.load_lidar(ROOT / f"configs/lidars/{name}.yaml", preset) for name in names]
     ((_, frames),) = sim.simulate(world, lidars, [30])
-    parts = []
+    tables = {}
     for name, frame in zip(names, frames, strict=True):
-        rows = np.arange(0, len(frame), EVERY)
-        part = pd.DataFrame(frame.xyz[rows], columns=["x", "y", "z"])
-        part["intensity"] = frame.intensity[rows]
-        part["ring"], part["object_id"] = frame.ring[rows], frame.object_id[rows]
-        parts.append(part.assign(lidar=name, row=rows, points=len(frame)))
-    return pd.concat(parts, ignore_index=True)
+        table = pd.DataFrame(frame.xyz, columns=["x", "y", "z"])
+        table["intensity"], table["ring"] = frame.intensity, frame.ring
+        table["object_id"], table["time"] = frame.object_id, frame.time
+        tables[name] = table
+    return tables
 
 
 @pytest.mark.parametrize("preset", ["paper", "datasheet"])
 def test_frame(preset: str) -> None:
-    found = frame_table(preset)
+    found = frame_tables(preset)
     name = f"frame_{preset}.csv"
-    golden(name, found.to_csv(index=False, float_format="%.4f"))
-    kept = pd.read_csv(GOLDEN / name)
-    # The ray kernels differ in the last digits between types of CPU.
-    for column in ("x", "y", "z", "intensity"):
-        np.testing.assert_allclose(found[column], kept[column], atol=1e-3)
-    for column in ("lidar", "row", "ring", "object_id", "points"):
-        assert found[column].tolist() == kept[column].tolist(), column
+    some = [
+        table.iloc[::EVERY].assign(lidar=lidar, points=len(table))
+        for lidar, table in found.items()
+    ]  # fmt: skip
+    golden(name, pd.concat(some).to_csv(index=False, float_format="%.9g"))
+    for lidar, kept in pd.read_csv(GOLDEN / name).groupby("lidar"):
+        now = found[str(lidar)]
+        assert abs(len(now) - kept.points.iloc[0]) <= LOST
+        missing = [row for row in kept.itertuples() if not is_there(row, now)]
+        assert len(missing) <= (1 if preset == "datasheet" else 0), missing
+
+
+def is_there(point: Any, table: pd.DataFrame) -> bool:
+    """Whether a ray of that time and ring has that return."""
+    rays = table[(table.ring == point.ring) & np.isclose(table.time, point.time, rtol=0, atol=1e-8)]
+    near = np.abs(rays[["x", "y", "z"]] - [point.x, point.y, point.z]).max(axis=1) < 1e-3
+    same = (rays.object_id == point.object_id) & (abs(rays.intensity - point.intensity) < 1e-3)
+    return bool((near & same).any())
 
 
 def test_ap_table() -> None:
