@@ -493,24 +493,26 @@ def generalist() -> str:
 
 
 def unseen() -> str:
-    """Fine AP at generated sites that no training saw, and what an older network has less there."""
-    rows = []
+    """Fine AP by class at generated sites that no training saw, of the shipped network first."""
+    table, rows = results("unseen"), []
+    models = list(dict.fromkeys(table.model))
     key = ["sites", "class", "measure"]
-    for (sites, name, measure), own in results("unseen").groupby(key, sort=False):
-        cells = []
-        for _, row in own.iterrows():
-            ap, less = (
-                row[[column, f"{column}_low", f"{column}_high"]].astype(float)
-                for column in ("ap_fine", "difference")
-            )
-            cells.append(with_interval_of_ap(*ap))
-            if not math.isnan(less.iloc[0]):
-                cells.append("{:+.1f} [{:.1f}, {:.1f}]".format(*less))
+    for (sites, name, measure), own in table.groupby(key, sort=False):
+        of = own.set_index("model")
+        ap = (
+            with_interval_of_ap(*_ends(of.loc[model], "ap_fine")) if model in of.index else ""
+            for model in models
+        )
+        last = _ends(of.iloc[-1], "difference")
+        less = "" if math.isnan(last[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*last)
         count, objects = own[["count", "objects"]].iloc[0]
-        cells += [""] * (3 - len(cells))
-        rows.append([f"{sites} ({count})", name, measure, str(objects), *cells])
-    heads = ["sites", "class", "found by", "objects", "generalist", "the one before", "difference"]
-    return markdown(heads, rows)
+        rows.append([f"{sites} ({count})", name, measure, str(objects), *ap, less])
+    names = (model.replace("_", " ") for model in models)
+    return markdown(["sites", "class", "found by", "objects", *names, "difference"], rows)
+
+
+def _ends(row: pd.Series, name: str) -> list[float]:
+    return [float(row[column]) for column in (name, f"{name}_low", f"{name}_high")]
 
 
 def unlabelled() -> str:
@@ -566,9 +568,7 @@ def stress_generalist() -> str:
 
 def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
     own = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
-    return with_interval_of_ap(
-        *own.iloc[0][["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float)
-    )
+    return with_interval_of_ap(*_ends(own.iloc[0], "ap_fine"))
 
 
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
@@ -587,8 +587,7 @@ def integration() -> str:
 
 
 def _both_ap(row: pd.Series) -> str:
-    ends = row[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float)
-    return f"{with_interval_of_ap(*ends)}; {row.ap_all:.1f}"
+    return f"{with_interval_of_ap(*_ends(row, 'ap_fine'))}; {row.ap_all:.1f}"
 
 
 def hill() -> str:

@@ -61,13 +61,13 @@ class CentreHead(nn.Module):
     ) -> Losses:
         """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some."""
         logits, found = self(x)
+        count = of_all(torch.tensor(sum(len(b) for b in boxes), device=x.device))
         heat = {
-            "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_losses(
+            "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_loss(
                 logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)]
             )
             for i, name in enumerate(self.classes)
         }
-        count = of_all(torch.tensor(sum(len(b) for b in boxes), device=x.device))
         frame = torch.repeat_interleave(
             torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
         ).to(x.device)
@@ -75,13 +75,12 @@ class CentreHead(nn.Module):
         row, column = self.cells_of(every, logits.shape[2:])
         at = found[frame, row, column]  # (k, 8)
         parts = self.box_losses(at, every, row, column)
-        return heat | {name: part / count for name, part in parts.items()}
+        return {name: part / count for name, part in (heat | parts).items()}
 
-    def heat_losses(self, logits: Tensor, boxes: Sequence[Tensor]) -> Tensor:
-        """Of one class (B, H, W) by its own number of boxes, so that a rare one is learnt too."""
+    def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor]) -> Tensor:
+        """Of one class (B, H, W), summed; by the number of all boxes, as its own may be one."""
         heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
-        count = of_all(torch.tensor(sum(len(b) for b in boxes), device=logits.device))
-        return heat_map_focal(logits, heat) / count
+        return heat_map_focal(logits, heat)
 
     def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
         """Summed over the boxes (k, 7), each with what was found at its centre (k, 8)."""
