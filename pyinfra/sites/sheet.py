@@ -49,6 +49,9 @@ def _draw(axes: Axes, site: Keys) -> None:
     for road in roads.values():
         for left_m in _lane_lines(road):
             axes.plot(*road.beside(left_m).T, color=LINE, linewidth=0.3, zorder=2)
+    for junction in site.get("junctions", []):
+        if "roundabout" in junction:
+            _draw_ring(axes, junction["roundabout"])
     _draw_rows(axes, site, roads)
     for plant in site.get("vegetation", []):
         _draw_plants(axes, plant, roads)
@@ -64,6 +67,13 @@ def _draw(axes: Axes, site: Keys) -> None:
     for corners in footprints(np.array(boxes).reshape(-1, 7)):
         axes.add_patch(Polygon(corners, facecolor=HOUSE, edgecolor=RAIL, linewidth=0.3, zorder=3))
     _frame(axes, site)
+
+
+def _draw_ring(axes: Axes, ring: Keys) -> None:
+    """Generated roads meet at the origin."""
+    half_m = ring["width_m"] / 2
+    for radius_m, colour in ((half_m, SURFACE), (-half_m, GROUND)):
+        axes.add_patch(Circle((0, 0), ring["radius_m"] + radius_m, color=colour, zorder=2.2))
 
 
 def _draw_rows(axes: Axes, site: Keys, roads: dict[str, DrawnRoad]) -> None:
