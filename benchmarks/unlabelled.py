@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
-from generalist import HELD_OUT, STUDIED, at_cut
+from generalist import CUT, HELD_OUT, STUDIED, at_cut
 
 from pyinfra import __version__, kitti, machine
 from pyinfra.benchmark import store
@@ -71,7 +71,7 @@ def figures(
         detect.write(out, file, boxes)
     (judgement,) = judged(folder, out, SETTINGS, frames=frame_numbers(folder, "all"))
     counted = judgement.hit | judgement.wrong
-    shown = int((counted & (judgement.contest.predictions.scores >= 0.5)).sum())
+    shown = int((counted & (judgement.contest.predictions.scores >= CUT)).sum())
     return {"objects": judgement.objects, "boxes": shown, **at_cut(judgement)}
 
 

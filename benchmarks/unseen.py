@@ -24,9 +24,8 @@ import pack_generalist
 
 from pyinfra import __version__, machine
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.data.regions import FOOTWAYS_M
 from pyinfra.detectors import Detections
-from pyinfra.detectors.classes import TYPES, VEHICLES, ObjectClass
+from pyinfra.detectors.classes import ObjectClass
 from pyinfra.detectors.fused import fused
 from pyinfra.detectors.network import Network
 from pyinfra.evaluation import matching
@@ -84,22 +83,6 @@ def looked_at(
             yield place, sample, [network.predict(sample.points) for network in networks]
 
 
-def judged(
-    sample: SiteSample, found: Detections, name: ObjectClass, metric: matching.Metric, limit: float
-) -> tuple[FloatArray, BoolArray, int]:
-    """Scores of a class's boxes in its region, which are right, and how many objects there are."""
-    margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
-    inside = (found.names == TYPES[name]) & sample.region.holds(found.boxes, margin_m)
-    number = list(MEASURES).index(name)
-    there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
-    boxes, scores, truth = found.boxes[inside], found.scores[inside], sample.boxes[there]
-    ours, theirs = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-    pairs = matching.overlapping_pairs(ours, boxes, theirs, truth, metric)
-    pairs = matching.in_order(pairs, scores, boxes, truth)
-    taken = matching.match(pairs, len(boxes), len(truth), matching.threshold_of(metric, limit))
-    return scores, taken >= 0, len(truth)
-
-
 def gathered(
     args: argparse.Namespace, networks: list[Network]
 ) -> dict[tuple[int, ObjectClass, str], Found]:
@@ -110,7 +93,9 @@ def gathered(
             for name in network.classes:
                 for label, metric, limit in MEASURES[name]:
                     key = (model, name, label)
-                    scores, right, there = judged(sample, found[model], name, metric, limit)
+                    scores, right, there = pack_generalist.right_of(
+                        sample, found[model], list(MEASURES).index(name), name, metric, limit
+                    )
                     slot = np.full(len(scores), place)
                     parts.setdefault(key, []).append((slot, scores, right))
                     objects.setdefault(key, np.zeros(args.sites, np.int64))[place] += there

@@ -72,14 +72,22 @@ def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -
         network.know(sample.region)
         found.append(network.predict(sample.points))
     for number, name in enumerate(network.classes):
-        parts = [right_of(*pair, number, name) for pair in zip(samples, found, strict=True)]
+        parts = [
+            right_of(*pair, number, name, METRICS[name])
+            for pair in zip(samples, found, strict=True)
+        ]
         scores, right, objects = zip(*parts, strict=True)
         columns = np.concatenate(scores), np.concatenate(right)
         yield Judged(site, lidar, name, *columns, sum(objects))
 
 
 def right_of(
-    sample: SiteSample, found: Detections, number: int, name: ObjectClass
+    sample: SiteSample,
+    found: Detections,
+    number: int,
+    name: ObjectClass,
+    metric: matching.Metric,
+    iou: float = matching.IOU,
 ) -> tuple[FloatArray, BoolArray, int]:
     """Scores of a class's boxes in its region, which are right, and how many objects there are."""
     margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
@@ -87,7 +95,7 @@ def right_of(
     there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
     boxes, scores, truth = found.boxes[inside], found.scores[inside], sample.boxes[there]
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-    right = matching.hits(frames[0], boxes, scores, frames[1], truth, METRICS[name])
+    right = matching.hits(frames[0], boxes, scores, frames[1], truth, metric, iou)
     return scores, right, len(truth)
 
 

@@ -483,9 +483,8 @@ def generalist() -> str:
     table = results("generalist")
     for (site, lidar, world), own in table.groupby(["site", "lidar", "seed"], sort=False):
         by_arm = own.set_index("arm")
-        ends = ["ap_fine", "ap_fine_low", "ap_fine_high"]
         cells = (
-            with_interval_of_ap(*by_arm.loc[arm, ends].astype(float)) if arm in by_arm.index else ""
+            with_interval_of_ap(*_ends(by_arm.loc[arm], "ap_fine")) if arm in by_arm.index else ""
             for arm in ARMS
         )
         rows.append([str(site), str(lidar), str(world), *cells])
@@ -598,8 +597,7 @@ def hill() -> str:
         results("hill").sort_values(key[1:]).groupby(key, sort=False)
     ):
         by_height = own.set_index("height")
-        ends = ["ap_fine", "ap_fine_low", "ap_fine_high"]
-        ap = (with_interval_of_ap(*by_height.loc[h, ends].astype(float)) for h in ("local", "one"))
+        ap = (with_interval_of_ap(*_ends(by_height.loc[h], "ap_fine")) for h in ("local", "one"))
         iou = by_height.iou_3d.iloc[0]
         rows.append([LIDARS[str(lidar)], f"{percent} %", str(seed), *ap, f"{iou:.2f}"])
     rows.sort(key=lambda row: list(LIDARS.values()).index(row[0]))

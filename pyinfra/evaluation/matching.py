@@ -123,11 +123,12 @@ def hits(
     vehicle_frame: IntArray,
     vehicles: FloatArray,
     metric: Metric = "bev",
+    iou: float = IOU,
 ) -> BoolArray:
     """(p,) which predictions take a vehicle; arguments as of overlapping_pairs."""
     pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles, metric)
     pairs = in_order(pairs, scores, predictions, vehicles)
-    threshold = threshold_of(metric, IOU)
+    threshold = threshold_of(metric, iou)
     return np.asarray(match(pairs, len(predictions), len(vehicles), threshold) >= 0)
 
 
