@@ -268,6 +268,8 @@ void visit(Fields& f, JunctionConfig& c) {
   f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
   f.check(c.roads.size() == 2, "roads",
           "found " + std::to_string(c.roads.size()) + " names, allowed 2");
+  f.check(!(c.signal && c.roundabout), "signal",
+          "found it beside a roundabout, allowed one of both");
 }
 
 template <class Fields>

@@ -205,7 +205,7 @@ struct RoundaboutConfig {
 /// Signals where two roads cross, each approach with its own green; or a roundabout, without any.
 struct JunctionConfig {
   std::vector<std::string> roads;
-  SignalConfig signal;
+  std::optional<SignalConfig> signal;  ///< its defaults, if there is no roundabout
   std::optional<RoundaboutConfig> roundabout;
   double left_share = 0.2;
   double right_share = 0.2;

@@ -415,7 +415,7 @@ class Traffic {
   void update_signals() {
     for (std::size_t j = 0; j < signals_.size(); ++j) {
       Signal& signal = signals_[j];
-      const SignalConfig& timing = network_.junctions[j].signal;
+      const SignalConfig timing = network_.junctions[j].signal.value_or(SignalConfig{});
       signal.since += kFramePeriod;
       if (signal.green && signal.since >= timing.green_s) {
         signal.green = false;
