@@ -94,7 +94,7 @@ def _scene(
         ],
         **{key: value for key, value in things.items() if value},
         **({"junctions": list(layout.junctions)} if layout.junctions else {}),
-        "traffic": _traffic(Draws(seed, "traffic"), habitat, ranges, layout),
+        "traffic": _traffic(seed, habitat, ranges, layout),
     }
 
 
@@ -171,12 +171,15 @@ def _aim(draws: Draws, ranges: Ranges, layout: Layout, ahead_m: float, left_m: f
     return 180.0 if back else 0.0
 
 
-def _traffic(draws: Draws, habitat: Habitat, ranges: Ranges, layout: Layout) -> Keys:
+def _traffic(seed: int, habitat: Habitat, ranges: Ranges, layout: Layout) -> Keys:
+    draws, fleet = Draws(seed, "traffic"), Draws(seed, "fleet")
     radius = min(_inner_radius(road) for road in layout.roads)
     width = min(road.keys["lanes"]["width_m"] for road in layout.roads)
     fastest = 3.6 * float(np.sqrt(ranges.lateral_m_s2 * radius))
     speed = min(draws.within(habitat.speed_km_h, 1), round(fastest, 1))
     shares = {name: draws.within(weight, 3) for name, weight in habitat.classes.items()}
+    if (many := fleet.one_of(ranges.fleets)) in shares:
+        shares[many] = fleet.within(ranges.fleet_weight, 3)
     return {
         "vehicles_per_km_lane": draws.within(habitat.vehicles_per_km_lane, 1),
         "speed": {"mean_km_h": speed, "std_km_h": round(speed * draws.within((0.03, 0.15)), 1)},

@@ -325,6 +325,11 @@ class Ranges:
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
     t_junctions: float = 0.35  # share of the crossings
     one_way: float = 0.15  # share of the roads across
+    # Sites where a class that is rare elsewhere is much of the traffic: towns that ride, bus ways.
+    fleets: Weights = field(
+        default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
+    )
+    fleet_weight: Range = (0.4, 2.0)  # beside cars of 0.5 to 0.95
     roundabouts: float = 0.3  # share of the crossings, and of the T
     ring: RingRanges = RingRanges()
     grades: float = 0.4  # share of sites on a slope
