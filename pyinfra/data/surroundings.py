@@ -12,6 +12,7 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Floats
 from pyinfra.data import regions
+from pyinfra.data.profile import profile_of
 from pyinfra.data.regions import Road
 from pyinfra.kitti.yaml_file import YamlNode
 
@@ -63,11 +64,13 @@ def read_surroundings(data_set: Path) -> Surroundings:
         return Surroundings((), {}, np.zeros((0, 7)))
     top = kitti.read_yaml(file)
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
-    buildings = [_building(own) for own in top.entries("buildings")]
+    buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
+    if (profile := top.maybe("profile")) is not None:
+        buildings[:, 2] += profile_of(profile).rise_m(buildings[:, :2])
     return Surroundings(
         roads=tuple(regions.read_roads(roads)) if lanes or roads.is_file() else (),
         lanes=lanes,
-        buildings=np.array(buildings).reshape(-1, 7),
+        buildings=buildings,
     )
 
 

@@ -329,7 +329,7 @@ class Ranges:
     fleets: Weights = field(
         default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
     )
-    fleet_weight: Range = (0.4, 2.0)  # beside cars of 0.5 to 0.95
+    fleet_weight: Range = (0.4, 1.0)  # beside cars of 0.5 to 0.95; weights end at 1
     roundabouts: float = 0.3  # share of the crossings, and of the T
     ring: RingRanges = RingRanges()
     grades: float = 0.4  # share of sites on a slope

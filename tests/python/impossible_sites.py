@@ -99,6 +99,11 @@ def pole(x: float, y: float, z: float) -> Edit:
     return POLE, f"pole: {{x_m: {x:.9g}, y_m: {y:.9g}, z_m: {z:.9g}}}"
 
 
+def profile(points: str) -> Edit:
+    """A rise of the whole town."""
+    return "roads:\n  - name: main", f"profile:\n  points_m: {points}\nroads:\n  - name: main"
+
+
 def pieces(*of_a_line: str) -> str:
     """Of a centreline."""
     return "\n      ".join(f"- {{{piece}}}" for piece in of_a_line)
@@ -229,6 +234,18 @@ JUNCTIONS = (
     Site("a sensor on the ring of a roundabout", (*ONE_LANE, RING, pole(-14.1, -14.1, 4)),
          "mounts.pole.z_m", ("lane",), "pole:"),
 )  # fmt: skip
+PROFILES = (
+    Site("a profile of one point", (profile("[[0, 0]]"),), "profile.points_m",
+         ("fewer than 2",), "points_m"),
+    Site("a profile of 16 %", (profile("[[0, 0], [100, 16]]"),), "profile.points_m",
+         ("found a grade of 16 %", "up to 15"), "points_m"),
+    Site("a profile with points 39 m apart", (profile("[[0, 0], [39, 1]]"),), "profile.points_m",
+         ("39 m after the one before", "40"), "points_m"),
+    Site("a profile that goes back", (profile("[[0, 0], [-50, 1]]"),), "profile.points_m",
+         ("-50 m after",), "points_m"),
+    Site("a sensor in a hill", (profile("[[-100, 0], [0, 14]]"),), "mounts.pole.z_m",
+         ("below the ground",), "pole:"),
+)  # fmt: skip
 GROUNDS = (
     Site("ground at the roads' height", ((GROUND, "elevation_m: 0"),), "elevation_m",
          ("found 0 on 'main'", "-0.011"), "outline_m"),
@@ -327,12 +344,14 @@ TRAFFIC = (
          ("vehicles_per_km_lane: 15", "vehicles_per_km_lane: 81")),
          "traffic.vehicles_per_km_lane", ("found 81, allowed up to 80",), "vehicles_per_km_lane"),
 )  # fmt: skip
-IMPOSSIBLE = (*ROADS, *JUNCTIONS, *GROUNDS, *STANDING, *SENSORS, *TRAFFIC)
+IMPOSSIBLE = (*ROADS, *JUNCTIONS, *PROFILES, *GROUNDS, *STANDING, *SENSORS, *TRAFFIC)
 
 POSSIBLE = (
     Site("a roundabout", (*ONE_LANE, RING)),
     Site("a house on the island of a roundabout", (*ONE_LANE, RING, house(0, 0, SMALL))),
     Site("the town itself", ()),
+    Site("a town on a hill of 15 %", (profile("[[-100, -15], [0, 0], [100, -15]]"),)),
+    Site("a roundabout on a slope", (*ONE_LANE, RING, profile("[[-300, -30], [300, 30]]"))),
     Site("a bridge of 4.5 m", (NO_JUNCTION, side_keys("elevation_m: 4.5"))),
     Site("a road that ends 2 cm before another", (NO_JUNCTION, side_line("- {line_m: 192.48}"))),
     Site("a road 3 cm beside another", (road(50, 11.03, 0, "line_m: 100"),)),

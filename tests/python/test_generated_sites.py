@@ -126,6 +126,14 @@ def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
     assert np.max(near) < 40
 
 
+def test_some_sites_have_many_motorcycles_and_some_many_buses() -> None:
+    shares = [make_site(seed)["traffic"]["class_shares"] for seed in range(120)]
+    assert all(0 <= weight <= 1 for of_site in shares for weight in of_site.values())
+    many = [name for name in ("Motorcycle", "Bus") for own in shares if own.get(name, 0) >= 0.4]
+    assert 8 <= many.count("Motorcycle") <= 30
+    assert 3 <= many.count("Bus") <= 20
+
+
 def test_classes_fit_the_lanes_of_their_bends_as_the_simulator_has_it() -> None:
     for name, lane, radius in (("Bus", 3.5, 40.0), ("Truck", 3.0, 25.0), ("Car", 2.8, 12.0)):
         length, _ = generator.MEAN_SIZE_M[name]

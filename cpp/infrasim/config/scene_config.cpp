@@ -109,6 +109,29 @@ void visit(Fields& f, RoadConfig& c) {
 }
 
 template <class Fields>
+void visit(Fields& f, ProfileConfig& c) {
+  f.here(c.place);
+  f.field("x_m", c.x_m, "world x where stations begin", between(-1e6, 1e6));
+  f.field("y_m", c.y_m, "world y where stations begin", between(-1e6, 1e6));
+  f.field("heading_deg", c.heading_deg, "direction that stations run in", between(-360, 360));
+  f.field("points_m", c.points_m, "station and rise of each change of grade; level beyond",
+          required(between(-1e5, 1e5)));
+  f.field("vertical_curve_m", c.vertical_curve_m,
+          "length of the parabola that rounds each change of grade", between(1, 1e3));
+  f.check(c.points_m.size() >= 2, "points_m", "found fewer than 2 points, allowed 2 or more");
+  for (std::size_t i = 1; i < c.points_m.size(); ++i) {
+    const Vec2 step = c.points_m[i] - c.points_m[i - 1];
+    f.check(step.x >= c.vertical_curve_m, "points_m",
+            "found a point " + config::number_text(step.x) +
+                " m after the one before, allowed from vertical_curve_m, " +
+                config::number_text(c.vertical_curve_m) + ", on");
+    f.check(std::abs(step.y) <= kSteepest * step.x, "points_m",
+            "found a grade of " + config::number_text(std::round(1e4 * step.y / step.x) / 100) +
+                " %, allowed up to " + config::number_text(100 * kSteepest));
+  }
+}
+
+template <class Fields>
 void visit(Fields& f, GroundConfig& c) {
   f.here(c.place);
   f.field("elevation_m", c.elevation_m, "world z of the terrain", required(between(-1e3, 1e4)));
@@ -508,6 +531,7 @@ void visit_ways(Fields& f, SceneConfig& c) {
   f.field("roads", c.roads, "roads; left out with lanes",
           c.lanes ? config::Rule{} : at_least_one());
   f.check(!c.lanes || c.roads.empty(), "roads", "found them beside lanes, allowed one of the two");
+  f.field("profile", c.profile, "rise along one direction, by which all that is level is lifted");
 }
 
 template <class Fields>
@@ -546,6 +570,8 @@ void visit(Fields& f, SceneConfig& c) {
           "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
   visit_ways(f, c);
   f.field("meshes", c.meshes, "surfaces from files", config::Rule{.min_items = 1});
+  f.check(!c.profile || !(c.lanes || c.meshes), "profile",
+          "found it with lanes or meshes, allowed without: they have their own heights");
   f.field("ground", c.ground, "pieces of terrain");
   f.field("buildings", c.buildings, "upright boxes");
   f.field("barriers", c.barriers, "walls along roads");

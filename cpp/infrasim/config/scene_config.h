@@ -73,6 +73,16 @@ struct RoadConfig {
   config::Place place;
 };
 
+/// How the scene rises along one direction: what it says is level, and lifted by this where it is.
+struct ProfileConfig {
+  double x_m = 0;
+  double y_m = 0;
+  double heading_deg = 0;
+  std::vector<Vec2> points_m;  ///< station from x_m, y_m along heading_deg, and rise there
+  double vertical_curve_m = 40;
+  config::Place place;
+};
+
 /// A level piece of terrain with a convex outline; where no ground is, rays pass.
 struct GroundConfig {
   double elevation_m = 0;
@@ -311,6 +321,7 @@ struct FilterConfig {
 
 inline constexpr const char* kFusedName = "fused";  ///< folder that no mount has
 inline constexpr double kLongestScene_s = 36000;
+inline constexpr double kSteepest = 0.15;    ///< grade; steeper streets are rare
 inline constexpr double kClearance_m = 4.5;  ///< of free height over a road: trucks have up to 4.4
 
 /// A piece of the evaluation region; world frame.
@@ -336,6 +347,7 @@ struct SceneConfig {
   std::optional<std::vector<RegionConfig>> regions;  ///< nothing: wherever roads or lanes are
   std::optional<std::string> lanes;  ///< a file in place of roads; relative to the scene file
   std::vector<RoadConfig> roads;
+  std::optional<ProfileConfig> profile;  ///< nothing: level
   std::optional<std::vector<MeshConfig>> meshes;
   std::vector<GroundConfig> ground;
   std::vector<BuildingConfig> buildings;

@@ -5,6 +5,7 @@
 
 #include "infrasim/scene/parked.h"
 #include "infrasim/scene/people.h"
+#include "infrasim/scene/profile.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/traffic.h"
@@ -40,6 +41,7 @@ TakeInstant with_parked(const SceneConfig& scene, const TakeInstant& take) {
   std::vector<ObjectState> parked;
   for (const ParkedVehicle& vehicle : parked_vehicles(scene)) parked.push_back(vehicle.state);
   if (parked.empty()) return take;
+  Profile(scene).lift(parked);
   return [parked = std::move(parked), take](std::vector<ObjectState> states) {
     states.insert(states.end(), parked.begin(), parked.end());
     take(states);
@@ -50,8 +52,10 @@ TakeInstant with_parked(const SceneConfig& scene, const TakeInstant& take) {
 TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
   People people(scene);
   if (people.empty()) return take;
-  return [people = std::move(people), take, instant = 0](std::vector<ObjectState> states) mutable {
-    const auto there = people.at(instant++ * kFramePeriod);
+  return [people = std::move(people), profile = Profile(scene), take,
+          instant = 0](std::vector<ObjectState> states) mutable {
+    auto there = people.at(instant++ * kFramePeriod);
+    profile.lift(there);
     states.insert(states.end(), there.begin(), there.end());
     take(states);
   };
@@ -60,7 +64,11 @@ TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
 /// The vehicles of a scene that was checked, one instant after the other.
 void take_instants(const SceneConfig& scene, const TakeInstant& take) {
   const TakeInstant all = with_parked(scene, with_people(scene, take));
-  if (scene.traffic) return simulate_traffic(scene, all);
+  if (scene.traffic)
+    return simulate_traffic(scene, [&, profile = Profile(scene)](std::vector<ObjectState> states) {
+      profile.lift(states);
+      all(states);
+    });
   const Trajectories recorded = load_recorded(scene);
   for (const auto& states : recorded.rows) all(states);
 }
@@ -100,8 +108,12 @@ World world_of(const SceneConfig& scene, Trajectories trajectories) {
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  const Profile profile(scene);
   std::vector<LeafVolume> leaves = leaf_volumes(scene);
-  for (LeafVolume& volume : leaves) volume.box = level.to_level(volume.box);
+  for (LeafVolume& volume : leaves) {
+    volume.box.z += profile.rise({volume.box.x, volume.box.y});
+    volume.box = level.to_level(volume.box);
+  }
   return {scene,
           level,
           EvaluationRegion(scene),
@@ -143,7 +155,7 @@ void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
 }
 
 bool vehicles_pitch(const SceneConfig& scene) {
-  return !scene.traffic && load_recorded(scene).pitched();
+  return scene.profile || (!scene.traffic && load_recorded(scene).pitched());
 }
 
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {

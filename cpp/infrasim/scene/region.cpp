@@ -14,7 +14,8 @@ namespace infrasim {
 
 EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
     : outlines_(scene.regions.value_or(std::vector<RegionConfig>{})),
-      half_length_(scene.region_half_length_m) {
+      half_length_(scene.region_half_length_m),
+      profile_(scene) {
   const MountConfig& mount = scene.mounts.begin()->second;
   const Vec2 foot{mount.x_m, mount.y_m};
   for (const RoadConfig& road : scene.roads) {
@@ -49,8 +50,8 @@ void EvaluationRegion::for_each_row(const Take& take) const {
     const double last = std::min(half_length_, road.along.length() - road.foot);
     for (double s = first; s <= last; s += 1) {
       const CurvePoint p = road.along.at(road.foot + s);
-      take(road.name,
-           LaneRow{s, p.position, road.elevation, wrap_angle(p.heading), road.half_width});
+      take(road.name, LaneRow{s, p.position, road.elevation + profile_.rise(p.position),
+                              wrap_angle(p.heading), road.half_width});
     }
   }
   for (const LanePart& part : parts_)

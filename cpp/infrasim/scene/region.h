@@ -5,6 +5,7 @@
 
 #include "infrasim/core/classes.h"
 #include "infrasim/scene/lane_part.h"
+#include "infrasim/scene/profile.h"
 #include "infrasim/scene/static_world.h"
 
 namespace infrasim {
@@ -49,6 +50,7 @@ class EvaluationRegion {
   std::vector<LanePart> parts_;
   std::vector<RegionConfig> outlines_;  ///< none: everywhere
   double half_length_;
+  Profile profile_;
 };
 
 }  // namespace infrasim

@@ -11,6 +11,7 @@
 #include "infrasim/scene/lane_file.h"
 #include "infrasim/scene/lane_network.h"
 #include "infrasim/scene/parked.h"
+#include "infrasim/scene/profile.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/vegetation.h"
 
@@ -19,6 +20,8 @@ namespace infrasim {
 namespace {
 
 using config::number_text;
+
+std::string metres(double z) { return number_text(std::round(z * 1000) / 1000); }
 
 struct Sensor {
   Vec2 foot;
@@ -163,8 +166,10 @@ SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
 }  // namespace
 
 void check_sensor(const SceneConfig& scene) {
+  const Profile profile(scene);  // what scenes say is as if they were level
   for (const auto& [name, mount] : scene.mounts) {
-    const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m};
+    const double rise = profile.rise({mount.x_m, mount.y_m});
+    const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m - rise};
     const auto fail = [&](const char* key, const std::string& what) {
       config::fail(mount.place, "mounts." + name + "." + key, what);
     };
@@ -174,14 +179,14 @@ void check_sensor(const SceneConfig& scene) {
                       " m from every road and ground, allowed up to " +
                       number_text(kLongestRange_m) + ", where rays end");
     if (const auto over = ground_over(scene, sensor))
-      fail("z_m", found + " below the ground or a road at " + number_text(*over) +
+      fail("z_m", found + " below the ground or a road at " + metres(*over + rise) +
                       " m, allowed above, or under a bridge of " + number_text(kClearance_m) +
                       " m");
     if (const std::string what = what_holds(scene, sensor); !what.empty())
       fail("x_m", "found it inside " + what + ", allowed outside");
     if (const auto lane = lane_around(scene, sensor))
-      fail("z_m", found + " in the way of the vehicles of a lane at " + number_text(*lane) +
-                      ", allowed from " + number_text(*lane + kClearance_m) +
+      fail("z_m", found + " in the way of the vehicles of a lane at " + metres(*lane + rise) +
+                      ", allowed from " + metres(*lane + rise + kClearance_m) +
                       " on, or beside the lanes");
   }
 }
@@ -194,8 +199,8 @@ void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background
   const auto& [name, mount] = *scene.mounts.begin();
   config::fail(mount.place, "mounts." + name + ".z_m",
                "found " + number_text(mount.z_m) + " below a surface of the meshes at " +
-                   number_text(std::round((mount.z_m + over) * 1000) / 1000) +
-                   " m, allowed above, or under a bridge of " + number_text(kClearance_m) + " m");
+                   metres(mount.z_m + over) + " m, allowed above, or under a bridge of " +
+                   number_text(kClearance_m) + " m");
 }
 
 void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajectories) {

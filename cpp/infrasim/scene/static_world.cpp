@@ -5,6 +5,7 @@
 #include "infrasim/core/classes.h"
 #include "infrasim/io/ply_file.h"
 #include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/profile.h"
 #include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
@@ -18,11 +19,9 @@ constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's
 
 class MeshBuilder {
  public:
-  explicit MeshBuilder(const LevelPose& level) : level_(level) {}
-
   void quad(Vec3 a, Vec3 b, Vec3 c, Vec3 d, Class material) {
-    const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
-    for (const Vec3& p : {a, b, c, d}) vertex(p);
+    const auto first = next();
+    surface_.vertices.insert(surface_.vertices.end(), {a, b, c, d});
     triangle(first, first + 1, first + 2, material);
     triangle(first, first + 2, first + 3, material);
   }
@@ -39,8 +38,8 @@ class MeshBuilder {
   }
 
   void fan(const std::vector<Vec2>& outline, double z, Class material) {
-    const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
-    for (const Vec2& p : outline) vertex({p.x, p.y, z});
+    const auto first = next();
+    for (const Vec2& p : outline) surface_.vertices.push_back({p.x, p.y, z});
     for (std::uint32_t i = 1; i + 1 < outline.size(); ++i)
       triangle(first, first + i, first + i + 1, material);
   }
@@ -56,27 +55,34 @@ class MeshBuilder {
   }
 
   void surface(const PlySurface& surface, Class material) {
-    const auto first = static_cast<std::uint32_t>(mesh_.vertices.size());
-    for (const Vec3& p : surface.vertices) vertex(p);
+    const auto first = next();
+    auto& vertices = surface_.vertices;
+    vertices.insert(vertices.end(), surface.vertices.begin(), surface.vertices.end());
     for (const auto& t : surface.triangles)
       triangle(first + t[0], first + t[1], first + t[2], material);
   }
 
-  TriangleMesh take() { return std::move(mesh_); }
+  /// All of it, lifted by the profile, in the levelled frame.
+  TriangleMesh take(const Profile& profile, const LevelPose& level) {
+    profile.lift(surface_);
+    TriangleMesh mesh{{}, std::move(surface_.triangles), std::move(surface_.class_id)};
+    mesh.vertices.reserve(surface_.vertices.size());
+    for (const Vec3& world : surface_.vertices) {
+      const Vec3 p = level.to_level(world);
+      mesh.vertices.push_back(
+          {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+    }
+    return mesh;
+  }
 
  private:
-  void vertex(Vec3 world) {
-    const Vec3 p = level_.to_level(world);
-    mesh_.vertices.push_back(
-        {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
-  }
+  std::uint32_t next() const { return static_cast<std::uint32_t>(surface_.vertices.size()); }
   void triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c, Class material) {
-    mesh_.triangles.push_back({a, b, c});
-    mesh_.class_id.push_back(static_cast<std::uint16_t>(material));
+    surface_.triangles.push_back({a, b, c});
+    surface_.class_id.push_back(static_cast<std::uint16_t>(material));
   }
 
-  LevelPose level_;
-  TriangleMesh mesh_;
+  Surface surface_;
 };
 
 const RoadConfig& road_named(const SceneConfig& scene, const std::string& name,
@@ -191,7 +197,7 @@ std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig&
 }
 
 TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level) {
-  MeshBuilder mesh(level);
+  MeshBuilder mesh;
   for (const RoadConfig& road : scene.roads) add_road(mesh, road);
   for (const Ring& ring : rings_of(scene)) add_ring(mesh, ring);
   for (const GroundConfig& ground : scene.ground)
@@ -201,7 +207,7 @@ TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level)
     for (const MeshConfig& row : *scene.meshes)
       mesh.surface(read_ply(scene.folder / row.file), static_cast<Class>(row.material));
   for (const Upright& upright : uprights(scene)) mesh.box(upright.box, Class::kStructure);
-  return mesh.take();
+  return mesh.take(Profile(scene), level);
 }
 
 }  // namespace infrasim

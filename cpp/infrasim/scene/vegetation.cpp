@@ -8,7 +8,7 @@ namespace infrasim {
 namespace {
 
 constexpr double kPiece_m = 20;     // of a hedge along a straight road: short enough to be culled
-constexpr double kBentPiece_m = 2;  // of one in bends, as of barriers
+constexpr double kBentPiece_m = 2;  // of one in bends, as of barriers, and on slopes
 
 /// A tree in its place.
 struct Tree {
@@ -59,7 +59,8 @@ void add_hedge_along(const SceneConfig& scene, const HedgeAlongConfig& hedge,
                            hedge.from_m, hedge.to_m,     hedge.place};
   const RoadConfig& road = scene.roads[road_index(scene, hedge.road, hedge.place, "road")];
   const bool straight = std::isinf(centreline(road).tightest_radius());
-  for (Box3d piece : barrier_pieces(scene, line, straight ? kPiece_m : kBentPiece_m)) {
+  const bool plain = straight && !scene.profile;
+  for (Box3d piece : barrier_pieces(scene, line, plain ? kPiece_m : kBentPiece_m)) {
     piece.z += hedge.base_m;
     out.push_back({piece, false, hedge.density_per_m, hedge.place, "offset_m", "a hedge"});
   }

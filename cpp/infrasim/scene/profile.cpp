@@ -1,0 +1,117 @@
+#include "infrasim/scene/profile.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace infrasim {
+
+namespace {
+
+constexpr double kOff_m = 0.01;     // of a triangle's edge from the slope that it stands for
+constexpr double kLooked_m = 2;     // between the places where that is looked at
+constexpr double kWheelbase = 0.6;  // by length: 0.57 to 0.62 of cars, less of lorries and buses
+
+}  // namespace
+
+Profile::Profile(const SceneConfig& scene) {
+  if (!scene.profile) return;
+  const ProfileConfig& c = *scene.profile;
+  origin_ = {c.x_m, c.y_m};
+  axis_ = heading_vector(rad(c.heading_deg));
+  curve_m_ = c.vertical_curve_m;
+  first_m_ = c.points_m.front().y;
+  double before = 0;
+  for (std::size_t i = 0; i < c.points_m.size(); ++i) {
+    const bool last = i + 1 == c.points_m.size();
+    const Vec2 step = last ? Vec2{1, 0} : c.points_m[i + 1] - c.points_m[i];
+    const double grade = step.y / step.x;
+    changes_.push_back({c.points_m[i].x, grade - before});
+    before = grade;
+  }
+}
+
+double Profile::rise_at(double s) const {
+  double z = first_m_;
+  for (const Change& change : changes_) {
+    const double beyond = s - change.s, half = curve_m_ / 2;
+    if (beyond >= half)
+      z += change.grade * beyond;
+    else if (beyond > -half)
+      z += change.grade * (beyond + half) * (beyond + half) / (2 * curve_m_);
+  }
+  return z;
+}
+
+double Profile::station(Vec2 place) const { return dot(place - origin_, axis_); }
+
+double Profile::rise(Vec2 place) const { return rise_at(station(place)); }
+
+/// How far an edge reaches along the profile, if it must be cut; 0 for one that may stay.
+double Profile::bent(Vec3 from, Vec3 to) const {
+  const double a = station({from.x, from.y}), b = station({to.x, to.y});
+  const auto steps = static_cast<int>(std::ceil(std::abs(b - a) / kLooked_m));
+  const double z_a = rise_at(a), z_b = rise_at(b);
+  for (int k = 1; k < steps; ++k) {
+    const double u = static_cast<double>(k) / steps;
+    if (std::abs(rise_at(a + u * (b - a)) - (z_a + u * (z_b - z_a))) > kOff_m)
+      return std::abs(b - a);
+  }
+  return 0;
+}
+
+/// Cuts the longest bent edge of every triangle in two, until none is left.
+void Profile::cut(Surface& surface) const {
+  auto& vertices = surface.vertices;
+  for (std::size_t i = 0; i < surface.triangles.size();) {
+    const auto t = surface.triangles[i];
+    std::array<double, 3> length{};
+    for (std::size_t k = 0; k < 3; ++k)
+      length.at(k) = bent(vertices[t.at(k)], vertices[t.at((k + 1) % 3)]);
+    const auto longest = std::ranges::max_element(length);
+    if (*longest == 0) {
+      ++i;
+      continue;
+    }
+    const auto k = static_cast<std::size_t>(longest - length.begin());
+    const auto a = t.at(k), b = t.at((k + 1) % 3), c = t.at((k + 2) % 3);
+    const auto middle = static_cast<std::uint32_t>(vertices.size());
+    vertices.push_back(0.5 * (vertices[a] + vertices[b]));
+    surface.triangles[i] = {a, middle, c};
+    surface.triangles.push_back({middle, b, c});
+    surface.class_id.push_back(surface.class_id[i]);
+  }
+}
+
+void Profile::lift(Surface& surface) const {
+  if (level()) return;
+  cut(surface);
+  for (Vec3& v : surface.vertices) v.z += rise({v.x, v.y});
+}
+
+/// Its middle stands over the chord between its axles.
+Box3d Profile::on_slope(const Box3d& box) const {
+  const Vec2 half = (kWheelbase * box.dx / 2) * heading_vector(box.heading);
+  const Vec2 place{box.x, box.y};
+  const double front = rise(place + half), rear = rise(place - half);
+  Box3d out = box;
+  out.pitch = std::atan2(rear - front, kWheelbase * box.dx);
+  const Vec3 up = rotation(box.heading, out.pitch, 0) * Vec3{0, 0, box.dz / 2};
+  out.x += up.x;
+  out.y += up.y;
+  out.z += (front + rear) / 2 + up.z - box.dz / 2;
+  return out;
+}
+
+void Profile::lift(std::vector<ObjectState>& states) const {
+  if (level()) return;
+  for (ObjectState& state : states) {
+    if (state.object_class == Class::kPedestrian)
+      state.box.z += rise({state.box.x, state.box.y});
+    else
+      state.box = on_slope(state.box);
+    state = rounded(state);
+  }
+}
+
+}  // namespace infrasim

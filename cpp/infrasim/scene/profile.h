@@ -1,0 +1,53 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "infrasim/config/scene_config.h"
+#include "infrasim/scene/trajectories.h"
+
+namespace infrasim {
+
+/// Triangles before they are rounded; `class_id` is one for each.
+struct Surface {
+  std::vector<Vec3> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<std::uint16_t> class_id;
+};
+
+/// The scene's rise as a function of place. Grades run straight from point to point, and a parabola
+/// rounds each change, as roads are built. World frame.
+class Profile {
+ public:
+  /// Zero everywhere if the scene has none.
+  explicit Profile(const SceneConfig& scene);
+
+  bool level() const { return changes_.empty(); }
+  double rise(Vec2 place) const;
+
+  /// Lifts every vertex by its own place, and cuts triangles until no edge is further than a
+  /// centimetre from what it stands for; neighbours are cut alike.
+  void lift(Surface& surface) const;
+  /// Sets vehicles and riders on the slope under their wheels, and people upright on it.
+  void lift(std::vector<ObjectState>& states) const;
+
+ private:
+  /// A change of grade at a station.
+  struct Change {
+    double s = 0;
+    double grade = 0;
+  };
+  double station(Vec2 place) const;
+  double rise_at(double s) const;
+  double bent(Vec3 from, Vec3 to) const;
+  void cut(Surface& surface) const;
+  Box3d on_slope(const Box3d& box) const;
+
+  Vec2 origin_, axis_;
+  double curve_m_ = 1;
+  double first_m_ = 0;
+  std::vector<Change> changes_;
+};
+
+}  // namespace infrasim

@@ -1,0 +1,88 @@
+"""Scenes on a hill: what readers of a data set make of it is what the simulator cast."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Infrasim
+
+from pyinfra import kitti
+from pyinfra.data.frame_tables import read_vehicles
+from pyinfra.data.ground import ground_of
+from pyinfra.data.profile import profile_of
+from pyinfra.data.regions import read_roads
+from pyinfra.data.surroundings import read_surroundings
+from pyinfra.kitti import FormatError
+
+CREST = """\
+name: crest
+duration_s: 2
+mounts: {pole: {x_m: -20, y_m: -14, z_m: 6}}
+profile: {x_m: 5, y_m: -3, heading_deg: 30, points_m: [[-90, -7], [-10, 0], [80, -3]]}
+roads:
+  - name: main
+    start: {x_m: -200, y_m: 0}
+    centreline: [{line_m: 400}]
+    lanes: {each_way: 2, shoulder_m: 0.5}
+ground:
+  - {elevation_m: -0.05, outline_m: [[-300, -300], [300, -300], [300, 300], [-300, 300]]}
+buildings:
+  - {x_m: 50, y_m: 40, base_m: -0.05, length_m: 30, width_m: 20, height_m: 15}
+traffic:
+  vehicles_per_km_lane: 25
+  speed: {mean_km_h: 40, std_km_h: 2}
+  class_shares: {Car: 0.9, Bus: 0.1}
+"""
+RUN = ("--lidar", "helios_16", "--preset", "paper", "--frames", "0:20:5")
+
+
+@pytest.fixture(scope="module")
+def crest(tmp_path_factory: pytest.TempPathFactory, infrasim: Infrasim) -> Path:
+    folder = tmp_path_factory.mktemp("crest")
+    (folder / "crest.yaml").write_text(CREST)
+    result = infrasim("run", folder / "crest.yaml", *RUN, "--out", folder / "data")
+    assert result.returncode == 0, result.stderr
+    return folder / "data"
+
+
+def test_the_profile_of_a_data_set_is_that_of_its_roads(crest: Path) -> None:
+    profile = profile_of(kitti.read_yaml(crest / "dataset.yaml").at("profile"))
+    (road,) = read_roads(crest / "roads.csv")
+    assert np.ptp(road.z) > 5
+    np.testing.assert_allclose(profile.rise_m(road.xy), road.z, atol=1e-4)
+    (house,) = read_surroundings(crest).buildings
+    assert house[2] == pytest.approx(7.45 + float(profile.rise_m(house[:2])))
+
+
+def test_vehicles_stand_on_the_ground_that_detectors_are_told_of(crest: Path) -> None:
+    folder = crest / "helios_16"
+    vehicles = read_vehicles(folder, kitti.frames(folder))
+    boxes = vehicles.mid_frame[vehicles.visibility >= 0]
+    ground = ground_of(folder)
+    assert ground is not None
+    under = ground.height(boxes[:, :2])
+    assert len(boxes) > 20
+    # The ground is as high as the road's middle; across its 14 m the profile falls by 4 %.
+    np.testing.assert_allclose(boxes[:, 2] - boxes[:, 5] / 2, under, atol=0.35)
+
+
+def test_a_run_from_its_own_trajectories_is_the_run_itself(
+    crest: Path, tmp_path: Path, infrasim: Infrasim
+) -> None:
+    text = CREST[: CREST.index("traffic:")] + f"trajectories: {crest / 'trajectories.csv'}\n"
+    (tmp_path / "crest.yaml").write_text(text)
+    result = infrasim("run", tmp_path / "crest.yaml", *RUN, "--out", tmp_path / "data")
+    assert result.returncode == 0, result.stderr
+    for frame in kitti.frames(crest / "helios_16"):
+        one, other = (
+            kitti.frame_file(data / "helios_16", "velodyne", frame).read_bytes()
+            for data in (crest, tmp_path / "data")
+        )
+        assert one == other
+
+
+def test_a_damaged_profile_is_named(crest: Path, tmp_path: Path) -> None:
+    text = (crest / "dataset.yaml").read_text().replace("[-90, -7]", "[-90, high]")
+    (tmp_path / "dataset.yaml").write_text(text)
+    with pytest.raises(FormatError, match=r"profile.points_m\[0\]\[1\]: found 'high'"):
+        profile_of(kitti.read_yaml(tmp_path / "dataset.yaml").at("profile"))
