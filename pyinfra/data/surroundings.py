@@ -44,6 +44,7 @@ class Surroundings:
     roads: tuple[Road, ...]
     lanes: dict[str, Lanes]  # by road; a recording has none
     buildings: FloatArray  # (k, 7) boxes
+    further_mounts: FloatArray  # (k, 3) of a fused set, after the first, in whose frame it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,17 +62,23 @@ def read_surroundings(data_set: Path) -> Surroundings:
     """
     file, roads = data_set / "dataset.yaml", data_set / "roads.csv"
     if not file.is_file():
-        return Surroundings((), {}, np.zeros((0, 7)))
+        return Surroundings((), {}, np.zeros((0, 7)), np.zeros((0, 3)))
     top = kitti.read_yaml(file)
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
     buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
+    mounts = [_position(mount) for mount in top.values("mounts")]
     if (profile := top.maybe("profile")) is not None:
         buildings[:, 2] += profile_of(profile).rise_m(buildings[:, :2])
     return Surroundings(
         roads=tuple(regions.read_roads(roads)) if lanes or roads.is_file() else (),
         lanes=lanes,
         buildings=buildings,
+        further_mounts=np.array(mounts[1:]).reshape(-1, 3),
     )
+
+
+def _position(node: YamlNode) -> list[float]:
+    return [node.at(key).number() for key in ("x_m", "y_m", "z_m")]
 
 
 def _lanes(node: YamlNode) -> Lanes:

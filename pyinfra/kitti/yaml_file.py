@@ -73,6 +73,15 @@ class YamlNode:
         found = self.maybe(key)
         return found.items() if found and found.node and found.node.value else []
 
+    def values(self, key: str) -> "list[YamlNode]":
+        """What a map has, in the order of the file; none if it is not there."""
+        found = self.maybe(key)
+        if found is None:
+            return []
+        if not isinstance(found.node, yaml.MappingNode):
+            found.fail("found no mapping, allowed one")
+        return [YamlNode(self.file, node, f"{found.key}.{k.value}") for k, node in found.node.value]
+
     def text(self) -> str:
         if not isinstance(self.node, yaml.ScalarNode):
             self.fail("found a collection, allowed one value")

@@ -27,6 +27,7 @@ Views = Mapping[str, Sequence[ViewFrame]]
 
 DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
 LARGEST_MB = 40.0  # of a page
+STANDING = ("buildings", "further_mounts")
 LINE_STEP = 5  # of the points along a road every so many are kept
 MIN_SCORE = 0.3  # of the predictions shown at first
 _GROUND_PERCENTILE = 20  # of the points' heights: a sensor at the roadside sees mostly ground
@@ -168,12 +169,13 @@ def _view(views: Views, most_points: int | None, around: Surroundings | None) ->
 
 def _around(around: Surroundings | None) -> dict[str, Any]:
     """Lines along the roads by kind, as lists of x y z, and buildings as boxes."""
-    packed: dict[str, Any] = {"edge": [], "solid": [], "dashed": [], "buildings": []}
+    packed: dict[str, Any] = {key: [] for key in ("edge", "solid", "dashed", *STANDING)}
     if around is None:
         return packed
     for line in road_lines(around):
         packed[line.kind] += [_short(part.ravel(), 2) for part in _parts(line.xyz)]
-    packed["buildings"] = [_short(box) for box in around.buildings]
+    for key in STANDING:
+        packed[key] = [_short(row) for row in getattr(around, key)]
     return packed
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import Infrasim
 from evaluation_data import car, perfect, write_lidar, write_predictions
 from view_data import blob, view_frame
 
@@ -365,6 +366,16 @@ def test_road_and_buildings_of_the_data_set_are_in_the_page(
     ends = sorted((line[:2], line[-3:-1]) for line in around["edge"])
     assert ends == [([-100, y], [100, y]) for y in (-21, 21)]
     assert len(around["dashed"]) == 6
+    assert around["further_mounts"] == []
+
+
+def test_all_poles_of_a_fused_set_are_in_the_page(infrasim: Infrasim, tmp_path: Path) -> None:
+    words = ["--lidar", "configs/lidars/helios_16.yaml", "--frames", "0:1", "--fuse"]
+    assert infrasim("run", "crossroad_poles", *words, "--out", tmp_path / "data").returncode == 0
+    out = tmp_path / "view.html"
+    assert cli.main(["view", str(tmp_path / "data/fused"), "--out", str(out)]) == 0
+    around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
+    assert around["further_mounts"] == [[25, 10, 6], [10, -25, 6], [-10, 25, 6]]
 
 
 def test_a_recording_has_neither_road_nor_buildings(tmp_path: Path) -> None:
@@ -372,4 +383,5 @@ def test_a_recording_has_neither_road_nor_buildings(tmp_path: Path) -> None:
     (tmp_path / "data/dataset.yaml").write_text("name: here\npreset: recorded\n")
     assert cli.main(["view", str(folder), "--out", str(out)]) == 0
     around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
-    assert around == {"edge": [], "solid": [], "dashed": [], "buildings": []}
+    kinds = ("edge", "solid", "dashed", "buildings", "further_mounts")
+    assert around == {kind: [] for kind in kinds}

@@ -49,7 +49,7 @@ export function makeWorld(canvas, view) {
     ["hit", "missed", "predicted"].map((kind) => [kind, emptyLines(kind === "missed")]),
   );
   const grid = groundGrid(view);
-  const sensor = sensorMark(view);
+  const sensor = sensorMarks(view);
   const around = surroundings(view.around);
   scene.add(grid, ...Object.values(around), cloud, sensor, ...Object.values(boxes));
 
@@ -192,12 +192,15 @@ function drawCurves(lines, curves) {
   drawLines(lines, ends);
 }
 
-/** A pole from the ground and a mark where the sensor is. */
-function sensorMark({ sensor, ground_m: ground }) {
-  const pole = emptyLines(false);
-  pole.geometry.setPositions([sensor.x, sensor.y, ground, sensor.x, sensor.y, sensor.z]);
-  pole.visible = true;
-  const mark = new Mesh(new OctahedronGeometry(0.6), new MeshBasicMaterial());
-  mark.position.set(sensor.x, sensor.y, sensor.z);
-  return new Group().add(pole, mark);
+/** Poles from the ground and a mark where each sensor is. */
+function sensorMarks({ sensor, ground_m: ground, around }) {
+  const places = [[sensor.x, sensor.y, sensor.z], ...around.further_mounts];
+  const poles = emptyLines(false);
+  drawLines(poles, places.flatMap(([x, y, z]) => [x, y, ground, x, y, z]));
+  const marks = places.map((place) => {
+    const mark = new Mesh(new OctahedronGeometry(0.6), new MeshBasicMaterial());
+    mark.position.set(...place);
+    return mark;
+  });
+  return new Group().add(poles, ...marks);
 }
