@@ -32,6 +32,7 @@ from pyinfra.evaluation import matching
 from pyinfra.evaluation.ap import average_precision, rank
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
+from pyinfra.sites.ranges import RANGES
 from pyinfra.training import checkpoint
 from pyinfra.training.detect import model_file
 from pyinfra.training.samples import SiteSample
@@ -51,7 +52,14 @@ KINDS: dict[str, Callable[[Keys], bool]] = {
     "with signals": lambda keys: any("signal" in j for j in keys.get("junctions", ())),
     "without a junction": lambda keys: "junctions" not in keys,
     "with people": lambda keys: "people" in keys,
+    "many motorcycles": lambda keys: many(keys, "Motorcycle"),
+    "many buses": lambda keys: many(keys, "Bus"),
 }
+
+
+def many(keys: Keys, name: str) -> bool:
+    """Whether a class that is rare elsewhere is much of the traffic."""
+    return bool(keys["traffic"]["class_shares"].get(name, 0) >= RANGES.fleet_weight[0])
 
 
 @dataclass(frozen=True, eq=False)

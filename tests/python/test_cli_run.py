@@ -88,6 +88,12 @@ def test_layout_is_that_of_the_design(data_set: Path) -> None:
     assert {str(p.relative_to(data_set)) for p in data_set.rglob("*") if p.is_file()} == expected
 
 
+def test_a_scene_behind_the_lidars_is_asked_for_before_them(infrasim: Infrasim) -> None:
+    result = infrasim("run", "--lidar", "livox_avia", "highway", "--frames", "0:1")
+    words = "scene is required before the options: --lidar takes all words after it"
+    assert (result.returncode, words in result.stderr) == (2, True), result.stderr
+
+
 def test_fields_are_written_only_on_request(
     infrasim: Infrasim, run_command: Words, tmp_path: Path
 ) -> None:

@@ -42,7 +42,10 @@ int parse(CLI::App& app, int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     const bool asked_for_help = e.get_exit_code() == 0;
     if (asked_for_help) return app.exit(e);
-    return complain("infrasim: " + std::string(e.what()) + " (see --help)", kWrong);
+    const std::string what = e.what();
+    const std::string more =
+        what == "scene is required" ? " before the options: --lidar takes all words after it" : "";
+    return complain("infrasim: " + what + more + " (see --help)", kWrong);
   }
 }
 

@@ -1,0 +1,128 @@
+#pragma once
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/scene_config.h"
+
+// Keys of roads, how they lie and how they join.
+
+namespace infrasim {
+
+using config::at_least_one;
+using config::between;
+using config::required;
+
+template <class Fields>
+void visit(Fields& f, CentrelinePiece& c) {
+  f.field("line_m", c.line_m, "length of a straight piece", between(0, 1e5));
+  f.field("radius_m", c.radius_m, "radius of an arc", between(0, 1e5));
+  f.field("turn_deg", c.turn_deg, "angle of an arc, positive to the left", between(-360, 360));
+  const bool line = c.line_m > 0 && c.radius_m == 0 && c.turn_deg == 0;
+  const bool arc = c.line_m == 0 && c.radius_m > 0 && c.turn_deg != 0;
+  f.check(line || arc, "line_m", "found neither, allowed line_m, or radius_m with turn_deg");
+}
+
+template <class Fields>
+void visit(Fields& f, RoadStart& c) {
+  f.field("x_m", c.x_m, "world x of the first point", required());
+  f.field("y_m", c.y_m, "world y of the first point", required());
+  f.field("heading_deg", c.heading_deg, "direction at the first point", between(-360, 360));
+}
+
+template <class Fields>
+void visit(Fields& f, LanesConfig& c) {
+  f.field("each_way", c.each_way, "lanes on each side of the centreline; of a one-way road all",
+          required(between(1, 8)));
+  f.field("one_way", c.one_way, "traffic in the direction of the centreline alone");
+  f.field("width_m", c.width_m, "width of a lane", between(2.5, 6));
+  f.field("median_m", c.median_m, "strip between the two directions", between(0, 50));
+  f.field("shoulder_m", c.shoulder_m, "strip outside the lanes", between(0, 20));
+  f.field("sidewalk_m", c.sidewalk_m, "footway outside the shoulder", between(0, 20));
+  f.check(!c.one_way.value_or(false) || c.median_m == 0, "median_m",
+          "found a median of a one-way road, allowed 0");
+}
+
+template <class Fields>
+void visit(Fields& f, EmbankmentConfig& c) {
+  f.field("run_per_rise", c.run_per_rise, "horizontal length of the slope per metre of height",
+          between(0, 20));
+  f.field("foot_elevation_m", c.foot_elevation_m, "where the slope ends", required());
+}
+
+/// Of what tables name.
+template <class Fields>
+void check_name(Fields& f, const std::string& name) {
+  f.check(name.find(',') == std::string::npos && name.size() <= 100, "name",
+          "found a comma or more than 100 letters, allowed a short name");
+  f.check(config::begins_as_name(name), "name",
+          "found '" + name + "', allowed a name that begins with a letter, a digit or _");
+}
+
+template <class Fields>
+void visit(Fields& f, RoadConfig& c) {
+  f.here(c.place);
+  f.field("name", c.name, "name of the road", required());
+  f.field("start", c.start, "first point of the centreline", required());
+  f.field("centreline", c.centreline, "lines and arcs, end to end", at_least_one());
+  f.field("elevation_m", c.elevation_m, "world z of the road", between(-1e3, 1e4));
+  f.field("lanes", c.lanes, "cross-section", required());
+  f.field("embankment", c.embankment, "slopes down from both edges");
+  check_name(f, c.name);
+  const LanesConfig& l = c.lanes;
+  const double half = lanes_half_width(l) + l.shoulder_m + l.sidewalk_m;
+  for (const CentrelinePiece& piece : c.centreline)
+    f.check(piece.radius_m == 0 || piece.radius_m > half, "centreline",
+            "found a radius_m of " + config::number_text(piece.radius_m) +
+                ", allowed above half the road's width, " + config::number_text(half));
+}
+
+template <class Fields>
+void visit(Fields& f, ProfileConfig& c) {
+  f.here(c.place);
+  f.field("x_m", c.x_m, "world x where stations begin", between(-1e6, 1e6));
+  f.field("y_m", c.y_m, "world y where stations begin", between(-1e6, 1e6));
+  f.field("heading_deg", c.heading_deg, "direction that stations run in", between(-360, 360));
+  f.field("points_m", c.points_m, "station and rise of each change of grade; level beyond",
+          required(between(-1e5, 1e5)));
+  f.field("vertical_curve_m", c.vertical_curve_m,
+          "length of the parabola that rounds each change of grade", between(1, 1e3));
+  f.check(c.points_m.size() >= 2, "points_m", "found fewer than 2 points, allowed 2 or more");
+  for (std::size_t i = 1; i < c.points_m.size(); ++i) {
+    const Vec2 step = c.points_m[i] - c.points_m[i - 1];
+    f.check(step.x >= c.vertical_curve_m, "points_m",
+            "found a point " + config::number_text(step.x) +
+                " m after the one before, allowed from vertical_curve_m, " +
+                config::number_text(c.vertical_curve_m) + ", on");
+    f.check(std::abs(step.y) <= kSteepest * step.x, "points_m",
+            "found a grade of " + config::number_text(std::round(1e4 * step.y / step.x) / 100) +
+                " %, allowed up to " + config::number_text(100 * kSteepest));
+  }
+}
+
+template <class Fields>
+void visit(Fields& f, SignalConfig& c) {
+  f.field("green_s", c.green_s, "green of each approach", between(5, 200));
+  f.field("all_red_s", c.all_red_s, "shortest pause between two greens", between(1, 30));
+}
+
+template <class Fields>
+void visit(Fields& f, RoundaboutConfig& c) {
+  f.field("radius_m", c.radius_m, "to the middle of its lane", between(12, 60));
+  f.field("width_m", c.width_m, "of its lane", between(4, 8));
+  f.field("island_m", c.island_m, "height of the island above the road", between(0.05, 3));
+}
+
+template <class Fields>
+void visit(Fields& f, JunctionConfig& c) {
+  f.here(c.place);
+  f.field("roads", c.roads, "names of the two roads that cross", required());
+  f.field("signal", c.signal, "signal timing");
+  f.field("roundabout", c.roundabout, "ring in place of the crossing and its signals");
+  f.field("left_share", c.left_share, "share that turns left", between(0, 0.5));
+  f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
+  f.check(c.roads.size() == 2, "roads",
+          "found " + std::to_string(c.roads.size()) + " names, allowed 2");
+  f.check(!(c.signal && c.roundabout), "signal",
+          "found it beside a roundabout, allowed one of both");
+}
+
+}  // namespace infrasim
