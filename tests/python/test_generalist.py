@@ -47,5 +47,5 @@ def test_a_lone_cloud_needs_the_height_of_the_sensor(
     cloud = str(next((frames / "training/velodyne").glob("*.bin")))
     assert cli.main(["detect", "--model", "generalist", cloud]) == 2
     assert "found no height of the road, allowed one: --height-m" in capsys.readouterr().err
-    assert cli.main(["detect", "--model", "generalist", cloud, "--height-m", "8"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) > 3
+    assert cli.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 30  # it has some 70 boxes of 45 vehicles
