@@ -4,7 +4,8 @@ One world is learnt from and another is tested, both with all frames, so that ea
 has its neighbours. A network gets the stacked points alone (`stacked`) or their age as well
 (`aged`), its labels those of the newest frame or of the middle one. AP is that of the vehicles with
 a point in the labelled frame (`ap_fine`), and of all (`ap_all`). Rows, with their draws, go to
-results/integration.csv as they come; what is there is not computed again.
+results/integration.csv as they come; what is there is not computed again. At the end all rows are
+drawn as docs/pictures/integration.svg.
     .venv/bin/python benchmarks/integration.py --work data/integration
 """
 
@@ -16,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
@@ -137,10 +139,41 @@ def recalls(judgement: Judgement) -> dict[str, float]:
     return found
 
 
+def draw(table: pd.DataFrame, file: Path) -> None:
+    """AP over time, a part for each LiDAR and speed; one frame is the first point of each way."""
+    cells = table.groupby(["lidar", "speed_km_h"], sort=False)
+    figure, parts = plt.subplots(
+        1, len(cells), figsize=(3 * len(cells), 3), sharey=True, layout="constrained", squeeze=False
+    )
+    for part, ((lidar, speed), own) in zip(parts[0], cells, strict=True):
+        alone = own[own.accumulate == 1]
+        for number, (way, label_at) in enumerate(WAYS):
+            this = own[(own.input == way) & (own.label_at == label_at) & (own.accumulate > 1)]
+            line = pd.concat([alone, this]).sort_values("seconds")
+            ends = np.abs(
+                line[["ap_fine_low", "ap_fine_high"]].T.to_numpy() - line.ap_fine.to_numpy()
+            )
+            seconds = line.seconds * 1.04 ** (number - 1)  # beside each other
+            part.errorbar(
+                seconds, line.ap_fine, ends, fmt="os^"[number] + "-", ms=4, lw=1, capsize=2
+            )
+        part.set(title=f"{lidar}, {speed} km/h", xlabel="integration time (s)", xscale="log")
+        part.set_xticks([0.1, 0.3, 1], ["0.1", "0.3", "1"])
+        part.minorticks_off()
+        part.grid(alpha=0.3)
+    parts[0][0].set_ylabel("AP of captured vehicles")
+    names = ("points alone", "with age", "with age, label in the middle")
+    figure.legend(names, loc="outside lower center", ncols=3, frameon=False)
+    with plt.rc_context({"svg.hashsalt": "integration"}):
+        figure.savefig(file, metadata={"Date": None})
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 18 GB")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "integration.csv")
+    picture = ROOT / "docs/pictures/integration.svg"
+    parser.add_argument("--picture", type=Path, default=picture)
     parser.add_argument("--lidars", nargs="+", default=["ruby_plus", "livox_avia", "helios_16"])
     parser.add_argument("--speeds", nargs="+", type=int, default=[20, 60], help="km/h")
     parser.add_argument("--frames", nargs="+", type=int, default=[1, 2, 3, 5, 10])
@@ -156,6 +189,7 @@ def main() -> None:
         found = {**row(trial, args.tier, args.work), **about}
         store.put(args.out, pd.DataFrame([found]), KEY)
         print(trial.name, found["ap_fine"], flush=True)
+    draw(pd.read_csv(args.out), args.picture)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,15 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple
 from functools import cache, partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pyinfra.evaluation.draws import are_pairs, difference
+from pyinfra.statistics.compare import over_worlds
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -491,6 +494,24 @@ def generalist() -> str:
     return markdown(["site", "LiDAR", "world", *ARMS.values()], rows)
 
 
+def beside_specialists() -> str:
+    """Differences of fine AP to a specialist, cell by cell: another site, world and training."""
+    rows = []
+    table = results("generalist")[["site", "seed", "lidar", "arm", "ap_fine"]]
+    kind = np.where(table.site.str.startswith("site_"), "generated", "the study's")
+    cells = table.assign(kind=kind).pivot_table("ap_fine", ["kind", "site", "seed", "lidar"], "arm")
+    for (kind, own), arm in itertools.product(cells.groupby("kind"), list(ARMS)[:-1]):
+        less = (own[arm] - own.specialist).dropna().to_numpy()
+        if len(less) == 0:
+            continue
+        least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
+        spread = f"{least} to {most}"
+        mean = with_interval_of_ap(*astuple(over_worlds(less)))
+        rows.append([kind, ARMS[arm], str(len(less)), mean, middle, spread])
+    heads = ["sites", "trained there", "cells", "mean difference", "median", "all cells"]
+    return markdown(heads, rows)
+
+
 def unseen() -> str:
     """Fine AP by class at generated sites that no training saw, of the shipped network first."""
     table, rows = results("unseen"), []
@@ -742,6 +763,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "pole errors": pole_errors,
     "engines": engines,
     "generalist": generalist,
+    "beside specialists": beside_specialists,
     "hill": hill,
     "integration": integration,
     "stress_generalist": stress_generalist,
