@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions, Vehicles
 from pyinfra.evaluation.matching import MIN_SCORE, pairs_of_frames
@@ -141,7 +142,10 @@ def _names(
     )
     if other.all():
         raise FormatError(text)
-    yield Finding("warning", "other-classes", text)
+    if np.isin(names, (*kitti.VEHICLE_TYPES, *kitti.PERSON_TYPES)).all():
+        yield Finding("note", "other-classes", f"not evaluated: {listed}; --class says what is")
+    else:
+        yield Finding("warning", "other-classes", text)
 
 
 def _scores(

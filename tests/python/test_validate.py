@@ -128,7 +128,15 @@ def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
     (pred / "000000.txt").write_text(
         (pred / "000000.txt").read_text().replace("vehicle", "bicycle", 1)
     )
-    assert "other-classes" in {f.name for f in validate(lidar, pred)}
+    assert ("warning", "other-classes") in {(f.level, f.name) for f in validate(lidar, pred)}
+
+
+def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
+    pred = write_predictions(tmp_path / "both", [[(box(car(20)), 0.9), (box(car(40)), 0.8)]] * 12)
+    first = pred / "000000.txt"
+    first.write_text(first.read_text().replace("vehicle", "Pedestrian", 1))
+    (found,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
+    assert str(found) == "note: other-classes: not evaluated: Pedestrian (1); --class says what is"
 
 
 def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
