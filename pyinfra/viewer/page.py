@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra import __version__
+from pyinfra import __version__, kitti
 from pyinfra.arrays import FloatArray
 from pyinfra.atomic import replacing
 from pyinfra.data.surroundings import Surroundings, road_lines
@@ -161,10 +161,16 @@ def _view(views: Views, most_points: int | None, around: Surroundings | None) ->
         "sensor": vars(first.sensor),
         "ground_m": _ground([view for own in views.values() for view in own]),
         "min_score": MIN_SCORE,
+        "boxes_of": _boxes_of(views),
         "note": f"{_note(lidars)}{DRAWN if around and around.roads else ''}",
         "around": _around(around),
         "lidars": lidars,
     }
+
+
+def _boxes_of(views: Views) -> str:
+    names = np.concatenate([view.names for own in views.values() for view in own])
+    return "vehicles and people" if np.isin(names, kitti.PERSON_TYPES).any() else "vehicles"
 
 
 def _around(around: Surroundings | None) -> dict[str, Any]:

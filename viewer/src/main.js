@@ -113,7 +113,7 @@ function write(panel, view, state, boxes) {
   const shown = points.of === points.count ? "" : ` shown of ${points.of.toLocaleString("en")}`;
   const parts = [
     `${name}, frame ${number}: ${points.count.toLocaleString("en")} points${shown}`,
-    `${boxes.hit.length} vehicles with points, ${boxes.missed.length} without`,
+    `${boxes.hit.length} ${view.boxes_of} with points, ${boxes.missed.length} without`,
     predictions && `${boxes.predicted.length} of ${predictions.length} predictions`,
   ];
   panel.says.textContent = parts.filter(Boolean).join("; ");

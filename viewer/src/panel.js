@@ -50,7 +50,7 @@ export function makePanel(figure, view, modes, on) {
     el("div", { className: "lv-time", hidden: view.frames.length < 2 }, play, frames, parts.when),
     el("div", { className: "lv-bar" },
       el("label", {}, "Colour by ", colour),
-      tick("hit", "vehicles"), tick("missed", "without a point"),
+      tick("hit", view.boxes_of), tick("missed", "without a point"),
       ...(predicted ? [tick("predicted", "predictions"), el("label", {}, "score from ", score, parts.scoreText)] : [])),
     parts.says,
     el("p", { className: "lv-hint" }, view.note),
