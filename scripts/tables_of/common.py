@@ -1,0 +1,59 @@
+"""What all tables have: names, figures, rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+
+import pandas as pd
+
+ROOT = Path(__file__).resolve().parents[2]
+LEAST_BOXES = 10  # of a site, for its own precision
+PRESETS = ("paper", "equal", "datasheet")
+DETECTORS = {
+    "background": "Background",
+    "pointpillars": "PointPillars",
+    "centerpoint-pillar": "CenterPoint-Pillar",
+    "pv-rcnn": "PV-RCNN",
+    "dsvt": "DSVT",
+    "pointrcnn-remedied": "PointRCNN, remedied",
+    "pointrcnn": "PointRCNN",
+}
+LIDARS = {
+    "ruby_plus": "128 lines",
+    "livox_avia": "Avia",
+    "pandar_64": "64 lines",
+    "helios_16": "16 lines",
+}
+
+
+@cache
+def results(name: str) -> pd.DataFrame:
+    return pd.read_csv(ROOT / "results" / f"{name}.csv")
+
+
+def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(cells)} |\n" for cells in (heads, *rows)]
+    return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
+
+
+def number(value: float) -> str:
+    """Three digits of what is below 1, else one or two behind the point."""
+    return f"{value:.2f}" if abs(value) < 1 else f"{value:.1f}"
+
+
+def with_interval(value: float, low: float, high: float) -> str:
+    if value == low == high:
+        return f"{value:g}"
+    digits = 1 if abs(value) >= 10 else 2
+    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def with_interval_of_ap(value: float, low: float, high: float) -> str:
+    return f"{value:.1f}" if math.isnan(low) else f"{value:.1f} [{low:.1f}, {high:.1f}]"
+
+
+def ends(row: pd.Series, name: str) -> list[float]:
+    return [float(row[column]) for column in (name, f"{name}_low", f"{name}_high")]

@@ -1,0 +1,203 @@
+"""What claims say of the paper's conclusions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from tables_of.common import (
+    DETECTORS,
+    LIDARS,
+    PRESETS,
+    markdown,
+    number,
+    results,
+    with_interval,
+    with_interval_of_ap,
+)
+
+# Claims about scanning: what the paper says, the claim, and words of its statement.
+SCANNING = (
+    ("the Avia has about twice the points far out", "far-range", "view,", "all vehicles"),
+    ("128 lines have more points close by", "near-range", "", ""),
+    ("twice the lines, twice the points", "ratio", "ruby_plus over pandar_64", "128 / 64"),
+    ("four times the lines, four times the points", "ratio", "pandar_64 over helios_16", "64 / 16"),
+    ("the Avia's points fall off more gently", "gentle", "", "points"),
+    ("motion takes points out of the box", "deskew", "", ""),
+    ("the Avia alone sees some far vehicles", "only-one", "view,", "all vehicles"),
+)
+# Claims about detection, likewise.
+DETECTION = (
+    ("the Avia's AP is that of 128 lines", "comparable", "", ""),
+    ("64 lines are below both", "64-below", "", ""),
+    ("the Avia's share of high-quality areas is that of 128 lines", "areas", "share of", "share"),
+    ("but their number is lower", "areas", "number of", "number"),
+    ("the Avia's AP falls off more gently", "gentle", "", "AP"),
+    ("the Avia is the best value, alone", "value", ": AP per dollar of the Avia", "AP per dollar"),
+    ("", "value", ": high-quality areas per dollar of the Avia", "areas per dollar"),
+    (
+        "(not said) five Avias for a whole junction",
+        *("value", ": AP per dollar of five Avias", "AP per dollar"),
+    ),
+    ("PointRCNN is far behind, the others near the best", "algorithms", "", ""),
+    ("pillars, voxels and transformer are alike", "similar", "", ""),
+    ("tilting the Avia does not help", "tilt", "", ""),
+)
+# A row of a table of one scene: claim, words of its statement, how it is said, digits.
+OF_A_SCENE = (
+    ("comparable", "", "`comparable`: Avia less 128 lines within 3", "{:+.1f}"),
+    ("64-below", "", "`64-below`: the smaller of both less 64 lines above 0", "{:+.1f}"),
+    ("areas", "share of", "`areas`: share, Avia less 128 lines within 10", "{:+.1f}"),
+    ("areas", "number of", "`areas`: number, 128 lines less Avia above 0", "{:.0f}"),
+    ("gentle", "", "`gentle`: AP per 10 m, Avia less the best other above 0", "{:+.1f}"),
+    (
+        *("value", ": AP per dollar of the Avia"),
+        *("`value`: AP per dollar, Avia over the best other above 1", "{:.2f}"),
+    ),
+    (
+        *("value", ": high-quality areas per dollar of the Avia"),
+        *("`value`: high-quality areas per dollar, likewise", "{:.1f}"),
+    ),
+    (
+        *("value", ": AP per dollar of five Avias"),
+        *("`value`: AP per dollar, five Avias over the best other above 1", "{:.2f}"),
+    ),
+)
+# A row of the table of scanning: claim, words of its statement, how it is said, set and distance.
+OF_SCANNING = (
+    (
+        *("far-range", " common,", "`far-range`: Avia / best other within 1.5 to 2.5"),
+        "common, 90 to 120 m (paper: to 100 m)",
+    ),
+    ("far-range", " view,", "", "view, 90 to 120 m"),
+    ("near-range", "", "`near-range`: 128 lines / Avia above 1", "common, 30 to 50 m"),
+    ("ratio", "ruby_plus over pandar_64", "`ratio`: 128 / 64 within 1.6 to 2.4", "common"),
+    ("ratio", "pandar_64 over helios_16", "`ratio`: 64 / 16 within 3.2 to 4.8", "common"),
+    ("gentle", "", "`gentle`: smallest other exponent less the Avia's above 0", "common"),
+    *(
+        ("deskew", f"box of {name} ", f"`deskew`: {words}, points in the box, %", "common")
+        for name, words in LIDARS.items()
+    ),
+    (
+        *("only-one", " common,", "`only-one`: Avia alone less another without it, per 100"),
+        "common, 90 to 120 m (paper: to 100 m)",
+    ),
+    ("only-one", " view,", "", "view, 90 to 120 m"),
+)
+FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
+TWO = ("pointpillars", "centerpoint-pillar")
+
+
+def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.DataFrame:
+    """Rows of a claim whose statement has the words and whose columns are as given."""
+    keep = (table.claim == claim) & table.statement.str.contains(words, regex=False)
+    for column, value in equal.items():
+        keep &= table[column] == value
+    return table[keep]
+
+
+def in_short() -> str:
+    """Every claim under every preset: a verdict, or how many hold, fail and are undecided."""
+    rows = [
+        [said, named(claim, note), *(scanned(claim, words, preset) for preset in PRESETS)]
+        for said, claim, words, note in SCANNING
+    ]
+    rows += [
+        [said, named(claim, note), *(counted(claim, words, preset) for preset in PRESETS)]
+        for said, claim, words, note in DETECTION
+    ]
+    return markdown(["the paper says", "claim", *(f"`{p}`" for p in PRESETS)], rows)
+
+
+def named(claim: str, note: str) -> str:
+    """The claim with what it is about."""
+    if claim == "gentle":
+        return f"`{claim}` ({note})"
+    return f"`{claim}` {note}" if claim == "ratio" else f"`{claim}`" + (f", {note}" if note else "")
+
+
+def scanned(claim: str, words: str, preset: str) -> str:
+    found = rows_of(results("claims"), claim, words, preset=preset)
+    verdicts = sorted(set(found.verdict))
+    times = f" ({number(found.value.iloc[0])} times)" if claim == "far-range" else ""
+    return " / ".join(verdicts) + times
+
+
+def counted(claim: str, words: str, preset: str) -> str:
+    found = rows_of(results("quick_claims"), claim, words, preset=preset).verdict
+    if found.empty:
+        return ""
+    return " / ".join(str((found == verdict).sum()) for verdict in ("holds", "fails", "undecided"))
+
+
+def scanning() -> str:
+    """Value, interval and verdict of each claim about scanning."""
+    rows = []
+    for claim, words, said, where in OF_SCANNING:
+        cells = []
+        for preset in PRESETS:
+            now, before = (
+                scanned_row(name, claim, words, preset) for name in ("claims", "claims_0.2.0")
+            )
+            cells.append(f"{now} (was {before})")
+        rows.append([said, where, *cells])
+    return markdown(["claim", "set, distance", *PRESETS], rows)
+
+
+def scanned_row(name: str, claim: str, words: str, preset: str) -> str:
+    found = rows_of(results(name), claim, words, preset=preset)
+    ((value, low, high, verdict),) = found[["value", "low", "high", "verdict"]].itertuples(
+        index=False
+    )
+    return f"{with_interval(value, low, high)} {verdict}"
+
+
+def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
+    """A column a detector; a row that none of them has is left out."""
+    rows = []
+    for claim, words, said, shape in OF_A_SCENE:
+        cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
+        if any(cells):
+            rows.append([said, *cells])
+    return markdown(["claim", *(DETECTORS[d] for d in names)], rows)
+
+
+def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
+    """A column a scene, the detectors beside each other in it."""
+    rows = []
+    for claim, words, said, shape in OF_A_SCENE:
+        cells = [
+            " / ".join(filter(None, (verdict(s, preset, claim, words, d, shape) for d in names)))
+            for s in scenes
+        ]
+        if any(cells):
+            rows.append([said, *cells])
+    return markdown(["claim", *scenes], rows)
+
+
+def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shape: str) -> str:
+    """Value and verdict of a claim about one detector; nothing if it was not tested."""
+    found = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
+    found = found[found.statement.str.startswith(f"{detector}:")]
+    if found.empty:
+        return ""
+    ((value, text),) = found[["value", "verdict"]].itertuples(index=False)
+    return f"{shape.format(value)} {text}"
+
+
+def detectors(scene: str, preset: str) -> str:
+    """AP of the smallest seed with its interval, and the time of training."""
+    table = results("quick")
+    table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
+    rows = []
+    for name, words in DETECTORS.items():
+        own = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
+        cells = [
+            with_interval_of_ap(*own.loc[x, ["ap", "ap_low", "ap_high"]]) if x in own.index else ""
+            for x in LIDARS
+        ]
+        seconds = own.train_seconds.dropna()
+        span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
+        rows.append([words, *cells, span])
+    return markdown(["detector", *LIDARS.values(), "train, CPU s"], rows)

@@ -1,0 +1,175 @@
+"""One network for many sites, its stability and time."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import astuple
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.statistics.compare import over_worlds
+from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
+
+ARMS = {
+    "none": "as it comes",
+    "tuned_30": "30 s",
+    "tuned_120": "120 s",
+    "specialist": "a specialist",
+}
+STRESSED = {
+    "background": "Background",
+    "centerpoint": "specialist",
+    "generalist": "generalist",
+}  # by the end of the run's name
+WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
+
+
+def generalist_sites() -> str:
+    """By LiDAR, precision and recall of the shipped network's vehicles at sites it never saw."""
+    rows, table = [], results("generalist_sites")
+    for lidar, own in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
+        found = own[["boxes", "objects"]].sum()
+        right = (own.precision * own.boxes).sum()
+        said = (own.precision_said * own.boxes).sum() / found.boxes
+        low, high = own[own.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
+        spread = f"{low:.2f} to {high:.2f}"
+        shares = (
+            f"{right / found.boxes:.2f}",
+            spread,
+            f"{said:.2f}",
+            f"{right / found.objects:.2f}",
+        )
+        rows.append([str(lidar), str(own.site.nunique()), f"{found.objects:.0f}", *shares])
+    heads = ["precision", "of 80 % of the sites", "precision said", "recall"]
+    return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
+
+
+def generalist() -> str:
+    """Fine AP of the shipped network as it comes, after a little training, and of a specialist."""
+    rows = []
+    table = results("generalist")
+    for (site, lidar, world), own in table.groupby(["site", "lidar", "seed"], sort=False):
+        by_arm = own.set_index("arm")
+        cells = (
+            with_interval_of_ap(*ends(by_arm.loc[arm], "ap_fine")) if arm in by_arm.index else ""
+            for arm in ARMS
+        )
+        rows.append([str(site), str(lidar), str(world), *cells])
+    return markdown(["site", "LiDAR", "world", *ARMS.values()], rows)
+
+
+def beside_specialists() -> str:
+    """Differences of fine AP to a specialist, cell by cell: another site, world and training."""
+    rows = []
+    table = results("generalist")[["site", "seed", "lidar", "arm", "ap_fine"]]
+    kind = np.where(table.site.str.startswith("site_"), "generated", "the study's")
+    cells = table.assign(kind=kind).pivot_table("ap_fine", ["kind", "site", "seed", "lidar"], "arm")
+    for (kind, own), arm in itertools.product(cells.groupby("kind"), list(ARMS)[:-1]):
+        less = (own[arm] - own.specialist).dropna().to_numpy()
+        if len(less) == 0:
+            continue
+        least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
+        spread = f"{least} to {most}"
+        mean = with_interval_of_ap(*astuple(over_worlds(less)))
+        rows.append([kind, ARMS[arm], str(len(less)), mean, middle, spread])
+    heads = ["sites", "trained there", "cells", "mean difference", "median", "all cells"]
+    return markdown(heads, rows)
+
+
+def unseen() -> str:
+    """Fine AP by class at generated sites that no training saw, of the shipped network first."""
+    table, rows = results("unseen"), []
+    models = list(dict.fromkeys(table.model))
+    key = ["sites", "class", "measure"]
+    for (sites, name, measure), own in table.groupby(key, sort=False):
+        of = own.set_index("model")
+        ap = (
+            with_interval_of_ap(*ends(of.loc[model], "ap_fine")) if model in of.index else ""
+            for model in models
+        )
+        last = ends(of.iloc[-1], "difference")
+        less = "" if math.isnan(last[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*last)
+        count, objects = own[["count", "objects"]].iloc[0]
+        rows.append([f"{sites} ({count})", name, measure, str(objects), *ap, less])
+    names = (model.replace("_", " ") for model in models)
+    return markdown(["sites", "class", "found by", "objects", *names, "difference"], rows)
+
+
+def unlabelled() -> str:
+    """Precision promised and found after a minute without labels, over sites."""
+    rows = []
+    for way, own in results("unlabelled").groupby("way", sort=False):
+        own = own[own.boxes >= LEAST_BOXES]
+        off = (own.precision_said - own.precision).abs()
+        right, objects = (own.precision * own.boxes).sum(), own.objects.sum()
+        rows.append(
+            [
+                str(way),
+                str(len(own)),
+                f"{right / own.boxes.sum():.2f}",
+                f"{(own.precision_said * own.boxes).sum() / own.boxes.sum():.2f}",
+                f"{off.median():.3f}",
+                f"{100 * (off <= 0.05).mean():.0f} %",
+                f"{(own.recall * own.objects).sum() / objects:.2f}",
+            ]
+        )
+    heads = ["boxes", "sites", "precision", "said", "off by (median)", "within 0.05", "recall"]
+    return markdown(heads, rows)
+
+
+def stress_generalist() -> str:
+    """Where AP falls by 10 and to half, and AP under names, of three detectors and two LiDARs."""
+    curves, trials = (
+        results(name).assign(who=lambda t: t.run.str.rsplit("_", n=1).str[-1])
+        for name in ("stress_generalist_summary", "stress_generalist")
+    )
+    columns = [(lidar, who) for lidar in curves.lidar.unique() for who in STRESSED]
+    rows = [["AP (fine) without", *(_unstressed(trials, *own) for own in columns)]]
+    for (stressor, unit), own in curves[curves.unit != "name"].groupby(
+        ["stressor", "unit"], sort=False
+    ):
+        cells = own.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
+        falls = (" / ".join(cells.loc[c]) if c in cells.index else "" for c in columns)
+        rows.append([f"{stressor}, {unit}", *falls])
+    names = trials[trials.unit == "name"]
+    for (stressor, dial), own in names.groupby(["stressor", "dial"], sort=False):
+        ap = own.set_index(["lidar", "who"]).ap_fine
+        cells = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
+        rows.append([f"{stressor}: {dial}", *cells])
+    return markdown(["", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
+
+
+def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
+    own = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
+    return with_interval_of_ap(*ends(own.iloc[0], "ap_fine"))
+
+
+def integration() -> str:
+    """Fine AP of stacked frames, of captured vehicles and of all, each way of input and label."""
+    rows = []
+    key = ["lidar", "speed_km_h", "accumulate"]
+    for (lidar, speed, frames), own in results("integration").groupby(key, sort=False):
+        by_way = own.set_index(["input", "label_at"])
+        cells = [_both_ap(by_way.loc[way]) if way in by_way.index else "" for way in WAYS]
+        rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
+    heads = ["points alone", "with their age", "with their age, label in the middle"]
+    return markdown(["LiDAR", "traffic at", "time", *heads], rows)
+
+
+def _both_ap(row: pd.Series) -> str:
+    return f"{with_interval_of_ap(*ends(row, 'ap_fine'))}; {row.ap_all:.1f}"
+
+
+def engines() -> str:
+    """How much faster a frame is with another engine in the generalist, and its AP."""
+    table = results("engines")
+    rows = []
+    for engine, own in table.groupby("engine", sort=False):
+        by_scene = own.set_index("scene")
+        both = (f"{row.speed:.2f}, {row.ap_fine:.1f}" for _, row in by_scene.iterrows())
+        rows.append([str(engine), *both])
+    scenes = table.drop_duplicates("scene")
+    heads = (f"{r.scene}, {LIDARS[r.lidar]}" for r in scenes.itertuples())
+    return markdown(["engine", *heads], rows)

@@ -1,0 +1,156 @@
+"""Any site: maps, traffic, hills, people, several poles."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+
+import pandas as pd
+
+from pyinfra.evaluation.draws import difference
+from tables_of.common import (
+    DETECTORS,
+    LIDARS,
+    ends,
+    markdown,
+    results,
+    with_interval,
+    with_interval_of_ap,
+)
+
+PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as benchmarks/people.py has them
+POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
+POLE_ERRORS = {
+    "clock_20_ms": "clocks by 20 ms",
+    "clock_50_ms": "50 ms",
+    "yaw_0.2_deg": "yaw by 0.2 degrees",
+    "yaw_0.5_deg": "0.5 degrees",
+}
+
+
+def people() -> str:
+    """How far people have 5 points a frame, and how many they have on the way."""
+    table = results("people")
+    at_m = (20, 50, 100, 150)
+    rows = []
+    for lidar, own in table.groupby("lidar", sort=False):
+        walkers = own[own["class"] == "Pedestrian"].set_index("from_m").points
+        reached = [people_reach(own[own["class"] == name]) for name in ("Pedestrian", "Cyclist")]
+        rows.append([str(lidar), *reached, *(f"{walkers.get(m, 0):g}" for m in at_m)])
+    heads = ["LiDAR", "pedestrian, m", "cyclist, m"]
+    return markdown([*heads, *(f"points from {m} m" for m in at_m)], rows)
+
+
+def people_reach(own: pd.DataFrame) -> str:
+    """The end of the last bin with enough points, and that of the last without a gap before it."""
+    enough = (own.points >= PEOPLE_POINTS).to_numpy()
+    if not enough.any():
+        return "-"
+    end = own.from_m.to_numpy() + PEOPLE_BIN_M
+    first, last = enough.argmax(), len(enough) - 1 - enough[::-1].argmax()
+    if enough[first : last + 1].all():
+        return f"{end[last]}"
+    unbroken = first + (~enough[first:]).argmax() - 1
+    return f"{end[last]} (all to {end[unbroken]})"
+
+
+def hill() -> str:
+    """AP of the generalist by grade, with the road's height at each place and with one."""
+    rows = []
+    key = ["lidar", "grade_percent", "seed"]
+    for (lidar, percent, seed), own in (
+        results("hill").sort_values(key[1:]).groupby(key, sort=False)
+    ):
+        by_height = own.set_index("height")
+        ap = (with_interval_of_ap(*ends(by_height.loc[h], "ap_fine")) for h in ("local", "one"))
+        iou = by_height.iou_3d.iloc[0]
+        rows.append([LIDARS[str(lidar)], f"{percent} %", str(seed), *ap, f"{iou:.2f}"])
+    rows.sort(key=lambda row: list(LIDARS.values()).index(row[0]))
+    return markdown(["LiDAR", "grade", "world", "local height", "one height", "3-D IoU"], rows)
+
+
+def traffic() -> str:
+    """How SUMO's vehicles, riders and people on foot move, before and after smoothing."""
+    rows = []
+    for (net, seed), own in results("traffic").groupby(["net", "seed"], sort=False):
+        before, after = own.iloc[0], own.iloc[1]
+        pairs = ("turn_deg", "acceleration_m_s2", "overlap_percent")
+        figures = (f"{before[name]:.4g} / {after[name]:.4g}" for name in pairs)
+        tracks = f"{after.vehicles_and_riders} + {after.pedestrians}"
+        rows.append([net, str(seed), tracks, str(after.left_out), *figures, str(after.appearing)])
+    heads = ["network", "seed", "vehicles and riders + people on foot", "left out", "turn, degrees"]
+    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear"], rows)
+
+
+def sites() -> str:
+    """Ten maps: what they hold, seconds of each step, and Background's AP by LiDAR."""
+    table = results("sites")
+    steps = ("import", "traffic", "check", "run")
+    rows = []
+    for site, own in table.groupby("site", sort=False):
+        first = own.iloc[0]
+        counts = [f"{first.lanes}", f"{first.triangles / 1000:.0f}", f"{first.vehicles}"]
+        seconds = [f"{first[f'{step}_s']:.1f}" for step in steps]
+        by_lidar = own.set_index("lidar")
+        line = by_lidar.loc["ruby_plus"]
+        seconds += [f"{line.detect_s + line.evaluate_s:.1f}"]
+        found = [site_ap(by_lidar.loc[lidar], "all") for lidar in ("ruby_plus", "livox_avia")]
+        captured = [site_ap(by_lidar.loc["livox_avia"], "captured")]
+        rows.append([str(site).replace("_", " "), *counts, *seconds, *found, *captured])
+    heads = ["site", "lanes", "triangles, k", "vehicles", *(f"{step}, s" for step in steps)]
+    heads += ["Background, s", "AP of all, 128 lines", "AP of all, Avia", "of captured, Avia"]
+    return markdown(heads, rows)
+
+
+def site_ap(row: pd.Series, truth: str) -> str:
+    return with_interval_of_ap(*(float(row[f"ap_{truth}{end}"]) for end in ("", "_low", "_high")))
+
+
+def poles() -> str:
+    """AP by the number of poles, and what more poles add."""
+    rows = []
+    for names, own in of_poles():
+        ap = [
+            with_interval(*own[n][["ap_fine", "ap_fine_low", "ap_fine_high"]]) if n in own else ""
+            for n in (1, 2, 4)
+        ]
+        rows.append([*names, *ap, _less(own.get(2), own.get(1)), _less(own.get(4), own.get(2))])
+    heads = ["1 pole", "2 poles", "4 poles", "2 less 1", "4 less 2"]
+    return markdown(["LiDAR", "detector", *heads], rows)
+
+
+def pole_errors() -> str:
+    """What each error costs, of two poles and of four."""
+    rows = []
+    for names, own in of_poles():
+        for right in (own[n] for n in (2, 4) if n in own):
+            cells = [_less(wrong, right) for wrong in _errors(right)]
+            rows.append([*names, f"{right.poles}", *cells])
+    return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
+
+
+def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
+    """LiDAR and detector, and by the number of poles the row of `all` without an error."""
+    table = results("poles")
+    right = table[(table.error == "none") & (table.ground_truth == "all")]
+    for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
+        own = right[(right.lidar == lidar) & (right.arm == detector)]
+        if len(own):
+            rows = {int(row.poles): row for _, row in own.iterrows()}
+            yield [words, POLE_DETECTORS[detector]], rows
+
+
+def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
+    """The same cell with each error, if it is there."""
+    table = results("poles")
+    keys = ["lidar", "arm", "poles", "ground_truth"]
+    own = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
+    return (own.loc[name] if name in own.index else None for name in POLE_ERRORS)
+
+
+def _less(a: pd.Series | None, b: pd.Series | None) -> str:
+    """Their difference with its interval; nothing if one is not there."""
+    if a is None or b is None:
+        return ""
+    found = difference(a, b).measured()
+    return f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
