@@ -46,6 +46,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "engines": networks.engines,
     "generalist": networks.generalist,
     "beside specialists": networks.beside_specialists,
+    "generalist, first trial": networks.first_trial,
     "hill": sites.hill,
     "integration": networks.integration,
     "stress_generalist": networks.stress_generalist,
