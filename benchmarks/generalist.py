@@ -26,6 +26,7 @@ from pyinfra import __version__, kitti, machine
 from pyinfra.benchmark import store
 from pyinfra.benchmark.frames import split_by_time
 from pyinfra.benchmark.matrix import Parts
+from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.draws import draw_rows, same_of
 from pyinfra.evaluation.evaluate import judged
@@ -96,6 +97,12 @@ def simulated(cell: Cell, work: Path) -> Path:
     infrasim("run", scene, "--lidar", lidar_file(cell.lidar), *words)
     split_by_time(work / cell.name, Parts())
     return work / cell.name / cell.lidar
+
+
+def shows_vehicles(folder: Path) -> bool:
+    """Whether there is something to learn from, and something to be tested on."""
+    parts = (read_vehicles(folder, frame_numbers(folder, part)) for part in ("train", "val"))
+    return all((vehicles.points > 0).any() for vehicles in parts)
 
 
 def recipe_of(arm: str, model: Path) -> Recipe:
@@ -171,6 +178,9 @@ def main() -> None:
         if not arms:
             continue
         folder = simulated(cell, args.work)
+        if not shows_vehicles(folder):
+            print(cell.name, "shows no vehicle: left out", flush=True)
+            arms = []
         for arm in arms:
             found = {**key, **row(folder, arm, args.model), **about}
             store.put(args.out, pd.DataFrame([found]), KEY)
