@@ -49,6 +49,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "generalist, first trial": networks.first_trial,
     "hill": sites.hill,
     "integration": networks.integration,
+    "integration differences": networks.integration_differences,
     "stress_generalist": networks.stress_generalist,
     "unlabelled": networks.unlabelled,
     "unseen": networks.unseen,

@@ -9,6 +9,7 @@ from dataclasses import astuple
 import numpy as np
 import pandas as pd
 
+from pyinfra.evaluation.draws import difference
 from pyinfra.statistics.compare import over_worlds
 from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
 
@@ -176,6 +177,21 @@ def integration() -> str:
         by_way = own.set_index(["input", "label_at"])
         cells = [_both_ap(by_way.loc[way]) if way in by_way.index else "" for way in WAYS]
         rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
+    heads = ["points alone", "with their age", "with their age, label in the middle"]
+    return markdown(["LiDAR", "traffic at", "time", *heads], rows)
+
+
+def integration_differences() -> str:
+    """Paired differences of fine AP, captured, to one frame of the same LiDAR and traffic."""
+    rows = []
+    key = ["lidar", "speed_km_h"]
+    for (lidar, speed), own in results("integration").groupby(key, sort=False):
+        one = own[own.accumulate == 1].iloc[0]
+        for frames, stacked in own[own.accumulate > 1].groupby("accumulate"):
+            by_way = stacked.set_index(["input", "label_at"])
+            less = [difference(by_way.loc[w], one).measured() for w in WAYS if w in by_way.index]
+            cells = [with_interval_of_ap(*astuple(found)) for found in less]
+            rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
     heads = ["points alone", "with their age", "with their age, label in the middle"]
     return markdown(["LiDAR", "traffic at", "time", *heads], rows)
 
