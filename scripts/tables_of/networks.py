@@ -189,8 +189,12 @@ def integration_differences() -> str:
         one = own[own.accumulate == 1].iloc[0]
         for frames, stacked in own[own.accumulate > 1].groupby("accumulate"):
             by_way = stacked.set_index(["input", "label_at"])
-            less = [difference(by_way.loc[w], one).measured() for w in WAYS if w in by_way.index]
-            cells = [with_interval_of_ap(*astuple(found)) for found in less]
+            cells = [
+                with_interval_of_ap(*astuple(difference(by_way.loc[way], one).measured()))
+                if way in by_way.index
+                else ""
+                for way in WAYS
+            ]
             rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
     heads = ["points alone", "with their age", "with their age, label in the middle"]
     return markdown(["LiDAR", "traffic at", "time", *heads], rows)
