@@ -73,11 +73,12 @@ class Cell:
 
 
 def cells(sites: int, seeds: int) -> Iterator[Cell]:
-    """Every site in every world, with the next LiDAR in turn."""
-    lidars = itertools.cycle((*STUDIED, *HELD_OUT))
+    """Every site in every world, with the LiDAR whose turn it is."""
+    lidars = (*STUDIED, *HELD_OUT)
     generated = [f"site_v{VERSION}_{FIRST_SITE + i}" for i in range(sites)]
-    for seed, site in itertools.product(range(1, seeds + 1), (*SCENES, *generated)):
-        yield Cell(site, seed, next(lidars))
+    chosen = enumerate((*SCENES, *generated))
+    for seed, (turn, site) in itertools.product(range(1, seeds + 1), chosen):
+        yield Cell(site, seed, lidars[(turn + 3 * (seed - 1)) % len(lidars)])
 
 
 def cells_of_trial(seeds: int) -> Iterator[Cell]:
