@@ -33,10 +33,17 @@ class Profile:
 
 def profile_of(node: YamlNode) -> Profile:
     """Raises kitti.FormatError with file, line and key."""
-    points = [[number.number() for number in pair.items()] for pair in node.entries("points_m")]
+    points = [_station_and_rise(pair) for pair in node.at("points_m").items()]
     return Profile(
         start=np.array([node.at("x_m").number(), node.at("y_m").number()]),
         heading=float(np.radians(node.at("heading_deg").number())),
         points=np.array(points),
         curve_m=node.at("vertical_curve_m").number(),
     )
+
+
+def _station_and_rise(node: YamlNode) -> list[float]:
+    pair = [number.number() for number in node.items()]
+    if len(pair) != 2:
+        node.fail(f"found {len(pair)} numbers, allowed 2: station and rise")
+    return pair

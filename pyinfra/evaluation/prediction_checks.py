@@ -108,7 +108,7 @@ def check_predictions(
     types: Sequence[str],
     min_score: float = MIN_SCORE,
 ) -> list[Finding]:
-    """Warnings about the numbers and the places of the predictions.
+    """Warnings and notes about the names, the numbers and the places of the predictions.
 
     types: the names that are evaluated; vehicles: of these types, of the same frames.
     """
@@ -143,7 +143,8 @@ def _names(
     if other.all():
         raise FormatError(text)
     if np.isin(names, (*kitti.VEHICLE_TYPES, *kitti.PERSON_TYPES)).all():
-        yield Finding("note", "other-classes", f"not evaluated: {listed}; --class says what is")
+        text = f"not evaluated: {listed}; `pyinfra evaluate --class` evaluates others"
+        yield Finding("note", "other-classes", text)
     else:
         yield Finding("warning", "other-classes", text)
 

@@ -73,6 +73,21 @@ TEST(overlaps, of_a_bridge_and_the_road_below_are_none) {
   EXPECT_EQ(pairs({car_on_road(1, 0, 0, 0), above}), 1U);
 }
 
+TEST(overlaps, of_a_bridge_on_a_slope_are_none_however_far_along_it_they_are) {
+  const auto on_slope = [](int id, double along, double up_m) {
+    ObjectState bus = car_on_road(id, along, 0, 0);
+    bus.box.dx = 12, bus.box.dz = 3;
+    bus.box.z = 1.5 + up_m + 0.06 * along;
+    bus.box.pitch = -std::atan(0.06);
+    return bus;
+  };
+  for (double along = -11.5; along <= 11.5; along += 0.5) {
+    EXPECT_EQ(pairs({on_slope(1, 0, 0), on_slope(2, along, 4.6)}), 0U) << along;
+    EXPECT_EQ(pairs({on_slope(1, 0, 0), on_slope(2, along, 3.1)}), 0U) << along;
+    EXPECT_EQ(pairs({on_slope(1, 0, 0), on_slope(2, along, 2.9)}), 1U) << along;
+  }
+}
+
 TEST(overlaps, of_many_vehicles_are_those_of_all_pairs) {
   std::vector<ObjectState> cars;
   for (int i = 0; i < 200; ++i)

@@ -22,6 +22,7 @@ Trajectories on_a_grade(double speed_m_s, int frames) {
   std::vector<ObjectState> cars{car_on_road(1, -30, 4, 0, speed_m_s),
                                 car_on_road(2, 30, -4, kPi - 0.001, speed_m_s)};
   Trajectories out = testing::straight_on(cars, frames);
+  out.pitched = true;
   for (auto& states : out.rows)
     for (ObjectState& s : states) {
       s.box.z += kGrade * s.box.x;
@@ -119,8 +120,8 @@ TEST(pitch, is_the_last_column_of_trajectories_that_have_one) {
   const Trajectories back = read_trajectories(folder.write("file.csv", text));
   EXPECT_EQ(trajectories_csv(back), text);
   EXPECT_NEAR(back.rows[2][1].box.pitch, std::atan(kGrade), 1e-6);
-  for (auto& states : written.rows)
-    for (ObjectState& s : states) s.box.pitch = 0;
+  EXPECT_TRUE(back.pitched);
+  written.pitched = false;
   EXPECT_TRUE(trajectories_csv(written).starts_with("t,id,class,x,y,z,heading,dx,dy,dz,speed\n"));
   const auto steep = folder.write("steep.csv",
                                   "t,id,class,x,y,z,heading,dx,dy,dz,speed,pitch\n"

@@ -780,7 +780,7 @@ def test_unknown_name_lists_the_catalogue(site: Site) -> None:
     assert_one_line(site.infrasim(*run, "avia"), site, "found 'avia'", "livox_avia", "ruby_plus")
     result = site.infrasim("run", "motorway", "--lidar", site.lidar)
     assert_one_line(
-        result, site, "found 'motorway'", "crossroad, crossroad_poles, curve, flat, highway"
+        result, site, "found 'motorway'", "crest, crossroad, crossroad_poles, curve, flat, highway"
     )
     assert "livox" not in result.stderr
     result = site.infrasim("check", "motorway")

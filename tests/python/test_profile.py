@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from conftest import Infrasim
 
 from pyinfra import kitti
@@ -33,6 +34,7 @@ traffic:
   speed: {mean_km_h: 40, std_km_h: 2}
   class_shares: {Car: 0.9, Bus: 0.1}
 """
+ROAD = 0  # of materials
 RUN = ("--lidar", "helios_16", "--preset", "paper", "--frames", "0:20:5")
 
 
@@ -81,8 +83,51 @@ def test_a_run_from_its_own_trajectories_is_the_run_itself(
         assert one == other
 
 
-def test_a_damaged_profile_is_named(crest: Path, tmp_path: Path) -> None:
-    text = (crest / "dataset.yaml").read_text().replace("[-90, -7]", "[-90, high]")
-    (tmp_path / "dataset.yaml").write_text(text)
-    with pytest.raises(FormatError, match=r"profile.points_m\[0\]\[1\]: found 'high'"):
+@pytest.mark.parametrize(
+    ("points", "error"),
+    [
+        ("[[-90, high], [80, -3]]", r"points_m\[0\]\[1\]: found 'high'"),
+        ("[[-90, -7], [80]]", r"points_m\[1\]: found 1 numbers, allowed 2: station and rise"),
+        ("[[1, 2, 3], [4, 5, 6]]", r"points_m\[0\]: found 3 numbers, allowed 2"),
+        ("[]", r"points_m: found no list"),
+    ],
+)
+def test_a_damaged_profile_is_named(crest: Path, tmp_path: Path, points: str, error: str) -> None:
+    keys = yaml.safe_load((crest / "dataset.yaml").read_text())
+    keys["profile"]["points_m"] = yaml.safe_load(points)
+    (tmp_path / "dataset.yaml").write_text(yaml.safe_dump(keys))
+    with pytest.raises(FormatError, match=rf"profile.{error}"):
         profile_of(kitti.read_yaml(tmp_path / "dataset.yaml").at("profile"))
+
+
+@pytest.mark.parametrize("seen", ["near", "far"])
+def test_trajectories_of_both_doors_are_the_same(
+    seen: str, tmp_path: Path, infrasim: Infrasim
+) -> None:
+    """Also where no vehicle meets the slope."""
+    text = CREST if seen == "near" else CREST.replace("x_m: 5, y_m: -3", "x_m: 5000, y_m: -3")
+    text = text.replace("z_m: 6", "z_m: 0") if seen == "far" else text
+    (tmp_path / "crest.yaml").write_text(text)
+    for words in (["run", *RUN, "--out", "data"], ["trajectories", "--out", "alone.csv"]):
+        result = infrasim(words[0], tmp_path / "crest.yaml", *words[1:], cwd=tmp_path)
+        assert result.returncode == 0, result.stderr
+    alone = (tmp_path / "alone.csv").read_text()
+    assert alone == (tmp_path / "data/trajectories.csv").read_text()
+    assert alone.splitlines()[0].endswith(",pitch")
+
+
+def test_fused_poles_with_a_late_clock_see_one_hill(tmp_path: Path, infrasim: Infrasim) -> None:
+    second = "x_m: -20, y_m: -14, z_m: 6}, far: {x_m: 40, y_m: 12, z_m: 5, clock_offset_s: 0.05}"
+    text = CREST.replace("x_m: -20, y_m: -14, z_m: 6}", second)
+    (tmp_path / "crest.yaml").write_text(text)
+    words = ("--fuse", "--fields", "--out", tmp_path / "data")
+    result = infrasim("run", tmp_path / "crest.yaml", *RUN, *words)
+    assert result.returncode == 0, result.stderr
+    profile = profile_of(kitti.read_yaml(tmp_path / "data/fused/dataset.yaml").at("profile"))
+    folder = tmp_path / "data/fused/helios_16"
+    for frame in kitti.frames(folder):
+        cloud = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))[:, :3]
+        fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
+        road = cloud[fields["class"] == ROAD] + (-20, -14, 6)  # first pole's frame
+        assert len(road) > 500
+        np.testing.assert_allclose(road[:, 2], profile.rise_m(road[:, :2]), atol=0.02)

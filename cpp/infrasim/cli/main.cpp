@@ -1,10 +1,13 @@
 #include <malloc.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <string_view>
+#include <vector>
 
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/signals.h"
@@ -43,8 +46,10 @@ int parse(CLI::App& app, int argc, char** argv) {
     const bool asked_for_help = e.get_exit_code() == 0;
     if (asked_for_help) return app.exit(e);
     const std::string what = e.what();
-    const std::string more =
-        what == "scene is required" ? " before the options: --lidar takes all words after it" : "";
+    const std::vector<std::string_view> words(argv, argv + argc);
+    const bool taken = what == "scene is required" && words.at(1) == "run" &&
+                       std::ranges::count(words, "--lidar") > 0;
+    const char* more = taken ? " before the options: --lidar takes all words after it" : "";
     return complain("infrasim: " + what + more + " (see --help)", kWrong);
   }
 }

@@ -80,7 +80,6 @@ struct ProfileConfig {
   double heading_deg = 0;
   std::vector<Vec2> points_m;  ///< station from x_m, y_m along heading_deg, and rise there
   double vertical_curve_m = 40;
-  config::Place place;
 };
 
 /// A level piece of terrain with a convex outline; where no ground is, rays pass.

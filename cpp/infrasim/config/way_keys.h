@@ -77,7 +77,6 @@ void visit(Fields& f, RoadConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, ProfileConfig& c) {
-  f.here(c.place);
   f.field("x_m", c.x_m, "world x where stations begin", between(-1e6, 1e6));
   f.field("y_m", c.y_m, "world y where stations begin", between(-1e6, 1e6));
   f.field("heading_deg", c.heading_deg, "direction that stations run in", between(-360, 360));
@@ -92,8 +91,8 @@ void visit(Fields& f, ProfileConfig& c) {
             "found a point " + config::number_text(step.x) +
                 " m after the one before, allowed from vertical_curve_m, " +
                 config::number_text(c.vertical_curve_m) + ", on");
-    f.check(std::abs(step.y) <= kSteepest * step.x, "points_m",
-            "found a grade of " + config::number_text(std::round(1e4 * step.y / step.x) / 100) +
+    f.check(std::abs(step.y) <= kSteepest * step.x + 1e-9, "points_m",
+            "found a grade of " + config::number_text(std::round(1e6 * step.y / step.x) / 1e4) +
                 " %, allowed up to " + config::number_text(100 * kSteepest));
   }
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "infrasim/scene/lane_file.h"
+#include "infrasim/scene/profile.h"
 
 namespace infrasim {
 
@@ -10,9 +11,10 @@ namespace {
 
 /// Height of the road at the sensor's foot: of the first, or of the nearest lane.
 double road_z(const SceneConfig& scene) {
-  if (!scene.roads.empty()) return scene.roads.front().elevation_m;
   const MountConfig& mount = scene.mounts.begin()->second;
-  const std::vector<LaneLevel> lanes = lane_levels(scene, {mount.x_m, mount.y_m});
+  const Vec2 foot{mount.x_m, mount.y_m};
+  if (!scene.roads.empty()) return scene.roads.front().elevation_m + Profile(scene).rise(foot);
+  const std::vector<LaneLevel> lanes = lane_levels(scene, foot);
   return std::ranges::min(lanes, {}, &LaneLevel::away).z;
 }
 

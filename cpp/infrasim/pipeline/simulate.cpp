@@ -62,7 +62,7 @@ struct FrameSimulator::Impl {
   std::vector<WorldSlice> slices;
   std::vector<Lidar> lidars;
   double reach = 0;
-  bool pitched;  ///< whether a vehicle of the run does
+  bool pitched;  ///< whether a vehicle of the run may
   Raycaster raycaster;
   Caster caster;
   FrameVehicles vehicles;
@@ -70,7 +70,7 @@ struct FrameSimulator::Impl {
   Impl(const World& w, std::span<const LidarConfig> configs, const StaticLayers& layers)
       : world(w),
         slices(world_slices(w.scene.aggregation)),
-        pitched(w.trajectories.pitched()),
+        pitched(w.trajectories.pitched),
         raycaster(*w.meshes),
         caster(raycaster, w.scene.vehicle_parts, w.leaves) {
     const auto layers_of = [&](std::size_t i) { return layers.empty() ? UnitLayers{} : layers[i]; };

@@ -74,7 +74,7 @@ void take_instants(const SceneConfig& scene, const TakeInstant& take) {
 }
 
 Trajectories load_trajectories(const SceneConfig& scene) {
-  Trajectories out;
+  Trajectories out{{}, vehicles_pitch(scene)};
   take_instants(scene, [&](const auto& states) { out.rows.push_back(states); });
   return out;
 }
@@ -155,7 +155,7 @@ void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
 }
 
 bool vehicles_pitch(const SceneConfig& scene) {
-  return scene.profile || (!scene.traffic && load_recorded(scene).pitched());
+  return scene.profile || (!scene.traffic && load_recorded(scene).pitched);
 }
 
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {

@@ -26,11 +26,25 @@ Extent extent(int id, Box3d box) {
   return out;
 }
 
+double reach(const Box3d& box, Vec3 direction) {
+  const Mat3 axes = rotation(box.heading, box.pitch, 0);
+  const auto along = [&](Vec3 half) { return std::abs(dot(axes * half, direction)); };
+  return along({box.dx / 2, 0, 0}) + along({0, box.dy / 2, 0}) + along({0, 0, box.dz / 2});
+}
+
+/// Whether one passes over the other: they are apart along an axis that is up for one of them.
+bool one_over_other(const Box3d& a, const Box3d& b) {
+  return std::ranges::any_of(std::array{a, b}, [&](const Box3d& box) {
+    const Vec3 up = rotation(box.heading, box.pitch, 0) * Vec3{0, 0, 1};
+    const double apart = std::abs(dot(Vec3{a.x - b.x, a.y - b.y, a.z - b.z}, up));
+    return apart >= reach(a, up) + reach(b, up) - kTouch_m;
+  });
+}
+
 bool overlap(const Extent& a, const Extent& b) {
   if (a.high.x <= b.low.x || b.high.x <= a.low.x) return false;
   if (a.high.y <= b.low.y || b.high.y <= a.low.y) return false;
-  if (std::abs(a.box.z - b.box.z) >= (a.box.dz + b.box.dz) / 2 - kTouch_m) return false;
-  return footprints_overlap(a.outline, b.outline);
+  return footprints_overlap(a.outline, b.outline) && !one_over_other(a.box, b.box);
 }
 
 /// The axis along which the vehicles are spread further, so that few stand beside each other on it.

@@ -9,7 +9,6 @@ namespace infrasim {
 namespace {
 
 constexpr double kOff_m = 0.01;     // of a triangle's edge from the slope that it stands for
-constexpr double kLooked_m = 2;     // between the places where that is looked at
 constexpr double kWheelbase = 0.6;  // by length: 0.57 to 0.62 of cars, less of lorries and buses
 
 }  // namespace
@@ -47,17 +46,18 @@ double Profile::station(Vec2 place) const { return dot(place - origin_, axis_); 
 
 double Profile::rise(Vec2 place) const { return rise_at(station(place)); }
 
-/// How far an edge reaches along the profile, if it must be cut; 0 for one that may stay.
+/// How far an edge reaches along the profile, if it must be cut; 0 for one that may stay. A chord
+/// is off by a quarter of its length times the change of grade along it, at most; no part of it by
+/// more, so that cutting ends.
 double Profile::bent(Vec3 from, Vec3 to) const {
-  const double a = station({from.x, from.y}), b = station({to.x, to.y});
-  const auto steps = static_cast<int>(std::ceil(std::abs(b - a) / kLooked_m));
-  const double z_a = rise_at(a), z_b = rise_at(b);
-  for (int k = 1; k < steps; ++k) {
-    const double u = static_cast<double>(k) / steps;
-    if (std::abs(rise_at(a + u * (b - a)) - (z_a + u * (z_b - z_a))) > kOff_m)
-      return std::abs(b - a);
+  const auto [a, b] = std::minmax({station({from.x, from.y}), station({to.x, to.y})});
+  double turned = 0;
+  for (const Change& change : changes_) {
+    const double first = std::max(a, change.s - curve_m_ / 2);
+    const double last = std::min(b, change.s + curve_m_ / 2);
+    if (last > first) turned += std::abs(change.grade) * (last - first) / curve_m_;
   }
-  return 0;
+  return (b - a) / 4 * turned > kOff_m ? b - a : 0;
 }
 
 /// Cuts the longest bent edge of every triangle in two, until none is left.

@@ -207,7 +207,7 @@ void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajecto
   for (const auto& [name, mount] : scene.mounts)
     for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
       for (const ObjectState& s : trajectories.rows[k])
-        if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
+        if (BoxFrame(s.box).contains({mount.x_m, mount.y_m, mount.z_m}, 0))
           config::fail(mount.place, "mounts." + name + ".x_m",
                        "found it inside vehicle " + std::to_string(s.id) + " at " +
                            number_text(static_cast<double>(k) / 10) +

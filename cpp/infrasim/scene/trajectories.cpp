@@ -49,7 +49,7 @@ std::vector<MovingObject> Trajectories::in_frame(int k) const {
 
 Trajectories seen_late(const Trajectories& trajectories, double late_s) {
   const double late = late_s / kFramePeriod;
-  Trajectories out;
+  Trajectories out{{}, trajectories.pitched};
   for (int k = 0; k <= trajectories.frames(); ++k) {
     auto& row = out.rows.emplace_back();
     const int frame = std::clamp(late < 0 ? k - 1 : k, 0, trajectories.frames() - 1);
@@ -66,12 +66,6 @@ ObjectState rounded(ObjectState state) {
   b.pitch = round_to(b.pitch, kRadianDigits);
   state.speed_m_s = round_to(state.speed_m_s, kMetreDigits);
   return state;
-}
-
-bool Trajectories::pitched() const {
-  return std::ranges::any_of(rows, [](const auto& states) {
-    return std::ranges::any_of(states, [](const ObjectState& s) { return s.box.pitch != 0; });
-  });
 }
 
 std::string TrajectoryText::header() const {
@@ -102,7 +96,7 @@ std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
 }
 
 std::string trajectories_csv(const Trajectories& trajectories) {
-  TrajectoryText lines(trajectories.pitched());
+  TrajectoryText lines(trajectories.pitched);
   std::string text = lines.header();
   for (const auto& states : trajectories.rows) text += lines.rows(states);
   return text;
@@ -146,6 +140,7 @@ class TrajectoryReader {
     s.box.dz = csv_.number("dz", 0.1, 50);
     s.speed_m_s = csv_.number("speed", -100, 200);
     if (csv_.has_last()) s.box.pitch = csv_.number(kPitchColumn, -kMostPitch, kMostPitch);
+    out_.pitched |= s.box.pitch != 0;
     add(t, s);
   }
 

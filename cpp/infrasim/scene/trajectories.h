@@ -36,9 +36,8 @@ struct MovingObject {
 /// All vehicles of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;
+  bool pitched = false;  ///< vehicles may lean forwards or backwards: tables have the column
 
-  /// Whether a vehicle leans forwards or backwards at any time.
-  bool pitched() const;
   int frames() const { return static_cast<int>(rows.size()) - 1; }
   /// Vehicles that are there for the whole of frame k.
   std::vector<MovingObject> in_frame(int k) const;

@@ -66,6 +66,26 @@ void add_hedge_along(const SceneConfig& scene, const HedgeAlongConfig& hedge,
   }
 }
 
+/// A hedge by its centre; in pieces that are lifted one by one, where the scene has a profile.
+void add_hedge(const SceneConfig& scene, const HedgeConfig& h, std::vector<LeafVolume>& out) {
+  const auto cut = [&](double m) { return scene.profile ? std::ceil(m / kBentPiece_m) : 1.0; };
+  const double along = cut(h.length_m), across = cut(h.width_m), heading = rad(h.heading_deg);
+  const double dx = h.length_m / along, dy = h.width_m / across;
+  for (double i = 0; i < along; ++i)
+    for (double j = 0; j < across; ++j) {
+      const Vec2 centre = Vec2{h.x_m, h.y_m} +
+                          (dx * (i - (along - 1) / 2)) * heading_vector(heading) +
+                          (dy * (j - (across - 1) / 2)) * heading_vector(heading + kPi / 2);
+      const double z = h.base_m + h.height_m / 2;
+      out.push_back({{centre.x, centre.y, z, dx, dy, h.height_m, heading},
+                     false,
+                     h.density_per_m,
+                     h.place,
+                     "x_m",
+                     "a hedge"});
+    }
+}
+
 }  // namespace
 
 bool holds(const LeafVolume& volume, Vec3 point) {
@@ -80,16 +100,7 @@ bool holds(const LeafVolume& volume, Vec3 point) {
 std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene) {
   std::vector<LeafVolume> out;
   for (const VegetationConfig& v : scene.vegetation) {
-    if (v.hedge) {
-      const HedgeConfig& h = *v.hedge;
-      out.push_back({{h.x_m, h.y_m, h.base_m + h.height_m / 2, h.length_m, h.width_m, h.height_m,
-                      rad(h.heading_deg)},
-                     false,
-                     h.density_per_m,
-                     h.place,
-                     "x_m",
-                     "a hedge"});
-    }
+    if (v.hedge) add_hedge(scene, *v.hedge, out);
     if (v.hedge_along) add_hedge_along(scene, *v.hedge_along, out);
   }
   for (const Tree& tree : trees(scene)) {

@@ -17,7 +17,7 @@ struct Station {
 };
 
 /// A body lofted through stations, rear to front. Above the belt line it narrows to the roof.
-struct Profile {
+struct Silhouette {
   std::span<const Station> stations;
   double belt = 1;
   double roof_width = 1;
@@ -36,7 +36,7 @@ constexpr Station kRiderStations[] = {{-.50, .22, .38}, {-.38, .40, .56}, {-.22,
                                       {-.02, 1, 1.0},   {.08, .86, .88},  {.20, .96, .64},
                                       {.34, .30, .56},  {.50, .22, .36}};
 
-Profile profile_of(Class object_class) {
+Silhouette silhouette_of(Class object_class) {
   switch (object_class) {
     case Class::kVan:
       return {kVanStations, .50, .84};
@@ -77,10 +77,10 @@ Station between(const Station& a, const Station& b, double u) {
 using Outline = std::vector<Vec2>;  ///< (y, z) of a section, from the right foot over the top
 
 /// Right half of a section as corners from the foot to the top, y >= 0 to be mirrored.
-Outline half_corners(const Profile& profile, const Station& s) {
-  const double above = std::clamp((s.height - profile.belt) / (1 - profile.belt + 1e-9), 0.0, 1.0);
-  const double half = s.width / 2, top = half * (1 - above * (1 - profile.roof_width));
-  const double belt = std::min(profile.belt, .9 * s.height);
+Outline half_corners(const Silhouette& body, const Station& s) {
+  const double above = std::clamp((s.height - body.belt) / (1 - body.belt + 1e-9), 0.0, 1.0);
+  const double half = s.width / 2, top = half * (1 - above * (1 - body.roof_width));
+  const double belt = std::min(body.belt, .9 * s.height);
   return {{half, -.5}, {half, belt - .5}, {top, .97 * s.height - .5}, {.85 * top, s.height - .5}};
 }
 
@@ -153,17 +153,17 @@ TriangleMesh build_vehicle_body(Class object_class, Detail detail) {
   if (detail == Detail::kBox) return unit_box();
   if (object_class == Class::kPedestrian) return build_pedestrian(detail);
   if (object_class == Class::kCyclist) return build_cyclist(detail);
-  const Profile profile = profile_of(object_class);
+  const Silhouette body = silhouette_of(object_class);
   const auto [extra, corner] = resolution_of(detail);
   Loft loft;
-  for (std::size_t i = 0; i + 1 < profile.stations.size(); ++i)
+  for (std::size_t i = 0; i + 1 < body.stations.size(); ++i)
     for (int k = 0; k <= extra; ++k) {
-      const Station s = between(profile.stations[i], profile.stations[i + 1],
-                                static_cast<double>(k) / (extra + 1));
-      loft.add(s.x, rounded_half(half_corners(profile, s), corner));
+      const Station s =
+          between(body.stations[i], body.stations[i + 1], static_cast<double>(k) / (extra + 1));
+      loft.add(s.x, rounded_half(half_corners(body, s), corner));
     }
-  const Station& front = profile.stations.back();
-  loft.add(front.x, rounded_half(half_corners(profile, front), corner));
+  const Station& front = body.stations.back();
+  loft.add(front.x, rounded_half(half_corners(body, front), corner));
   return loft.close();
 }
 
