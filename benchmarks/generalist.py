@@ -171,7 +171,7 @@ def main() -> None:
     parser.add_argument("--paper", action="store_true", help="the cells of the first trial")
     args = parser.parse_args()
     chosen = cells_of_trial(args.seeds) if args.paper else cells(args.sites, args.seeds)
-    about = {"version": __version__, "machine": machine(), "command": "benchmarks/generalist.py"}
+    about = {"commit": __version__, "machine": machine(), "command": "benchmarks/generalist.py"}
     for cell in chosen:
         key = asdict(cell)
         table = store.read(args.out, KEY)

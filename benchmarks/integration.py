@@ -1,11 +1,11 @@
 """AP against integration time: N frames of a fixed sensor stacked, by LiDAR and speed of traffic.
 
 One world is learnt from and another is tested, both with all frames, so that each labelled frame
-has its neighbours. A network gets the stacked points alone (`stacked`) or their age as well
-(`aged`), its labels those of the newest frame or of the middle one. AP is that of the vehicles with
-a point in the labelled frame (`ap_fine`), and of all (`ap_all`). Rows, with their draws, go to
-results/integration.csv as they come; what is there is not computed again. At the end all rows are
-drawn as docs/pictures/integration.svg.
+has its neighbours; another seed is two other worlds and another training. A network gets the
+stacked points alone (`stacked`) or their age as well (`aged`), its labels those of the newest frame
+or of the middle one. AP is that of the vehicles with a point in the labelled frame (`ap_fine`), and
+of all (`ap_all`). Rows, with their draws, go to results/integration.csv as they come; what is there
+is not computed again. At the end all rows are drawn as docs/pictures/integration.svg.
     .venv/bin/python benchmarks/integration.py --work data/integration
 """
 
@@ -45,11 +45,12 @@ WAYS: tuple[tuple[str, LabelAt], ...] = (
     ("aged", "newest"),
     ("aged", "middle"),
 )
-SEEDS = {"learnt": 1, "tested": 2}
+PARTS = ("learnt", "tested")
 TEST_EVERY = 10  # frames that are tested on
 SETTINGS = Settings(ground_truths=("captured", "all"))
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, 1e9)}  # as of stress
 KEY = ["scene", "speed_km_h", "lidar", "preset", "detector", "input", "accumulate", "label_at"]
+KEY += ["seed"]
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class Trial:
     input: str  # stacked or aged
     accumulate: int
     label_at: LabelAt
+    seed: int  # of the training; of the worlds: the two that are its own
 
     @property
     def name(self) -> str:
@@ -72,15 +74,18 @@ class Trial:
 
 def trials(args: argparse.Namespace) -> Iterator[Trial]:
     """One frame once; of more, each way of input and label."""
-    for speed, lidar, frames in itertools.product(args.speeds, args.lidars, args.frames):
+    every = itertools.product(args.seeds, args.speeds, args.lidars, args.frames)
+    for seed, speed, lidar, frames in every:
         for way, label_at in WAYS if frames > 1 else WAYS[:1]:
-            yield Trial(SCENE, speed, lidar, args.preset, args.detector, way, frames, label_at)
+            what = (args.preset, args.detector, way, frames, label_at, seed)
+            yield Trial(SCENE, speed, lidar, *what)
 
 
 def simulated(trial: Trial, part: str, work: Path) -> Path:
     """The LiDAR's folder of a world; a stopped run goes on."""
-    out = work / f"{trial.scene}_{trial.speed_km_h}_{part}_{trial.lidar}"
-    words = ["--preset", trial.preset, "--label-time", "scan", "--seed", str(SEEDS[part])]
+    world = 2 * trial.seed - 1 + PARTS.index(part)
+    out = work / f"{trial.scene}_{trial.speed_km_h}_{world}_{trial.lidar}"
+    words = ["--preset", trial.preset, "--label-time", "scan", "--seed", str(world)]
     words += ["--set", f"traffic.speed.mean_km_h={trial.speed_km_h}"]
     words += ["--frames", FRAMES, "--out", str(out), "--threads", "1"]
     infrasim("run", scene_file(trial.scene), "--lidar", lidar_file(trial.lidar), *words)
@@ -100,9 +105,10 @@ def recipe_of(trial: Trial, tier: Tier) -> Recipe:
 def row(trial: Trial, tier: Tier, work: Path) -> dict[str, object]:
     """Learns and tests: AP with its draws, and recalls by distance."""
     accumulation = Accumulation(trial.accumulate, trial.label_at)
-    learnt, tested = (simulated(trial, part, work) for part in SEEDS)
+    learnt, tested = (simulated(trial, part, work) for part in PARTS)
     run = work / "runs" / trial.name
-    train(recipe_of(trial, tier), [read_source(learnt, tier, accumulation)], run, quiet=True)
+    source = read_source(learnt, tier, accumulation)
+    train(recipe_of(trial, tier), [source], run, seed=trial.seed, quiet=True)
     chosen = frame_numbers(tested, "all")[::TEST_EVERY]
     files = [kitti.frame_file(tested, "velodyne", k) for k in chosen]
     ground, region = detect.place_of(tested)
@@ -177,11 +183,12 @@ def main() -> None:
     parser.add_argument("--lidars", nargs="+", default=["ruby_plus", "livox_avia", "helios_16"])
     parser.add_argument("--speeds", nargs="+", type=int, default=[20, 60], help="km/h")
     parser.add_argument("--frames", nargs="+", type=int, default=[1, 2, 3, 5, 10])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1])
     parser.add_argument("--preset", default="datasheet")
     parser.add_argument("--detector", default="pointpillars", help="a network on pillars")
     parser.add_argument("--tier", choices=TIERS, default="quick")
     args = parser.parse_args()
-    about = {"version": __version__, "machine": machine()}
+    about = {"commit": __version__, "machine": machine()}
     about |= {"command": f"benchmarks/integration.py --tier {args.tier}"}
     for trial in trials(args):
         if store.has(store.read(args.out, KEY), asdict(trial)):
