@@ -220,9 +220,10 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
 
     Raises FormatError for roads, and ConfigError for an outline.
     """
-    data_set, outline = data_set_of(lidar_folder), lidar_folder / REGION_FILE
+    data_set = data_set_of(lidar_folder)
     if (roads := data_set / "roads.csv").is_file():
         return roads_region(read_roads(roads), pose, read_outlines(data_set))
+    outline = lidar_folder / REGION_FILE
     return outline_region(outline) if outline.is_file() else None
 
 
@@ -230,6 +231,12 @@ def outline_region(file: Path) -> Region:
     """That of an `Outline` file. Raises ConfigError with file, line and key."""
     corners = read_outline(file)
     return Region(partial(in_outline, corners), corners)
+
+
+def drawn_outline(lidar_folder: Path) -> FloatArray | None:
+    """What its user drew, (m, 2), levelled; None without the file. Raises as `read_outline`."""
+    file = lidar_folder / REGION_FILE
+    return read_outline(file) if file.is_file() else None
 
 
 def read_outline(file: Path) -> FloatArray:
@@ -273,13 +280,18 @@ def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
-def by_distance(points: FloatArray) -> Places:
+def by_distance(
+    points: FloatArray, outline: FloatArray | None = None, *, margin_m: float = 0.0
+) -> Places:
     """Places along one nameless road that leads away from the sensor: s is the distance.
 
-    points: (n, 2 or more), levelled frame; nothing is outside.
+    points: (n, 2 or more), levelled frame, of which those outside of an outline (m, 2) by more
+    than the margin are outside of the region.
     """
     xy = points[:, :2]
-    return Places(np.zeros(len(points), dtype=np.int64), np.hypot(xy[:, 0], xy[:, 1]), xy)
+    inside = in_any(() if outline is None else (outline,), xy, margin_m)
+    s = np.where(inside, np.hypot(xy[:, 0], xy[:, 1]), np.nan)
+    return Places(np.where(inside, 0, -1), s, xy)
 
 
 def road_windows(roads: list[Road]) -> list[Window]:

@@ -43,12 +43,13 @@ class GroundTruth:
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # every LiDAR of the data set
     roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
     outlines: tuple[FloatArray, ...]  # that narrow the region, world
+    drawn: FloatArray | None  # (m, 2) levelled: the region where no roads are known
     of_lanes: bool  # the roads are lanes of a file, each a road of its own
 
     def places(self, boxes: FloatArray, beside_m: float = 0.0) -> Places:
         """Where boxes (n, 7) of the levelled LiDAR frame lie; beside_m makes the roads wider."""
         if not self.roads or self.lidar is None:
-            return regions.by_distance(boxes)
+            return regions.by_distance(boxes, self.drawn, margin_m=beside_m)
         roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
         world = regions.to_world(boxes, self.lidar.T_world_levelled)
         return regions.locate(world, roads, self.outlines)
@@ -122,6 +123,7 @@ def read_ground_truth(
         neighbours=neighbours,
         roads=roads,
         outlines=read_outlines(data_set),
+        drawn=None if roads else regions.drawn_outline(folder),
         of_lanes=bool(roads) and is_of_lanes(data_set),
     )
 

@@ -22,6 +22,7 @@ from evaluation_data import (
 
 from pyinfra import cli, kitti
 from pyinfra.commands.evaluate import class_types
+from pyinfra.config import ConfigError
 from pyinfra.data.frame_tables import read_vehicles
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.evaluate import evaluate
@@ -118,6 +119,24 @@ def test_vehicles_and_ghosts_outside_the_region_are_ignored(
     result = run([[car(20), *out]], [found])
     assert (result.ap.ap == 100).all()
     assert (result.ap.predictions == 1).all()
+
+
+def test_a_drawn_region_stands_for_roads(tmp_path: Path) -> None:
+    """A vehicle beyond it is no miss, and a box there no error."""
+    gt = write_lidar(tmp_path / "lidar", [[car(20), car(60)]])
+    pred = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9), (box(car(60)), 0.95)]])
+    ghosts = write_predictions(tmp_path / "ghosts", [[(box(car(20)), 0.5), (box(car(80)), 0.9)]])
+    settings = Settings(ground_truths=("captured",), block_s=5)
+    assert row(evaluate(gt, ghosts, settings)).ap < 50
+    (gt / "region.yaml").write_text("outline_m: [[-9, -9], [40, -9], [40, 9], [-9, 9]]\n")
+    for found in (pred, ghosts):
+        counted = row(evaluate(gt, found, settings))
+        assert counted[["objects", "predictions", "ap"]].tolist() == [1, 1, 100]
+    (gt / "region.yaml").write_text("outline_m: [[0, 0], [9, 9]]\n")
+    with pytest.raises(ConfigError, match=r"region.yaml.*outline_m: found 2 corners"):
+        evaluate(gt, pred, settings)
+    write_roads(tmp_path)
+    assert row(evaluate(gt, pred, settings)).objects == 2
 
 
 def test_a_vehicle_is_found_where_its_label_is(run: Callable[..., Evaluation]) -> None:
