@@ -146,30 +146,33 @@ def recalls(judgement: Judgement) -> dict[str, float]:
 
 
 def draw(table: pd.DataFrame, file: Path) -> None:
-    """AP over time, a part for each LiDAR and speed; one frame is the first point of each way."""
+    """AP over time, a part for each LiDAR and speed; one frame is the first point of each way.
+
+    A dot is a seed, with its interval; the lines are the means.
+    """
     cells = table.groupby(["lidar", "speed_km_h"], sort=False)
     figure, parts = plt.subplots(
         1, len(cells), figsize=(3 * len(cells), 3), sharey=True, layout="constrained", squeeze=False
     )
     for part, ((lidar, speed), own) in zip(parts[0], cells, strict=True):
-        alone = own[own.accumulate == 1]
         for number, (way, label_at) in enumerate(WAYS):
-            this = own[(own.input == way) & (own.label_at == label_at) & (own.accumulate > 1)]
-            line = pd.concat([alone, this]).sort_values("seconds")
-            ends = np.abs(
-                line[["ap_fine_low", "ap_fine_high"]].T.to_numpy() - line.ap_fine.to_numpy()
-            )
+            of_way = (own.input == way) & (own.label_at == label_at)
+            line = own[of_way | (own.accumulate == 1)].sort_values("seconds")
+            ends = line[["ap_fine_low", "ap_fine_high"]].sub(line.ap_fine, axis=0).abs()
             seconds = line.seconds * 1.04 ** (number - 1)  # beside each other
-            part.errorbar(
-                seconds, line.ap_fine, ends, fmt="os^"[number] + "-", ms=4, lw=1, capsize=2
-            )
+            about = {"fmt": "os^"[number], "color": f"C{number}", "ms": 3, "lw": 0.6}
+            part.errorbar(seconds, line.ap_fine, ends.T.to_numpy(), **about, alpha=0.6)
+            mean = line.groupby("seconds").ap_fine.mean()
+            part.plot(mean.index * 1.04 ** (number - 1), mean, lw=1.2, color=f"C{number}")
         part.set(title=f"{lidar}, {speed} km/h", xlabel="integration time (s)", xscale="log")
         part.set_xticks([0.1, 0.3, 1], ["0.1", "0.3", "1"])
         part.minorticks_off()
         part.grid(alpha=0.3)
     parts[0][0].set_ylabel("AP of captured vehicles")
     names = ("points alone", "with age", "with age, label in the middle")
-    figure.legend(names, loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(
+        parts[0][0].lines[1::2], names, loc="outside lower center", ncols=3, frameon=False
+    )
     with plt.rc_context({"svg.hashsalt": "integration"}):
         figure.savefig(file, metadata={"Date": None})
 

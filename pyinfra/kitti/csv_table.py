@@ -17,8 +17,8 @@ WORDS = frozenset(
         "scene lidar preset detector tier run stressor dial unit ground_truth measure world "
         "label_time road set quality aggregation detail source what claim statement verdict "
         "dominated_by pareto model "
-        "price_source price_date inputs recipe findings reason command commit version latency_version "
-        "latency_machine machine"
+        "price_source price_date inputs recipe findings reason command commit version "
+        "latency_version latency_machine machine"
     ).split()
 )
 

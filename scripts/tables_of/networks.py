@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import astuple
 
 import numpy as np
@@ -35,6 +36,7 @@ STRESSED = {
     "generalist": "generalist",
 }  # by the end of the run's name
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
+TIME_HEADS = ("points alone", "with their age", "with their age, label in the middle")
 
 
 def generalist_sites() -> str:
@@ -171,37 +173,48 @@ def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
 
 def integration() -> str:
     """Fine AP of stacked frames, of captured vehicles and of all, each way of input and label."""
+
+    def cell(own: pd.DataFrame) -> str:
+        captured = (
+            astuple(over_worlds(own.ap_fine)) if len(own) > 1 else ends(own.iloc[0], "ap_fine")
+        )
+        return f"{with_interval_of_ap(*captured)}; {own.ap_all.mean():.1f}"
+
     rows = []
-    key = ["lidar", "speed_km_h", "accumulate"]
-    for (lidar, speed, frames), own in results("integration").groupby(key, sort=False):
-        by_way = own.set_index(["input", "label_at"])
-        cells = [_both_ap(by_way.loc[way]) if way in by_way.index else "" for way in WAYS]
-        rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
-    heads = ["points alone", "with their age", "with their age, label in the middle"]
-    return markdown(["LiDAR", "traffic at", "time", *heads], rows)
+    for (lidar, speed, frames), own in _by_time(results("integration")):
+        by_way = own.groupby(["input", "label_at"])
+        cells = [cell(by_way.get_group(way)) if way in by_way.groups else "" for way in WAYS]
+        rows.append([*_where(lidar, speed, frames), str(own.seed.nunique()), *cells])
+    return markdown(["LiDAR", "traffic at", "time", "seeds", *TIME_HEADS], rows)
 
 
 def integration_differences() -> str:
-    """Paired differences of fine AP, captured, to one frame of the same LiDAR and traffic."""
-    rows = []
-    key = ["lidar", "speed_km_h"]
-    for (lidar, speed), own in results("integration").groupby(key, sort=False):
-        one = own[own.accumulate == 1].iloc[0]
-        for frames, stacked in own[own.accumulate > 1].groupby("accumulate"):
-            by_way = stacked.set_index(["input", "label_at"])
-            cells = [
-                with_interval_of_ap(*astuple(difference(by_way.loc[way], one).measured()))
-                if way in by_way.index
-                else ""
-                for way in WAYS
-            ]
-            rows.append([LIDARS[str(lidar)], f"{speed} km/h", f"{frames / 10:g} s", *cells])
-    heads = ["points alone", "with their age", "with their age, label in the middle"]
-    return markdown(["LiDAR", "traffic at", "time", *heads], rows)
+    """Differences of fine AP, captured, to one frame of the same LiDAR, traffic and seed."""
+
+    def cell(own: pd.DataFrame) -> str:
+        paired = [difference(row, one.loc[row.seed]).measured() for _, row in own.iterrows()]
+        of_all = over_worlds([found.value for found in paired]) if len(paired) > 1 else paired[0]
+        return with_interval_of_ap(*astuple(of_all))
+
+    rows, table = [], results("integration")
+    for (lidar, speed, frames), own in _by_time(table[table.accumulate > 1]):
+        one = table.query("accumulate == 1 and lidar == @lidar and speed_km_h == @speed")
+        one = one.set_index("seed")
+        by_way = own.groupby(["input", "label_at"])
+        cells = [cell(by_way.get_group(way)) if way in by_way.groups else "" for way in WAYS]
+        rows.append([*_where(lidar, speed, frames), str(own.seed.nunique()), *cells])
+    return markdown(["LiDAR", "traffic at", "time", "seeds", *TIME_HEADS], rows)
 
 
-def _both_ap(row: pd.Series) -> str:
-    return f"{with_interval_of_ap(*ends(row, 'ap_fine'))}; {row.ap_all:.1f}"
+def _by_time(table: pd.DataFrame) -> Iterator[tuple[tuple[str, int, int], pd.DataFrame]]:
+    """The rows of each LiDAR, speed and time, in this order."""
+    order = [table.lidar.map(list(LIDARS).index), -table.speed_km_h, table.accumulate]
+    for (_, slow, frames), own in table.groupby(order):
+        yield (own.lidar.iloc[0], -slow, frames), own
+
+
+def _where(lidar: str, speed: int, frames: int) -> list[str]:
+    return [LIDARS[lidar], f"{speed} km/h", f"{frames / 10:g} s"]
 
 
 def engines() -> str:
