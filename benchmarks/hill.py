@@ -28,7 +28,7 @@ from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.tables import fine_ap, fine_columns
 from pyinfra.simulator.catalogue import lidar_file
 from pyinfra.simulator.runs import infrasim
-from pyinfra.site.netconvert import sumo_folder
+from pyinfra.site.sumo import sumo_folder
 from pyinfra.training import detect
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import os
-import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from pyinfra.arrays import FloatArray
 from pyinfra.site.fcd import Recorded, read_fcd
+from pyinfra.site.netconvert import DETAIL
 from pyinfra.site.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
 from pyinfra.site.smoothing import smooth
+from pyinfra.site.sumo import run_tool
 from pyinfra.site.tracks import STEP_S, FrontPath, Track, from_zero
 from pyinfra.site.traffic_demand import Demand, Trips, trips
 from pyinfra.site.traffic_figures import without_overlaps
@@ -23,8 +22,7 @@ REACH_M = 300.0  # from a mount; who drives on is no more in the file, and may c
 STRIPE_M = "0.8"  # as wide as anyone walks, so that two pass each other
 _WARM_UP_S, _WALKING_S = 200, 400
 _AROUND_S = 4.0  # before and after, so that averages have neighbours
-_DETAIL = ("--junctions.internal-link-detail", "20")
-_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *_DETAIL)
+_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
 _WALKS = (
     *("--sidewalks.guess", "true", "--crossings.guess", "true"),
     *("--sidewalks.guess.max-speed", "14"),  # beside roads of up to 50 km/h
@@ -103,9 +101,9 @@ def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
     if net.turn_speed_limited and not walks:
         return net_file
     out = work / NET
-    words = ["netconvert", "--sumo-net-file", str(net_file), "--output-file", str(out)]
+    words = ["--sumo-net-file", str(net_file), "--output-file", str(out)]
     words += ["--offset.disable-normalization", "true", *_TURN_LIMIT]
-    run_tool([*words, *(_WALKS if walks else ())])
+    run_tool("netconvert", [*words, *(_WALKS if walks else ())])
     return out
 
 
@@ -115,31 +113,11 @@ def _run_sumo(
     routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
     routes.write_text(asked.xml)
     begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
-    words = ["sumo", "--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
+    words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
     words += ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--end", str(end)]
     words += ["--fcd-output", str(fcd), "--device.fcd.begin", str(begin), "--precision", "4"]
     words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
     words += ["--collision.action", "none", "--pedestrian.model", "striping"]
     words += ["--pedestrian.striping.stripe-width", STRIPE_M]
-    run_tool([*words, "--no-step-log", "true", "--no-warnings", "true"])
+    run_tool("sumo", [*words, "--no-step-log", "true", "--no-warnings", "true"])
     return read_fcd(fcd)
-
-
-def run_tool(words: list[str]) -> None:
-    """Runs a program of SUMO's; raises RuntimeError with its first line of error."""
-    home = tool_home()
-    environment = {**os.environ, "SUMO_HOME": str(home)}
-    words = [str(home / "bin" / words[0]), *words[1:], "--xml-validation", "never"]
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if line.startswith("Error")]
-        name = Path(words[0]).name
-        raise RuntimeError(f"{name}: {(lines or [f'ended with {done.returncode}'])[0]}")
-
-
-def tool_home() -> Path:
-    """Where SUMO is installed; raises ImportError with how to install it."""
-    found = importlib.util.find_spec("sumo")
-    if found is None or found.origin is None:
-        raise ImportError("SUMO is not installed: pip install 'infrasim[site]'")
-    return Path(found.origin).parent

@@ -16,11 +16,11 @@ import yaml
 from pyinfra.cli import main
 from pyinfra.site.lane_map import MapError, MapLane
 from pyinfra.site.map_import import ImportOptions, import_map, lanes_table
-from pyinfra.site.netconvert import sumo_folder
 from pyinfra.site.opendrive_geometry import read_reference_line
 from pyinfra.site.openstreetmap import transverse_mercator
 from pyinfra.site.plan import plan, read_lanes
 from pyinfra.site.ply import Triangles, degenerate, read_ply
+from pyinfra.site.sumo import sumo_folder
 from pyinfra.site.surfaces import contains, ears
 
 pytest.importorskip("sumo", reason="needs the extra `site`")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.arrays import FloatArray
-from pyinfra.site.traffic import run_tool
+from pyinfra.site.sumo import run_tool
 
 ARM_M = 400
 FOOT = np.array([[12.0, 12.0]])
@@ -50,8 +50,9 @@ def _converted(folder: Path, nodes: list[str], edges: list[str]) -> Path:
     node_file, edge_file, net = (folder / n for n in ("n.nod.xml", "n.edg.xml", "map.net.xml"))
     node_file.write_text(f"<nodes>{''.join(nodes)}</nodes>")
     edge_file.write_text(f"<edges>{''.join(edges)}</edges>")
-    words = ["netconvert", "-n", str(node_file), "-e", str(edge_file), "-o", str(net)]
-    run_tool([*words, "--no-turnarounds", "true", "--offset.disable-normalization", "true"])
+    words = ["-n", str(node_file), "-e", str(edge_file), "-o", str(net)]
+    words += ["--no-turnarounds", "true", "--offset.disable-normalization", "true"]
+    run_tool("netconvert", words)
     (folder / "site.yaml").write_text(SITE)
     return net
 
