@@ -123,9 +123,9 @@ def unseen() -> str:
 
 
 def unlabelled() -> str:
-    """Precision promised and found after a minute without labels, over sites."""
-    rows = []
-    for way, own in results("unlabelled").groupby("way", sort=False):
+    """Precision promised and found after a minute without labels, over sites and minutes."""
+    rows, table = [], results("unlabelled")
+    for way, own in table.groupby("way", sort=False):
         own = own[own.boxes >= LEAST_BOXES]
         off = (own.precision_said - own.precision).abs()
         right, objects = (own.precision * own.boxes).sum(), own.objects.sum()
@@ -140,8 +140,20 @@ def unlabelled() -> str:
                 f"{(own.recall * own.objects).sum() / objects:.2f}",
             ]
         )
-    heads = ["boxes", "sites", "precision", "said", "off by (median)", "within 0.05", "recall"]
+    rows.append(_between_minutes(table[table.way == "as it comes"]))
+    heads = ["boxes", "minutes", "precision", "said", "off by (median)", "within 0.05", "recall"]
     return markdown(heads, rows)
+
+
+def _between_minutes(table: pd.DataFrame) -> list[str]:
+    """What a labelled minute of a site says of its other one."""
+    table = table[table.boxes >= LEAST_BOXES]
+    both = table.pivot(index="site", columns="seed", values="precision").dropna()
+    off = (both[1] - both[2]).abs()
+    share = f"{100 * (off <= 0.05).mean():.0f} %"
+    name = "as it comes; said: what the site's other minute has"
+    said = ["", "", f"{off.median():.3f}", share, ""]
+    return [name, str(len(both)), *said]
 
 
 def stress_generalist() -> str:
