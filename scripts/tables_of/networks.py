@@ -148,11 +148,13 @@ def unlabelled() -> str:
 def _between_minutes(table: pd.DataFrame) -> list[str]:
     """What a labelled minute of a site says of its other one."""
     table = table[table.boxes >= LEAST_BOXES]
-    both = table.pivot(index="site", columns="seed", values="precision").dropna()
-    off = (both[1] - both[2]).abs()
+    table = table.assign(error=table.precision_said - table.precision)
+    both = table.pivot(index="site", columns="seed", values=["precision", "error"]).dropna()
+    off = (both.precision[1] - both.precision[2]).abs()
+    alike = f"errors of both correlate by {both.error[1].corr(both.error[2]):.2f}"
     share = f"{100 * (off <= 0.05).mean():.0f} %"
     name = "as it comes; said: what the site's other minute has"
-    said = ["", "", f"{off.median():.3f}", share, ""]
+    said = ["", alike, f"{off.median():.3f}", share, ""]
     return [name, str(len(both)), *said]
 
 
