@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.evaluation.draws import difference
-from pyinfra.statistics.compare import over_worlds
+from pyinfra.statistics.compare import Measured, over_worlds
 from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
 
 ARMS = {
@@ -36,6 +36,7 @@ STRESSED = {
     "generalist": "generalist",
 }  # by the end of the run's name
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
+LEAST_SEEDS = 3  # for an interval over them
 TIME_HEADS = ("points alone", "with their age", "with their age, label in the middle")
 
 
@@ -189,10 +190,8 @@ def integration() -> str:
     """Fine AP of stacked frames, of captured vehicles and of all, each way of input and label."""
 
     def cell(own: pd.DataFrame) -> str:
-        captured = (
-            astuple(over_worlds(own.ap_fine)) if len(own) > 1 else ends(own.iloc[0], "ap_fine")
-        )
-        return f"{with_interval_of_ap(*captured)}; {own.ap_all.mean():.1f}"
+        captured = [Measured(*ends(row, "ap_fine")) for _, row in own.iterrows()]
+        return f"{_of_seeds(captured)}; {own.ap_all.mean():.1f}"
 
     rows = []
     for (lidar, speed, frames), own in _by_time(results("integration")):
@@ -207,8 +206,7 @@ def integration_differences() -> str:
 
     def cell(own: pd.DataFrame) -> str:
         paired = [difference(row, one.loc[row.seed]).measured() for _, row in own.iterrows()]
-        of_all = over_worlds([found.value for found in paired]) if len(paired) > 1 else paired[0]
-        return with_interval_of_ap(*astuple(of_all))
+        return _of_seeds(paired)
 
     rows, table = [], results("integration")
     for (lidar, speed, frames), own in _by_time(table[table.accumulate > 1]):
@@ -218,6 +216,13 @@ def integration_differences() -> str:
         cells = [cell(by_way.get_group(way)) if way in by_way.groups else "" for way in WAYS]
         rows.append([*_where(lidar, speed, frames), str(own.seed.nunique()), *cells])
     return markdown(["LiDAR", "traffic at", "time", "seeds", *TIME_HEADS], rows)
+
+
+def _of_seeds(found: list[Measured]) -> str:
+    """The mean over seeds with Student's interval; of too few for one, each with its own."""
+    if len(found) >= LEAST_SEEDS:
+        return with_interval_of_ap(*astuple(over_worlds([one.value for one in found])))
+    return ", ".join(with_interval_of_ap(*astuple(one)) for one in found)
 
 
 def _by_time(table: pd.DataFrame) -> Iterator[tuple[tuple[str, int, int], pd.DataFrame]]:
