@@ -53,6 +53,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "stress_generalist": networks.stress_generalist,
     "unlabelled": networks.unlabelled,
     "unseen": networks.unseen,
+    "budget": networks.budget,
     "traffic": sites.traffic,
     "generalist at sites": networks.generalist_sites,
     "sites": sites.sites,

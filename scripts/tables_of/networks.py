@@ -123,6 +123,22 @@ def unseen() -> str:
     return markdown(["sites", "class", "found by", "objects", *names, "difference"], rows)
 
 
+def budget() -> str:
+    """Fine AP by class at unseen sites over the steps of a training; the shipped network last."""
+    table, rows = results("budget"), []
+    table = table[table.measure.isin(["BEV IoU 0.5", "BEV IoU 0.25"])]
+    for model, own in sorted(table.groupby("model"), key=lambda pair: len(str(pair[0]))):
+        of = own.set_index("class")
+        ap = (with_interval_of_ap(*ends(of.loc[name], "ap_fine")) for name in of.index)
+        less = ends(of.loc["vehicle"], "difference")
+        seconds = own.train_cpu_s.iloc[0]
+        spent = "" if math.isnan(seconds) else f"{seconds:.0f}"
+        last = "" if math.isnan(less[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*less)
+        rows.append([str(model), spent, *ap, last])
+    heads = ["steps", "CPU s", "vehicles", "pedestrians", "cyclists", "vehicles, less than shipped"]
+    return markdown(heads, rows)
+
+
 def unlabelled() -> str:
     """Precision promised and found after a minute without labels, over sites and minutes."""
     rows, table = [], results("unlabelled")
