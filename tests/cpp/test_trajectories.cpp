@@ -101,7 +101,7 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   const SceneConfig scene = road_with_traffic(15);
   TrajectoryText lines;
   std::string text = lines.header();
-  for_each_instant(scene, [&](const auto& states) { text += lines.rows(states); });
+  Instants(scene).each([&](const auto& states) { text += lines.rows(states); });
   EXPECT_EQ(text, trajectories_csv(build_world(scene).trajectories));
   EXPECT_EQ(lines.instants(), 31);
 }
@@ -109,7 +109,7 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
 TEST(trajectories, handed_over_one_by_one_need_a_scene_that_is_right_as_a_whole) {
   SceneConfig scene = road_with_traffic(15);
   scene.gantries.push_back({.road = "other", .s_m = 1, .place = {}});
-  EXPECT_NE(error_of([&] { for_each_instant(scene, [](const auto&) {}); }).find("'other'"),
+  EXPECT_NE(error_of([&] { Instants(scene).each([](const auto&) {}); }).find("'other'"),
             std::string::npos);
 }
 

@@ -124,9 +124,10 @@ void trajectories_command(const TrajectoriesOptions& o) {
   const std::filesystem::path file = o.out;
   remove_leftovers(file.parent_path().empty() ? "." : file.parent_path());
   AtomicFile out(file);
-  TrajectoryText lines(vehicles_pitch(scene));
+  const Instants instants(scene);
+  TrajectoryText lines(instants.pitched());
   out.write(lines.header());
-  for_each_instant(scene, [&](const auto& states) { out.write(lines.rows(states)); });
+  instants.each([&](const auto& states) { out.write(lines.rows(states)); });
   out.replace();
   std::printf("%d frames\n", lines.instants() - 1);
 }

@@ -61,24 +61,6 @@ TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
   };
 }
 
-/// The vehicles of a scene that was checked, one instant after the other.
-void take_instants(const SceneConfig& scene, const TakeInstant& take) {
-  const TakeInstant all = with_parked(scene, with_people(scene, take));
-  if (scene.traffic)
-    return simulate_traffic(scene, [&, profile = Profile(scene)](std::vector<ObjectState> states) {
-      profile.lift(states);
-      all(states);
-    });
-  const Trajectories recorded = load_recorded(scene);
-  for (const auto& states : recorded.rows) all(states);
-}
-
-Trajectories load_trajectories(const SceneConfig& scene) {
-  Trajectories out{{}, vehicles_pitch(scene)};
-  take_instants(scene, [&](const auto& states) { out.rows.push_back(states); });
-  return out;
-}
-
 std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& scene) {
   std::map<std::string, StaticLayerFile> layers;
   if (!scene.static_layers) return layers;
@@ -130,8 +112,9 @@ World world_of(const SceneConfig& scene, Trajectories trajectories) {
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts) {
   std::vector<SceneConfig> views;
   for (const std::string& mount : mounts) views.push_back(seen_from(scene, mount));
-  check_site(scene);
-  const Trajectories trajectories = load_trajectories(scene);
+  const Instants instants(scene);
+  Trajectories trajectories{{}, instants.pitched()};
+  instants.each([&](const auto& states) { trajectories.rows.push_back(states); });
   check_sensor_is_free(scene, trajectories);
   std::vector<World> worlds;
   for (const SceneConfig& view : views) worlds.push_back(world_of(view, trajectories));
@@ -148,20 +131,27 @@ std::vector<std::string> mount_names(const SceneConfig& scene) {
   return names;
 }
 
-void for_each_instant(const SceneConfig& scene, const TakeInstant& take) {
+Instants::Instants(const SceneConfig& scene) : scene_(scene) {
   // What stands still is no part of the rows, but a scene is right as a whole or not at all.
   check_site(scene);
-  take_instants(scene, take);
+  if (!scene.traffic) recorded_ = load_recorded(scene);
 }
 
-bool vehicles_pitch(const SceneConfig& scene) {
-  return scene.profile || (!scene.traffic && load_recorded(scene).pitched);
+void Instants::each(const TakeInstant& take) const {
+  const TakeInstant all = with_parked(scene_, with_people(scene_, take));
+  if (scene_.traffic)
+    return simulate_traffic(scene_,
+                            [&, profile = Profile(scene_)](std::vector<ObjectState> states) {
+                              profile.lift(states);
+                              all(states);
+                            });
+  for (const auto& states : recorded_->rows) all(states);
 }
 
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   if (scene.traffic) scene.duration_s = kChecked_s;
   OverlapSearch search;
-  for_each_instant(scene, [&](const auto& states) { search.take(states); });
+  Instants(scene).each([&](const auto& states) { search.take(states); });
   return search.found();
 }
 

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,13 +43,22 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
 /// In the order of the file.
 std::vector<std::string> mount_names(const SceneConfig& scene);
 
-/// Hands over the vehicles of a scene, one instant after the other; simulated ones are not kept.
-/// @throws what build_world does
-void for_each_instant(const SceneConfig& scene, const TakeInstant& take);
+/// The vehicles and people of a scene, one instant after the other; simulated ones are not kept,
+/// those of a file are read once.
+class Instants {
+ public:
+  /// @param scene outlives this
+  /// @throws what build_world does
+  explicit Instants(const SceneConfig& scene);
 
-/// Whether a vehicle of the scene leans forwards or backwards: those of a file may.
-/// @throws what build_world does
-bool vehicles_pitch(const SceneConfig& scene);
+  /// Whether vehicles may lean forwards or backwards: tables have the column.
+  bool pitched() const { return scene_.profile || (recorded_ && recorded_->pitched); }
+  void each(const TakeInstant& take) const;
+
+ private:
+  const SceneConfig& scene_;
+  std::optional<Trajectories> recorded_;
+};
 
 /// Vehicles that are in one place within a minute of a scene's traffic, or at any time of its
 /// recorded trajectories.

@@ -102,7 +102,7 @@ std::optional<double> ground_over(const SceneConfig& scene, const Sensor& sensor
 }
 
 bool holds(const Box3d& box, const Sensor& sensor) {
-  return std::abs(sensor.z - box.z) <= box.dz / 2 && covers(footprint(box), sensor.foot);
+  return BoxFrame(box).contains({sensor.foot.x, sensor.foot.y, sensor.z}, 0);
 }
 
 /// In words; empty if nothing does.
@@ -207,7 +207,7 @@ void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajecto
   for (const auto& [name, mount] : scene.mounts)
     for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
       for (const ObjectState& s : trajectories.rows[k])
-        if (BoxFrame(s.box).contains({mount.x_m, mount.y_m, mount.z_m}, 0))
+        if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
           config::fail(mount.place, "mounts." + name + ".x_m",
                        "found it inside vehicle " + std::to_string(s.id) + " at " +
                            number_text(static_cast<double>(k) / 10) +
