@@ -223,13 +223,16 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
     data_set = data_set_of(lidar_folder)
     if (roads := data_set / "roads.csv").is_file():
         return roads_region(read_roads(roads), pose, read_outlines(data_set))
-    outline = lidar_folder / REGION_FILE
-    return outline_region(outline) if outline.is_file() else None
+    corners = drawn_outline(lidar_folder)
+    return None if corners is None else _within(corners)
 
 
 def outline_region(file: Path) -> Region:
     """That of an `Outline` file. Raises ConfigError with file, line and key."""
-    corners = read_outline(file)
+    return _within(read_outline(file))
+
+
+def _within(corners: FloatArray) -> Region:
     return Region(partial(in_outline, corners), corners)
 
 

@@ -1,5 +1,6 @@
 """Maps to SUMO networks, by its netconvert."""
 
+import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,6 +21,8 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
     words = [*arguments, *DETAIL, "--output-file", str(out)]
     try:
         warnings = run_tool("netconvert", words, longest_s=LONGEST_S)
+    except subprocess.TimeoutExpired as error:
+        raise MapError(f"{source}: SUMO took more than {LONGEST_S:g} s; cut the map") from error
     except RuntimeError as error:
         raise MapError(f"{source}: SUMO can't read it: {error}") from error
     if not out.exists():
