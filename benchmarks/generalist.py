@@ -73,12 +73,12 @@ class Cell:
 
 
 def cells(sites: int, seeds: int) -> Iterator[Cell]:
-    """Every site in every world, with the LiDAR whose turn it is."""
+    """Every site in every world, with the LiDAR whose turn it is; a world begins with another."""
     lidars = (*STUDIED, *HELD_OUT)
     generated = [f"site_v{VERSION}_{FIRST_SITE + i}" for i in range(sites)]
     chosen = enumerate((*SCENES, *generated))
     for seed, (turn, site) in itertools.product(range(1, seeds + 1), chosen):
-        yield Cell(site, seed, lidars[(turn + 3 * (seed - 1)) % len(lidars)])
+        yield Cell(site, seed, lidars[(turn + len(SCENES) * (seed - 1)) % len(lidars)])
 
 
 def cells_of_trial(seeds: int) -> Iterator[Cell]:

@@ -49,8 +49,7 @@ PARTS = ("learnt", "tested")
 TEST_EVERY = 10  # frames that are tested on
 SETTINGS = Settings(ground_truths=("captured", "all"))
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, 1e9)}  # as of stress
-KEY = ["scene", "speed_km_h", "lidar", "preset", "detector", "input", "accumulate", "label_at"]
-KEY += ["seed"]
+KEY = "scene speed_km_h lidar preset detector input accumulate label_at seed".split()
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import astuple
 
 import numpy as np
@@ -36,6 +36,7 @@ STRESSED = {
     "generalist": "generalist",
 }  # by the end of the run's name
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
+MANY_LABELS = 200  # in the frames of test
 LEAST_SEEDS = 3  # for an interval over them
 TIME_HEADS = ("points alone", "with their age", "with their age, label in the middle")
 
@@ -78,13 +79,18 @@ def beside_specialists() -> str:
     """Differences of fine AP to a specialist, cell by cell: another site, world and training."""
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
-    table = table[["site", "seed", "lidar", "arm", "ap_fine"]]
-    kind = np.where(table.site.str.startswith("site_"), "generated", "the study's")
-    cells = table.assign(kind=kind).pivot_table("ap_fine", ["kind", "site", "seed", "lidar"], "arm")
-    for (kind, own), arm in itertools.product(cells.groupby("kind"), list(ARMS)[:-1]):
+    key = ["site", "seed", "lidar"]
+    cells = table.pivot_table("ap_fine", key, "arm")
+    objects = table.groupby(key).objects.max()
+    generated = cells.index.get_level_values("site").str.startswith("site_")
+    kinds = {
+        "generated": generated,
+        f"generated, {MANY_LABELS} labels or more": generated & (objects >= MANY_LABELS),
+        "the study's": ~generated,
+    }
+    for (kind, chosen), arm in itertools.product(kinds.items(), list(ARMS)[:-1]):
+        own = cells[chosen]
         less = (own[arm] - own.specialist).dropna().to_numpy()
-        if len(less) == 0:
-            continue
         least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
         spread = f"{least} to {most}"
         mean = with_interval_of_ap(*astuple(over_worlds(less)))
@@ -125,7 +131,7 @@ def unseen() -> str:
 
 def budget() -> str:
     """Fine AP by class at unseen sites over the steps of a training; the shipped network last."""
-    table, rows = results("budget"), []
+    table, rows = results("generalist_budget"), []
     table = table[table.measure.isin(["BEV IoU 0.5", "BEV IoU 0.25"])]
     for model, own in sorted(table.groupby("model"), key=lambda pair: len(str(pair[0]))):
         of = own.set_index("class")
@@ -209,28 +215,30 @@ def integration() -> str:
         captured = [Measured(*ends(row, "ap_fine")) for _, row in own.iterrows()]
         return f"{_of_seeds(captured)}; {own.ap_all.mean():.1f}"
 
-    rows = []
-    for (lidar, speed, frames), own in _by_time(results("integration")):
-        by_way = own.groupby(["input", "label_at"])
-        cells = [cell(by_way.get_group(way)) if way in by_way.groups else "" for way in WAYS]
-        rows.append([*_where(lidar, speed, frames), str(own.seed.nunique()), *cells])
-    return markdown(["LiDAR", "traffic at", "time", "seeds", *TIME_HEADS], rows)
+    return _over_time(results("integration"), cell)
 
 
 def integration_differences() -> str:
     """Differences of fine AP, captured, to one frame of the same LiDAR, traffic and seed."""
+    table, key = results("integration"), ["lidar", "speed_km_h", "seed"]
+    one = table[table.accumulate == 1].set_index(key)
 
     def cell(own: pd.DataFrame) -> str:
-        paired = [difference(row, one.loc[row.seed]).measured() for _, row in own.iterrows()]
-        return _of_seeds(paired)
+        rows = (row for _, row in own.iterrows())
+        return _of_seeds([difference(row, one.loc[tuple(row[key])]).measured() for row in rows])
 
-    rows, table = [], results("integration")
-    for (lidar, speed, frames), own in _by_time(table[table.accumulate > 1]):
-        one = table.query("accumulate == 1 and lidar == @lidar and speed_km_h == @speed")
-        one = one.set_index("seed")
+    return _over_time(table[table.accumulate > 1], cell)
+
+
+def _over_time(table: pd.DataFrame, cell: Callable[[pd.DataFrame], str]) -> str:
+    """A row for each LiDAR, speed and time; a cell for each way, of its rows by seed."""
+    rows = []
+    order = [table.lidar.map(list(LIDARS).index), -table.speed_km_h, table.accumulate]
+    for (_, slow, frames), own in table.sort_values("seed").groupby(order):
         by_way = own.groupby(["input", "label_at"])
         cells = [cell(by_way.get_group(way)) if way in by_way.groups else "" for way in WAYS]
-        rows.append([*_where(lidar, speed, frames), str(own.seed.nunique()), *cells])
+        what = [LIDARS[own.lidar.iloc[0]], f"{-slow} km/h", f"{frames / 10:g} s"]
+        rows.append([*what, str(own.seed.nunique()), *cells])
     return markdown(["LiDAR", "traffic at", "time", "seeds", *TIME_HEADS], rows)
 
 
@@ -239,17 +247,6 @@ def _of_seeds(found: list[Measured]) -> str:
     if len(found) >= LEAST_SEEDS:
         return with_interval_of_ap(*astuple(over_worlds([one.value for one in found])))
     return ", ".join(with_interval_of_ap(*astuple(one)) for one in found)
-
-
-def _by_time(table: pd.DataFrame) -> Iterator[tuple[tuple[str, int, int], pd.DataFrame]]:
-    """The rows of each LiDAR, speed and time, in this order."""
-    order = [table.lidar.map(list(LIDARS).index), -table.speed_km_h, table.accumulate]
-    for (_, slow, frames), own in table.groupby(order):
-        yield (own.lidar.iloc[0], -slow, frames), own
-
-
-def _where(lidar: str, speed: int, frames: int) -> list[str]:
-    return [LIDARS[lidar], f"{speed} km/h", f"{frames / 10:g} s"]
 
 
 def engines() -> str:

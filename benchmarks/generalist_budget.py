@@ -3,19 +3,19 @@
 The shipped network, and others of the same recipe that learnt for fewer or more steps, each with a
 whole fall of the rate. Sites, measures and intervals are those of benchmarks/unseen.py; differences
 are to the shipped network. A stopped training goes on.
-    .venv/bin/python benchmarks/budget.py --work data/budget
-writes results/budget.csv.
+    .venv/bin/python benchmarks/generalist_budget.py --work data/generalist_budget
+writes results/generalist_budget.csv.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import unseen
+from training import cut
 
 from pyinfra import __version__, machine
 from pyinfra.detectors.fused import fused
@@ -32,7 +32,7 @@ SHIPPED = Path("generalist")
 def trained(steps: int, work: Path) -> Path:
     """The run of so many steps."""
     recipe = read_recipe(ROOT / "configs/detectors/generalist.yaml", "full")
-    recipe = replace(recipe, learning=replace(recipe.learning, steps=steps))
+    recipe = cut(recipe, steps / recipe.learning.steps)
     run = work / f"steps_{steps}"
     train(recipe, read_stream(ROOT / "configs/streams/generalist.yaml", recipe.classes), run)
     return run
@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, nargs="+", default=[500, 2000])
     parser.add_argument("--sites", type=int, default=60)
     parser.add_argument("--frames", type=int, default=5, help="of each LiDAR; default: 5")
-    parser.add_argument("--out", type=Path, default=ROOT / "results/budget.csv")
+    parser.add_argument("--out", type=Path, default=ROOT / "results/generalist_budget.csv")
     args = parser.parse_args()
     runs = {str(steps): trained(steps, args.work) for steps in sorted(args.steps)}
     models = {"shipped": SHIPPED, **runs}
@@ -52,7 +52,8 @@ def main() -> None:
     everywhere = {"all": np.ones(args.sites, np.bool_)}
     found = unseen.rows(unseen.gathered(args, networks), list(models), everywhere)
     seconds = {name: pd.read_csv(run / "log.csv").cpu_seconds.sum() for name, run in runs.items()}
-    about = {"version": __version__, "machine": machine(), "command": "benchmarks/budget.py"}
+    about = {"version": __version__, "machine": machine()}
+    about |= {"command": "benchmarks/generalist_budget.py"}
     table = pd.DataFrame(found).assign(train_cpu_s=lambda t: t.model.map(seconds).round(), **about)
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table.iloc[:, :-3].to_string(index=False))
