@@ -8,7 +8,6 @@ goes on from any n at the price of one group.
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -65,27 +64,12 @@ class StreamPlan:
 
 
 @dataclass
-class Cost:
-    """CPU seconds that making samples took so far, by what for."""
-
-    visits: int = 0
-    samples: int = 0
-    building_s: float = 0.0  # sites and worlds
-    casting_s: float = 0.0
-
-    @property
-    def seconds(self) -> float:
-        return self.building_s + self.casting_s
-
-
-@dataclass
 class SiteSamples:
     """Samples (`pyinfra.training.samples.Samples`) of a plan."""
 
     plan: StreamPlan
     sensors: catalogue.Sensors
     classes: tuple[ObjectClass, ...] = VEHICLES  # that their boxes are of
-    cost: Cost = field(default_factory=Cost)
     make_keys: Callable[[int], Keys] = make_site
     _group: tuple[int, list[SiteSample]] = (-1, [])
 
@@ -125,20 +109,14 @@ class SiteSamples:
         return self._group[1]
 
     def _visit(self, visit: int) -> list[SiteSample]:
-        start = time.process_time()
         random = np.random.default_rng([KEY, self.plan.seed, 0, visit])
         seed = self.plan.first_site + visit % self.plan.sites
         keys, world = world_of(seed, self.plan.label_time, self.make_keys)
-        built = time.process_time()
         samples = []
         for lidar in self.sensors.draw(random, self.plan.lidars):
             # Drawn, not evenly spaced: a pattern that nearly repeats would show few phases.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
-        self.cost.visits += 1
-        self.cost.samples += len(samples)
-        self.cost.building_s += built - start
-        self.cost.casting_s += time.process_time() - built
         return samples
 
 

@@ -11,8 +11,12 @@ import csv
 import dataclasses
 import math
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +39,7 @@ DIVIDED = 10.0  # the first rate is the highest by this
 LAST = 1e-4  # the last rate is the first by this
 MOMENTA = (0.95, 0.85)
 SAVES = 20  # checkpoints over a run
+AHEAD = 16  # batches; a stream makes the samples of a dozen at a time
 PASSING = ("step", "version")  # may change while a run goes on
 
 
@@ -52,7 +57,7 @@ class Progress:
     loss: float
     parts: dict[str, float]
     seconds: float  # of this run, since it began or went on
-    cpu_seconds: float  # of this step
+    cpu_seconds: float  # since the one before, with what was made ahead
 
 
 def train(
@@ -82,13 +87,13 @@ def train(
     last = out / "last.safetensors"
     done = resume(network, optimizer, begun) if begun is not None else 0
     checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
-    start = time.monotonic()
+    make = partial(batch_of, frames, recipe, network, about.seed)
+    start, before = time.monotonic(), time.process_time()
     keep_memory()
-    with one_thread():
-        for step in range(done, learning.steps):
-            before = time.process_time()
+    with one_thread(), closing(ahead(make, range(done, learning.steps))) as batches:
+        for step, made in batches:
             rate = set_rate(optimizer, learning, step)
-            batch = batch_of(frames, recipe, network, about.seed, step).to(device)
+            batch = made.to(device)
             with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
                 parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
@@ -111,9 +116,28 @@ def train(
             if report is None:
                 continue
             numbers = dict(zip(parts, whole[1:], strict=True))
-            times = time.monotonic() - start, time.process_time() - before
+            now = time.process_time()
+            times, before = (time.monotonic() - start, now - before), now
             report(Progress(done, learning.steps, rate, whole[0], numbers, *times))
     return network.eval()
+
+
+def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Batch]]:
+    """What is made for each step, in order, by a second thread while the ones before are used.
+
+    Raises at a step what making its batch raised.
+    """
+    pool, begun = ThreadPoolExecutor(1), deque[tuple[int, Future[Batch]]]()
+    try:
+        for step in steps:
+            begun.append((step, pool.submit(make, step)))
+            if len(begun) > AHEAD:
+                first, batch = begun.popleft()
+                yield first, batch.result()
+        for step, batch in begun:
+            yield step, batch.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def check_finite(name: str, value: float, step: int, last: Path) -> None:

@@ -26,6 +26,7 @@ from pyinfra.data import regions  # noqa: E402
 from pyinfra.data.ground import level_ground  # noqa: E402
 from pyinfra.data.outlines import in_outline  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
+from pyinfra.detectors.batch import Area, Batch, make_batch  # noqa: E402
 from pyinfra.exchange import pcd_file  # noqa: E402
 from pyinfra.training import (  # noqa: E402
     checkpoint,
@@ -885,3 +886,18 @@ def test_labels_of_two_times_are_not_learnt_together() -> None:
         ValueError, match=r"helios_16 in curve: label_time: found frame, allowed sc"
     ):
         common_label_time([one, other])
+
+
+def test_batches_made_ahead_come_in_their_order_and_what_fails_names_its_step() -> None:
+    def make(step: int) -> Batch:
+        if step == 30:
+            raise OSError("no frame 30")
+        return make_batch([road_sample(step)], Area((0, -20, -3), (60, 20, 1)))
+
+    batches = loop.ahead(make, range(5, 60))
+    for step in range(5, 30):
+        came, batch = next(batches)
+        assert came == step
+        torch.testing.assert_close(batch.points, make(step).points)
+    with pytest.raises(OSError, match="no frame 30"):
+        next(batches)
