@@ -39,7 +39,7 @@ class Sensors:
         return [self._lidar(self.files[i], random.random()) for i in chosen]
 
     def _lidar(self, file: Path, u: float) -> sim.Lidar:
-        there = {name: self.presets.get(name, 0.0) for name in presets_of(file)}
+        there = {name: self.presets.get(name, 0.0) for name in _presets(file)}
         ends = np.cumsum(list(there.values())) / sum(there.values())
         name = list(there)[int(np.searchsorted(ends, u, side="right"))]
         return _loaded(file, name)
@@ -66,11 +66,14 @@ def sensors(
 
 def _can_be_cast(file: Path, presets: Mapping[str, float]) -> bool:
     """False without a preset of those, and of a table that is not beside the file."""
-    there = [name for name in presets_of(file) if presets.get(name, 0) > 0]
+    there = [name for name in _presets(file) if presets.get(name, 0) > 0]
     try:
         return bool([_loaded(file, name) for name in there])
     except (ValueError, OSError):
         return False
+
+
+_presets = cache(presets_of)  # streams ask for each frame
 
 
 @cache

@@ -25,7 +25,8 @@ class Walks:
         self.room, self.habitat, self.how = room, habitat, ranges.ways
         self.roads = {road.name: road for road in room.layout.roads}
         self.boxes = np.array([*room.taken, *_boxes(things)])
-        self.lines = [cKDTree(line) for line in self._lines(things)]
+        standing = [*self._lines(things)]
+        self.lines = [cKDTree(np.concatenate(standing))] if standing else []
         self.rows: list[Keys] = []
 
     def add(self, road: DrawnRoad, seed: int) -> None:

@@ -124,7 +124,8 @@ def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) ->
             points = fault(points, draw.uniform(0, most), draw)
     boxes, numbers = sample.boxes, sample.numbers
     if len(points) < len(sample.points):
-        lost = (points_in_boxes(points, boxes) == 0) & (points_in_boxes(sample.points, boxes) > 0)
+        lost = points_in_boxes(points, boxes) == 0
+        lost[lost] = points_in_boxes(sample.points, boxes[lost]) > 0
         boxes, numbers = boxes[~lost], numbers[~lost]
     if how.range_noise_m > 0:
         points = sensor_faults.range_noise(points, draw.uniform(0, how.range_noise_m), draw)
