@@ -1,8 +1,8 @@
 """AP of a network of many sites over what its training costs, at sites that it never saw.
 
-The shipped network, and others of the same recipe that learnt for fewer or more steps, each with a
-whole fall of the rate. Sites, measures and intervals are those of benchmarks/unseen.py; differences
-are to the shipped network. A stopped training goes on.
+The shipped network, and others of the same recipe that learnt for fewer or more steps or with
+another precision, each with a whole fall of the rate. Sites, measures and intervals are those of
+benchmarks/unseen.py; differences are to the shipped network. A stopped training goes on.
     .venv/bin/python benchmarks/generalist_budget.py --work data/generalist_budget
 writes results/generalist_budget.csv.
 """
@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pandas as pd
 import unseen
+import yaml
 from training import cut
 
 from pyinfra import __version__, machine
@@ -22,39 +24,52 @@ from pyinfra.detectors.fused import fused
 from pyinfra.sites.stream import read_stream
 from pyinfra.training import checkpoint
 from pyinfra.training.detect import model_file
-from pyinfra.training.recipe import read_recipe
+from pyinfra.training.recipe import Precision, read_recipe
 from pyinfra.training.train import train
 
 ROOT = Path(__file__).resolve().parents[1]
 SHIPPED = Path("generalist")
 
 
-def trained(steps: int, work: Path) -> Path:
+def trained(steps: int, precision: Precision, work: Path) -> Path:
     """The run of so many steps."""
     recipe = read_recipe(ROOT / "configs/detectors/generalist.yaml", "full")
     recipe = cut(recipe, steps / recipe.learning.steps)
-    run = work / f"steps_{steps}"
-    train(recipe, read_stream(ROOT / "configs/streams/generalist.yaml", recipe.classes), run)
+    run = work / f"{precision}_{steps}"
+    stream = read_stream(ROOT / "configs/streams/generalist.yaml", recipe.classes)
+    train(recipe, stream, run, precision=precision)
     return run
+
+
+def about(model: Path) -> dict[str, object]:
+    """Steps, and of a run how it learnt and for how long."""
+    said: dict[str, object] = {"steps": checkpoint.load(model_file(model)).about.steps}
+    if (model / "log.csv").is_file():
+        said["precision"] = yaml.safe_load((model / "run.yaml").read_text())["precision"]
+        said["train_cpu_s"] = round(pd.read_csv(model / "log.csv").cpu_seconds.sum())
+    return said
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="folder of runs")
-    parser.add_argument("--steps", type=int, nargs="+", default=[500, 2000])
+    parser.add_argument("--steps", type=int, nargs="*", default=[500, 2000])
+    parser.add_argument("--precision", choices=get_args(Precision), default="float32")
+    parser.add_argument("--models", type=Path, nargs="+", default=[], help="other runs and files")
     parser.add_argument("--sites", type=int, default=60)
     parser.add_argument("--frames", type=int, default=5, help="of each LiDAR; default: 5")
     parser.add_argument("--out", type=Path, default=ROOT / "results/generalist_budget.csv")
     args = parser.parse_args()
-    runs = {str(steps): trained(steps, args.work) for steps in sorted(args.steps)}
-    models = {"shipped": SHIPPED, **runs}
-    networks = [fused(checkpoint.load(model_file(model)).network()) for model in models.values()]
+    runs = [trained(steps, args.precision, args.work) for steps in sorted(args.steps)]
+    models = [SHIPPED, *args.models, *runs]
+    networks = [fused(checkpoint.load(model_file(model)).network()) for model in models]
     everywhere = {"all": np.ones(args.sites, np.bool_)}
-    found = unseen.rows(unseen.gathered(args, networks), list(models), everywhere)
-    seconds = {name: pd.read_csv(run / "log.csv").cpu_seconds.sum() for name, run in runs.items()}
-    about = {"version": __version__, "machine": machine()}
-    about |= {"command": "benchmarks/generalist_budget.py"}
-    table = pd.DataFrame(found).assign(train_cpu_s=lambda t: t.model.map(seconds).round(), **about)
+    found = unseen.rows(unseen.gathered(args, networks), list(map(str, models)), everywhere)
+    told = {str(model): about(model) for model in models}
+    table = pd.DataFrame([{**row, **told[str(row["model"])]} for row in found])
+    table["model"] = table.model.map(lambda model: Path(model).name)
+    made = {"version": __version__, "machine": machine()}
+    table = table.assign(**made, command="benchmarks/generalist_budget.py")
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table.iloc[:, :-3].to_string(index=False))
 

@@ -130,19 +130,19 @@ def unseen() -> str:
 
 
 def budget() -> str:
-    """Fine AP by class at unseen sites over the steps of a training; the shipped network last."""
+    """Fine AP by class at unseen sites over the steps of a training, beside the shipped network."""
     table, rows = results("generalist_budget"), []
     table = table[table.measure.isin(["BEV IoU 0.5", "BEV IoU 0.25"])]
-    for model, own in sorted(table.groupby("model"), key=lambda pair: len(str(pair[0]))):
-        of = own.set_index("class")
+    for _, own in table.sort_values("steps", kind="stable").groupby("model", sort=False):
+        of, first = own.set_index("class"), own.iloc[0]
         ap = (with_interval_of_ap(*ends(of.loc[name], "ap_fine")) for name in of.index)
         less = ends(of.loc["vehicle"], "difference")
-        seconds = own.train_cpu_s.iloc[0]
-        spent = "" if math.isnan(seconds) else f"{seconds:.0f}"
-        last = "" if math.isnan(less[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*less)
-        rows.append([str(model), spent, *ap, last])
-    heads = ["steps", "CPU s", "vehicles", "pedestrians", "cyclists", "vehicles, less than shipped"]
-    return markdown(heads, rows)
+        spent = "" if math.isnan(first.train_cpu_s) else f"{first.train_cpu_s:.0f}"
+        bits = "16" if first.precision == "bfloat16" else "32"
+        last = "shipped" if math.isnan(less[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*less)
+        rows.append([str(first.steps), bits, spent, *ap, last])
+    heads = ["steps", "bits", "CPU s", "vehicles", "pedestrians", "cyclists"]
+    return markdown([*heads, "vehicles, less than shipped"], rows)
 
 
 def unlabelled() -> str:
