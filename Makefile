@@ -36,10 +36,10 @@ demo: build
 dataset: build
 	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
 
-# The model that comes with the package: some two hours of one core; a stopped one goes on.
+# The model that comes with the package: some two hours of two cores with AMX, more of others; a stopped one goes on.
 generalist: build
 	@scripts/setup.sh detectors
-	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --out out/generalist
+	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --precision bfloat16 --out out/generalist
 	$(PYTHON) scripts/pack_generalist.py out/generalist
 
 # A wheel for each Python, each tried in a Debian with that Python alone. As root on Debian 12; 2 GB in build/roots.
