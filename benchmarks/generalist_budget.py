@@ -16,14 +16,15 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 import unseen
-import yaml
 from training import cut
 
 from pyinfra import __version__, machine
+from pyinfra.config import read_config
 from pyinfra.detectors.fused import fused
 from pyinfra.sites.stream import read_stream
 from pyinfra.training import checkpoint
 from pyinfra.training.detect import model_file
+from pyinfra.training.loop import Description
 from pyinfra.training.recipe import Precision, read_recipe
 from pyinfra.training.train import train
 
@@ -41,13 +42,13 @@ def trained(steps: int, precision: Precision, work: Path) -> Path:
     return run
 
 
-def about(model: Path) -> dict[str, object]:
-    """Steps, and of a run how it learnt and for how long."""
-    said: dict[str, object] = {"steps": checkpoint.load(model_file(model)).about.steps}
-    if (model / "log.csv").is_file():
-        said["precision"] = yaml.safe_load((model / "run.yaml").read_text())["precision"]
-        said["train_cpu_s"] = round(pd.read_csv(model / "log.csv").cpu_seconds.sum())
-    return said
+def learnt(run: Path) -> dict[str, object]:
+    """How a run learnt, and for how long; nothing of a file, which does not say."""
+    if not (run / "log.csv").is_file():
+        return {}
+    precision = read_config(run / "run.yaml", Description).precision
+    seconds = round(pd.read_csv(run / "log.csv").cpu_seconds.sum())
+    return {"precision": precision, "train_cpu_s": seconds}
 
 
 def main() -> None:
@@ -56,21 +57,27 @@ def main() -> None:
     parser.add_argument("--steps", type=int, nargs="*", default=[500, 2000])
     parser.add_argument("--precision", choices=get_args(Precision), default="float32")
     parser.add_argument("--models", type=Path, nargs="+", default=[], help="other runs and files")
+    parser.add_argument("--packed", type=Path, help="the run that the shipped network was")
     parser.add_argument("--sites", type=int, default=60)
     parser.add_argument("--frames", type=int, default=5, help="of each LiDAR; default: 5")
     parser.add_argument("--out", type=Path, default=ROOT / "results/generalist_budget.csv")
     args = parser.parse_args()
-    runs = [trained(steps, args.precision, args.work) for steps in sorted(args.steps)]
-    models = [SHIPPED, *args.models, *runs]
-    networks = [fused(checkpoint.load(model_file(model)).network()) for model in models]
+    own = [trained(steps, args.precision, args.work) for steps in sorted(args.steps)]
+    models = [SHIPPED, *args.models, *own]
+    found = [checkpoint.load(model_file(model)) for model in models]
+    networks = [fused(one.network()) for one in found]
     everywhere = {"all": np.ones(args.sites, np.bool_)}
-    found = unseen.rows(unseen.gathered(args, networks), list(map(str, models)), everywhere)
-    told = {str(model): about(model) for model in models}
-    table = pd.DataFrame([{**row, **told[str(row["model"])]} for row in found])
-    table["model"] = table.model.map(lambda model: Path(model).name)
-    made = {"version": __version__, "machine": machine()}
-    table = table.assign(**made, command="benchmarks/generalist_budget.py")
-    table.to_csv(args.out, index=False, float_format="%.4g")
+    names = [model.name for model in models]
+    runs = [args.packed or SHIPPED, *models[1:]]
+    told = {
+        name: {"steps": one.about.steps, **learnt(run)}
+        for name, one, run in zip(names, found, runs, strict=True)
+    }
+    rows = unseen.rows(unseen.gathered(args, networks), names, everywhere)
+    table = pd.DataFrame([{**row, **told[str(row["model"])]} for row in rows])
+    about = {"version": __version__, "machine": machine()}
+    table = table.assign(**about, command="benchmarks/generalist_budget.py")
+    table.to_csv(args.out, index=False, float_format="%.5g")
     print(table.iloc[:, :-3].to_string(index=False))
 
 

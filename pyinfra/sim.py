@@ -42,6 +42,7 @@ __all__ = [
     "CropRange",
     "Filter",
     "Frame",
+    "FrameStream",
     "GroundHeight",
     "GroundMorphological",
     "GroundPlane",

@@ -56,6 +56,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "budget": networks.budget,
     "traffic": sites.traffic,
     "generalist at sites": networks.generalist_sites,
+    "generalist by class": networks.generalist_classes,
     "sites": sites.sites,
     "detectors on the highway, paper": partial(findings.detectors, "highway", "paper"),
 }

@@ -8,7 +8,6 @@ goes on from any n at the price of one group.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -164,9 +163,11 @@ def samples_of(
 
 
 def cast(world: sim.World, lidar: sim.Lidar, frames: list[int]) -> list[sim.Frame]:
-    """Without a word on weather, which sites have and not every preset."""
-    with warnings.catch_warnings(action="ignore", category=UserWarning):
-        return [frame for _, (frame,) in sim.simulate(world, [lidar], frames, threads=1)]
+    """Without a word on weather, which sites have and not every preset.
+
+    Warnings are not turned off: that is for the process, and samples are made in a second thread.
+    """
+    return [frame for _, (frame,) in sim.FrameStream(world, [lidar], frames, 1)]
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,22 @@ def generalist_sites() -> str:
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 
 
+def generalist_classes() -> str:
+    """What the shipped network's boxes of each class are at sites it never saw, from the cut on."""
+    rows, table = [], results("generalist_sites")
+    for name, own in table.groupby("class", sort=False):
+        own = own.assign(right=own.precision * own.boxes, said=own.precision_said * own.boxes)
+        objects, boxes, right, said = own[["objects", "boxes", "right", "said"]].sum()
+        sites = own.groupby("site")[["right", "said", "boxes"]].sum()
+        sites = sites[sites.boxes >= LEAST_BOXES]
+        off = (sites.said - sites.right).abs() / sites.boxes
+        shares = (f"{v:.2f}" for v in (right / boxes, said / boxes, right / objects))
+        close = f"{100 * (off <= 0.05).mean():.0f} % of {len(sites)}"
+        rows.append([str(name), f"{objects:.0f}", f"{boxes:.0f}", *shares, close])
+    heads = ["class", "objects", "boxes", "precision", "said", "recall", "sites within 0.05"]
+    return markdown(heads, rows)
+
+
 def generalist() -> str:
     """Fine AP of the shipped network as it comes, after a little training, and of a specialist."""
     rows = []
@@ -138,7 +154,7 @@ def budget() -> str:
         ap = (with_interval_of_ap(*ends(of.loc[name], "ap_fine")) for name in of.index)
         less = ends(of.loc["vehicle"], "difference")
         spent = "" if math.isnan(first.train_cpu_s) else f"{first.train_cpu_s:.0f}"
-        bits = "16" if first.precision == "bfloat16" else "32"
+        bits = {"bfloat16": "16", "float32": "32"}.get(first.precision, "")
         last = "shipped" if math.isnan(less[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*less)
         rows.append([str(first.steps), bits, spent, *ap, last])
     heads = ["steps", "bits", "CPU s", "vehicles", "pedestrians", "cyclists"]
