@@ -4,7 +4,8 @@ A cell is a site (one of the study's scenes, or a generated one that no training
 (the seed of its traffic) and a LiDAR. In each the generalist is tested as it comes (`none`), after
 some steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about so many seconds of
 one core), and beside a network of the same kind that learnt there alone (`specialist`). Rows go to
-results/generalist.csv as they come, with their draws; what is there is not computed again.
+results/generalist.csv as they come, with their draws; what is there of these weights (`start`) is
+not computed again.
     .venv/bin/python benchmarks/generalist.py --work data/generalist
 `--paper`: as the study simulates, the cells of a first trial.
 """
@@ -36,7 +37,7 @@ from pyinfra.simulator.catalogue import lidar_file, scene_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.sites.draws import VERSION
 from pyinfra.sites.generator import make_site
-from pyinfra.training import detect
+from pyinfra.training import checkpoint, detect
 from pyinfra.training.recipe import Recipe, read_recipe
 from pyinfra.training.sources import Tier, read_source
 from pyinfra.training.train import train
@@ -135,7 +136,6 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
     draws = draw_rows(same, "captured", [("ap_fine", found)]).iloc[0]
     return {
-        "arm": arm,
         "steps": steps,
         "train_cpu_s": round(seconds, 1),
         "latency_p50_ms": round(float(np.median(times)), 1),
@@ -147,7 +147,11 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
 
 
 def at_cut(judgement: Judgement) -> dict[str, float]:
-    """Precision and recall of the boxes that are shown, and what the scores say of them."""
+    """Precision and recall of the boxes that are shown, and what the scores say of them.
+
+    A specialist's scores are as it has them; the other arms' have the line of the weights that they
+    began with.
+    """
     scores, hit = judgement.contest.predictions.scores, judgement.hit
     counted = hit | judgement.wrong
     shown = counted & (scores >= CUT)
@@ -158,6 +162,11 @@ def at_cut(judgement: Judgement) -> dict[str, float]:
         "recall_said": scores[shown].sum() / max(scores[counted].sum(), 1e-9),
     }
     return {name: round(float(value), 4) for name, value in figures.items()}
+
+
+def start_of(arm: str, model: Path) -> str:
+    """Which weights an arm begins with."""
+    return "drawn" if arm == "specialist" else checkpoint.digest(detect.model_file(model))
 
 
 def main() -> None:
@@ -174,8 +183,10 @@ def main() -> None:
     about = {"commit": __version__, "machine": machine(), "command": "benchmarks/generalist.py"}
     for cell in chosen:
         key = asdict(cell)
-        table = store.read(args.out, KEY)
-        arms = [a for a in args.arms if not store.has(table, {**key, "arm": a})]
+        table = store.read(args.out, [*KEY, "start"])
+        starts = {arm: start_of(arm, args.model) for arm in args.arms}
+        wanted = {arm: {**key, "arm": arm, "start": start} for arm, start in starts.items()}
+        arms = [arm for arm, own in wanted.items() if not store.has(table, own)]
         if not arms:
             continue
         folder = simulated(cell, args.work)
@@ -183,7 +194,7 @@ def main() -> None:
             print(cell.name, "shows no vehicle: left out", flush=True)
             arms = []
         for arm in arms:
-            found = {**key, **row(folder, arm, args.model), **about}
+            found = {**wanted[arm], **row(folder, arm, args.model), **about}
             store.put(args.out, pd.DataFrame([found]), KEY)
             print(*(found[name] for name in (*KEY, "ap_fine", "train_cpu_s")), flush=True)
         shutil.rmtree(folder.parent)

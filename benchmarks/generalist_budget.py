@@ -16,7 +16,6 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 import unseen
-from training import cut
 
 from pyinfra import __version__, machine
 from pyinfra.config import read_config
@@ -35,7 +34,7 @@ SHIPPED = Path("generalist")
 def trained(steps: int, precision: Precision, work: Path) -> Path:
     """The run of so many steps."""
     recipe = read_recipe(ROOT / "configs/detectors/generalist.yaml", "full")
-    recipe = cut(recipe, steps / recipe.learning.steps)
+    recipe = recipe.for_budget(steps / recipe.learning.steps)
     run = work / f"{precision}_{steps}"
     stream = read_stream(ROOT / "configs/streams/generalist.yaml", recipe.classes)
     train(recipe, stream, run, precision=precision)

@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 
 import pandas as pd
-from training import cut
 
 from pyinfra.benchmark import measure, store
 from pyinfra.benchmark.go import Workspace, put_latency, simulate_worlds
@@ -67,7 +66,7 @@ def learn(task: Task, plan: Plan, workspace: Workspace) -> None:
     """Trains, or goes on where it was stopped."""
     recipe = read_recipe(plan.files["detectors", task.cell.detector], task.cell.tier)
     folder = workspace.data(task.cell.world) / task.cell.lidar
-    measure.trained(task.cell, cut(recipe, task.budget), folder, task.run(workspace), "cpu")
+    measure.trained(task.cell, recipe.for_budget(task.budget), folder, task.run(workspace), "cpu")
 
 
 def measured(task: Task, workspace: Workspace, every: int) -> None:

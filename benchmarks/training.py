@@ -34,12 +34,6 @@ def cell_of(detector: str) -> Cell:
     return Cell("highway", LIDAR, "paper", detector, "quick", 1)
 
 
-def cut(recipe: Recipe, budget: float) -> Recipe:
-    """The recipe with a share of its steps; the schedule spans them."""
-    steps = round(budget * recipe.learning.steps)
-    return dataclasses.replace(recipe, learning=dataclasses.replace(recipe.learning, steps=steps))
-
-
 def split_at_random(data: Path) -> Path:
     """A twin of the data set whose frames are those of the first, split at random."""
     twin = data.with_name(f"{data.name}_random")
@@ -91,7 +85,9 @@ def main() -> None:
         recipe = read_recipe(configs() / f"detectors/{detector}.yaml", "quick")
         for budget in BUDGETS:
             file = args.out / "budget.csv"
-            add(file, cell_of(detector), {"budget": budget}, cut(recipe, budget), data / LIDAR)
+            add(
+                file, cell_of(detector), {"budget": budget}, recipe.for_budget(budget), data / LIDAR
+            )
     add_known(args.out / "budget.csv", STARVED, {"budget": 1.0})
     twin = split_at_random(data)
     for detector in LEAKING:

@@ -27,6 +27,7 @@ from pyinfra.evaluation.evaluate import judged
 from pyinfra.evaluation.judge import Settings
 from pyinfra.simulator.catalogue import lidar_file
 from pyinfra.simulator.runs import infrasim
+from pyinfra.sites.draws import VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.training import detect
 from pyinfra.training.standing import without_standing
@@ -66,7 +67,7 @@ def rows(folder: Path) -> Iterator[dict[str, object]]:
 def figures(
     folder: Path, files: list[Path], found: list[Detections], out: Path
 ) -> dict[str, object]:
-    out.mkdir()
+    out.mkdir(exist_ok=True)
     for file, boxes in zip(files, found, strict=True):
         detect.write(out, file, boxes)
     (judgement,) = judged(folder, out, SETTINGS, frames=frame_numbers(folder, "all"))
@@ -85,7 +86,7 @@ def main() -> None:
     about = {"version": __version__, "machine": machine(), "command": "benchmarks/unlabelled.py"}
     lidars = itertools.cycle((*STUDIED, *HELD_OUT))
     for site, lidar in zip(range(FIRST_SITE, FIRST_SITE + args.sites), lidars, strict=False):
-        key = {"site": f"site_{site}", "lidar": lidar, "seed": args.seed}
+        key = {"site": f"site_v{VERSION}_{site}", "lidar": lidar, "seed": args.seed}
         if store.has(store.read(args.out, KEY), {**key, "way": "standing dropped"}):
             continue
         folder = simulated(site, lidar, args.seed, args.work)

@@ -11,6 +11,7 @@ the boxes from the cut on, by site, LiDAR and class, and what their scores say.
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,20 +23,20 @@ from torch import Tensor
 from pyinfra import __version__
 from pyinfra.arrays import BoolArray, FloatArray
 from pyinfra.data.regions import FOOTWAYS_M
-from pyinfra.detectors import Detections
+from pyinfra.detectors import Detections, calibration
 from pyinfra.detectors.classes import METRICS, TYPES, VEHICLES, ObjectClass
 from pyinfra.detectors.fused import fused
 from pyinfra.detectors.network import Network
 from pyinfra.evaluation import matching
 from pyinfra.sites import catalogue
 from pyinfra.sites.stream import samples_of, world_of
-from pyinfra.training import calibration, checkpoint
+from pyinfra.training import checkpoint
 from pyinfra.training.detect import MODELS, model_file
 from pyinfra.training.samples import SiteSample
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRST_SITE = 1_000_000  # streams end before it
-RAISED = 4.0  # of logits, so that boxes below the least score are seen and fitted too
+MIN_SCORE = 0.002  # of boxes that the lines are fitted on: more of them than are given
 CUT = 0.5  # of calibrated scores: from here on a box is shown
 PRESET = "datasheet"
 
@@ -154,15 +155,14 @@ def main() -> None:
     found = checkpoint.load(model_file(args.run))
     network = fused(found.network())
     classes = network.classes
-    # So that boxes of low scores are there as well.
-    network.calibration = (1.0, RAISED) * len(classes)
+    network.calibration, network.min_score = None, MIN_SCORE
     cells = [
         cell
         for visit in looked_at(args.sites, args.frames, classes)
         for cell in judged(network, *visit)
     ]
     lines = {name: line_of(cells, name) for name in classes}
-    line = tuple(v for a, b in lines.values() for v in (a, b + a * RAISED))
+    line = tuple(itertools.chain.from_iterable(lines.values()))
     rows = [row(cell, lines[cell.name]) for cell in cells]
     table = pd.DataFrame(rows).assign(version=__version__, command="scripts/pack_generalist.py")
     table.to_csv(args.table, index=False, float_format="%.4g")

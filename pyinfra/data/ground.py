@@ -60,6 +60,11 @@ class Ground:
         a, b, c = np.array(self.plane, places.dtype)
         return np.asarray(a * places[:, 0] + b * places[:, 1] + c)
 
+    @property
+    def sensor_m(self) -> float:
+        """How high the sensor is above the road at its foot."""
+        return -float(self.height(np.zeros((1, 2)))[0])
+
     def above(self, places: npt.NDArray[F]) -> npt.NDArray[F]:
         """Points or boxes (n, 3 or more) with z from the road; a copy."""
         return self._moved(places, -1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -58,6 +58,7 @@ class Sample:
     points: Points  # (n, 4), stacked (n, 5) with ages
     boxes: FloatArray  # (k, 7) of the vehicles with a point of this LiDAR
     classes: IntArray | None = None  # (k,) numbers of the boxes' classes; None: all of the first
+    height_m: float = field(default=0.0, kw_only=True)  # of the sensor above z = 0
 
     @property
     def numbers(self) -> IntArray:

@@ -21,14 +21,13 @@ from pyinfra.detectors.batch import Batch, CanvasPart
 from pyinfra.detectors.bev import BevConfig, BevNetwork, conv, multiple
 from pyinfra.detectors.centre_head import BOX, CentreHead
 from pyinfra.detectors.losses import start_rare
-from pyinfra.detectors.network import Losses, Network
+from pyinfra.detectors.network import MIN_SCORE, Losses, Network
 from pyinfra.detectors.ops.boxes import iou_3d_pairs
 from pyinfra.detectors.ops.sets import Sets, partition, windows_of
 from pyinfra.detectors.pillars import PillarEncoder
 from pyinfra.detectors.processes import OwnNorm
 from pyinfra.detectors.site import Site
 from pyinfra.detectors.windows import view_of
-from pyinfra.evaluation.matching import MIN_SCORE
 
 OVERLAP_WEIGHT = 2.0
 

@@ -6,6 +6,7 @@ import abc
 import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,11 +17,12 @@ from pyinfra.arrays import Points
 from pyinfra.data.regions import Region
 from pyinfra.detectors import Detections
 from pyinfra.detectors.batch import Batch, Sample, make_batch
+from pyinfra.detectors.calibration import calibrated
 from pyinfra.detectors.classes import TYPES, VEHICLES, ObjectClass
 from pyinfra.detectors.ops.boxes import nms
 from pyinfra.detectors.site import Site
-from pyinfra.evaluation.matching import MIN_SCORE
 
+MIN_SCORE = 0.1  # of boxes that are given, before calibration, which changes no box
 NMS_IOU = 0.1  # of footprints: vehicles never overlap
 CANDIDATES = 4096  # best ones at most that enter the suppression
 MOST_BOXES = 200  # of a frame and class
@@ -80,6 +82,7 @@ class Network(nn.Module, abc.ABC):
         super().__init__()
         self.site = site
         self.calibration: tuple[float, ...] | None = None  # of scores: a line a class (calibrated)
+        self.min_score = MIN_SCORE
 
     @abc.abstractmethod
     def losses(self, batch: Batch) -> Losses:
@@ -112,8 +115,11 @@ class Network(nn.Module, abc.ABC):
         parts = []
         for i, name in enumerate(self.classes):
             own = slice(None) if numbers is None else numbers == i
-            line = self.calibration and self.calibration[2 * i : 2 * i + 2]
-            parts.append(suppressed(boxes[own], calibrated(scores[own], line), TYPES[name]))
+            found = suppressed(boxes[own], scores[own], TYPES[name], self.min_score)
+            if self.calibration is not None:
+                line = self.calibration[2 * i], self.calibration[2 * i + 1]
+                found = replace(found, scores=calibrated(found.scores, line))
+            parts.append(found)
         return parts[0] if len(parts) == 1 else best_first(parts)
 
     def predict(self, points: Points) -> Detections:
@@ -131,17 +137,11 @@ def best_first(parts: Sequence[Detections]) -> Detections:
     )
 
 
-def calibrated(scores: Tensor, calibration: tuple[float, ...] | None) -> Tensor:
-    """(n,) scores whose logits are a line of what they were (Platt, 1999); None: as they were."""
-    if calibration is None:
-        return scores
-    a, b = calibration
-    return torch.sigmoid(a * torch.logit(scores, 1e-7) + b)
-
-
-def suppressed(boxes: Tensor, scores: Tensor, name: str = TYPES["vehicle"]) -> Detections:
+def suppressed(
+    boxes: Tensor, scores: Tensor, name: str = TYPES["vehicle"], min_score: float = MIN_SCORE
+) -> Detections:
     """The best boxes (n, 7) with at least the least score, overlapping by NMS_IOU at most."""
-    good = torch.isfinite(boxes).all(dim=1) & (scores >= MIN_SCORE)
+    good = torch.isfinite(boxes).all(dim=1) & (scores >= min_score)
     boxes, scores = boxes[good], scores[good]
     best = scores.topk(min(CANDIDATES, len(scores))).indices
     kept = best[nms(boxes[best], scores[best], NMS_IOU, MOST_BOXES)]

@@ -27,7 +27,6 @@ from pyinfra.evaluation.ground_truth import GroundTruth, Set
 from pyinfra.evaluation.matching import (
     IOU,
     LEAST_OVERLAP,
-    MIN_SCORE,
     TIE,
     Metric,
     Pairs,
@@ -65,7 +64,7 @@ class Settings:
     ious: tuple[float, ...] = (IOU,)
     protocols: tuple[Protocol, ...] = ("definition",)
     metrics: tuple[Metric, ...] = ("bev",)
-    min_score: float = MIN_SCORE
+    min_score: float = 0.0  # from here on a prediction counts
     min_points: int = 1  # of a vehicle that is captured
     min_objects: int = 20  # of an area that counts
     cut_first: bool = False  # also match within each window alone
@@ -82,12 +81,11 @@ class Settings:
                 raise ValueError(f"iou: found {iou:g}, allowed 0.1 to below 1")
         if self.block_s is not None and not 0 < self.block_s <= 1e6:
             raise ValueError(f"block_s: found {self.block_s:g}, allowed above 0 to 1e6")
-        if self.min_objects < 1 or self.seed < 0:
-            raise ValueError("found a setting out of range, allowed objects > 0, seed 0 or more")
-        if not 0 <= self.min_score <= 1 or self.draws < 1 or self.min_points < 1:
-            raise ValueError(
-                "found a setting out of range, allowed score 0-1, draws and points > 0"
-            )
+        if not 0 <= self.min_score <= 1:
+            raise ValueError(f"min_score: found {self.min_score:g}, allowed 0 to 1")
+        for name, least in (("min_points", 1), ("min_objects", 1), ("draws", 1), ("seed", 0)):
+            if (found := getattr(self, name)) < least:
+                raise ValueError(f"{name}: found {found}, allowed {least} or more")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
         """Of the rows of a metric; one that is not known where centres decide."""

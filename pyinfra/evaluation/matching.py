@@ -26,7 +26,6 @@ TIE = 1e-9
 IOU = 0.5  # of footprints: from here on a vehicle is found
 PERSON_IOU = 0.25  # the same of people, whose footprints are as small as the errors of boxes
 CENTRE_M = 0.5  # between centres: up to here something is found by metric `centre`
-MIN_SCORE = 0.1  # from here on a prediction counts
 LEAST_OVERLAP = 0.1  # with less, a false positive has nothing to do with a vehicle
 _PAIRS = 500_000  # looked at together
 

@@ -16,7 +16,7 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.data.frame_tables import Predictions, Vehicles
-from pyinfra.evaluation.matching import MIN_SCORE, pairs_of_frames
+from pyinfra.evaluation.matching import pairs_of_frames
 from pyinfra.kitti import FormatError
 
 NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
@@ -106,7 +106,7 @@ def check_predictions(
     files: Sequence[Path | None],
     vehicles: Vehicles,
     types: Sequence[str],
-    min_score: float = MIN_SCORE,
+    min_score: float = 0.0,
 ) -> list[Finding]:
     """Warnings and notes about the names, the numbers and the places of the predictions.
 
@@ -156,9 +156,7 @@ def _scores(
     odd = (scores < 0) | (scores > 1)
     if odd.any():
         place = _first(predictions, files, odd)
-        text = (
-            f"{place}: {odd.sum()} scores outside 0 to 1: the threshold {min_score:g} means little"
-        )
+        text = f"{place}: {odd.sum()} scores outside 0 to 1; those below {min_score:g} do not count"
         yield Finding("warning", "score-range", text)
     if (scores < min_score).all():
         text = f"{_folder(files)}: all scores are below {min_score:g}, so no prediction counts"

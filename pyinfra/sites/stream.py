@@ -158,7 +158,8 @@ def samples_of(
     for frame in cast(world, lidar, frames):
         points, (boxes, numbers) = sim.points(frame), labels_of_frame(frame, label_time, classes)
         above = ground.above(points), ground.above(boxes)
-        samples.append(SiteSample(*above, numbers, region=region))
+        own = SiteSample(*above, numbers, region=region, height_m=ground.sensor_m)
+        samples.append(own)
     return samples
 
 

@@ -65,6 +65,7 @@ class Frames:
     boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
     starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
     classes: tuple[IntArray, ...] = ()  # (k,) of each frame's boxes; none: all of the first class
+    heights_m: tuple[float, ...] = ()  # of each frame's sensor above z = 0; none: it is there
 
     def __len__(self) -> int:
         return len(self.clouds)
@@ -72,12 +73,14 @@ class Frames:
     def __add__(self, more: Frames) -> Frames:
         starts = tuple(len(self) + first for first in more.starts)
         starts = self.starts + starts if len(self) else starts
-        classes = self.classes + more.classes
-        return Frames(self.clouds + more.clouds, self.boxes + more.boxes, starts, classes)
+        classes, heights_m = self.classes + more.classes, self.heights_m + more.heights_m
+        clouds, boxes = self.clouds + more.clouds, self.boxes + more.boxes
+        return Frames(clouds, boxes, starts, classes, heights_m)
 
     def part(self, rows: slice) -> Frames:
         """Of the frames of one LiDAR."""
-        return Frames(self.clouds[rows], self.boxes[rows], classes=self.classes[rows])
+        classes, heights_m = self.classes[rows], self.heights_m[rows]
+        return Frames(self.clouds[rows], self.boxes[rows], classes=classes, heights_m=heights_m)
 
     def nth(self, seed: int, n: int) -> int:
         """Each comes once before one comes twice."""
@@ -85,7 +88,8 @@ class Frames:
         return int(np.random.default_rng([seed, turn]).permutation(len(self))[place])
 
     def sample(self, i: int) -> Sample:
-        return Sample(self.clouds[i](), self.boxes[i], self.numbers(i))
+        height_m = self.heights_m[i] if self.heights_m else 0.0
+        return Sample(self.clouds[i](), self.boxes[i], self.numbers(i), height_m=height_m)
 
     def numbers(self, i: int) -> IntArray:
         """(k,) of the classes of a frame's boxes."""
@@ -115,7 +119,9 @@ def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) ->
 
     Vehicles that lose their last point are no longer to be found. Without a dial nothing is drawn.
     """
-    points = sample.points
+    if how.lost_lines == how.drop_out == how.range_noise_m == 0:
+        return sample
+    points = lifted(sample.points, -sample.height_m)  # to the sensor: faults are of its rays
     for most, fault in (
         (how.lost_lines, sensor_faults.lost_lines),
         (how.drop_out, sensor_faults.drop_out),
@@ -124,12 +130,20 @@ def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) ->
             points = fault(points, draw.uniform(0, most), draw)
     boxes, numbers = sample.boxes, sample.numbers
     if len(points) < len(sample.points):
-        lost = points_in_boxes(points, boxes) == 0
+        lost = points_in_boxes(lifted(points, sample.height_m), boxes) == 0
         lost[lost] = points_in_boxes(sample.points, boxes[lost]) > 0
         boxes, numbers = boxes[~lost], numbers[~lost]
     if how.range_noise_m > 0:
         points = sensor_faults.range_noise(points, draw.uniform(0, how.range_noise_m), draw)
+    points = lifted(points, sample.height_m)
     return replace(sample, points=points, boxes=boxes, classes=numbers)
+
+
+def lifted(points: Points, by_m: float) -> Points:
+    """Points with another z."""
+    out = points.copy()
+    out[:, 2] += np.float32(by_m)
+    return out
 
 
 def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
@@ -143,12 +157,13 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
     boxes = sample.boxes.copy()
     boxes[:, :3] = boxes[:, :3] @ linear
     boxes[:, 3:6] *= scale
+    height_m = scale * sample.height_m
     boxes[:, 6] = (side * boxes[:, 6] + turn + np.pi) % (2 * np.pi) - np.pi
     if not isinstance(sample, SiteSample):
-        return replace(sample, points=points, boxes=boxes)
+        return replace(sample, points=points, boxes=boxes, height_m=height_m)
     level = linear[:2, :2]
     region = Region(partial(_in_moved, sample.region, level), sample.region.corners @ level)
-    return replace(sample, points=points, boxes=boxes, region=region)
+    return replace(sample, points=points, boxes=boxes, region=region, height_m=height_m)
 
 
 def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: float) -> BoolArray:

@@ -22,6 +22,7 @@ from pyinfra.training.train import BACKGROUND_FRAMES
 PLACE_M = 0.7  # boxes whose centres are as near are at one place
 COMES_BACK = 3  # boxes at a place, and more
 MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
+LEAST_SCORE = 0.1  # of boxes that tell something, and that may go
 
 
 def without_standing(
@@ -84,7 +85,8 @@ def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
 
 
 def _are_vehicles(found: Detections) -> BoolArray:
-    return ~np.isin(found.names, kitti.PERSON_TYPES)
+    likely = found.scores >= LEAST_SCORE
+    return np.asarray(likely & ~np.isin(found.names, kitti.PERSON_TYPES))
 
 
 def _only(found: Detections, keep: BoolArray) -> Detections:

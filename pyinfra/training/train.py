@@ -7,6 +7,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -118,9 +119,9 @@ def _train_network(
             f"network.classes: found {', '.join(network.classes)}, allowed "
             f"{', '.join(stream.classes)} as the boxes that are learnt from"
         )
-    if recipe.learning.start:
-        _begin_with(network, Path(recipe.learning.start))
     about = _about(recipe, stream, seed)
+    if recipe.learning.start:
+        about = _begun_with(network, Path(recipe.learning.start), about)
     description = loop.describe(about, recipe, len(frames), precision)
     with processes.joined(device_of(device)) as where:
         processes.check_batch(recipe.learning.batch)
@@ -147,7 +148,6 @@ def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
     """What the checkpoint will say before the first step."""
     from pyinfra.training import checkpoint
 
-    start = recipe.learning.start
     return checkpoint.About(
         detector=recipe.detector,
         network=as_plain(recipe.network),
@@ -158,7 +158,6 @@ def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
         label_time=stream.label_time,
         above_road=True,
         ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
-        start=checkpoint.digest(model_file(Path(start))) if start else "",
         anywhere=stream.anywhere,
         accumulate=stream.accumulation.frames,
         label_at=stream.accumulation.label_at,
@@ -168,16 +167,19 @@ def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
     )
 
 
-def _begin_with(network: Network, start: Path) -> None:
-    """What is learnt of classes that both know; the others of the network begin as they were drawn.
+def _begun_with(network: Network, start: Path, about: About) -> About:
+    """The network with the weights of another, and what the checkpoint then says.
 
-    Raises FileNotFoundError, and ConfigError for weights of another network.
+    What is learnt of classes that both know; the others begin as they were drawn. The line of
+    scores is kept if the classes are the same. Raises FileNotFoundError, and ConfigError for
+    weights of another network.
     """
     import torch
 
     from pyinfra.training import checkpoint
 
-    found = checkpoint.load(model_file(start))
+    file = model_file(start)
+    found = checkpoint.load(file)
     weights, own = found.weights(), network.state_dict()
     places = {name: i for i, name in enumerate(found.classes)}
     if found.classes != network.classes:
@@ -190,6 +192,8 @@ def _begin_with(network: Network, start: Path) -> None:
     except RuntimeError as error:
         first = str(error).splitlines()[-1].strip()
         raise ConfigError(f"{start}: found weights of another network: {first}") from None
+    line = found.about.calibration if found.classes == network.classes else None
+    return replace(about, start=checkpoint.digest(file), calibration=line)
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
@@ -283,7 +287,9 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
     learnt, held_out = Frames((), ()), Frames((), ())
     for source in sources:
         classes = source.read_classes() if len(source.classes) > 1 else ()
-        whole = Frames(source.clouds, source.read_boxes(), classes=classes)
+        height_m = source.ground.sensor_m if source.ground else 0.0
+        heights_m = (height_m,) * len(source.clouds)
+        whole = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
         if 0 < len(whole) <= kept:
             raise ValueError(
                 f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "

@@ -13,13 +13,12 @@ torch = pytest.importorskip("torch")
 
 from pyinfra.config import ConfigError  # noqa: E402
 from pyinfra.data.frame_tables import Vehicles  # noqa: E402
-from pyinfra.detectors import Detections  # noqa: E402
+from pyinfra.detectors import Detections, calibration  # noqa: E402
 from pyinfra.detectors.batch import Sample, Windows, make_batch  # noqa: E402
 from pyinfra.detectors.bev import BevConfig  # noqa: E402
 from pyinfra.detectors.centerpoint_pillar import CenterPointPillar, Config  # noqa: E402
 from pyinfra.detectors.centre_head import AxisHead  # noqa: E402
 from pyinfra.detectors.classes import OBJECT_CLASSES, TYPES, ObjectClass, numbers_of  # noqa: E402
-from pyinfra.detectors.network import calibrated  # noqa: E402
 from pyinfra.detectors.windows import view_of  # noqa: E402
 from pyinfra.training import checkpoint, train, validation  # noqa: E402
 from pyinfra.training.checkpoint import About, config_of  # noqa: E402
@@ -98,7 +97,7 @@ def test_boxes_of_a_class_suppress_each_other_alone() -> None:
     network.calibration = (1.0, 0.0, 1.0, -3.0, 1.0, 0.0)
     found = network.predict(road_sample(1).points)
     assert found.names.tolist() == ["vehicle", "Pedestrian"]
-    lower = calibrated(torch.tensor([0.9]), (1.0, -3.0)).item()
+    lower = calibration.calibrated(np.array([0.9]), (1.0, -3.0)).item()
     assert found.scores == pytest.approx([0.6, lower])
 
 
@@ -171,7 +170,8 @@ def test_a_network_begins_with_what_one_of_fewer_classes_learnt(tmp_path: Path) 
     assert checkpoint.load(begun).classes == ALL
     network = checkpoint.build("centerpoint-pillar", config(), SITE)
     drawn = network.state_dict()["head.heat.weight"].clone()
-    train._begin_with(network, one)
+    about = train._begun_with(network, one, checkpoint.load(begun).about)
+    assert (about.start, about.calibration) == (checkpoint.digest(one), None)
     weights, kept = network.state_dict(), checkpoint.load(one).weights()
     torch.testing.assert_close(weights["head.heat.weight"][:1], kept["head.heat.weight"])
     torch.testing.assert_close(weights["head.heat.weight"][1:], drawn[1:])

@@ -27,6 +27,7 @@ from pyinfra.data.ground import level_ground  # noqa: E402
 from pyinfra.data.outlines import in_outline  # noqa: E402
 from pyinfra.detectors import Detections  # noqa: E402
 from pyinfra.detectors.batch import Area, Batch, make_batch  # noqa: E402
+from pyinfra.detectors.network import MIN_SCORE  # noqa: E402
 from pyinfra.exchange import pcd_file  # noqa: E402
 from pyinfra.training import (  # noqa: E402
     checkpoint,
@@ -41,6 +42,7 @@ from pyinfra.training.samples import (  # noqa: E402
     Frames,
     SiteSample,
     augmented,
+    lifted,
     moved,
     with_faults,
     with_pasted,
@@ -574,8 +576,10 @@ def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) ->
 def sure(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file of the trained network that is sure of what it finds, wherever it stands."""
     file = tmp_path_factory.mktemp("sure") / "sure.safetensors"
-    calibration = [1.0, 8.0]
-    return changed(trained / "last.safetensors", file, calibration=calibration, ground=None)
+    found = checkpoint.load(trained / "last.safetensors")
+    found.tensors["network.head.heat.bias"] += 8
+    checkpoint.write(file, found.tensors, dataclasses.replace(found.about, ground=None))
+    return file
 
 
 def rows_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[list[str]]:
@@ -584,18 +588,18 @@ def rows_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[list[str
     return [row.split(",")[1:] for row in capsys.readouterr().out.splitlines()]
 
 
-def test_scores_are_calibrated_before_any_is_left_out(trained: Path, lidar_folder: Path) -> None:
+def test_calibration_changes_scores_and_no_box(sure: Path, lidar_folder: Path) -> None:
     cloud = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", 9))
     points = level_ground(-6.0).above(cloud)
-    network = checkpoint.load(trained / "last.safetensors").network()
-    network.calibration = (1.0, 8.0)
-    many = network.predict(points)
-    network.calibration = (1.0, 7.0)
-    fewer = network.predict(points)
-    assert len(many) >= len(fewer) > 0
-    np.testing.assert_allclose(many.boxes[: len(fewer)], fewer.boxes)
-    logits = [np.log(s / (1 - s)) for s in (many.scores[: len(fewer)], fewer.scores)]
-    np.testing.assert_allclose(logits[0] - logits[1], 1, atol=1e-3)
+    network = checkpoint.load(sure).network()
+    raw = network.predict(points)
+    network.calibration = (2.0, -12.0)
+    found = network.predict(points)
+    assert len(found) == len(raw) > 20
+    assert raw.scores.min() >= MIN_SCORE > found.scores.min()
+    np.testing.assert_array_equal(found.boxes, raw.boxes)
+    logits = [np.log(s / (1 - s)) for s in (raw.scores, found.scores)]
+    np.testing.assert_allclose(2 * logits[0] - 12, logits[1], rtol=1e-6)
 
 
 def test_weights_in_half_precision_find_what_whole_ones_do(
@@ -665,12 +669,23 @@ def test_a_training_begins_with_the_weights_of_another(
     file = train.train(slow, [source], tmp_path / "tuned", quiet=True)
     found, before = checkpoint.load(file), checkpoint.load(trained / "last.safetensors")
     assert found.about.start == checkpoint.digest(trained / "last.safetensors")
+    assert found.about.calibration is None
     for name, weights in before.weights().items():
         if "running" not in name and "num_batches" not in name:
             torch.testing.assert_close(found.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
     with pytest.raises(ConfigError, match="found weights of another network"):
         train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
+
+
+def test_a_training_keeps_the_line_of_the_scores_that_it_began_with(
+    trained: Path, lidar_folder: Path, tmp_path: Path
+) -> None:
+    line = (2.0, -1.0)
+    start = changed(trained / "last.safetensors", tmp_path / "lined.safetensors", calibration=line)
+    source = read_source(lidar_folder, "smoke")
+    file = train.train(recipe(1).begun_with(start), [source], tmp_path / "tuned", quiet=True)
+    assert checkpoint.load(file).network().calibration == line
 
 
 def test_a_recipe_without_steps_takes_a_network_as_it_comes(
@@ -803,6 +818,20 @@ def test_range_noise_is_along_the_rays() -> None:
     np.testing.assert_allclose(np.cross(before, after), 0, atol=1e-3)
     assert 0.001 < np.std(np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1)) < 0.25
     np.testing.assert_array_equal(found.boxes, sample.boxes)
+
+
+def test_faults_are_of_the_rays_of_a_sensor_above_the_road() -> None:
+    of_sensor = road_sample(17)
+    how = Augmentation(lost_lines=0.9, range_noise_m=0.2)
+    expected = with_faults(of_sensor, how, np.random.default_rng(3))
+    boxes = of_sensor.boxes + np.array([0, 0, 6, 0, 0, 0, 0])
+    above = dataclasses.replace(
+        of_sensor, points=lifted(of_sensor.points, 6), boxes=boxes, height_m=6.0
+    )
+    found = with_faults(above, how, np.random.default_rng(3))
+    assert len(found.points) < 0.9 * len(above.points)
+    np.testing.assert_allclose(found.points, lifted(expected.points, 6), atol=1e-4)
+    assert moved(above, turn=0.1, scale=0.5, flip=False).height_m == 3
 
 
 def test_a_region_moves_with_the_points_of_its_sample() -> None:

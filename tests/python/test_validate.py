@@ -17,7 +17,9 @@ from evaluation_data import (
 )
 
 from pyinfra import cli, kitti
+from pyinfra.evaluation.evaluate import evaluate
 from pyinfra.evaluation.frame_checks import validate
+from pyinfra.evaluation.judge import Settings
 
 Found = list[list[tuple[list[float], float]]]
 
@@ -124,7 +126,9 @@ def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
     pred = write_predictions(tmp_path / "scores", boxes)
     assert "score-range" in {f.name for f in validate(lidar, pred)}
     low = write_predictions(tmp_path / "low", [[(box(car(20)), 0.05)]] * 12)
-    assert "scores-low" in {f.name for f in validate(lidar, low)}
+    assert "scores-low" not in {f.name for f in validate(lidar, low)}
+    found = evaluate(lidar, low, settings=Settings(min_score=0.1)).findings
+    assert "scores-low" in {f.name for f in found}
     (pred / "000000.txt").write_text(
         (pred / "000000.txt").read_text().replace("vehicle", "bicycle", 1)
     )

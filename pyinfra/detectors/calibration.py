@@ -45,6 +45,6 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
 
 
 def calibrated(scores: FloatArray, line: tuple[float, float]) -> FloatArray:
-    """(n,) as `pyinfra.detectors.network.calibrated` has them."""
+    """(n,) scores whose logits are the line of what they were."""
     a, b = line
     return np.asarray(expit(a * logit(scores) + b))
