@@ -2,8 +2,8 @@
 
 Generated sites that neither training nor calibration saw, four LiDARs of the catalogue each as the
 vendors' sheets say, some frames of each. Vehicles by BEV IoU 0.5; pedestrians and cyclists by IoU
-0.25 and by centres within 0.5 m, as half of a box of 0.6 m is an offset of 0.2 m. Intervals and
-paired differences to the first model are of 1,000 draws of whole sites.
+0.25 and by centres within 0.5 m, as half of a box of 0.6 m is an offset of 0.2 m. Intervals
+(Student's) and paired differences to the first model are of 1,000 draws of whole sites.
     .venv/bin/python benchmarks/unseen.py generalist older.safetensors
 writes results/unseen.csv.
 """
@@ -33,6 +33,7 @@ from pyinfra.evaluation.ap import average_precision, rank
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
 from pyinfra.sites.ranges import RANGES
+from pyinfra.statistics import intervals
 from pyinfra.training import checkpoint
 from pyinfra.training.detect import model_file
 from pyinfra.training.samples import SiteSample
@@ -134,17 +135,18 @@ def rows(
                 "sites": kind,
                 "count": int(chosen.sum()),
                 "objects": int(own.objects[chosen].sum()),
-                **with_ends("ap_fine", ap),
-                **with_ends("difference", less),
+                **with_ends("ap_fine", ap, chosen.sum()),
+                **with_ends("difference", less, chosen.sum()),
             }
 
 
-def with_ends(name: str, values: FloatArray | None) -> dict[str, float]:
-    """The value, and the ends of its interval, of the draws that follow it."""
+def with_ends(name: str, values: FloatArray | None, sites: int) -> dict[str, float]:
+    """The value, and the ends of its interval, of the draws of sites that follow it."""
+    keys = (name, f"{name}_low", f"{name}_high")
     if values is None:
-        return dict.fromkeys((name, f"{name}_low", f"{name}_high"), np.nan)
-    low, high = np.nanpercentile(values[1:], [2.5, 97.5])
-    return {name: values[0], f"{name}_low": low, f"{name}_high": high}
+        return dict.fromkeys(keys, np.nan)
+    ends = intervals.interval(values[0], values[1:], sites)
+    return dict(zip(keys, (float(values[0]), *map(float, ends)), strict=True))
 
 
 def main() -> None:
