@@ -133,7 +133,10 @@ def _stretch(row: Keys) -> tuple[float, float]:
 
 def _lane_lines(road: DrawnRoad) -> list[float]:
     lanes = road.keys["lanes"]
-    aside = [lanes["median_m"] / 2 + i * lanes["width_m"] for i in range(lanes["each_way"] + 1)]
+    borders = [i * lanes["width_m"] for i in range(lanes["each_way"] + 1)]
+    if lanes.get("one_way"):
+        return [border - borders[-1] / 2 for border in borders]
+    aside = [lanes["median_m"] / 2 + border for border in borders]
     return [*aside, *(-a for a in aside)]
 
 

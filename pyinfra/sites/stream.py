@@ -213,4 +213,5 @@ def site_stream(
         site=Site(AREA),
         anywhere=True,
         classes=classes,
+        drawn=str({**asdict(plan), **chosen.presets}),
     )

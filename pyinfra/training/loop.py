@@ -200,9 +200,12 @@ class Description(About):
     augmentation: Augmentation = field(default_factory=Augmentation)
     frames: int = 0  # learnt from
     precision: Precision = "float32"
+    drawn: str = ""  # of a stream: how its samples are
 
 
-def describe(about: About, recipe: Recipe, frames: int, precision: Precision) -> Description:
+def describe(
+    about: About, recipe: Recipe, frames: int, precision: Precision, drawn: str = ""
+) -> Description:
     own = {f.name: getattr(about, f.name) for f in dataclasses.fields(about)}
     return Description(
         **own,
@@ -210,6 +213,7 @@ def describe(about: About, recipe: Recipe, frames: int, precision: Precision) ->
         augmentation=recipe.augmentation,
         frames=frames,
         precision=precision,
+        drawn=drawn,
     )
 
 
@@ -239,7 +243,8 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
 def _ways(description: Description) -> dict[str, object]:
     """How a run learns, by keys with a dot."""
     plain = as_plain(description)
-    return {"frames": description.frames, "precision": description.precision} | {
+    own = {key: plain[key] for key in ("frames", "precision", "drawn")}
+    return own | {
         f"{name}.{key}": value
         for name in ("learning", "augmentation")
         for key, value in plain[name].items()

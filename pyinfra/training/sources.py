@@ -81,6 +81,7 @@ class Stream:
     anywhere: bool = False  # whether sites are so many that another one is meant to be found in
     accumulation: Accumulation = ONE_FRAME
     classes: tuple[ObjectClass, ...] = VEHICLES  # that the samples' boxes are of
+    drawn: str = ""  # how samples are drawn, which a run that goes on must not change
 
 
 def read_source(

@@ -122,7 +122,7 @@ def _train_network(
     about = _about(recipe, stream, seed)
     if recipe.learning.start:
         about = _begun_with(network, Path(recipe.learning.start), about)
-    description = loop.describe(about, recipe, len(frames), precision)
+    description = loop.describe(about, recipe, len(frames), precision, stream.drawn)
     with processes.joined(device_of(device)) as where:
         processes.check_batch(recipe.learning.batch)
         begun = loop.read_begun(out, description)  # once all are here, so all find the same

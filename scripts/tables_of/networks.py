@@ -92,7 +92,7 @@ def generalist() -> str:
 
 
 def beside_specialists() -> str:
-    """Differences of fine AP to a specialist, cell by cell: another site, world and training."""
+    """Differences of fine AP to a specialist; a site is one replicate, as its worlds are alike."""
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
     key = ["site", "seed", "lidar"]
@@ -106,12 +106,14 @@ def beside_specialists() -> str:
     }
     for (kind, chosen), arm in itertools.product(kinds.items(), list(ARMS)[:-1]):
         own = cells[chosen]
-        less = (own[arm] - own.specialist).dropna().to_numpy()
+        less = (own[arm] - own.specialist).dropna()
+        of_sites = less.groupby("site").mean().to_numpy()
         least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
         spread = f"{least} to {most}"
-        mean = with_interval_of_ap(*astuple(over_worlds(less)))
-        rows.append([kind, ARMS[arm], str(len(less)), mean, middle, spread])
-    heads = ["sites", "trained there", "cells", "mean difference", "median", "all cells"]
+        mean = with_interval_of_ap(*astuple(over_worlds(of_sites)))
+        counts = f"{len(less)} of {len(of_sites)} sites"
+        rows.append([kind, ARMS[arm], counts, mean, middle, spread])
+    heads = ["sites", "trained there", "cells", "mean of sites", "median", "all cells"]
     return markdown(heads, rows)
 
 

@@ -21,7 +21,7 @@ from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import DrawnRoad, Keys, crossing, varied
 from pyinfra.sites.ranges import HABITATS, RANGES, STREET
 from pyinfra.sites.stream import SiteSamples, StreamPlan, read_stream, samples_of, site_stream
-from pyinfra.training.recipe import read_recipe
+from pyinfra.training.recipe import Recipe, read_recipe
 from pyinfra.training.samples import SiteSample
 from pyinfra.training.sources import Stream
 from pyinfra.training.train import train
@@ -343,10 +343,14 @@ def test_every_range_rises() -> None:
 # --- learning from a stream -----------------------------------------------------------------------
 
 
+def small(steps: int) -> Recipe:
+    recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
+    return replace(recipe, learning=replace(recipe.learning, steps=steps, batch=2, window_m2=900))
+
+
 def run_of(out: Path, steps: int, stop_at: int | None = None) -> bytes:
     """Weights of a small network after so many steps, stopped on the way and gone on with."""
-    recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
-    recipe = replace(recipe, learning=replace(recipe.learning, steps=steps, batch=2, window_m2=900))
+    recipe = small(steps)
     if stop_at is not None:
         with pytest.raises(KeyboardInterrupt):
             train(recipe, stream_until(PLAN, stop_at), out, quiet=True)
@@ -377,6 +381,9 @@ def test_a_run_on_a_stream_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     described = read_keys(tmp_path / "whole/run.yaml")
     assert described["lidar"] == "livox_mid_70 velodyne_vlp_16"
     assert described["label_time"] == "frame scan"
+    other = site_stream(replace(PLAN, mixed=PLAN.mixed + 1), FEW)
+    with pytest.raises(ConfigError, match=r"run.yaml: drawn: found .*, allowed .* to go on"):
+        train(small(6), other, tmp_path / "whole", quiet=True)
 
 
 def test_background_learns_from_no_stream(tmp_path: Path) -> None:
