@@ -186,7 +186,8 @@ class AxisHead(CentreHead):
         self.road_axes: Tensor | None = None
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
-        """Takes the axes of a region's roads for (H, W) cells."""
+        """Takes the axes of a region's roads for (H, W) cells; none of a region without."""
+        self.road_axes = None
         if region.axes is None:
             return
         cells = torch.meshgrid(*map(torch.arange, shape), indexing="ij")

@@ -83,6 +83,8 @@ def test_a_road_s_axis_is_no_pedestrian_s() -> None:
     alone = head.decode(found, row, column, along_road=False)[0, 6]
     assert along == pytest.approx(0, abs=1e-2)
     assert alone == pytest.approx(math.pi / 3, abs=1e-4)
+    head.know(dataclasses.replace(crossing(), axes=None), (32, 48))  # another site's roads are none
+    assert head.decode(found, row, column, along_road=True)[0, 6] == alone
 
 
 def test_boxes_of_a_class_suppress_each_other_alone() -> None:
