@@ -109,7 +109,7 @@ def main(words: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
-        print("pyinfra: interrupted; the same command resumes", file=sys.stderr)
+        print("pyinfra: interrupted; the same command goes on, or begins anew", file=sys.stderr)
         return 130
     except (OSError, ValueError, RuntimeError, ImportError) as error:
         if "--traceback" in words:

@@ -22,6 +22,7 @@ from pyinfra.training.detect import (
     accumulation_of,
     check_single,
     detect,
+    is_of_anywhere,
     load_detector,
     model_file,
     once,
@@ -34,6 +35,12 @@ from pyinfra.training.sources import spread
 from pyinfra.training.standing import without_standing
 
 MOST_HEIGHT_M = 100.0
+NOTHING = (
+    "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
+    "region right?"
+)
+LEAST_S = 60.0  # of a recording that tells what stands
+LIKELY = 0.5  # a score; a detector gives all boxes from 0.1 on, before calibration
 
 Read = Callable[[Path], Points]
 
@@ -96,6 +103,10 @@ def run(args: argparse.Namespace) -> int:
         raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
     if args.drop_standing and args.data is None:
         raise ValueError("--drop-standing: found clouds alone, allowed with --data")
+    if args.data is not None and not (args.data / "training/velodyne").is_dir():
+        raise ValueError(f"--data: found {args.data} without training/velodyne, allowed a LiDAR's")
+    if args.out is not None and args.out.name == "label_2":
+        raise ValueError(f"--out: found {args.out}, allowed another folder: labels are there")
     model = model_file(args.model or args.trained, args.checkpoint)
     accumulation = accumulation_of(model)
     if args.data is None:
@@ -117,10 +128,15 @@ def run(args: argparse.Namespace) -> int:
         found, times = detect(detector, files, args.out, read=read)
     if args.out is None:
         _print_boxes(files, found)
+    else:
+        _warn_of_others(args.out, files)
     low, high = np.percentile(times, PERCENTILES)
+    likely = sum(int((one.scores >= LIKELY).sum()) for one in found)
+    if not any(map(len, found)):
+        print(f"pyinfra: warning: {NOTHING}", file=sys.stderr)
     print(
-        f"{len(files)} frames, {sum(map(len, found))} boxes, "
-        f"{low:.1f} ms a frame (median), {high:.1f} ms (95 %)",
+        f"{len(files)} frames, {sum(map(len, found))} boxes ({likely} with a score of {LIKELY} or "
+        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %)",
         file=sys.stderr if args.out is None else sys.stdout,
     )
     return 0
@@ -129,6 +145,11 @@ def run(args: argparse.Namespace) -> int:
 def _detector(model: Path, args: argparse.Namespace) -> Detector:
     """Where the data were taken, but for what the user says of the place."""
     ground, region = _place(args)
+    if model.suffix == ".npz":
+        for option in ("height_m", "region"):
+            if getattr(args, option) is not None:
+                name = option.replace("_", "-")
+                raise ValueError(f"--{name}: found one for background, allowed where it learnt")
     return load_detector(model, ground=ground, region=region, device=args.device, stacks=True)
 
 
@@ -153,6 +174,15 @@ def _without_standing(
     every, times = detect(detector, files, None, read=read)
     road, region = _place(args)
     found = without_standing(files, every, region, road)
+    numbers = [int(file.stem) for file in files]
+    seconds = (max(numbers) - min(numbers)) * kitti.read_lidar(args.data).period_s
+    gone = sum(map(len, every)) - sum(map(len, found))
+    print(f"{gone} boxes left out, as they stand where nothing moves")
+    if seconds < LEAST_S:
+        text = (
+            f"found {seconds:g} s, meant for {LEAST_S:g} s or more: who waits is left out as well"
+        )
+        print(f"pyinfra: warning: --drop-standing: {text}", file=sys.stderr)
     args.out.mkdir(parents=True, exist_ok=True)
     for file, detections in zip(files, found, strict=True):
         write(args.out, file, detections)
@@ -171,12 +201,21 @@ def warn(model: Path, args: argparse.Namespace) -> None:
     if other and not args.allow_transfer:
         print(f"pyinfra: warning: {other}; --allow-transfer if this is meant", file=sys.stderr)
     split = args.split or (args.data / "ImageSets/val.txt").is_file()
-    if not other and not split and has_labels(args.data):
+    if not other and not split and has_labels(args.data) and not is_of_anywhere(model):
         print(
             f"pyinfra: warning: {args.data} is not split, so all frames are taken, also those that "
             "were learnt from; `pyinfra split` it first, or --split all if this is meant",
             file=sys.stderr,
         )
+
+
+def _warn_of_others(out: Path, files: Sequence[Path]) -> None:
+    """Of results that were there, perhaps of another detector."""
+    own = {f"{file.stem}.txt" for file in files}
+    others = [file for file in out.glob("*.txt") if file.name not in own]
+    if others:
+        text = f"{len(others)} files of other frames were there and stay, as {others[0].name}"
+        print(f"pyinfra: warning: {out}: {text}", file=sys.stderr)
 
 
 def _print_boxes(files: Sequence[Path], found: Sequence[Detections]) -> None:

@@ -18,6 +18,8 @@ from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
 from pyinfra.kitti.lidar import PERIOD_S
 
+MOST_HEIGHT_M = 100.0
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Makes a data set of a recording of your own or of another tool's frames."
@@ -105,6 +107,10 @@ def facts_of(args: argparse.Namespace) -> LidarFacts:
     least, most = PERIOD_S
     if args.period_s is not None and not least <= args.period_s <= most:
         raise ValueError(f"--period-s: found {args.period_s:g}, allowed {least:g} to {most:g}")
+    if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
+        raise ValueError(
+            f"--height-m: found {args.height_m:g}, allowed above 0 to {MOST_HEIGHT_M:g}"
+        )
     if tilt and not all(abs(angle) <= 90 for angle in tilt):
         raise ValueError(f"--tilt-deg: found {tilt}, allowed -90 to 90")
     return LidarFacts(

@@ -7,6 +7,7 @@ Without the file, the region is wherever roads or lanes are.
 from __future__ import annotations
 
 import csv
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,21 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
 def outlines_of(scene: Mapping[str, Any]) -> tuple[FloatArray, ...]:
     """Those of a scene's keys."""
     return tuple(np.array(own["outline_m"], np.float64) for own in scene.get("regions", ()))
+
+
+def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
+    """Two sides of an outline (m, 2) that cross each other; side i begins at corner i."""
+
+    def left_of(i: int, k: int) -> float:
+        """On which side of the line of side i corner k lies."""
+        along, to = outline[(i + 1) % len(outline)] - outline[i], outline[k] - outline[i]
+        return float(along[0] * to[1] - along[1] * to[0])
+
+    for a, b in itertools.combinations(range(len(outline)), 2):
+        ahead = (a + 1) % len(outline), (b + 1) % len(outline)
+        if left_of(a, b) * left_of(a, ahead[1]) < 0 and left_of(b, a) * left_of(b, ahead[0]) < 0:
+            return a, b
+    return None
 
 
 def in_any(outlines: Sequence[FloatArray], points: FloatArray, margin_m: float) -> BoolArray:

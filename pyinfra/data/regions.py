@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.config import read_config, ruled
 from pyinfra.data.frames import data_set_of
-from pyinfra.data.outlines import in_any, in_outline, read_outlines
+from pyinfra.data.outlines import first_crossing, in_any, in_outline, read_outlines
 from pyinfra.kitti import FormatError, WorldPose
 from pyinfra.kitti.table import ColumnRule, NamedRows, between, lines_of
 
@@ -89,6 +89,9 @@ class Outline:
         x, y = np.transpose(self.outline_m)
         if abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) == 0:
             raise ValueError("outline_m: found no area, allowed an outline with one")
+        if (crossing := first_crossing(np.array(self.outline_m))) is not None:
+            a, b = crossing
+            raise ValueError(f"outline_m: found side {a + 1} across side {b + 1}, allowed none")
 
 
 @dataclass(frozen=True)

@@ -67,11 +67,11 @@ def find_files(
     that is not known, for a missing file unless allowed, and if there is no file at all.
     """
     present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
-    by_frame = {int(f.stem): f for f in present if f.stem.isdecimal() and len(f.stem) >= 6}
+    by_frame = {int(file.stem): file for file in present if _of_frame(file)}
     suffixes = {file.suffix for file in by_frame.values()}
     if not by_frame:
         raise FormatError(f"{folder}: found no prediction, allowed NNNNNN.txt or NNNNNN.csv")
-    if len(suffixes) > 1:
+    if len({file.suffix for file in present if _of_frame(file)}) > 1:
         raise FormatError(f"{folder}: found .txt and .csv files, allowed one of them")
     unknown = sorted(by_frame.keys() - set(known))
     if unknown:
@@ -99,6 +99,10 @@ def find_files(
             raise FormatError(f"{text}; an empty file says that nothing was found")
         findings.append(Finding("warning", "missing-files", f"{text}; taken as nothing found"))
     return PredictionFiles(tuple(by_frame.get(frame) for frame in frames), tuple(findings))
+
+
+def _of_frame(file: Path) -> bool:
+    return file.stem.isdecimal() and len(file.stem) >= 6
 
 
 def check_predictions(
@@ -135,6 +139,9 @@ def _names(
     other = ~np.isin(predictions.names, types)
     if not other.any():
         return
+    known = np.isin(predictions.names, (*kitti.VEHICLE_TYPES, *kitti.PERSON_TYPES))
+    if (other & ~known).any() and not other.all():
+        other &= ~known  # people beside vehicles need no word where something else does
     names, counts = np.unique(predictions.names[other], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     text = (
@@ -142,7 +149,7 @@ def _names(
     )
     if other.all():
         raise FormatError(text)
-    if np.isin(names, (*kitti.VEHICLE_TYPES, *kitti.PERSON_TYPES)).all():
+    if known[other].all():
         text = f"not evaluated: {listed}; `pyinfra evaluate --class` evaluates others"
         yield Finding("note", "other-classes", text)
     else:

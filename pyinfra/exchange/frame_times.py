@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pyinfra.arrays import FloatArray, IntArray
+from pyinfra.data.frames import PERIOD_S as USUAL_S
 from pyinfra.exchange.recording import Recording
 from pyinfra.kitti.lidar import PERIOD_S
 
@@ -47,14 +48,18 @@ def seconds_of_stamp(value: float) -> float | None:
 def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
     """The recording in order of time, with period and numbers by its clock, and what was found.
 
-    period_s: what the user says it is. Without times in the files or their names nothing changes.
+    period_s: what the user says it is. Without times in the files, those of their names are taken;
+    without those too nothing changes.
     If the times, sorted, are regular, they are right and frames out of order; else a time that
     steps back is the clock's fault, and the order of the names holds.
     """
-    times = _times(recording)
-    if times is None or len(times) < 2:
+    times, found = _times(recording)
+    if len(recording.names) < 2:
         return recording, []
-    found = []
+    if times is None:
+        if not (period_s or recording.period_s):
+            found.append(f"frames are {USUAL_S:g} s apart, as no times say it: --period-s does")
+        return recording, found
     steps = np.diff(times)
     if (steps < 0).any():
         order = np.argsort(times, kind="stable")
@@ -75,11 +80,20 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     return _by_clock(recording, steps, period_s, found)
 
 
-def _times(recording: Recording) -> FloatArray | None:
-    if recording.times is not None:
-        return recording.times()
-    named = [seconds_of(name) for name in recording.names]
-    return None if None in named else np.array(named, dtype=np.float64)
+def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
+    """By the clock in the files, else by that of their names; and what was found."""
+    times, found = recording.times() if recording.times is not None else None, []
+    if times is not None and not (known := np.isfinite(times)).all():
+        first = recording.names[int(known.argmin())]
+        found.append(
+            f"{int((~known).sum())} of {len(times)} frames have no time in them, as {first}: that "
+            "of the others is not used"
+        )
+        times = None
+    if times is None:
+        named = [seconds_of(name) for name in recording.names]
+        times = None if None in named else np.array(named, dtype=np.float64)
+    return times, found
 
 
 def _regular(steps: FloatArray) -> bool:

@@ -71,7 +71,10 @@ def warnings(found: Found, labelled: bool, height_m: float | None = None) -> lis
     """What the user should know of the imported frames. height_m: that the user says."""
     out = []
     if not labelled:
-        out.append("found no labels: networks, statistics of vehicles and evaluation need them")
+        out.append(
+            "found no labels: statistics of vehicles, evaluation and networks that are to learn "
+            "here need them"
+        )
     elif not set(found.types) & set(VEHICLE_TYPES):
         names = ", ".join(found.types) or "none"
         out.append(f"found no vehicle among {names}; --type NAME=Car says what is one")

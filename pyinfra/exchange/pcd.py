@@ -31,6 +31,7 @@ PLACE: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "inten
 # Of a field here, its name in kitti.FIELDS and its type.
 MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
 INTENSITIES = ("intensity", "reflectivity", "i")  # names in use; without one it is 0
+FIRST = 3  # clouds of which one has a clock, if the recording has: empty ones have none
 STAMPS = ("timestamp", "time_stamp", "time", "t")  # of a point, by a clock; else since something
 
 
@@ -77,12 +78,13 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
-    """The first time stamp of each cloud, s since 1970; None if the first cloud has no clock's."""
-    first = _stamp(read_pcd(clouds[0]))
-    if first is None:
+    """The first time stamp of each cloud, s since 1970; nan without a clock's.
+
+    None if the first few have none.
+    """
+    if all(_stamp(read_pcd(file)) is None for file in clouds[:FIRST]):
         return None
-    rest = [_stamp(read_pcd(file)) for file in clouds[1:]]
-    return None if None in rest else np.array([first, *rest], dtype=np.float64)
+    return np.array([_stamp(read_pcd(file)) for file in clouds], dtype=np.float64)
 
 
 def _stamp(records: Records) -> float | None:

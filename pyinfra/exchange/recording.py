@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,7 +87,7 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     Raises FileNotFoundError without the folder, and ValueError if there is no such file.
     """
     found = (file for file in folder.iterdir() if not file.name.startswith("."))
-    files = [file for file in found if file.name.endswith(tuple(suffixes))]
+    files = [file for file in found if file.name.lower().endswith(tuple(suffixes))]
     if not files:
         raise ValueError(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
@@ -157,8 +158,8 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 
 
 def stem(file: Path) -> str:
-    """The name without .pcd.bin, .bin, .txt, ..."""
-    return file.name.removesuffix(".bin").removesuffix(".pcd").removesuffix(file.suffix)
+    """The name without .pcd.bin, .bin, .txt, ..., in small letters or capitals."""
+    return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
 
 
 def _digits(name: str) -> tuple[int, ...]:

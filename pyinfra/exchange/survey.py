@@ -27,6 +27,7 @@ FRAMES = 30  # looked at, spread over all
 MOST_POINTS = 40_000  # of each
 # Whatever the unit, these let a cloud pass the reader's ranges.
 WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
+MILLIMETRES = "coordinates are millimetres: divided by 1000"
 INTENSITIES_MAX = (1.0, 255.0, 65535.0)
 FARTHEST_MEDIAN_M = 400.0  # of a roadside sensor's returns; in mm it is NEAREST_MEDIAN_MM or more
 NEAREST_MEDIAN_MM = 2000.0
@@ -68,8 +69,8 @@ def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, roa
     unit = _unit(source, clouds, options) if road else 1.0
     highest = options.intensity_max or _intensity_max(clouds)
     assumed = []
-    if unit != 1:
-        assumed.append("coordinates are millimetres: divided by 1000")
+    if unit != options.unit_m:
+        assumed.append(MILLIMETRES)
     if highest != 1 and options.intensity_max is None:
         assumed.append(f"intensities reach {_brightest(clouds):.6g}: divided by {highest:g}")
     result = Survey(
@@ -181,7 +182,12 @@ def _with_road(source: Path, found: Survey, clouds: Sequence[Floats]) -> Survey:
     if plane is None or plane.share < LEAST_SHARE:
         if about.height_m is None and not any(map(len, clouds)):
             return found
-        said = "no road was found: points stay as they are, z up"
+        _check_millimetres(source, found, "no road was found")
+        said = (
+            "no road was found: points are turned as --tilt-deg says and no more"
+            if about.tilt
+            else "no road was found: points stay as they are, z up; in metres around the sensor?"
+        )
         height = "" if about.height_m is not None else ", and the sensor's height is not known"
         return replace(found, assumed=(*found.assumed, said + height))
     turn = np.array(UPS[up], dtype=np.float64)
@@ -230,6 +236,8 @@ def _axes(turn: FloatArray) -> str:
 def _from_road_level(source: Path, found: Survey, plane: RoadPlane) -> Survey:
     """Clouds whose origin lies on the road: moved down by the height that the user says."""
     height = found.about.height_m
+    below = f"the road lies {plane.height_m:.2f} m below the origin"
+    _check_millimetres(source, found, below)
     if height is None or height < LOWEST_M:
         raise ValueError(
             f"{source}: found the road {plane.height_m:.2f} m below the origin, allowed "
@@ -237,12 +245,21 @@ def _from_road_level(source: Path, found: Survey, plane: RoadPlane) -> Survey:
             "above it the sensor stands, and moves them down"
         )
     said = (
-        f"the road lies {plane.height_m:.2f} m below the origin, points are in the road's frame: "
+        f"{below}, points are in the road's frame: "
         f"moved down by {height - plane.height_m:.2f} m, as --height-m says"
     )
     return replace(
         found, lift_m=plane.height_m - height, plane=plane, assumed=(*found.assumed, said)
     )
+
+
+def _check_millimetres(source: Path, found: Survey, why: str) -> None:
+    """Raises ValueError if a unit was guessed, and what follows is no sensor above a road."""
+    if MILLIMETRES in found.assumed:
+        raise ValueError(
+            f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
+            "around the sensor: --unit-m says what one is"
+        )
 
 
 def _as_given(

@@ -93,6 +93,12 @@ class Checkpoint:
         except RuntimeError as error:
             first = str(error).splitlines()[-1].strip()
             raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
+        for name, tensor in self.weights().items():
+            if not tensor.isfinite().all():
+                raise ConfigError(
+                    f"checkpoint of {self.about.detector}: {name}: found a number that is not "
+                    "finite, allowed weights that are"
+                )
         network.calibration = self.about.calibration
         if region is not None:
             network.know(region)

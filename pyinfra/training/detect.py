@@ -136,6 +136,15 @@ def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
     raise FileNotFoundError(2, f"No {' or '.join(names)} in it", str(run))
 
 
+def is_of_anywhere(file: Path) -> bool:
+    """Whether a model learnt at other sites than those where it is meant to find something."""
+    if file.suffix == ".npz":
+        return False
+    from pyinfra.training import checkpoint
+
+    return checkpoint.load(file).about.anywhere
+
+
 def transfer(run: Path, lidar_folder: Path) -> str:
     """How the folder differs from what the run learnt from; empty if it does not."""
     file = model_file(run)

@@ -66,7 +66,7 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
 def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:
     """Folders of predictions by LiDAR folder, from LIDAR=DIR, or DIR if there is one LiDAR.
 
-    Raises ValueError for an unknown LiDAR, and for DIR with several.
+    Raises ValueError for an unknown LiDAR, for DIR with several, and for two of one LiDAR.
     """
     by_name = {folder.name: folder for folder in folders}
     chosen = {}
@@ -77,6 +77,10 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
         if name not in by_name or not folder:
             raise ValueError(
                 f"--pred: found '{word}', allowed LIDAR=DIR with LIDAR {', '.join(by_name)}"
+            )
+        if by_name[name] in chosen:
+            raise ValueError(
+                f"--pred: found '{word}' beside another of {name}, allowed one of each"
             )
         chosen[by_name[name]] = Path(folder)
     return chosen

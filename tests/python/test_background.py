@@ -270,6 +270,7 @@ def test_an_outline_may_have_a_bay_and_a_margin_makes_it_wider(
     [
         ("[[0, 0], [1, 0]]", "outline_m: found 2 corners, allowed 3 or more"),
         ("[[0, 0], [1, 1], [2, 2]]", "outline_m: found no area"),
+        ("[[-5, -2], [5, 2], [5, -2], [-6, 3]]", "outline_m: found side 1 across side 3"),
         ("[[0, 0], [1, 0], [1]]", r"region.yaml:1: outline_m.2: found 1 values, allowed 2"),
         ("[[0, 0], [1, 0], [.nan, 1]]", r"region.yaml:1: outline_m.2.0: found nan"),
     ],
@@ -442,6 +443,15 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
     assert said == (known_by == "nothing")
     assert (np.abs(y - 3) < 1).sum() >= 10
     assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")
+
+
+def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "background.npz").touch()
+    words = ["detect", str(tmp_path), str(tmp_path / "cloud.bin"), "--height-m", "6"]
+    assert cli.main(words) == 2
+    assert "--height-m: found one for background" in capsys.readouterr().err
 
 
 def test_a_region_for_another_detector_is_an_error(

@@ -85,7 +85,8 @@ def test_the_road_of_a_leaning_sensor_is_found(site: Path, lidar: str, tmp_path:
     assert np.degrees([tilt.pitch, tilt.roll]) == pytest.approx([12, -4], abs=0.1)
     assert kitti.read_lidar(folder).T_world_levelled.z == pytest.approx(HEIGHT_M, abs=0.03)
     assert "the road lies 6.0" in said or "the road lies 5.9" in said
-    assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == said.splitlines()[:2]
+    assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == said.splitlines()[:3]
+    assert said.splitlines()[2] == "frames are 0.1 s apart, as no times say it: --period-s does"
 
 
 @pytest.mark.parametrize(
@@ -331,6 +332,42 @@ def test_a_clock_that_steps_back_is_not_used(site: Path, tmp_path: Path) -> None
     assert any("the clock steps back by 89.9 s after 000001" in line for line in found.assumed)
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
     assert kitti.frames(tmp_path / "in/pole") == [0, 1, 2, 3, 4]
+
+
+def test_times_are_those_of_the_names_where_clouds_have_none(site: Path, tmp_path: Path) -> None:
+    source, clouds = tmp_path / "source", clouds_of(site, "helios_16")[:4]
+    source.mkdir()
+    for name, cloud in zip(names_at([0, 0.5, 1, 1.5]), clouds, strict=True):
+        kind = [(field, "<f4") for field in ("x", "y", "z", "intensity")]
+        write_pcd(source / f"{name}.PCD", np.rec.fromarrays(cloud.T, dtype=kind))
+    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.5
+    assert not any("apart, as no times say it" in line for line in found.assumed)
+
+
+def test_one_cloud_without_a_time_is_said(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:5]
+    source = write_stamped(tmp_path / "source", [clouds[0][:0], *clouds[1:]], [0, 1, 2, 3, 4])
+    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    text = "1 of 5 frames have no time in them, as 000000: that of the others is not used"
+    assert text in found.assumed
+    assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
+
+
+@pytest.mark.parametrize(("unit_m", "away_m"), [(0.01, 0.0), (1.0, 4e6)])
+def test_what_is_no_millimetre_either_is_refused(
+    site: Path, unit_m: float, away_m: float, tmp_path: Path
+) -> None:
+    clouds = with_place(clouds_of(site, "helios_16"), lambda p: np.add(p, (away_m, 0, 0)) / unit_m)
+    source = write(tmp_path / "source", clouds)
+    about = LidarFacts("pole", "junction", height_m=HEIGHT_M)
+    with pytest.raises(ValueError, match=r"source: found coordinates that as mill.* --unit-m says"):
+        import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+    if unit_m != 1:
+        found, _ = import_recording(
+            source, "bin", tmp_path / "in/pole", about, Options(unit_m=unit_m)
+        )
+        assert found.assumed[0].startswith("the road lies 6.0")
 
 
 # --- at once

@@ -28,6 +28,17 @@ def test_a_queue_on_a_lane_stays_and_a_hedge_beside_it_goes() -> None:
     assert standing(boxes, moves).tolist() == [False] * 9 + [True] * 9 + [False]
 
 
+def test_few_seconds_are_a_warning(
+    lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["detect", "--model", "generalist", "--data", str(lidar), "--frames", "4"]
+    assert cli.main([*words, "--drop-standing", "--out", str(tmp_path / "found")]) == 0
+    printed = capsys.readouterr()
+    assert "boxes left out, as they stand where nothing moves" in printed.out
+    assert "is not split" not in printed.err  # it learnt from none of them
+    assert "warning: --drop-standing: found 14.8 s, meant for 60 s or more" in printed.err
+
+
 def vehicles_at(centres: list[list[float]]) -> FloatArray:
     """(n, 7): cars along x."""
     size = [-5.0, 4.5, 1.9, 1.6, 0.0]

@@ -132,7 +132,12 @@ def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
     (pred / "000000.txt").write_text(
         (pred / "000000.txt").read_text().replace("vehicle", "bicycle", 1)
     )
-    assert ("warning", "other-classes") in {(f.level, f.name) for f in validate(lidar, pred)}
+    (found,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
+    assert found.level == "warning"
+    (low / "000003.txt").write_text((low / "000003.txt").read_text().replace("vehicle", "Zebra"))
+    (low / "000001.txt").write_text((low / "000001.txt").read_text().replace("vehicle", "Cyclist"))
+    (found,) = (f for f in validate(lidar, low) if f.name == "other-classes")
+    assert found.text.startswith(f"{low / '000003.txt'}:1: not evaluated: Zebra (1); allowed Car")
 
 
 def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:

@@ -262,6 +262,7 @@ def test_a_run_of_the_simulator_has_time_and_objects(
         ("--frames 0:4:0", "--frames: found '0:4:0', allowed A:B or A:B:STEP"),
         ("--lidar three", "--lidar: found 'three', allowed one, two"),
         ("--pred there", "--pred: found 'there', allowed LIDAR=DIR with LIDAR one, two"),
+        ("--pred one=there one=here", "--pred: found 'one=here' beside another of one"),
         ("--pred three=there", "--pred: found 'three=there', allowed LIDAR=DIR"),
         ("DATA/one", "found DATA/one, DATA/two, DATA/one, allowed each LiDAR once"),
         ("--most-points 0", "--most-points: found 0, allowed 1 or more"),
