@@ -67,11 +67,10 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
     """AP of the generalist with the local height, and with that under the sensor alone."""
     local, region = detect.place_of(folder)
     assert local is not None
-    under = float(local.above(np.zeros((1, 4), np.float32))[0, 2])
     numbers = frame_numbers(folder, "all")
     files = [kitti.frame_file(folder, "velodyne", k) for k in numbers]
     lean = leaning(folder, numbers)
-    for name, ground in (("local", local), ("one", level_ground(-under))):
+    for name, ground in (("local", local), ("one", level_ground(-local.sensor_m))):
         network = detect.load_detector(Path("generalist"), ground=ground, region=region)
         detect.detect(network, files, work / name)
         (judgement,) = judged(folder, work / name, SETTINGS, frames=numbers)
