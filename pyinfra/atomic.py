@@ -68,9 +68,9 @@ def new_folder(folder: Path) -> Iterator[Path]:
     folder.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(folder)
     beside = _beside(folder)
-    beside.mkdir()
     try:
         with naming(folder, beside):
+            beside.mkdir()
             yield beside
             try:
                 beside.replace(folder)

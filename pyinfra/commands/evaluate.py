@@ -133,7 +133,8 @@ def run(args: argparse.Namespace) -> int:
     )
     for finding in evaluation.findings:
         print(f"pyinfra: {finding}", file=sys.stderr)
-    write(evaluation, args.out, figures=not args.no_figures)
+    drawn = not args.no_figures and bool((evaluation.ap.objects > 0).any())
+    write(evaluation, args.out, figures=drawn)
     print(summary(evaluation))
     return 0
 

@@ -50,7 +50,8 @@ def by_time(
     if not split.train or not split.val:
         raise ValueError(
             f"found frames from {min(starts, default=0):g} to {max(starts, default=0):g} s, "
-            f"allowed some before {train_until_s:g} s and some from {val_from_s:g} s on"
+            f"allowed some before {train_until_s:g} s and some from {val_from_s:g} s on "
+            "(`pyinfra split` sets both)"
         )
     return split
 

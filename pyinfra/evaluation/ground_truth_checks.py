@@ -17,6 +17,9 @@ def ground_truth_findings(
 
     frames: those that `vehicles.frame` counts along; types: the names that are evaluated.
     """
+    if len(vehicles) == 0:
+        text = f"{lidar_folder}: found no label in {len(frames)} frames, so there is no AP; "
+        yield Finding("warning", "no-labels", text + "`pyinfra validate --pred` asks what moves")
     if other := other_types(lidar_folder, frames, vehicles, types):
         yield Finding("warning", "other-types", other)
     if missing := without_region(lidar_folder):

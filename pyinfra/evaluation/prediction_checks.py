@@ -77,7 +77,7 @@ def find_files(
     if unknown:
         raise FormatError(
             f"{by_frame[unknown[0]]}: found a frame that the ground truth has not"
-            f"{_and_more(unknown)}, allowed {min(known)} to {max(known)}"
+            f"{_and_more(unknown)}, allowed one of its {len(known)}, {min(known)} to {max(known)}"
         )
     findings = []
     named = set(by_frame.values())

@@ -197,7 +197,12 @@ def test_a_second_box_on_a_vehicle_is_a_duplicate(run: Callable[..., Evaluation]
 
 def test_scores_below_the_threshold_do_not_count(run: Callable[..., Evaluation]) -> None:
     found = [[(box(car(20)), 0.1), (box(car(60)), 0.0999)]]
-    assert row(run([[car(20)]], found), ground_truth="captured").predictions == 1
+    assert row(run([[car(20)]], found, min_score=0.1), ground_truth="captured").predictions == 1
+
+
+def test_every_score_counts_by_default(run: Callable[..., Evaluation]) -> None:
+    found = [[(box(car(20)), 0.1), (box(car(60)), 0.0)]]
+    assert row(run([[car(20)]], found), ground_truth="captured").predictions == 2
 
 
 def test_common_leaves_out_what_another_lidar_cannot_see(tmp_path: Path) -> None:
