@@ -47,6 +47,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "generalist": networks.generalist,
     "beside specialists": networks.beside_specialists,
     "generalist, first trial": networks.first_trial,
+    "scores after training": networks.tuned_scores,
     "hill": sites.hill,
     "integration": networks.integration,
     "integration differences": networks.integration_differences,

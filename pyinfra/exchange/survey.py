@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pyinfra.arrays import FloatArray, Floats
+from pyinfra.arrays import FloatArray, Floats, Points
 from pyinfra.data.regions import Region
 from pyinfra.exchange.data_set import LidarFacts, levelled
 from pyinfra.exchange.recording import Options, RecordedFrame, Recording
@@ -99,6 +99,12 @@ def turned(recording: Recording, found: Survey) -> Recording:
         return own
 
     return replace(recording, read=frame)
+
+
+def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
+    """The road of clouds with z up, but for a tilt; None if little of the ground lies on one."""
+    plane = find_plane([cloud[:: 1 + len(cloud) // MOST_POINTS] for cloud in clouds])
+    return None if plane is None or plane.share < LEAST_SHARE else plane
 
 
 def check_region(file: Path, region: Region, recording: Recording, found: Survey) -> None:

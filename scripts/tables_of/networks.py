@@ -117,6 +117,22 @@ def beside_specialists() -> str:
     return markdown(heads, rows)
 
 
+def tuned_scores() -> str:
+    """What boxes from the cut on are and what their scores say of them, in cells with all arms."""
+    table = results("generalist").query("preset == 'datasheet' and arm != 'specialist'")
+    columns = ["precision", "precision_said", "recall"]
+    cells = table.pivot_table(columns, ["site", "seed", "lidar"], "arm").dropna()
+    rows = []
+    for arm in list(ARMS)[:-1]:
+        own = cells.xs(arm, axis=1, level="arm")
+        off = (own.precision_said - own.precision).abs()
+        means = (f"{own[name].mean():.2f}" for name in columns)
+        close = f"{100 * (off <= 0.05).mean():.0f} %"
+        rows.append([ARMS[arm], str(len(own)), *means, f"{off.median():.3f}", close])
+    heads = ["precision", "precision said", "recall", "off by (median)", "within 0.05"]
+    return markdown(["trained there", "cells", *heads], rows)
+
+
 def first_trial() -> str:
     """Fine AP of the shipped network as the study simulates, beside the AP of a first trial."""
     rows = []

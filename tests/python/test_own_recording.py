@@ -167,6 +167,28 @@ def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "in/pole").exists()
 
 
+def test_a_wrong_height_of_a_lone_cloud_is_said(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clouds, lean = clouds_of(site, "ruby_plus")[:1], Rotation.from_euler("y", math.radians(2))
+    words = [
+        "detect",
+        "--model",
+        "generalist",
+        str(write(tmp_path / "as_is", clouds) / "cloud_0.bin"),
+    ]
+    assert cli.main([*words, "--height-m", "6.1"]) == 0
+    assert "warning" not in capsys.readouterr().err
+    assert cli.main([*words, "--height-m", "5.5"]) == 0
+    assert (
+        "--height-m says 5.5 m, the road of the clouds lies 6.00 m below" in capsys.readouterr().err
+    )
+    leaning = with_place(clouds, lean.apply)
+    words[-1] = str(write(tmp_path / "leaning", leaning) / "cloud_0.bin")
+    assert cli.main([*words, "--height-m", "6"]) == 0
+    assert "the sensor leans by 2.0 degrees to the road" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("up", ["z up", "z down"])
 def test_clouds_at_road_level_need_the_height(site: Path, up: str, tmp_path: Path) -> None:
     turn = np.array(UPS[up], dtype=np.float64)
