@@ -68,10 +68,10 @@ def find_files(
     """
     present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
     by_frame = {int(file.stem): file for file in present if _of_frame(file)}
-    suffixes = {file.suffix for file in by_frame.values()}
+    suffixes = {file.suffix for file in present if _of_frame(file)}
     if not by_frame:
         raise FormatError(f"{folder}: found no prediction, allowed NNNNNN.txt or NNNNNN.csv")
-    if len({file.suffix for file in present if _of_frame(file)}) > 1:
+    if len(suffixes) > 1:
         raise FormatError(f"{folder}: found .txt and .csv files, allowed one of them")
     unknown = sorted(by_frame.keys() - set(known))
     if unknown:

@@ -53,9 +53,9 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     If the times, sorted, are regular, they are right and frames out of order; else a time that
     steps back is the clock's fault, and the order of the names holds.
     """
-    times, found = _times(recording)
     if len(recording.names) < 2:
         return recording, []
+    times, found = _times(recording)
     if times is None:
         if not (period_s or recording.period_s):
             found.append(f"frames are {USUAL_S:g} s apart, as no times say it: --period-s does")
