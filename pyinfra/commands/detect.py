@@ -14,7 +14,7 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
 from pyinfra.data.frames import frame_numbers, has_labels
-from pyinfra.data.ground import Ground, level_ground
+from pyinfra.data.ground import MOST_HEIGHT_M, Ground, level_ground
 from pyinfra.data.regions import Region, outline_region
 from pyinfra.detectors import Detections, Detector
 from pyinfra.exchange import pcd, pcd_file
@@ -38,7 +38,6 @@ from pyinfra.training.detect import (
 from pyinfra.training.sources import spread
 from pyinfra.training.standing import without_standing
 
-MOST_HEIGHT_M = 100.0
 NOTHING = (
     "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
     "region right?"

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.data.ground import MOST_HEIGHT_M
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.imports import Upright, checked, import_recording, warnings
@@ -17,8 +18,6 @@ from pyinfra.exchange.object_types import own_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
 from pyinfra.kitti.lidar import PERIOD_S
-
-MOST_HEIGHT_M = 100.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -23,6 +23,7 @@ from pyinfra.kitti import WorldPose
 
 F = TypeVar("F", bound=np.floating[Any])  # float32 of points, float64 of boxes
 
+MOST_HEIGHT_M = 100.0  # of a sensor above the road, as a user says it
 CELL_M = 1.0  # of a relief: as the points of a road's centreline
 RIM_M = 20.0  # of a relief, around the centrelines
 LEVEL_M = 0.01  # roads that rise by less are level
