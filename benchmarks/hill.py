@@ -1,9 +1,9 @@
 """What a hill does: to a network that knows one height of the road, and to boxes that do not lean.
 
 A road of 700 m rises at a grade in its middle, where the pole stands; an own map, SUMO's traffic.
-The generalist looks at the same frames twice: with the height of the local road, and with one
-height, that under the pole. `iou_3d`: of boxes that turn with the vehicle but do not lean, with
-those that do. Rows of results/hill.csv.
+The generalist looks at the same frames three times: with the height of the local road, with one
+height, that under the pole, and with the plane that an import finds in the clouds. `iou_3d`: of
+boxes that turn with the vehicle but do not lean, with those that do. Rows of results/hill.csv.
     .venv/bin/python benchmarks/hill.py --work out/hill
 """
 
@@ -19,17 +19,19 @@ import numpy as np
 import pandas as pd
 
 from pyinfra import __version__, cli, kitti, machine
-from pyinfra.arrays import FloatArray
+from pyinfra.arrays import FloatArray, Points
 from pyinfra.benchmark import store
 from pyinfra.data.frames import frame_numbers
-from pyinfra.data.ground import level_ground
+from pyinfra.data.ground import Ground, level_ground
 from pyinfra.evaluation.evaluate import judged
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.tables import fine_ap, fine_columns
+from pyinfra.exchange.survey import road_of
 from pyinfra.simulator.catalogue import lidar_file
 from pyinfra.simulator.runs import infrasim
 from pyinfra.site.sumo import sumo_folder
 from pyinfra.training import detect
+from pyinfra.training.sources import spread
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests/python"))
@@ -39,6 +41,7 @@ SECONDS, FRAMES = 130, "0:1300:10"
 SETTINGS = Settings(ground_truths=("captured",))
 SEEDS = (1, 2)  # of the traffic
 KEY = ["grade_percent", "seed", "lidar", "height"]
+LOOKED_AT = 30  # frames, for the plane
 STEP = 7  # every so many boxes
 DRAWS = 20_000  # of points in a box, for its overlap
 
@@ -64,19 +67,30 @@ def frames_of(site: Path, data: Path) -> None:
 
 
 def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
-    """AP of the generalist with the local height, and with that under the sensor alone."""
+    """AP of the generalist with the local height, that under the sensor alone, and a plane."""
     local, region = detect.place_of(folder)
     assert local is not None
     numbers = frame_numbers(folder, "all")
     files = [kitti.frame_file(folder, "velodyne", k) for k in numbers]
     lean = leaning(folder, numbers)
-    for name, ground in (("local", local), ("one", level_ground(-local.sensor_m))):
+    plane = plane_of([kitti.read_points(files[i]) for i in spread(range(len(files)), LOOKED_AT)])
+    grounds = {"local": local, "one": level_ground(-local.sensor_m), "plane": plane}
+    for name, ground in grounds.items():
         network = detect.load_detector(Path("generalist"), ground=ground, region=region)
         detect.detect(network, files, work / name)
         (judgement,) = judged(folder, work / name, SETTINGS, frames=numbers)
         ap = fine_columns(judgement, fine_ap(judgement))
         row = {**ap, "objects": judgement.objects, **lean}
         yield {"height": name, **{key: round(float(value), 3) for key, value in row.items()}}
+
+
+def plane_of(clouds: Sequence[Points]) -> Ground:
+    """The road of clouds as an import finds it. Raises ValueError if there is none."""
+    road = road_of(clouds)
+    if road is None:
+        raise ValueError("found no road in the clouds, allowed one")
+    x, y, z = road.normal
+    return Ground((-x / z, -y / z, -road.height_m / z))
 
 
 def leaning(folder: Path, numbers: Sequence[int]) -> dict[str, float]:
@@ -108,7 +122,7 @@ def main() -> None:
     for percent, seed in itertools.product(GRADES_PERCENT, SEEDS):
         key = {"grade_percent": percent, "seed": seed}
         table = store.read(args.out, KEY)
-        if all(store.has(table, {**key, "lidar": x, "height": "one"}) for x in LIDARS):
+        if all(store.has(table, {**key, "lidar": x, "height": "plane"}) for x in LIDARS):
             continue
         site, data = site_of(percent, seed, args.work), args.work / f"data_{percent}_{seed}"
         frames_of(site, data)

@@ -54,19 +54,22 @@ def people_reach(own: pd.DataFrame) -> str:
     return f"{end[last]} (all to {end[unbroken]})"
 
 
+HEIGHTS = {"local": "local height", "one": "one height", "plane": "the clouds' plane"}
+
+
 def hill() -> str:
-    """AP of the generalist by grade, with the road's height at each place and with one."""
+    """AP of the generalist by grade, with the road's height at each place, one, and a plane."""
     rows = []
     key = ["lidar", "grade_percent", "seed"]
     for (lidar, percent, seed), own in (
         results("hill").sort_values(key[1:]).groupby(key, sort=False)
     ):
         by_height = own.set_index("height")
-        ap = (with_interval_of_ap(*ends(by_height.loc[h], "ap_fine")) for h in ("local", "one"))
+        ap = (with_interval_of_ap(*ends(by_height.loc[h], "ap_fine")) for h in HEIGHTS)
         iou = by_height.iou_3d.iloc[0]
         rows.append([LIDARS[str(lidar)], f"{percent} %", str(seed), *ap, f"{iou:.2f}"])
     rows.sort(key=lambda row: list(LIDARS.values()).index(row[0]))
-    return markdown(["LiDAR", "grade", "world", "local height", "one height", "3-D IoU"], rows)
+    return markdown(["LiDAR", "grade", "world", *HEIGHTS.values(), "3-D IoU"], rows)
 
 
 def traffic() -> str:
