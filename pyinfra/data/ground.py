@@ -19,7 +19,7 @@ from pyinfra import kitti
 from pyinfra.arrays import FloatArray
 from pyinfra.data.frames import data_set_of
 from pyinfra.data.regions import Road, read_roads, to_levelled
-from pyinfra.kitti import WorldPose
+from pyinfra.kitti import RoadShape, WorldPose
 
 F = TypeVar("F", bound=np.floating[Any])  # float32 of points, float64 of boxes
 
@@ -29,6 +29,8 @@ RIM_M = 20.0  # of a relief, around the centrelines
 LEVEL_M = 0.01  # roads that rise by less are level
 STEADY = 16.0  # m2: slopes rest on vehicles spread by some metres more than the root of this
 FAR_M = 0.5  # off the plane: no vehicle on this road
+SHAPE_REACH_M = 60.0  # of a recording's road around its sensor: as far as it is looked at
+SHAPE_END_M = 150.0  # and how far it is followed straight on
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +98,29 @@ def ground_of(lidar_folder: Path) -> Ground | None:
     lidar = kitti.read_lidar(lidar_folder)
     if roads.is_file():
         return ground_of_roads(read_roads(roads), lidar.T_world_levelled)
+    if lidar.preset != kitti.RECORDED:
+        return None
+    if shape := kitti.read_road_shape(lidar_folder):
+        return ground_of_shape(shape)
     height = lidar.T_world_levelled.z
-    return level_ground(-height) if lidar.preset == kitti.RECORDED and height > 0 else None
+    return level_ground(-height) if height > 0 else None
+
+
+def ground_of_shape(shape: RoadShape) -> Ground:
+    centres = np.arange(-SHAPE_END_M, SHAPE_END_M, CELL_M) + CELL_M / 2
+    cells = np.stack(np.meshgrid(centres, centres, indexing="ij"), axis=-1)
+    heights = shape_heights(shape, cells.reshape(-1, 2)).reshape(cells.shape[:2])
+    return Ground(relief=Relief((-SHAPE_END_M, -SHAPE_END_M), heights))
+
+
+def shape_heights(shape: RoadShape, xy: FloatArray) -> FloatArray:
+    """(n,) z of a recording's road at places (n, 2); straight on from SHAPE_REACH_M on."""
+    inside = np.minimum(1, SHAPE_REACH_M / np.maximum(np.hypot(*xy.T), 1e-9))
+    x, y = (xy * inside[:, None]).T
+    along_x = shape.slope_x + 2 * shape.bend_xx_per_m * x + shape.bend_xy_per_m * y
+    along_y = shape.slope_y + shape.bend_xy_per_m * x + 2 * shape.bend_yy_per_m * y
+    z = shape.level_m + (shape.slope_x + along_x) / 2 * x + (shape.slope_y + along_y) / 2 * y
+    return np.asarray(z + along_x * (xy[:, 0] - x) + along_y * (xy[:, 1] - y))
 
 
 def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from pyinfra.data.frames import PERIOD_S, lidars_in
 from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
-from pyinfra.kitti import RECORDED, VEHICLE_TYPES, Labels, Objects, WorldPose
+from pyinfra.kitti import RECORDED, VEHICLE_TYPES, Labels, Objects, RoadShape, WorldPose
 
 SEEN = 1.0  # visibility of an object that somebody labelled
 
@@ -41,6 +41,7 @@ class LidarFacts:
     period_s: float | None = None
     height_m: float | None = None  # above the road
     tilt: tuple[float, float] | None = None  # pitch (positive looks down), roll; radians
+    shape: RoadShape | None = None  # of the road, where it is no plane
     types: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()  # what was made of what nobody said, in words
 
@@ -256,6 +257,8 @@ def _lidar_yaml(
             }
         ],
     }
+    if about.shape:
+        content["road_shape"] = asdict(about.shape)
     if found.assumed:
         content["assumed"] = list(found.assumed)
     return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000))

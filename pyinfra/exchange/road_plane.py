@@ -110,6 +110,12 @@ def find_plane(
     return replace(plane, normal=(x, y, z))
 
 
+def lowest_points(clouds: Sequence[Floats]) -> LowestPoints:
+    """Of clouds (k, 3 or more) of one sensor, within its reach."""
+    xyz, frame = _within_reach(clouds)
+    return _ground(xyz, frame, len(clouds))
+
+
 def _tilt(x: float, y: float, z: float) -> tuple[float, float]:
     """Pitch and roll (rad) of a sensor that sees an upward normal so."""
     return -math.asin(x), math.atan2(y, z)

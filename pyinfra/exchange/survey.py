@@ -15,10 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.arrays import FloatArray, Floats, Points
+from pyinfra.data.ground import SHAPE_REACH_M
 from pyinfra.data.regions import Region
 from pyinfra.exchange.data_set import LidarFacts, levelled
 from pyinfra.exchange.recording import Options, RecordedFrame, Recording
 from pyinfra.exchange.road_plane import FIT_M, HEIGHTS_M, RoadPlane, find_plane
+from pyinfra.exchange.road_shape import shape_of
 from pyinfra.kitti import FormatError
 
 Read = Callable[[Path, Options], Recording]
@@ -204,8 +206,23 @@ def _with_road(source: Path, found: Survey, clouds: Sequence[Floats]) -> Survey:
         )
     if plane.height_m < LOWEST_M:
         return _from_road_level(source, replace(found, turn=turn, assumed=tuple(assumed)), plane)
-    plane = _as_given(source, about, [c @ turn.T for c in clouds], plane)
-    return _level(replace(found, turn=turn, assumed=tuple(assumed)), plane)
+    upright = [c @ turn.T for c in clouds]
+    plane = _as_given(source, about, upright, plane)
+    return _shaped(_level(replace(found, turn=turn, assumed=tuple(assumed)), plane), upright)
+
+
+def _shaped(found: Survey, clouds: Sequence[Floats]) -> Survey:
+    """With what is known of a road that is no plane. clouds: upright but for the tilt."""
+    about = found.about
+    lean = Rotation.from_euler("ZYX", [0, *(about.tilt or (0.0, 0.0))]).as_matrix()
+    shape = shape_of([cloud @ lean.T for cloud in clouds], about.height_m or 0.0)
+    if shape is None:
+        return found
+    said = (
+        "the road is no plane: its heights are followed where vehicles drive, "
+        f"{SHAPE_REACH_M:g} m around the sensor and straight on from there"
+    )
+    return replace(found, about=replace(about, shape=shape), assumed=(*found.assumed, said))
 
 
 def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:

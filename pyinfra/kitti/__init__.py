@@ -34,10 +34,12 @@ from pyinfra.kitti.lidar import (
     RECORDED,
     FieldOfView,
     Lidar,
+    RoadShape,
     Tilt,
     WorldPose,
     read_label_time,
     read_lidar,
+    read_road_shape,
     read_tilt,
 )
 from pyinfra.kitti.read import read_fields, read_labels, read_objects, read_points
@@ -68,6 +70,7 @@ __all__ = [
     "Lidar",
     "Objects",
     "Part",
+    "RoadShape",
     "Tilt",
     "WorldPose",
     "boxes_from_camera",
@@ -83,6 +86,7 @@ __all__ = [
     "read_lidar",
     "read_objects",
     "read_points",
+    "read_road_shape",
     "read_tilt",
     "read_yaml",
     "simulated",

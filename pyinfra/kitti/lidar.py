@@ -1,7 +1,7 @@
 """`lidar.yaml`: what a run wrote about the LiDAR that took the frames beside it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import get_args
 
@@ -11,6 +11,7 @@ from pyinfra.kitti.yaml_file import YamlNode, read_yaml
 RECORDED = "recorded"  # preset of a LiDAR that was not simulated
 PERIOD_S = (0.001, 60.0)  # of a frame, least and most
 _EARTH_M = 1e8  # farther from the world's origin is nothing
+_STEEP_M = 1e3  # a road's level, slopes and bends are less
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,21 @@ class Tilt:
 
     pitch: float
     roll: float
+
+
+@dataclass(frozen=True)
+class RoadShape:
+    """A recording's road: z = level + slopes times x, y + bends times x^2, x y, y^2.
+
+    Levelled frame, metres; as far as `pyinfra.data.ground.shape_heights` follows it.
+    """
+
+    level_m: float
+    slope_x: float
+    slope_y: float
+    bend_xx_per_m: float
+    bend_xy_per_m: float
+    bend_yy_per_m: float
 
 
 @dataclass(frozen=True)
@@ -112,6 +128,16 @@ def read_tilt(lidar_folder: Path) -> Tilt:
     sensor = read_yaml(lidar_folder / "lidar.yaml").at("T_levelled_sensor")
     pitch, roll = (sensor.at(key).number(-180, 180) for key in ("pitch_deg", "roll_deg"))
     return Tilt(math.radians(pitch), math.radians(roll))
+
+
+def read_road_shape(lidar_folder: Path) -> RoadShape | None:
+    """The road of a recording, if it was found to be no plane. Raises FormatError as read_tilt."""
+    found = read_yaml(lidar_folder / "lidar.yaml").maybe("road_shape")
+    if found is None:
+        return None
+    return RoadShape(
+        *(found.at(field.name).number(-_STEEP_M, _STEEP_M) for field in fields(RoadShape))
+    )
 
 
 def _label_time(top: YamlNode) -> LabelTime:
