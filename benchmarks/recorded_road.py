@@ -62,7 +62,7 @@ def imported(folder: Path, work: Path) -> Path:
 def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
     recorded = imported(folder, work)
     found, known = ground_of(recorded), ground_of(folder)
-    shaped = kitti.read_road_shape(recorded) is not None
+    shaped = int(kitti.read_road_shape(recorded) is not None)
     plane = level_ground(-kitti.read_lidar(recorded).T_world_levelled.z)
     yield {"road": "found", "shaped": shaped, **ap(folder, recorded, found, work / "found")}
     yield {"road": "plane", "shaped": shaped, **ap(folder, recorded, plane, work / "plane")}

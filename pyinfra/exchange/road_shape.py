@@ -12,7 +12,7 @@ import numpy as np
 
 from pyinfra.arrays import FloatArray, Floats
 from pyinfra.data.ground import SHAPE_REACH_M, shape_heights
-from pyinfra.exchange.road_plane import ON_M, SOFT_M, lowest_points
+from pyinfra.exchange.road_plane import SOFT_M, lowest_points
 from pyinfra.kitti import RoadShape
 
 LEAST_COLUMNS = 100  # under traffic; of fewer a plane is surer
@@ -20,7 +20,8 @@ GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # about the surface, ever closer
 ABOVE_M = 0.05  # what lies higher than this may be a vehicle where no ray meets the road,
 ABOVE_WEIGHT = 0.3  # and counts less
 STEADY_M4 = 1e4  # of the second order: (5 cm of a column / 5e-4 per m, a radius of 1 km) squared
-GAIN = 0.1  # of the ground under traffic that lies on the surface and not on the plane
+GAIN_M = 0.03  # by which that ground lies nearer to the surface than to the plane, in the mean,
+MOST_M = 0.3  # of no more than this each
 WORTH_M = 0.15  # by which a tenth of that ground leaves the plane
 FOOT_M = 0.5  # by which the surface may miss the plane at the sensor's foot
 STEEPEST = 0.2  # slope where it becomes straight
@@ -38,13 +39,13 @@ def shape_of(clouds: Sequence[Floats], height_m: float) -> RoadShape | None:
     above = xyz[:, 2] + height_m
     shape = _fitted(xyz[:, :2], above, height_m)
     found = shape_heights(shape, xyz[:, :2]) + height_m
-    better = _share_on(above - found) - _share_on(above) >= GAIN
+    better = _mean_off(above) - _mean_off(above - found) >= GAIN_M
     leaves = float(np.quantile(np.abs(found), 0.9)) >= WORTH_M
     return shape if better and leaves and _is_road(shape, height_m) else None
 
 
-def _share_on(off: FloatArray) -> float:
-    return float((np.abs(off) <= ON_M).mean())
+def _mean_off(off: FloatArray) -> float:
+    return float(np.minimum(np.abs(off), MOST_M).mean())
 
 
 def _fitted(xy: FloatArray, above: FloatArray, height_m: float) -> RoadShape:
