@@ -49,6 +49,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "generalist, first trial": networks.first_trial,
     "scores after training": networks.tuned_scores,
     "hill": sites.hill,
+    "recorded road": sites.recorded_road,
     "integration": networks.integration,
     "integration differences": networks.integration_differences,
     "stress_generalist": networks.stress_generalist,

@@ -72,6 +72,22 @@ def hill() -> str:
     return markdown(["LiDAR", "grade", "world", *HEIGHTS.values(), "3-D IoU"], rows)
 
 
+ROADS = {"map": "the map's road", "found": "found of the road", "plane": "its plane alone"}
+
+
+def recorded_road() -> str:
+    """AP of the generalist on imported frames by what is known of the road."""
+    rows = []
+    key = ["scene", "lidar", "seed"]
+    for (scene, lidar, seed), own in results("recorded_road").groupby(key, sort=False):
+        by_road = own.set_index("road")
+        ap = (with_interval_of_ap(*ends(by_road.loc[road], "ap_fine")) for road in ROADS)
+        shaped = "yes" if by_road.shaped.iloc[0] else "no"
+        rows.append([str(scene), LIDARS[str(lidar)], str(seed), *ap, shaped])
+    heads = [*ROADS.values(), "found to be no plane"]
+    return markdown(["scene", "LiDAR", "world", *heads], rows)
+
+
 def traffic() -> str:
     """How SUMO's vehicles, riders and people on foot move, before and after smoothing."""
     rows = []

@@ -10,6 +10,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from pyinfra import cli, kitti
+from pyinfra.data.ground import ground_of, shape_heights
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.frame_times import seconds_of
 from pyinfra.exchange.imports import import_recording, warnings
@@ -146,6 +147,46 @@ def test_a_crowned_road_is_levelled_evenly(site: Path, slope: float) -> None:
     assert plane.crown == pytest.approx(slope, abs=0.003)
     assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.25)  # one side alone: 0.8 to 1.6
     assert plane.residual_m < 0.03
+
+
+@pytest.mark.parametrize("lidar", ["livox_avia", "ruby_plus"])
+def test_the_road_over_a_crest_is_followed(site: Path, lidar: str, tmp_path: Path) -> None:
+    """A radius of 1,500 m: 1.2 m lower 60 m away."""
+
+    def bent(place: np.ndarray) -> np.ndarray:
+        return place - np.outer(place[:, 0] ** 2 / 3000, [0, 0, 1])
+
+    folder, said = taken(write(tmp_path / "source", with_place(clouds_of(site, lidar), bent)))
+    assert "the road is no plane: its heights are followed where vehicles drive, 60 m" in said
+    tilt = kitti.read_tilt(folder)  # of a sensor that looks one way: on the mean slope there
+    places = np.array([[10.0, -6], [30, -6], [55, -6], [55, 6]])
+    road = -HEIGHT_M - places[:, 0] ** 2 / 3000 + np.tan(tilt.pitch) * -places[:, 0]
+    found = ground_of(folder)
+    assert found is not None
+    np.testing.assert_allclose(found.height(places), road, atol=0.15)
+
+
+def test_a_level_road_stays_a_plane(site: Path, tmp_path: Path) -> None:
+    folder, said = taken(write(tmp_path / "source", clouds_of(site, "ruby_plus")))
+    assert "no plane" not in said
+    assert kitti.read_road_shape(folder) is None
+
+
+def test_a_shape_that_is_no_number_is_named(site: Path, tmp_path: Path) -> None:
+    folder, _ = taken(write(tmp_path / "source", clouds_of(site, "helios_16")))
+    file = folder / "lidar.yaml"
+    file.write_text(file.read_text() + "road_shape: {level_m: -6, slope_x: steep}\n")
+    with pytest.raises(kitti.FormatError, match=r"lidar\.yaml:\d+: road_shape\.slope_x: found"):
+        ground_of(folder)
+
+
+def test_a_road_is_straight_on_where_nobody_looked() -> None:
+    shape = kitti.RoadShape(-6, 0.01, -0.02, -3e-4, 1e-4, 2e-4)
+    x, y = 30.0, -40.0
+    expected = -6 + 0.01 * x - 0.02 * y - 3e-4 * x**2 + 1e-4 * x * y + 2e-4 * y**2
+    assert shape_heights(shape, np.array([[x, y]])) == pytest.approx(expected)
+    near, mid, far = shape_heights(shape, np.outer([1.2, 1.7, 2.2], [48.0, 36.0]))
+    assert far - mid == pytest.approx(mid - near)
 
 
 def test_the_plane_near_the_height_that_is_given(site: Path, tmp_path: Path) -> None:
