@@ -36,6 +36,7 @@ STRESSED = {
     "generalist": "generalist",
 }  # by the end of the run's name
 WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
+HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
 MANY_LABELS = 200  # in the frames of test
 LEAST_SEEDS = 3  # for an interval over them
 TIME_HEADS = ("points alone", "with their age", "with their age, label in the middle")
@@ -102,6 +103,7 @@ def beside_specialists() -> str:
     kinds = {
         "generated": generated,
         f"generated, {MANY_LABELS} labels or more": generated & (objects >= MANY_LABELS),
+        "generated, LiDARs held out": generated & cells.index.isin(HELD_OUT, level="lidar"),
         "the study's": ~generated,
     }
     for (kind, chosen), arm in itertools.product(kinds.items(), list(ARMS)[:-1]):
