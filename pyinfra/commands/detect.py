@@ -13,7 +13,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
-from pyinfra.data.frames import frame_numbers, has_labels
+from pyinfra.data.frames import frame_numbers, has_labels, period_of
 from pyinfra.data.ground import MOST_HEIGHT_M, Ground, level_ground
 from pyinfra.data.regions import Region, outline_region
 from pyinfra.detectors import Detections, Detector
@@ -186,7 +186,7 @@ def _without_standing(
     road, region = _place(args)
     found = without_standing(files, every, region, road)
     numbers = [int(file.stem) for file in files]
-    seconds = (max(numbers) - min(numbers)) * kitti.read_lidar(args.data).period_s
+    seconds = (max(numbers) - min(numbers)) * period_of(args.data)
     gone = sum(map(len, every)) - sum(map(len, found))
     print(f"{gone} boxes left out, as they stand where nothing moves")
     if seconds < LEAST_S:

@@ -13,6 +13,12 @@ from pyinfra.kitti.table import lines_of
 PERIOD_S = 0.1  # of the simulator's frames, and of a folder without lidar.yaml
 
 
+def period_of(lidar_folder: Path) -> float:
+    """Seconds of a frame of a LiDAR's folder. Raises FormatError."""
+    timed = (lidar_folder / "lidar.yaml").is_file()
+    return kitti.read_lidar(lidar_folder).period_s if timed else PERIOD_S
+
+
 def frame_range(word: str, gt: Path) -> list[int]:
     """The frames of a folder in A:B[:STEP]. Raises ValueError if there is none."""
     parts = word.split(":")

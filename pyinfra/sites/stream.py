@@ -153,13 +153,12 @@ def samples_of(
     pose = pose_of(keys)
     roads = roads_of_simulation(world, keys["name"])
     region, ground = regions.roads_region(roads, pose), ground_of_roads(roads, pose)
-    label_time = sim.label_time(world, lidar)
+    label_time, height_m = sim.label_time(world, lidar), ground.sensor_m
     samples = []
     for frame in cast(world, lidar, frames):
         points, (boxes, numbers) = sim.points(frame), labels_of_frame(frame, label_time, classes)
         above = ground.above(points), ground.above(boxes)
-        own = SiteSample(*above, numbers, region=region, height_m=ground.sensor_m)
-        samples.append(own)
+        samples.append(SiteSample(*above, numbers, region=region, height_m=height_m))
     return samples
 
 

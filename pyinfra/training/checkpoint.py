@@ -87,13 +87,13 @@ class Checkpoint:
         Raises ConfigError if the weights do not fit its Config.
         """
         site = self.about.site if region is None else around(region, self.about.site)
-        network = build(self.about.detector, self.about.network, site)
+        network, weights = build(self.about.detector, self.about.network, site), self.weights()
         try:
-            network.load_state_dict(self.weights())
+            network.load_state_dict(weights)
         except RuntimeError as error:
             first = str(error).splitlines()[-1].strip()
             raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
-        for name, tensor in self.weights().items():
+        for name, tensor in weights.items():
             if not tensor.isfinite().all():
                 raise ConfigError(
                     f"checkpoint of {self.about.detector}: {name}: found a number that is not "

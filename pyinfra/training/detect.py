@@ -12,7 +12,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Points
-from pyinfra.data.frames import PERIOD_S, frame_numbers
+from pyinfra.data.frames import frame_numbers, period_of
 from pyinfra.data.ground import Ground, ground_of
 from pyinfra.data.regions import Region, region_of
 from pyinfra.detectors import Detections, Detector
@@ -87,9 +87,7 @@ def stacking(
 
     Raises ValueError if no frame has one.
     """
-    timed = (lidar_folder / "lidar.yaml").is_file()
-    period_s = kitti.read_lidar(lidar_folder).period_s if timed else PERIOD_S
-    there = frame_numbers(lidar_folder, "all")
+    there, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
     clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, there, period_s)
     files = [kitti.frame_file(lidar_folder, "velodyne", k) for k in frames]
     by_file = dict(zip(files, clouds, strict=True))

@@ -1,5 +1,6 @@
 """Boxes that come back where nothing ever moves."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,6 +38,15 @@ def test_few_seconds_are_a_warning(
     assert "boxes left out, as they stand where nothing moves" in printed.out
     assert "is not split" not in printed.err  # it learnt from none of them
     assert "warning: --drop-standing: found 14.8 s, meant for 60 s or more" in printed.err
+
+
+def test_what_stands_goes_without_a_description_of_the_lidar(lidar: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "lidar"
+    shutil.copytree(lidar / "training/velodyne", copy / "training/velodyne")
+    words = ["detect", "--model", "generalist", "--data", str(copy), "--height-m", "6"]
+    words += ["--frames", "3", "--drop-standing", "--out", str(tmp_path / "found")]
+    assert cli.main(words) == 0
+    assert len(list((tmp_path / "found").glob("*.txt"))) == 3
 
 
 def vehicles_at(centres: list[list[float]]) -> FloatArray:
