@@ -32,7 +32,11 @@ from pyinfra.simulator.runs import infrasim
 from pyinfra.training import detect
 
 ROOT = Path(__file__).resolve().parent.parent
-SCENES = ("crest", "highway")
+SCENES: dict[str, tuple[str, ...]] = {  # by name: the scene's, and what is set in it
+    "crest": ("crest",),
+    "crest, pole 40 m down": ("crest", "mounts.pole.x_m=40"),
+    "highway": ("highway",),
+}
 LIDARS = ("ruby_plus", "livox_avia", "helios_16")
 SEEDS = (1, 2)
 FRAMES = "0:1000:20"
@@ -42,10 +46,17 @@ KEY = ["scene", "seed", "lidar", "road"]
 
 def simulated(scene: str, seed: int, work: Path) -> Path:
     """The data set's folder."""
-    out = work / f"{scene}_{seed}"
+    name, *keys = SCENES[scene]
+    out = work / f"{name_of(scene)}_{seed}"
     words = ["--preset", "datasheet", "--seed", str(seed), "--frames", FRAMES, "--out", str(out)]
-    infrasim("run", scene_file(scene), "--lidar", *map(lidar_file, LIDARS), *words)
+    words += [word for key in keys for word in ("--set", key)]
+    infrasim("run", scene_file(name), "--lidar", *map(lidar_file, LIDARS), *words)
     return out
+
+
+def name_of(scene: str) -> str:
+    """Of its files."""
+    return scene.replace(", ", "_").replace(" ", "_")
 
 
 def imported(folder: Path, work: Path) -> Path:
@@ -96,7 +107,7 @@ def main() -> None:
             key = {"scene": scene, "seed": seed, "lidar": lidar}
             if store.has(store.read(args.out, KEY), {**key, "road": "map"}):
                 continue
-            for row in rows(data / lidar, args.work / f"{scene}_{seed}_{lidar}"):
+            for row in rows(data / lidar, args.work / f"{name_of(scene)}_{seed}_{lidar}"):
                 store.put(args.out, pd.DataFrame([{**key, **row, **about}]), KEY)
                 print(*key.values(), *list(row.values())[:3], flush=True)
 
