@@ -165,6 +165,59 @@ TEST(people, count_within_six_metres_of_the_carriageway) {
   EXPECT_FALSE(region.contains(aside(half + 6.1), Class::kPedestrian));
 }
 
+SceneConfig with_group(const std::string& keys) {
+  const std::vector<std::string> assignments{"duration_s=1", "traffic.warm_up_s=1",
+                                             "standing_people=[{" + keys + "}]"};
+  return read_scene(configs() / "scenes/curve.yaml", assignments);
+}
+
+TEST(people_who_stand, are_as_many_as_asked_inside_the_radius_and_share_no_place) {
+  SceneConfig scene = with_group("x_m: 3, y_m: 40, count: 50, spacing_m: 1.2, base_m: -0.2");
+  const StandingPeopleConfig& group = scene.standing_people->front();
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    scene.seed = seed;
+    const std::vector<ObjectState> there = standing_people(scene);
+    ASSERT_EQ(there.size(), 50U);
+    for (std::size_t i = 0; i < there.size(); ++i) {
+      const Box3d& box = there[i].box;
+      for (const Vec2& corner : footprint(box))
+        EXPECT_LT(norm(corner - Vec2{group.x_m, group.y_m}), radius_of(group));
+      EXPECT_NEAR(box.z - box.dz / 2, -0.2, 1e-3);
+      for (std::size_t k = 0; k < i; ++k)
+        EXPECT_FALSE(footprints_overlap(footprint(box), footprint(there[k].box)));
+    }
+  }
+}
+
+TEST(people_who_stand, stand_in_every_row_of_the_world_after_all_others) {
+  const World world = build_world(with_group("x_m: 3, y_m: 40, count: 3"));
+  for (const auto& row : world.trajectories.rows) {
+    ASSERT_GE(row.size(), 3U);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const ObjectState& state = row[row.size() - 3 + i];
+      EXPECT_EQ(state.id, kFirstStandingPersonId + static_cast<int>(i));
+      EXPECT_EQ(state.object_class, Class::kPedestrian);
+      EXPECT_EQ(state.speed_m_s, 0);
+    }
+  }
+}
+
+TEST(people_who_stand, are_refused_on_lanes_and_where_something_stands) {
+  const SceneConfig free = with_group("x_m: 3, y_m: 40");
+  const CurvePoint p = centreline(free.roads[0]).at(50);
+  const auto place = [](const Vec2& at) {
+    return "x_m: " + std::to_string(at.x) + ", y_m: " + std::to_string(at.y);
+  };
+  const auto error = [](const std::string& keys) {
+    return error_of([&] { build_world(with_group(keys)); });
+  };
+  EXPECT_NE(error(place(p.position)).find("on a lane"), std::string::npos);
+  const std::string twice = "x_m: 3, y_m: 40}, {x_m: 4, y_m: 40";
+  EXPECT_NE(error(twice).find("expected free ground"), std::string::npos);
+  EXPECT_NE(error("x_m: 3, y_m: 40, count: 51").find("count"), std::string::npos);
+  EXPECT_NE(error("x_m: 3, y_m: 40, spacing_m: 1").find("spacing_m"), std::string::npos);
+}
+
 std::string refused(const std::string& row) {
   return error_of([&] { build_world(with_people("[" + row + "]")); });
 }

@@ -188,6 +188,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("traffic", c.traffic, "simulated vehicles");
   f.field("parked", c.parked, "rows of standing vehicles along roads");
   f.field("people", c.people, "on foot and on bicycles along roads");
+  f.field("standing_people", c.standing_people, "groups of pedestrians who stand");
   f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
   f.field("static_layers", c.static_layers,
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");

@@ -271,6 +271,16 @@ struct PeopleConfig {
   config::Place place;
 };
 
+/// Pedestrians who stand close together, as at a crossing or a stop.
+struct StandingPeopleConfig {
+  double x_m = 0;  ///< of the middle
+  double y_m = 0;
+  int count = 4;
+  double spacing_m = 1.3;  ///< between neighbours, mean
+  double base_m = 0;     ///< world z that they stand on
+  config::Place place;
+};
+
 /// What a fusion takes a mount's pose to be, less what it is.
 struct CalibrationError {
   double x_m = 0;
@@ -358,6 +368,7 @@ struct SceneConfig {
   std::optional<TrafficConfig> traffic;
   std::optional<std::vector<ParkedConfig>> parked;
   std::optional<std::vector<PeopleConfig>> people;
+  std::optional<std::vector<StandingPeopleConfig>> standing_people;
   std::string trajectories;  ///< a file instead of traffic; relative to the scene file
   /// By LiDAR, a file in place of casting what stands still; relative to the scene file.
   std::optional<std::map<std::string, std::string>> static_layers;

@@ -98,4 +98,14 @@ void visit(Fields& f, PeopleConfig& c) {
   f.field("speed", c.speed, "constant, everybody's own", required());
 }
 
+template <class Fields>
+void visit(Fields& f, StandingPeopleConfig& c) {
+  f.here(c.place);
+  f.field("x_m", c.x_m, "world x of the middle of the group", required());
+  f.field("y_m", c.y_m, "world y of the middle of the group", required());
+  f.field("count", c.count, "pedestrians of the group", between(1, 50));
+  f.field("spacing_m", c.spacing_m, "mean distance between neighbours", between(1.2, 5));
+  f.field("base_m", c.base_m, "world z that they stand on", between(-1e3, 1e4));
+}
+
 }  // namespace infrasim

@@ -26,7 +26,8 @@ Trajectories load_recorded(const SceneConfig& scene) {
         file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
         " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
   trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
-  if (!scene.parked && !scene.people) return trajectories;
+  const bool people = scene.people || scene.standing_people;
+  if (!scene.parked && !people) return trajectories;
   const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
   for (const auto& states : trajectories.rows)
     if (!states.empty() && states.back().id >= first)
@@ -51,10 +52,12 @@ TakeInstant with_parked(const SceneConfig& scene, const TakeInstant& take) {
 /// Hands over every instant with the people who are there then.
 TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
   People people(scene);
-  if (people.empty()) return take;
-  return [people = std::move(people), profile = Profile(scene), take,
-          instant = 0](std::vector<ObjectState> states) mutable {
+  std::vector<ObjectState> standing = standing_people(scene);
+  if (people.empty() && standing.empty()) return take;
+  return [people = std::move(people), standing = std::move(standing), profile = Profile(scene),
+          take, instant = 0](std::vector<ObjectState> states) mutable {
     auto there = people.at(instant++ * kFramePeriod);
+    there.insert(there.end(), standing.begin(), standing.end());
     profile.lift(there);
     states.insert(states.end(), there.begin(), there.end());
     take(states);

@@ -196,4 +196,48 @@ std::vector<ObjectState> People::at(double time_s) const {
   return out;
 }
 
+namespace {
+
+// Group members stand on a Fermat spiral, whose points fill a disc evenly (Vogel 1979).
+constexpr double kGoldenAngle = 2.399963229728653;  // rad
+constexpr double kSpiral = 0.58;     // radius of the spiral's first turn by the mean spacing
+constexpr double kOffSpiral = 0.05;  // most that somebody stands off it, by the mean spacing
+constexpr double kBody_m = 0.6;      // half the diagonal of the largest pedestrian
+
+}  // namespace
+
+double radius_of(const StandingPeopleConfig& group) {
+  return group.spacing_m * (kSpiral * std::sqrt(group.count) + kOffSpiral) + kBody_m;
+}
+
+std::vector<ObjectState> standing_people(const SceneConfig& scene) {
+  std::vector<ObjectState> out;
+  if (!scene.standing_people) return out;
+  const Rng rng = Rng::of(scene.seed, "standing people");
+  const ObjectClass& pedestrian = class_of(Class::kPedestrian);
+  for (std::size_t g = 0; g < scene.standing_people->size(); ++g) {
+    const StandingPeopleConfig& group = (*scene.standing_people)[g];
+    const Rng of_group = rng.at(g + 1);
+    const double turn = 2 * kPi * of_group.uniform(0);
+    for (int i = 0; i < group.count; ++i) {
+      if (out.size() == kMostPeople)
+        config::fail(group.place, "count",
+                     "expected up to " + std::to_string(kMostPeople) +
+                         " standing people in a scene, got more with this group");
+      const Rng own = of_group.at(static_cast<std::uint64_t>(i) + 1);
+      const VehicleSize size = draw_size(pedestrian, own);
+      const double radius = group.spacing_m * kSpiral * std::sqrt(i + 0.5);
+      const Vec2 off = {2 * own.uniform(kDrawsOfSize) - 1, 2 * own.uniform(kDrawsOfSize + 1) - 1};
+      const Vec2 xy = Vec2{group.x_m, group.y_m} +
+                      radius * heading_vector(turn + i * kGoldenAngle) +
+                      kOffSpiral * group.spacing_m / std::sqrt(2.0) * off;
+      const double heading = kPi * (2 * own.uniform(kDrawsOfSize + 2) - 1);
+      const Box3d box{xy.x, xy.y, group.base_m + size.dz / 2, size.dx, size.dy, size.dz, heading};
+      out.push_back(
+          rounded({kFirstStandingPersonId + static_cast<int>(out.size()), pedestrian.id, box, 0}));
+    }
+  }
+  return out;
+}
+
 }  // namespace infrasim

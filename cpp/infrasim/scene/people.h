@@ -10,11 +10,19 @@
 
 namespace infrasim {
 
-inline constexpr int kFirstPersonId = 1'500'000'000;  ///< beyond those of parked vehicles
+inline constexpr int kFirstPersonId = 1'500'000'000;          ///< beyond those of parked vehicles
+inline constexpr int kFirstStandingPersonId = 2'000'000'000;  ///< beyond those of people who walk
 
 /// The line of a row of people, from one end to the other.
 /// @throws ConfigError for an unknown road, or a row that begins beyond its end
 Curve people_line(const SceneConfig& scene, const PeopleConfig& row);
+
+/// The radius of the circle that the people of a group stand in, their bodies included.
+double radius_of(const StandingPeopleConfig& group);
+
+/// The people of all groups who stand, drawn from the scene's seed, on a level road.
+/// @throws ConfigError for more people than a scene may have
+std::vector<ObjectState> standing_people(const SceneConfig& scene);
 
 /// Somebody of a row, without beginning or end.
 struct Person {

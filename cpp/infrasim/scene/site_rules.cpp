@@ -322,31 +322,46 @@ class Site {
 
   /// People go beside the lanes of traffic, and where nothing stands and no other row goes.
   void check_people() const {
-    if (!scene_.people) return;
+    if (!scene_.people && !scene_.standing_people) return;
     std::vector<Box3d> solid = solids();
     for (const ParkedVehicle& vehicle : parked_vehicles(scene_)) solid.push_back(vehicle.state.box);
     OutlineIndex index;
     for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
-    for (const PeopleConfig& row : *scene_.people) {
+    const auto is_taken = [&](const Box3d& box) {
+      const auto outline = footprint(box);
+      return index.any_near(outline, [&](std::size_t i) {
+        const Box3d& other = solid[i];
+        return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
+               footprints_overlap(outline, footprint(other));
+      });
+    };
+    const auto take = [&](const Box3d& box) {
+      index.add(footprint(box), solid.size());
+      solid.push_back(box);
+    };
+    for (const PeopleConfig& row : scene_.people.value_or(std::vector<PeopleConfig>{})) {
       const std::vector<Box3d> way = free_way(row);
       for (const Box3d& box : way) {
-        const auto outline = footprint(box);
         if (scene_.traffic) check_beside_lanes(box, row.place, "offset_m", "people");
-        const auto shares_place = [&](std::size_t i) {
-          const Box3d& other = solid[i];
-          return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
-                 footprints_overlap(outline, footprint(other));
-        };
-        if (index.any_near(outline, shares_place))
+        if (is_taken(box))
           config::fail(row.place, "offset_m",
                        "found something in the way of people, near " + at_text({box.x, box.y}) +
                            ", allowed " + number_text(kPeopleBeside_m) +
                            " m free to both sides of their line");
       }
-      for (const Box3d& box : way) {
-        index.add(footprint(box), solid.size());
-        solid.push_back(box);
-      }
+      for (const Box3d& box : way) take(box);
+    }
+    for (const StandingPeopleConfig& group :
+         scene_.standing_people.value_or(std::vector<StandingPeopleConfig>{})) {
+      const double side = 2 * radius_of(group);
+      const Box3d box{group.x_m,       group.y_m, group.base_m + kPeopleHeight_m / 2, side, side,
+                      kPeopleHeight_m, 0};
+      if (scene_.traffic) check_beside_lanes(box, group.place, "x_m", "standing people");
+      if (is_taken(box))
+        config::fail(group.place, "x_m",
+                     "expected free ground within " + number_text(radius_of(group)) +
+                         " m of the group's middle, got something that stands or walks there");
+      take(box);
     }
   }
 
