@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -93,15 +93,20 @@ class Batch:
     boxes: tuple[Tensor, ...]  # of each frame (k, 7) float32
     windows: Windows | None = None  # None: the whole area
     classes: tuple[Tensor, ...] = ()  # of each frame (k,) int64, the numbers of the boxes' classes
+    balance: float = 0.0  # of the loss over frames: see `Learning.balance`
 
     @property
     def size(self) -> int:
         return len(self.boxes)
 
     def to(self, device: torch.device) -> Batch:
-        boxes = tuple(b.to(device) for b in self.boxes)
-        classes = tuple(c.to(device) for c in self.classes)
-        return Batch(self.points.to(device), self.frame.to(device), boxes, self.windows, classes)
+        return replace(
+            self,
+            points=self.points.to(device),
+            frame=self.frame.to(device),
+            boxes=tuple(b.to(device) for b in self.boxes),
+            classes=tuple(c.to(device) for c in self.classes),
+        )
 
 
 def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch:

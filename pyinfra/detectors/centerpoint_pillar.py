@@ -46,6 +46,7 @@ class CenterPointPillar(Network):
     """Pillars, a two-dimensional network, a heat map."""
 
     learns_in_windows = True
+    balances_frames = True
 
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
@@ -61,7 +62,8 @@ class CenterPointPillar(Network):
 
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
-        return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes, view.classes)
+        canvas = self.bev(self.encoder(batch, view))
+        return self.head.losses(canvas, view.boxes, view.classes, batch.balance)
 
     def know(self, region: Region) -> None:
         if isinstance(self.head, AxisHead):

@@ -57,35 +57,45 @@ class CentreHead(nn.Module):
         return self.heat(x).float(), self.box(x).permute(0, 2, 3, 1).float()
 
     def losses(
-        self, x: Tensor, boxes: tuple[Tensor, ...], classes: tuple[Tensor, ...] = ()
+        self,
+        x: Tensor,
+        boxes: tuple[Tensor, ...],
+        classes: tuple[Tensor, ...] = (),
+        balance: float = 0.0,
     ) -> Losses:
-        """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some."""
+        """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some.
+
+        balance: a frame of n boxes has the weight n ** -balance: with 0 each box counts the same,
+        with 1 each frame.
+        """
         logits, found = self(x)
-        count = of_all(torch.tensor(sum(len(b) for b in boxes), device=x.device))
+        counts = torch.tensor([len(b) for b in boxes])
+        weights = (counts.clamp(min=1).float() ** -balance).to(x.device)
+        count = of_all((weights * counts.to(x.device)).sum())
         heat = {
             "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_loss(
-                logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)]
+                logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)], weights
             )
             for i, name in enumerate(self.classes)
         }
-        frame = torch.repeat_interleave(
-            torch.arange(len(boxes)), torch.tensor([len(b) for b in boxes])
-        ).to(x.device)
+        frame = torch.repeat_interleave(torch.arange(len(boxes)), counts).to(x.device)
         every = torch.cat(boxes)
         row, column = self.cells_of(every, logits.shape[2:])
         at = found[frame, row, column]  # (k, 8)
-        parts = self.box_losses(at, every, row, column)
+        parts = self.box_losses(at, every, row, column, weights[frame])
         return {name: part / count for name, part in (heat | parts).items()}
 
-    def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor]) -> Tensor:
-        """Of one class (B, H, W), summed; by the number of all boxes, as its own may be one."""
+    def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor], weights: Tensor) -> Tensor:
+        """Of one class (B, H, W), summed with the frames' weights (B,)."""
         heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
-        return heat_map_focal(logits, heat)
+        return (weights * heat_map_focal(logits, heat)).sum()
 
-    def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
+    def box_losses(
+        self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
+    ) -> Losses:
         """Summed over the boxes (k, 7), each with what was found at its centre (k, 8)."""
-        box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum()
-        return {"box": BOX_WEIGHT * box}
+        box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum(dim=1)
+        return {"box": BOX_WEIGHT * (weights * box).sum()}
 
     def cells_of(self, boxes: Tensor, shape: Sequence[int]) -> tuple[Tensor, Tensor]:
         """Row and column (k,) of the boxes' centres, which float32 may have moved onto the rim."""
@@ -195,12 +205,14 @@ class AxisHead(CentreHead):
         axes = region.axes(self.middle_of(row, column).double().numpy())
         self.road_axes = torch.from_numpy(axes).float().reshape(*shape, 2)
 
-    def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
+    def box_losses(
+        self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
+    ) -> Losses:
         backwards = is_backwards(boxes[:, 6]).to(at)
         direction = functional.binary_cross_entropy_with_logits(
-            at[:, BOX], backwards, reduction="sum"
+            at[:, BOX], backwards, weights, reduction="sum"
         )
-        found = super().box_losses(at, boxes, row, column)
+        found = super().box_losses(at, boxes, row, column, weights)
         return {**found, "direction": DIRECTION_WEIGHT * direction}
 
     def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:

@@ -183,13 +183,15 @@ class IouHead(CentreHead):
         found = torch.cat([self.box(x), self.iou(x)], dim=1)
         return self.heat(x).float(), found.permute(0, 2, 3, 1).float()
 
-    def box_losses(self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor) -> Losses:
+    def box_losses(
+        self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
+    ) -> Losses:
         overlap = iou_3d_pairs(self.decode(at, row, column), boxes)
         fit = (at[:, BOX] - (2 * overlap.detach() - 1)).abs()
         return {
-            **super().box_losses(at, boxes, row, column),
-            "overlap": OVERLAP_WEIGHT * (1 - overlap).sum(),
-            "fit": fit.sum(),
+            **super().box_losses(at, boxes, row, column, weights),
+            "overlap": OVERLAP_WEIGHT * (weights * (1 - overlap)).sum(),
+            "fit": (weights * fit).sum(),
         }
 
     def score(self, heat: Tensor, at: Tensor) -> Tensor:
@@ -206,6 +208,7 @@ class Dsvt(Network):
     """Occupied pillars, attention among them, a two-dimensional network, a heat map."""
 
     learns_in_windows = True
+    balances_frames = True
 
     def __init__(self, config: Config, site: Site) -> None:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
@@ -230,7 +233,8 @@ class Dsvt(Network):
 
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
-        return self.head.losses(self.bev(self.canvas(batch, view)), view.boxes, view.classes)
+        canvas = self.bev(self.canvas(batch, view))
+        return self.head.losses(canvas, view.boxes, view.classes, batch.balance)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, ...]]:
         return self.head.candidates(self.bev(self.canvas(batch)))

@@ -28,15 +28,15 @@ def focal(logits: Tensor, targets: Tensor, alpha: float = 0.25, gamma: float = 2
 
 
 def heat_map_focal(logits: Tensor, heat: Tensor) -> Tensor:
-    """Penalty-reduced focal loss (CornerNet, Law and Deng, ECCV 2018), summed.
+    """Penalty-reduced focal loss (CornerNet, Law and Deng, ECCV 2018), summed over each frame.
 
-    heat: [0, 1], 1 at the peaks.
+    logits, heat: (B, H, W); heat in [0, 1], 1 at the peaks. Returns (B,).
     """
     p = torch.sigmoid(logits).clamp(1e-4, 1 - 1e-4)
     peak = heat == 1
     at_peak = torch.log(p) * (1 - p) ** 2
     around = torch.log(1 - p) * p**2 * (1 - heat) ** 4
-    return -torch.where(peak, at_peak, around).sum()
+    return -torch.where(peak, at_peak, around).sum(dim=(1, 2))
 
 
 def smooth_l1(found: Tensor, wanted: Tensor, beta: float = 1 / 9) -> Tensor:

@@ -75,6 +75,7 @@ class Network(nn.Module, abc.ABC):
     """A detector whose weights are learnt. Subclasses say what is lost and what is found."""
 
     learns_in_windows = False  # of a wide site (windows.py)
+    balances_frames = False  # whether its losses know `Batch.balance`
     columns = 4  # of a cloud that it looks at: x y z intensity, and with 5 the age
     classes: tuple[ObjectClass, ...] = VEHICLES  # that it tells apart
 

@@ -25,8 +25,16 @@ def check(network: Network, most_m2: float) -> None:
         raise ValueError(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
 
 
-def centre_of(sample: Sample, area: Area, draw: np.random.Generator) -> FloatArray:
-    """(2,) where to look: at one of the vehicles, or anywhere in the area if there is none."""
+def centre_of(
+    sample: Sample, area: Area, draw: np.random.Generator, rare: float = 0.0
+) -> FloatArray:
+    """(2,) where to look: at one of the objects, or anywhere in the area if there is none.
+
+    rare: share of the samples whose class is drawn first, each class alike.
+    """
+    if rare > 0 and len(sample.boxes) > 0 and draw.random() < rare:
+        of_class = np.flatnonzero(sample.numbers == draw.choice(np.unique(sample.numbers)))
+        return sample.boxes[draw.choice(of_class), :2]
     if len(sample.boxes) > 0:
         return sample.boxes[draw.integers(len(sample.boxes)), :2]
     return draw.uniform(area.low[:2], area.high[:2])

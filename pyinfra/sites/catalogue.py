@@ -64,6 +64,13 @@ def sensors(
     return Sensors(tuple(kept), weights)
 
 
+def only(names: Collection[str], presets: Mapping[str, float] | None = None) -> Sensors:
+    """Those of the catalogue with these names. Raises ValueError as `sensors` does."""
+    others = [file.stem for file in catalogue_files() if file.stem not in names]
+    unknown = set(names) - {file.stem for file in catalogue_files()}
+    return sensors(without=[*others, *sorted(unknown)], presets=presets)
+
+
 def _can_be_cast(file: Path, presets: Mapping[str, float]) -> bool:
     """False without a preset of those, and of a table that is not beside the file."""
     there = [name for name in _presets(file) if presets.get(name, 0) > 0]

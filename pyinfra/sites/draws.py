@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-VERSION = 4  # of the sites: it goes up where the same seed gives another site
+VERSION = 5  # of the sites: it goes up where the same seed gives another site
 KEY = 1  # of the draws: as it was, so that what a version adds is all that is new in a site
 
 T = TypeVar("T")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pyinfra.sites.draws import Draws
+from pyinfra.sites.furniture import Furniture
 from pyinfra.sites.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room, varied
 from pyinfra.sites.people import Walks
 from pyinfra.sites.ranges import HABITATS, RANGES, Habitat, Ranges
@@ -46,20 +47,27 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
         side.park(road, seed)
     for road in layout.roads:
         side.furnish(road, seed)
-    things = side.keys | {"people": _people(seed, room, habitat, ranges, side.keys)}
+    walks = _people(seed, room, habitat, ranges, side.keys)
+    things = side.keys | {"people": walks.rows}
+    if Draws(seed, "furniture").chance(ranges.furniture.sites):
+        furniture = Furniture(walks, habitat, ranges, mount, side.slope_m)
+        for road in layout.roads:
+            furniture.add(road, seed)
+        things["buildings"] = things["buildings"] + furniture.buildings
+        things["vegetation"] = things["vegetation"] + furniture.trees
+        things["standing_people"] = furniture.groups
     return _scene(seed, habitat, ranges, layout, mount, things, foot_m)
 
 
 def _people(
     seed: int, room: Room, habitat: Habitat, ranges: Ranges, things: dict[str, list[Keys]]
-) -> list[Keys]:
-    """Last of all, so that whatever else is drawn is as without them."""
-    if not Draws(seed, "people").chance(ranges.ways.sites):
-        return []
+) -> Walks:
+    """After what stands there, which is therefore as without them."""
     walks = Walks(room, habitat, ranges, things)
-    for road in room.layout.roads:
-        walks.add(road, seed)
-    return walks.rows
+    if Draws(seed, "people").chance(ranges.ways.sites):
+        for road in room.layout.roads:
+            walks.add(road, seed)
+    return walks
 
 
 def _scene(

@@ -82,6 +82,13 @@ class Walks:
         found = runs(road.stations[:, 0], free)
         return [(a, b) for a, b in found if b - a >= self.how.shortest_m]
 
+    def is_free(self, place: FloatArray, radius_m: float) -> bool:
+        """Whether nothing stands and nobody walks within a radius of a place (1, 2)."""
+        boxes = self.boxes[_reached(self.boxes, place)]
+        if any(within(place, box, radius_m)[0] for box in boxes):
+            return False
+        return all(tree.query(place)[0][0] > radius_m for tree in self.lines)
+
     def _lines(self, things: Things) -> Iterator[FloatArray]:
         """Points (n, 2), a metre apart or so, all over what stands along roads."""
         rows = [(row, row["width_m"] / 2) for row in things["barriers"]]

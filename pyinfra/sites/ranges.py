@@ -58,6 +58,7 @@ class Habitat:
     car_park: float
     gantry: float  # of the site
     walks: Mapping[str, WalkRanges]  # by class of people
+    furniture: Mapping[str, tuple[int, int]]  # pieces of each kind on a side of a road
     grade_percent: Range  # of the site's roads, where they rise
 
 
@@ -114,6 +115,7 @@ MOTORWAY = Habitat(
     car_park=0.1,
     gantry=0.25,
     walks=_NOBODY,
+    furniture={"signs": (0, 4), "trees": (0, 3), "bins": (0, 1)},
     grade_percent=(0, 6),
 )
 
@@ -155,6 +157,14 @@ RURAL = Habitat(
     car_park=0.15,
     gantry=0.02,
     walks=_FEW,
+    furniture={
+        "signs": (0, 4),
+        "trees": (0, 5),
+        "bins": (0, 2),
+        "planters": (0, 1),
+        "shelters": (0, 1),
+        "groups": (0, 3),
+    },
     grade_percent=(0, 10),
 )
 
@@ -196,6 +206,14 @@ STREET = Habitat(
     car_park=0.25,
     gantry=0.02,
     walks=_MANY,
+    furniture={
+        "signs": (0, 8),
+        "trees": (0, 10),
+        "bins": (0, 6),
+        "planters": (0, 5),
+        "shelters": (0, 2),
+        "groups": (0, 6),
+    },
     grade_percent=(0, 8),
 )
 
@@ -292,6 +310,33 @@ class WayRanges:
 
 
 @dataclass(frozen=True)
+class FurnitureRanges:
+    """Street furniture, and groups of people; sizes are nominal unless a source is named."""
+
+    sites: float = 0.7  # share of sites with some
+    times: float = 1.0  # as many of each kind as a habitat says
+    within_m: float = 80  # from the middle of the site, along roads
+    plate_m: Range = (0.4, 1.5)  # traffic signs of 0.42 to 0.9 m (StVO), larger ones at junctions
+    plate_above_m: Range = (1.8, 3.0)  # StVO: 2.0 to 2.25 above footways
+    pole_width_m: Range = (0.06, 0.25)
+    bin_m: Range = (0.35, 0.9)
+    bin_height_m: Range = (0.8, 1.5)
+    planter_length_m: Range = (0.8, 2.5)
+    planter_width_m: Range = (0.4, 1.2)
+    planter_height_m: Range = (0.4, 1.1)
+    shelter_length_m: Range = (2.5, 5.5)
+    shelter_depth_m: Range = (1.2, 2.2)
+    shelter_height_m: Range = (2.2, 2.7)
+    crown_m: Range = (1.6, 4.5)
+    crown_above_m: Range = (2.0, 3.5)  # the lowest leaves
+    crown_height_m: Range = (1.5, 4.0)
+    trunk_width_m: Range = (0.1, 0.4)
+    crown_density_per_m: Range = (0.3, 1.5)
+    group_of: tuple[int, int] = (2, 9)
+    group_spacing_m: Range = (1.2, 1.8)
+
+
+@dataclass(frozen=True)
 class RingRanges:
     """Roundabouts of one lane: 30 to 60 m across outside (Merkblatt Kreisverkehre: 26 to 40)."""
 
@@ -332,6 +377,7 @@ class Ranges:
     fleet_weight: Range = (0.4, 1.0)  # beside cars of 0.5 to 0.95; weights end at 1
     roundabouts: float = 0.3  # share of the crossings, and of the T
     ring: RingRanges = RingRanges()
+    furniture: FurnitureRanges = FurnitureRanges()
     grades: float = 0.4  # share of sites on a slope
     signal_green_s: Range = (8, 30)
     turns: Range = (0.05, 0.3)  # share that turns left, and right
@@ -342,3 +388,8 @@ class Ranges:
 
 HABITATS: Mapping[str, Habitat] = {"motorway": MOTORWAY, "rural": RURAL, "street": STREET}
 RANGES = Ranges()
+# Streets full of furniture, on which false vehicles are counted.
+CLUTTERED = Ranges(
+    habitats={"street": 1.0},
+    furniture=FurnitureRanges(sites=1.0, times=2.5),
+)

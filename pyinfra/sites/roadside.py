@@ -90,7 +90,7 @@ class Roadside:
             if not 0 < s < road.length_m or not self.room.holds(box) or near < tree["crown_m"]:
                 continue
             place = {"x_m": round(box[0], 2), "y_m": round(box[1], 2)}
-            base = {"base_m": self._slope_m(road, left_m)}
+            base = {"base_m": self.slope_m(road, left_m)}
             if is_tree:
                 self.keys["vegetation"].append({"tree": place | self._raised(tree | base)})
                 continue
@@ -321,14 +321,14 @@ class Roadside:
     def _hedge_along(
         self, road: DrawnRoad, left_m: float, size: Size, within: Stretch = WHOLE
     ) -> None:
-        base = {"base_m": self._slope_m(road, left_m)}
+        base = {"base_m": self.slope_m(road, left_m)}
         for start, end in self.room.rows(road, left_m, size["width_m"] / 2, within):
             stations = {"from_m": start, "to_m": end}
             self._add_plant("hedge_along", road, left_m, stations | size | base)
 
     def _trees_along(self, draws: Draws, road: DrawnRoad, left_m: float) -> None:
         """Crowns that reach over a lane begin above the vehicles."""
-        shape = self._tree_shape(draws) | {"base_m": self._slope_m(road, left_m)}
+        shape = self._tree_shape(draws) | {"base_m": self.slope_m(road, left_m)}
         reaches = abs(left_m) - shape["crown_m"] / 2 < road.lanes_half_m + 0.3
         if reaches or self.room.layout.junctions:
             shape |= self._raised(shape)
@@ -366,7 +366,7 @@ class Roadside:
         self, road: DrawnRoad, s: float, left_m: float, size: Size, turn_deg: float = 0.0
     ) -> None:
         x, y, heading = road.place(s, left_m)
-        base = self._slope_m(road, left_m)
+        base = self.slope_m(road, left_m)
         building = {
             "x_m": round(float(x), 2),
             "y_m": round(float(y), 2),
@@ -426,7 +426,7 @@ class Roadside:
         left_m = float((foot[0] - road.stations[nearest, 1:3]) @ left[nearest])
         return side * left_m + 1.5 if 0 < side * left_m < 40 else 0.0
 
-    def _slope_m(self, road: DrawnRoad, left_m: float) -> float:
+    def slope_m(self, road: DrawnRoad, left_m: float) -> float:
         """Height of what lies there: the road, its slope, or the ground."""
         if abs(left_m) <= road.carriageway_half_m:
             return 0.0

@@ -9,7 +9,8 @@ goes on from any n at the price of one group.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from pyinfra.sites.catalogue import PresetShares
 from pyinfra.sites.draws import KEY, VERSION
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import Keys
+from pyinfra.sites.ranges import RANGES
 from pyinfra.training.samples import SiteSample
 from pyinfra.training.sources import (
     Stream,
@@ -38,6 +40,8 @@ from pyinfra.training.sources import (
 # What is looked at around a sensor, metres: x and y to the end of the regions and of parked crowds,
 # z from below the local road to over a truck.
 AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
+# Sites of narrow visits: the sensor looks along a road.
+ALONG = replace(RANGES, mount=replace(RANGES.mount, aims={"along": 1.0}, off_aim_deg=(-8, 8)))
 REDRAWN, TRIES = 1_000_000_000, 5
 
 
@@ -52,6 +56,9 @@ class StreamPlan:
     frames: int = ruled(2, 1, 100)  # of each of its LiDARs
     mixed: int = ruled(6, 1, 1000)  # visits in memory
     label_time: LabelTime | None = None  # None: as each site has it
+    # Share of the visits whose LiDARs are all narrow ones (`StreamFile.narrow`); their sensor looks
+    # along a road, where vehicles are. The other visits have none of them.
+    narrow: float = ruled(0.0, 0, 1)
 
     @property
     def of_visit(self) -> int:
@@ -70,12 +77,19 @@ class SiteSamples:
     sensors: catalogue.Sensors
     classes: tuple[ObjectClass, ...] = VEHICLES  # that their boxes are of
     make_keys: Callable[[int], Keys] = make_site
+    narrow: catalogue.Sensors | None = None  # that the plan's narrow visits draw from
     _group: tuple[int, list[SiteSample]] = (-1, [])
 
     def __post_init__(self) -> None:
-        if self.plan.lidars > len(self.sensors.files):
+        for chosen in (self.sensors, *([self.narrow] if self.narrow else [])):
+            if self.plan.lidars > len(chosen.files):
+                raise ValueError(
+                    f"lidars: found {self.plan.lidars}, allowed up to {len(chosen.files)}"
+                )
+        if (self.plan.narrow > 0) != (self.narrow is not None):
             raise ValueError(
-                f"lidars: found {self.plan.lidars}, allowed up to {len(self.sensors.files)}"
+                "narrow: expected LiDARs with a share above 0, and none with 0, got "
+                f"a share of {self.plan.narrow:g}"
             )
 
     def __len__(self) -> int:
@@ -110,9 +124,12 @@ class SiteSamples:
     def _visit(self, visit: int) -> list[SiteSample]:
         random = np.random.default_rng([KEY, self.plan.seed, 0, visit])
         seed = self.plan.first_site + visit % self.plan.sites
-        keys, world = world_of(seed, self.plan.label_time, self.make_keys)
+        make_keys, sensors = self.make_keys, self.sensors
+        if self.narrow is not None and random.random() < self.plan.narrow:
+            make_keys, sensors = partial(make_site, ranges=ALONG), self.narrow
+        keys, world = world_of(seed, self.plan.label_time, make_keys)
         samples = []
-        for lidar in self.sensors.draw(random, self.plan.lidars):
+        for lidar in sensors.draw(random, self.plan.lidars):
             # Drawn, not evenly spaced: a pattern that nearly repeats would show few phases.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
@@ -176,6 +193,7 @@ class StreamFile:
 
     plan: StreamPlan = field(default_factory=StreamPlan)
     without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not learnt from
+    narrow: tuple[str, ...] = ()  # LiDARs of `plan.narrow`
     presets: PresetShares = field(default_factory=PresetShares)
 
 
@@ -185,8 +203,10 @@ def read_stream(file: Path, classes: tuple[ObjectClass, ...] = VEHICLES) -> Stre
     Raises ConfigError with file, line and key, and FileNotFoundError."""
     said = read_config(file, StreamFile)
     try:
-        chosen = catalogue.sensors(without=said.without, presets=asdict(said.presets))
-        return site_stream(said.plan, chosen, classes)
+        presets = asdict(said.presets)
+        chosen = catalogue.sensors(without=(*said.without, *said.narrow), presets=presets)
+        narrow = catalogue.only(said.narrow, presets) if said.narrow else None
+        return site_stream(said.plan, chosen, classes, narrow)
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from None
 
@@ -195,16 +215,24 @@ def site_stream(
     plan: StreamPlan,
     sensors: catalogue.Sensors | None = None,
     classes: tuple[ObjectClass, ...] = VEHICLES,
+    narrow: catalogue.Sensors | None = None,
 ) -> Stream:
     """What `pyinfra.training.train.train` learns from in place of sources.
+
+    narrow: the LiDARs of the plan's narrow visits.
 
     Raises ValueError for more LiDARs a visit than there are.
     """
     chosen = sensors or catalogue.sensors()
-    samples = SiteSamples(plan, chosen, classes)
+    samples = SiteSamples(plan, chosen, classes, narrow=narrow)
+    files = (*chosen.files, *(narrow.files if narrow else ()))
+    drawn = asdict(plan)
+    if plan.narrow == 0:
+        del drawn["narrow"]  # a run that began before there were narrow visits goes on
+    of_narrow = {"of_narrow": catalogue.names_of(narrow.files)} if narrow else {}
     last = plan.first_site + plan.sites - 1
     return Stream(
-        lidar=catalogue.names_of(chosen.files),
+        lidar=catalogue.names_of(files),
         preset=" ".join(sorted(chosen.presets)),
         scene=f"sites_v{VERSION}_{plan.first_site}_to_{last}_seed_{plan.seed}",
         label_time=plan.label_time or "frame scan",
@@ -212,5 +240,5 @@ def site_stream(
         site=Site(AREA),
         anywhere=True,
         classes=classes,
-        drawn=str({**asdict(plan), **chosen.presets}),
+        drawn=str(drawn | {**chosen.presets} | of_narrow),
     )

@@ -149,7 +149,8 @@ def check_finite(name: str, value: float, step: int, last: Path) -> None:
 
 def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
     """The frames of a step, or this process's share: each comes once before one comes twice."""
-    size = recipe.learning.batch
+    learning = recipe.learning
+    size = learning.batch
     samples, centres = [], []
     for n in range(step * size + processes.rank(), (step + 1) * size, processes.count()):
         i = frames.nth(seed, n)
@@ -158,11 +159,12 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
         other = frames.another(i, draw) if paste else None
         sample = augmented(frames.sample(i), other, recipe.augmentation, draw)
         samples.append(sample)
-        centres.append(windows.centre_of(sample, network.site.area, draw))
+        centres.append(windows.centre_of(sample, network.site.area, draw, learning.rare_windows))
     batch = make_batch(samples, network.site.area, network.columns)
-    if recipe.learning.window_m2 == 0:
+    batch = dataclasses.replace(batch, balance=learning.balance)
+    if learning.window_m2 == 0:
         return batch
-    seen = Windows(recipe.learning.window_m2, torch.tensor(np.array(centres)))
+    seen = Windows(learning.window_m2, torch.tensor(np.array(centres)))
     return dataclasses.replace(batch, windows=seen)
 
 

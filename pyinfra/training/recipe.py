@@ -41,6 +41,10 @@ class Learning:
     weight_decay: float = ruled(0.01, 0, 1)  # of AdamW
     clip: float = ruled(10.0, 1e-6, 1e6)  # of the gradients' norm
     window_m2: float = ruled(0.0, 0, 1e9)  # m2 of a frame that are learnt from at a time; 0: all
+    # Share of the windows whose class is drawn first, each class of the frame alike.
+    rare_windows: float = ruled(0.0, 0, 1)
+    # Exponent: a frame of n objects has the weight n ** -balance. 0: each object counts the same.
+    balance: float = ruled(0.0, 0, 1)
     # The last ones of each LiDAR are not learnt from: they choose best.safetensors. None by
     # default, because the published figures are of networks that learnt from all frames.
     validate_frames: int = ruled(0, 0, 100_000)

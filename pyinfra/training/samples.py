@@ -17,6 +17,9 @@ from pyinfra.data.regions import Region
 from pyinfra.detectors.batch import Sample
 from pyinfra.training import sensor_faults
 
+MOST_STD = 3.3  # standard deviations of an error of the pose
+SHADOW_DEG = 0.3  # cells of directions in which a pasted object hides what is behind it
+
 
 @dataclass(frozen=True)
 class Augmentation:
@@ -30,6 +33,9 @@ class Augmentation:
     drop_out: float = ruled(0.0, 0, 0.99)  # up to this share of the points goes
     lost_lines: float = ruled(0.0, 0, 0.99)  # up to this share of the rows of elevation goes
     range_noise_m: float = ruled(0.0, 0, 10)  # up to this standard deviation along the rays
+    # Errors of the sensor's pose: standard deviations, cut at 3.3 of them.
+    height_std_m: float = ruled(0.0, 0, 10)  # of its height above the road
+    level_std_deg: float = ruled(0.0, 0, 10)  # of its tilt about each horizontal axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +117,27 @@ def augmented(
     scale = 1 + draw.uniform(-how.scale, how.scale)
     flip = how.flip and draw.random() < 0.5
     sample = moved(sample, turn=float(turn), scale=float(scale), flip=flip)
-    return with_faults(sample, how, draw)
+    return with_pose_error(with_faults(sample, how, draw), how, draw)
+
+
+def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
+    """As if the sensor's height and level were known with an error.
+
+    Points and boxes keep x and y: a tilt of 1 degree moves what is 6 m below by 0.1 m. Without an
+    error nothing is drawn.
+    """
+    if how.height_std_m == how.level_std_deg == 0:
+        return sample
+    height, *level = np.clip(draw.normal(size=3), -MOST_STD, MOST_STD)
+    slopes = np.tan(np.radians(how.level_std_deg * np.array(level)))
+
+    def rise(xy: FloatArray) -> FloatArray:
+        return np.asarray(how.height_std_m * height + xy @ slopes)
+
+    points, boxes = sample.points.copy(), sample.boxes.copy()
+    points[:, 2] += rise(points[:, :2].astype(np.float64)).astype(np.float32)
+    boxes[:, 2] += rise(boxes[:, :2])
+    return replace(sample, points=points, boxes=boxes)
 
 
 def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
@@ -175,8 +201,12 @@ def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: 
 def with_pasted(
     sample: Sample, other: Sample, how: Augmentation, draw: np.random.Generator
 ) -> Sample:
-    """Some vehicles of the other frame, with their points, where nothing stands here."""
+    """Some objects of the other frame, with their points, where nothing stands here.
+
+    Each class in turn, so that rare ones come as often. A pasted object hides what lies behind it.
+    """
     order = draw.permutation(len(other.boxes))
+    order = order[np.argsort(_places_in_class(other.numbers[order]), kind="stable")]
     free = np.ones(len(order), dtype=np.bool_)
     if len(sample.boxes) > 0:
         free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
@@ -188,6 +218,7 @@ def with_pasted(
         if len(own) < how.least_points:
             continue
         here = points_in_box(points[0], other.boxes[i], 0)
+        here |= hidden_by(own, points[0], sample.height_m)
         points[0] = points[0][~here]
         points.append(own)
         boxes.append(other.boxes[i : i + 1])
@@ -198,3 +229,45 @@ def with_pasted(
         boxes=np.concatenate(boxes),
         classes=np.concatenate(numbers),
     )
+
+
+def _places_in_class(numbers: IntArray) -> IntArray:
+    """(n,): how many of the same class stand before each."""
+    places = np.zeros(len(numbers), np.int64)
+    for number in np.unique(numbers):
+        own = numbers == number
+        places[own] = np.arange(own.sum())
+    return places
+
+
+def hidden_by(own: Points, points: Points, height_m: float) -> BoolArray:
+    """(n,): which points (n, 4) lie behind others (m, 4) as the sensor sees them.
+
+    A point is hidden if it is farther than the nearest of `own` in its cell of directions or in one
+    beside it. height_m: of the sensor above z = 0.
+    """
+    columns, rows, near = _directions(own, height_m)
+    around = [(columns + i, rows + k) for i in (-1, 0, 1) for k in (-1, 0, 1)]
+    cells = np.concatenate([_cell(*pair) for pair in around])
+    order = np.lexsort((np.tile(near, len(around)), cells))
+    cells, first = np.unique(cells[order], return_index=True)
+    nearest = np.tile(near, len(around))[order][first]
+    columns, rows, ranges = _directions(points, height_m)
+    there = _cell(columns, rows)
+    place = np.searchsorted(cells, there).clip(max=len(cells) - 1)
+    return np.asarray((cells[place] == there) & (ranges > nearest[place]))
+
+
+def _directions(points: Points, height_m: float) -> tuple[IntArray, IntArray, FloatArray]:
+    """Columns of azimuth and rows of elevation (n,), and ranges (n,), from the sensor."""
+    x, y, z = points[:, :3].T.astype(np.float64)
+    z -= height_m
+    flat = np.hypot(x, y)
+    azimuth, elevation = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, flat))
+    columns, rows = (np.floor(a / SHADOW_DEG).astype(np.int64) for a in (azimuth, elevation))
+    return columns, rows, np.hypot(flat, z)
+
+
+def _cell(columns: IntArray, rows: IntArray) -> IntArray:
+    around = round(360 / SHADOW_DEG)
+    return np.asarray(rows * around + columns % around)

@@ -112,6 +112,11 @@ def _train_network(
     torch.manual_seed(seed)
     network = checkpoint.build(recipe.detector, recipe.network, stream.site)
     windows.check(network, recipe.learning.window_m2)
+    if recipe.learning.balance > 0 and not network.balances_frames:
+        name = type(network).__name__
+        raise ValueError(
+            f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}"
+        )
     if network.columns > 4 and stream.accumulation.frames == 1:
         raise ValueError("network.age: found true of single frames, allowed with --accumulate")
     if network.classes != stream.classes:

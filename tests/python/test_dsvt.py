@@ -206,11 +206,11 @@ def test_the_fit_learns_the_overlap_of_the_box_that_was_found() -> None:
     boxes = torch.from_numpy(road_sample(9).boxes).float()
     row, column = head.cells_of(boxes, (32, 48))
     exact = torch.cat([head.encode(boxes, row, column), torch.ones(len(boxes), 1)], dim=1)
-    for value in head.box_losses(exact, boxes, row, column).values():
+    for value in head.box_losses(exact, boxes, row, column, torch.ones(len(boxes))).values():
         assert float(value) == pytest.approx(0, abs=0.01)
     shifted = exact.clone()
     shifted[:, 3] += np.log(2)  # twice as long: half of it overlaps
-    losses = head.box_losses(shifted, boxes, row, column)
+    losses = head.box_losses(shifted, boxes, row, column, torch.ones(len(boxes)))
     assert float(losses["fit"]) == pytest.approx(len(boxes), abs=0.01)
     assert float(losses["overlap"]) == pytest.approx(len(boxes), abs=0.01)
 
