@@ -362,6 +362,66 @@ TEST(t_junction, every_way_is_driven_and_no_two_vehicles_are_in_one_place) {
     }
 }
 
+/// Adds two roads of one lane each way that cross at (x, 0), with signals or a roundabout.
+void add_crossing(SceneConfig& scene, double x, bool with_ring) {
+  JunctionConfig junction;
+  for (const double heading_deg : {0.0, 90.0}) {
+    RoadConfig road;
+    road.name = "road " + std::to_string(scene.roads.size());
+    const Vec2 start = Vec2{x, 0} - 200.0 * heading_vector(rad(heading_deg));
+    road.start = {start.x, start.y, heading_deg};
+    road.centreline.push_back({.line_m = 400});
+    junction.roads.push_back(road.name);
+    scene.roads.push_back(road);
+  }
+  if (with_ring) junction.roundabout = RoundaboutConfig{};
+  scene.junctions.push_back(junction);
+}
+
+/// Vehicles that pass within 15 m of (x, 0).
+std::size_t passing(const Trajectories& trajectories, double x) {
+  std::set<int> ids;
+  for (const auto& row : trajectories.rows)
+    for (const ObjectState& s : row)
+      if (std::hypot(s.box.x - x, s.box.y) < 15) ids.insert(s.id);
+  return ids.size();
+}
+
+/// Vehicles that pass a junction with signals and one with a roundabout, on average over the
+/// scene's junctions, 2 km from one to the next, and over three seeds.
+std::map<bool, double> flows(const std::vector<bool>& with_ring) {
+  SceneConfig scene = empty_road();
+  scene.roads.clear();
+  scene.duration_s = 300;
+  scene.traffic->vehicles_per_km_lane = 25;
+  scene.traffic->warm_up_s = 60;
+  const auto place = [](std::size_t i) { return 2000.0 * static_cast<double>(i); };
+  for (std::size_t i = 0; i < with_ring.size(); ++i) add_crossing(scene, place(i), with_ring[i]);
+  std::map<bool, double> sum, count;
+  for (scene.seed = 1; scene.seed <= 3; ++scene.seed) {
+    const Trajectories trajectories = simulate_traffic(scene);
+    for (std::size_t i = 0; i < with_ring.size(); ++i) {
+      sum[with_ring[i]] += static_cast<double>(passing(trajectories, place(i)));
+      ++count[with_ring[i]];
+    }
+  }
+  for (auto& [ring, vehicles] : sum) vehicles /= count[ring];
+  return sum;
+}
+
+TEST(junctions, pass_as_many_vehicles_as_each_alone) {
+  const bool signal = false, ring = true;
+  const std::map<bool, double> alone{{signal, flows({signal})[signal]},
+                                     {ring, flows({ring})[ring]}};
+  for (const std::vector<bool>& with_ring :
+       {std::vector<bool>{signal, signal}, {signal, ring}, {signal, ring, ring, signal, ring}})
+    for (const auto& [kind, vehicles] : flows(with_ring)) {
+      EXPECT_GE(vehicles, 60);
+      EXPECT_NEAR(vehicles, alone.at(kind), 0.1 * alone.at(kind))
+          << (kind == ring ? "roundabouts" : "signals") << " of " << with_ring.size();
+    }
+}
+
 TEST(t_junction, is_also_where_a_road_begins_or_stops_short_of_the_middle) {
   SceneConfig scene = t_junction(1, 90);
   scene.roads[1].centreline[0].line_m =

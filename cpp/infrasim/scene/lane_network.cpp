@@ -218,8 +218,10 @@ void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& alon
       network.lanes[arm.in.back()].entry = true;
       network.lanes[arm.in.back()].approach = static_cast<int>(network.approach_junctions.size());
     }
-    if (resume < along.length())
+    if (resume < along.length()) {
       arm.out.push_back(add_lane(network, *road.config, lane_curve(resume, along.length())));
+      network.lanes[arm.out.back()].leaves = road.cut->junction;
+    }
   }
   if (!road.cut) return;
   if (!arm.in.empty()) network.approach_junctions.push_back(road.cut->junction);

@@ -20,6 +20,7 @@ struct Lane {
   bool entry = false;  ///< vehicles appear at its start
   int approach = -1;   ///< signal that stands at its end; -1: none
   int junction = -1;   ///< of a connecting lane
+  int leaves = -1;     ///< junction at its start; -1: none
   Turn turn = Turn::kStraight;
   std::vector<int> next;  ///< lanes that follow
 };

@@ -429,13 +429,16 @@ class Traffic {
     }
   }
 
-  /// No vehicle is in the junction, on its way in, or with its tail still there.
+  /// No vehicle is in the junction, on its way in, or with its tail still there. What happens at
+  /// another junction does not count.
   bool is_clear(int junction) const {
     for (std::size_t i = 0; i < lanes_.size(); ++i) {
       const Lane& lane = network_.lanes[i];
+      const bool leads_in =
+          lane.approach >= 0 && network_.approach_junctions[lane.approach] == junction;
       for (const Vehicle& v : lanes_[i]) {
-        if (lane.junction == junction || v.committed) return false;
-        if (!lane.entry && lane.junction < 0 && v.s < v.dx / 2 + 1) return false;
+        if (lane.junction == junction || (leads_in && v.committed)) return false;
+        if (lane.leaves == junction && v.s < v.dx / 2 + 1) return false;
       }
     }
     return true;
