@@ -368,6 +368,57 @@ TEST(raycaster, nothing_is_hit_above_the_horizon) {
   EXPECT_GT(above, 10000);
 }
 
+/// Corners of a prism's outline, one of them, where asked, exactly behind the sensor.
+std::array<Vec2, 4> random_outline(std::mt19937& random, bool behind) {
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const double heading = kPi * uniform(random);
+  const Vec2 centre = (30 + 25 * uniform(random)) * heading_vector(kPi * uniform(random));
+  std::array<Vec2, 4> outline = footprint({centre.x, centre.y, 0, 3, 1, 1, heading});
+  if (behind) {
+    const Vec2 shift = Vec2{-10, 0} - outline[0];
+    for (Vec2& corner : outline) corner = corner + shift;
+    outline[0].y = 0;
+  }
+  return outline;
+}
+
+TEST(horizon, covers_all_whose_cone_reaches_into_a_view) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  int level = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const auto outline = random_outline(random, i % 4 == 0);
+    const double top = 40 * std::abs(uniform(random));
+    Horizon horizon;
+    for (const ViewBounds& view : view_of(outline, 0, top)) horizon.add(view);
+    for (const double half_deg : {0.0, 0.1, 1.0, 5.0})
+      for (const Vec2& corner : outline) {
+        // A ray to a corner, from which the cone's axis is half its angle away, anywhere around it.
+        const double length = std::hypot(norm(corner), top), turn = kPi * uniform(random);
+        const Vec3 ray{corner.x / length, corner.y / length, top / length};
+        const Vec3 level_side{-corner.y / norm(corner), corner.x / norm(corner), 0};
+        const Vec3 side = std::cos(turn) * level_side + std::sin(turn) * cross(ray, level_side);
+        const Vec3 axis = std::cos(rad(half_deg)) * ray + std::sin(rad(half_deg)) * side;
+        const auto covers = [&](double spread) {
+          return horizon.covers(static_cast<float>(axis.x), static_cast<float>(axis.y),
+                                static_cast<float>(axis.z), static_cast<float>(spread));
+        };
+        EXPECT_TRUE(covers(std::tan(rad(half_deg)) + 1e-6 * half_deg)) << i << " " << half_deg;
+        level += covers(0) ? 0 : 1;
+      }
+  }
+  EXPECT_GT(level, 1000);  // of which the axis alone looks past
+}
+
+TEST(raycaster, a_wall_that_ends_at_180_degrees_is_seen_at_minus_180_degrees) {
+  const Vec3 a{-10, 0, -5}, b{-10, 5, -5}, c{-10, 5, 5}, d{-10, 0, 5};
+  const MeshLibrary library(triangles({{a, b, c}, {a, c, d}}), bodies(Detail::kBox));
+  const Raycaster raycaster(library);
+  for (const float y : {0.0F, -0.0F, 1e-8F, -1e-8F, -1e-7F})
+    EXPECT_TRUE(raycaster.horizon().covers(-1, y, 0.1F)) << y;
+  EXPECT_FALSE(raycaster.horizon().covers(-1, -0.1F, 0.1F));
+}
+
 TEST(raycaster, horizon_is_level_where_nothing_rises) {
   const MeshLibrary library(triangles({{{{-90, -90, -5}, {90, -90, -5}, {0, 90, -5}}}}),
                             bodies(Detail::kBox));

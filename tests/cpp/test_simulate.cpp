@@ -453,6 +453,67 @@ TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
   }
 }
 
+/// The road is 100 m aside, so that anything may stand around the mount.
+SceneConfig open_site() {
+  SceneConfig scene = empty_road();
+  scene.roads.front().start.y_m = -100;
+  return scene;
+}
+
+/// Walls all around, higher than any beam looks and farther than any return: with them no ray can
+/// be left out.
+void surround(SceneConfig& scene) {
+  for (int i = 0; i < 8; ++i) {
+    BuildingConfig& wall = scene.buildings.emplace_back();
+    wall.heading_deg = 45.0 * i;
+    wall.x_m = 450 * std::cos(rad(wall.heading_deg));
+    wall.y_m = 450 * std::sin(rad(wall.heading_deg));
+    wall.width_m = 500;
+    wall.height_m = 2000;
+  }
+}
+
+TEST(beam, wide_sees_what_stands_beside_its_middle_whether_or_not_rays_are_left_out) {
+  for (const double azimuth_deg : {0.0, 90.0, 180.0, -135.0})
+    for (const double elevation_deg : {2.0, 30.0, 60.0})
+      for (const bool wide : {true, false}) {
+        SceneConfig scene = open_site();
+        // From the side, 2.6 to 4 m from a line through the middle of the beam.
+        const double distance = 40 * std::cos(rad(elevation_deg)), side = wide ? 3.3 : 0;
+        const Vec2 ahead = heading_vector(rad(azimuth_deg));
+        BuildingConfig& tower = scene.buildings.emplace_back();
+        tower.length_m = tower.width_m = 1.4;
+        tower.heading_deg = azimuth_deg;
+        tower.x_m = distance * ahead.x - side * ahead.y;
+        tower.y_m = distance * ahead.y + side * ahead.x;
+        tower.height_m = 6 + 40 * std::sin(rad(elevation_deg)) + (wide ? 6 : -1.5);
+        LidarConfig lidar = beam_lidar(elevation_deg, 0.1);
+        BeamConfig& beam = *lidar.units.front().returns.beam;
+        (wide ? beam.horizontal_deg : beam.vertical_deg) = 8;
+        const Frame f = frame(world_with(scene, {}), lidar);
+        surround(scene);
+        expect_equal(f.cloud, frame(world_with(scene, {}), lidar).cloud);
+        EXPECT_GT(f.cloud.size(), 4U) << azimuth_deg << " " << elevation_deg << " " << wide;
+      }
+}
+
+TEST(beam, wide_sees_vehicles_and_leaves_beside_its_middle_whether_or_not_rays_are_left_out) {
+  SceneConfig scene = open_site();
+  VegetationConfig tree;
+  tree.tree = TreeConfig{.x_m = -20, .y_m = 3, .shape = {}, .place = {}};
+  scene.vegetation.push_back(tree);
+  ObjectState crane = car_on_road(1, -30, -3, 0);
+  crane.box.dz = 12;
+  crane.box.z = 6;
+  LidarConfig lidar = beam_lidar(5, 0.1);
+  lidar.units.front().returns.beam->horizontal_deg = 8;
+  const Frame f = frame(world_with(scene, {crane}), lidar);
+  surround(scene);
+  expect_equal(f.cloud, frame(world_with(scene, {crane}), lidar).cloud);
+  for (const Class seen : {Class::kCar, Class::kVegetation})
+    EXPECT_GT(std::ranges::count(f.cloud.class_id, static_cast<std::uint16_t>(seen)), 8);
+}
+
 void set_direction(RayBatch& rays, std::size_t i, Vec3 d) {
   rays.dx[i] = static_cast<float>(d.x);
   rays.dy[i] = static_cast<float>(d.y);

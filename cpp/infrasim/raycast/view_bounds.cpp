@@ -5,6 +5,7 @@ namespace infrasim {
 namespace {
 
 constexpr float kMargin = 1e-5F;  // of bearing and sine: more than a float's last digits
+constexpr double kAngleMargin = 2 * kMargin;  // a bearing grows by half of an angle or more
 
 /// Horizontal distance from the origin to a convex outline; 0 inside.
 double nearest(std::span<const Vec2> outline) {
@@ -43,20 +44,35 @@ std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, 
   view.left = -2;
   view.right = 2;
   if (near == 0) return {view, {}};  // around the sensor
+  // What ends at 180 degrees is seen at -180, too: the margin comes before the turn.
+  from -= kAngleMargin;
+  to += kAngleMargin;
   const bool behind = from < -kPi || to > kPi;
   ViewBounds other = behind ? view : ViewBounds{};
-  view.left = bearing_of(behind ? wrap_angle(from) : from) - kMargin;
-  (behind ? other : view).right = bearing_of(behind ? wrap_angle(to) : to) + kMargin;
+  view.left = bearing_of(behind ? wrap_angle(from) : from);
+  (behind ? other : view).right = bearing_of(behind ? wrap_angle(to) : to);
   return {view, other};
 }
 
 void Horizon::add(const ViewBounds& view) {
   if (view.empty() || view.high <= 0) return;
   highest_ = std::max(highest_, view.high);
-  // One more bin on both sides, for rays nearby.
-  const std::size_t first = bin(view.left), last = bin(view.right);
-  for (std::size_t b = first + kBins - 1; b <= last + kBins + 1; ++b)
-    sines_[b % kBins] = std::max(sines_[b % kBins], view.high);
+  for (std::size_t b = bin(view.left); b <= bin(view.right); ++b)
+    sines_[b] = std::max(sines_[b], view.high);
+}
+
+/// The highest sine within the azimuths of a cone.
+float Horizon::highest_around(float dx, float dy, float spread) const {
+  // The higher a cone, the more azimuths it spans; a bearing grows no faster than an azimuth.
+  const float half = std::asin(std::min(1.0F, spread / std::hypot(dx, dy))) + kMargin;
+  constexpr float kBinsPerUnit = kBins / 4.0F;
+  const float middle = bearing(dx, dy) + 2;
+  const auto first = static_cast<int>(std::floor((middle - half) * kBinsPerUnit));
+  const auto last = static_cast<int>(std::floor((middle + half) * kBinsPerUnit));
+  float highest = 0;
+  for (int b = first; b <= last; ++b)
+    highest = std::max(highest, sines_[static_cast<std::size_t>(b + int{kBins}) % kBins]);
+  return highest;
 }
 
 }  // namespace infrasim

@@ -55,16 +55,21 @@ class Horizon {
  public:
   /// Raises it to all that is in the view.
   void add(const ViewBounds& view);
-  /// False for directions that look over everything.
-  /// @param spread sine by which rays nearby may look lower
+  /// False for directions that look over everything, with all others in a cone around them.
+  /// @param spread tangent of half the cone's angle, 0 to 0.25
   bool covers(float dx, float dy, float dz, float spread = 0) const {
+    const float lowest = dz - spread;  // the sine falls no faster than the angle
     // Close to the zenith what is near in angle may be far in bearing.
-    return dz - spread <= (dz > 0.9F ? highest_ : sines_[bin(bearing(dx, dy))]);
+    if (dz > kSteep) return lowest <= highest_;
+    return lowest <= 0 ||
+           lowest <= (spread > 0 ? highest_around(dx, dy, spread) : sines_[bin(bearing(dx, dy))]);
   }
 
  private:
   static constexpr std::size_t kBins = 256;
+  static constexpr float kSteep = 0.9F;
   static std::size_t bin(float bearing) { return bearing_bin(bearing, kBins); }
+  float highest_around(float dx, float dy, float spread) const;
   std::array<float, kBins> sines_{};
   float highest_ = 0;
 };
