@@ -13,7 +13,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from tables_of import findings, measure, networks, simulator, sites
+from tables_of import findings, front_page, measure, networks, simulator, sites
 from tables_of.common import ROOT
 from tables_of.findings import FOUR, TWO, of_a_scene, of_scenes
 
@@ -21,7 +21,9 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 TABLES: dict[str, Callable[[], str]] = {
+    "three findings": front_page.findings,
     "claims in short": findings.in_short,
+    "detection claims in short": findings.detection_in_short,
     "claims about scanning": findings.scanning,
     "claims on the highway, paper": partial(of_a_scene, "highway", "paper", FOUR),
     "claims on the crossroad, paper": partial(of_a_scene, "crossroad", "paper", FOUR),

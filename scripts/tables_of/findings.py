@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import pandas as pd
 
@@ -17,9 +17,11 @@ from tables_of.common import (
     with_interval_of_ap,
 )
 
+Claims = Sequence[tuple[str, str, str, str]]
 # Claims about scanning: what the paper says, the claim, and words of its statement.
 SCANNING = (
-    ("the Avia has about twice the points far out", "far-range", "view,", "all vehicles"),
+    ("the Avia has about twice the points far out", "far-range", " common,", "in reach of all"),
+    ("", "far-range", " view,", "all vehicles"),
     ("128 lines have more points close by", "near-range", "", ""),
     ("twice the lines, twice the points", "ratio", "ruby_plus over pandar_64", "128 / 64"),
     ("four times the lines, four times the points", "ratio", "pandar_64 over helios_16", "64 / 16"),
@@ -98,14 +100,19 @@ def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.Dat
 
 
 def in_short() -> str:
-    """Every claim under every preset: a verdict, or how many hold, fail and are undecided."""
+    """The verdict of every claim about scanning under every preset."""
+    return _in_short(SCANNING, scanned)
+
+
+def detection_in_short() -> str:
+    """How many of each claim about detection hold, fail and are undecided."""
+    return _in_short(DETECTION, counted)
+
+
+def _in_short(claims: Claims, cell: Callable[[str, str, str], str]) -> str:
     rows = [
-        [said, named(claim, note), *(scanned(claim, words, preset) for preset in PRESETS)]
-        for said, claim, words, note in SCANNING
-    ]
-    rows += [
-        [said, named(claim, note), *(counted(claim, words, preset) for preset in PRESETS)]
-        for said, claim, words, note in DETECTION
+        [said, named(claim, note), *(cell(claim, words, preset) for preset in PRESETS)]
+        for said, claim, words, note in claims
     ]
     return markdown(["the paper says", "claim", *(f"`{p}`" for p in PRESETS)], rows)
 

@@ -66,6 +66,7 @@ def make_map(infrasim: Callable[..., object], run_command: Callable[..., list[st
 
 
 MOST_COMMANDS = 20  # from a map to a recommendation
+MOST_WORDS, MOST_NUMBERS = 150, 3  # of README's first screen; numbers of a sentence
 GIVEN = {
     "generalist": make_site,
     "own_data": make_recording,
@@ -153,6 +154,17 @@ def test_tables_of_the_pages_are_what_make_docs_writes() -> None:
     blocks = [name for p in tables.PAGES for _, name, *_ in tables.BLOCK.findall(p.read_text())]
     assert sorted(blocks) == sorted(tables.TABLES)
     assert [p.name for p in tables.PAGES if tables.rewritten(p) != p.read_text()] == []
+
+
+def test_the_first_screen_of_the_readme_is_short() -> None:
+    """Before "Where next" there are few words, commands apart, and few numbers a sentence."""
+    first = page("README").read_text().split("## Where next")[0]
+    hidden = r"^```.*?^```|<!--.*?-->|!\[.*?\)|\]\([^)]*\)|[|#`\[\]*]|---"
+    text = re.sub(hidden, " ", first, flags=re.DOTALL | re.MULTILINE)
+    assert len(text.split()) <= MOST_WORDS
+    sentences = re.split(r"[.:;](?=\s)|\n", text)
+    numbers = [len(re.findall(r"(?<![\w.])\d[\d.]*", sentence)) for sentence in sentences]
+    assert max(numbers) <= MOST_NUMBERS
 
 
 def test_the_detector_of_the_page_is_short() -> None:

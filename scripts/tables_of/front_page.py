@@ -1,0 +1,61 @@
+"""The three findings of README, each with what it was measured on."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from tables_of.common import PRESETS, markdown, number, results
+from tables_of.findings import rows_of
+
+YAW_DEG = 0.25
+WORDS = {2: "two", 3: "three"}
+
+
+def findings() -> str:
+    return markdown(["finding", "measured on"], [far_points(), wrong_yaw(), several_poles()])
+
+
+def far_points() -> list[str]:
+    """Points on far vehicles: the Avia's over the best other LiDAR's, under the three presets."""
+    table = results("claims")
+    paper, equal, datasheet = (
+        number(rows_of(table, "far-range", " common,", preset=preset).value.item())
+        for preset in PRESETS
+    )
+    finding = (
+        f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
+        f"under [the study's settings](#the-study), {equal} times at equal range, {datasheet} "
+        "times by data sheets."
+    )
+    where = "[highway](docs/findings.md), beyond 90 m, within range of all LiDARs; one traffic seed"
+    return [finding, where]
+
+
+def wrong_yaw() -> list[str]:
+    """What a small yaw error costs: least and most over detectors and LiDARs."""
+    table = results("stress_generalist")
+    turned = table[(table.stressor == "yaw_error") & (table.dial == f"{YAW_DEG:g}")]
+    before = table[table.stressor == "none"].set_index("run").ap_fine
+    costs = before - turned.set_index("run").ap_fine
+    detectors = turned.run.str.rsplit("_", n=1).str[-1].nunique()
+    finding = (
+        f"An unknown yaw error of {YAW_DEG:g} degrees costs a detector {costs.min():.0f} to "
+        f"{costs.max():.0f} AP (average precision, in percent)."
+    )
+    where = (
+        f"[highway](docs/benchmarks.md) (section 28), {WORDS[detectors]} detectors, "
+        f"{WORDS[turned.lidar.nunique()]} LiDARs; one seed and training, no intervals"
+    )
+    return [finding, where]
+
+
+def several_poles() -> list[str]:
+    """AP of a network with 16 lines on one pole, and on four."""
+    table = results("poles")
+    keep = (table.lidar == "helios_16") & (table.arm == "centerpoint-pillar")
+    keep &= (table.error == "none") & (table.ground_truth == "all")
+    ap: pd.Series[float] = table[keep].set_index("poles").ap_fine
+    one, four = (f"{ap[count]:.0f}" for count in (1, 4))
+    finding = f"With 16-line LiDARs on four poles a detector has AP {four}; on one pole, {one}."
+    where = "[crossroad](docs/several_poles.md), exact clocks and poses; one seed and training"
+    return [finding, where]
