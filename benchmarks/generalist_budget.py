@@ -72,7 +72,9 @@ def main() -> None:
         name: {"steps": one.about.steps, **learnt(run)}
         for name, one, run in zip(names, found, runs, strict=True)
     }
-    rows = unseen.rows(unseen.gathered(args, networks), names, everywhere)
+    conditions = {unseen.AS_KNOWN: unseen.CONDITIONS[unseen.AS_KNOWN]}
+    found_at = unseen.gathered("plain", args.sites, args.frames, networks, conditions)
+    rows = unseen.rows(found_at, names, everywhere)
     table = pd.DataFrame([{**row, **told[str(row["model"])]} for row in rows])
     about = {"version": __version__, "machine": machine()}
     table = table.assign(**about, command="benchmarks/generalist_budget.py")

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import frozen_sites
 import numpy as np
 import pandas as pd
 from torch import Tensor
@@ -28,17 +29,13 @@ from pyinfra.detectors.classes import METRICS, TYPES, VEHICLES, ObjectClass
 from pyinfra.detectors.fused import fused
 from pyinfra.detectors.network import Network
 from pyinfra.evaluation import matching
-from pyinfra.sites import catalogue
-from pyinfra.sites.stream import samples_of, world_of
 from pyinfra.training import checkpoint
 from pyinfra.training.detect import MODELS, model_file
 from pyinfra.training.samples import SiteSample
 
 ROOT = Path(__file__).resolve().parent.parent
-FIRST_SITE = 1_000_000  # streams end before it
 MIN_SCORE = 0.002  # of boxes that the lines are fitted on: more of them than are given
 CUT = 0.5  # of calibrated scores: from here on a box is shown
-PRESET = "datasheet"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,19 +48,6 @@ class Judged:
     scores: FloatArray  # (n,)
     right: BoolArray  # (n,)
     objects: int  # that are there to be found
-
-
-def looked_at(
-    sites: int, frames: int, classes: tuple[ObjectClass, ...]
-) -> Iterator[tuple[str, str, list[SiteSample]]]:
-    """Site, LiDAR and frames: four LiDARs a site, of all that the catalogue has."""
-    everyone = catalogue.sensors(presets={PRESET: 1.0})
-    for seed in range(FIRST_SITE, FIRST_SITE + sites):
-        random = np.random.default_rng(seed)
-        keys, world = world_of(seed, "scan")
-        for lidar in everyone.draw(random, 4):
-            chosen = sorted(random.choice(world.frames, frames, replace=False).tolist())
-            yield keys["name"], lidar.name, samples_of(world, keys, lidar, chosen, classes)
 
 
 def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -> Iterator[Judged]:
@@ -158,7 +142,7 @@ def main() -> None:
     network.calibration, network.min_score = None, MIN_SCORE
     cells = [
         cell
-        for visit in looked_at(args.sites, args.frames, classes)
+        for visit in frozen_sites.looked_at("plain", classes, args.sites, args.frames)
         for cell in judged(network, *visit)
     ]
     lines = {name: line_of(cells, name) for name in classes}

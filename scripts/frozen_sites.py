@@ -1,0 +1,104 @@
+"""The sites that pretrained detectors are tested on, as files: tests/data/sites.
+
+    .venv/bin/python scripts/frozen_sites.py
+
+wrote them once: 60 sites of generator version 4 (`plain`) and 20 streets full of street furniture
+of version 5 (`cluttered`), each with four LiDARs of the catalogue and the frames of each. They stay
+as they are while the generator changes, so that versions of a detector are compared on equal
+frames. Training never sees their seeds.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from pyinfra import sim
+from pyinfra.detectors.classes import ObjectClass
+from pyinfra.simulator.catalogue import lidar_file
+from pyinfra.sites import catalogue
+from pyinfra.sites.generator import make_site
+from pyinfra.sites.layout import Keys
+from pyinfra.sites.ranges import CLUTTERED, RANGES, Ranges
+from pyinfra.sites.stream import samples_of
+from pyinfra.training.samples import SiteSample
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "tests/data/sites"
+FIRST_SITE = 1_000_000  # streams of training end before it
+PRESET = "datasheet"
+LIDARS, FRAMES = 4, 5  # of a site, of a LiDAR
+# First seed, number and ranges of each set.
+SETS: dict[str, tuple[int, int, Ranges]] = {
+    "plain": (FIRST_SITE, 60, replace(RANGES, furniture=replace(RANGES.furniture, sites=0.0))),
+    "cluttered": (FIRST_SITE + 100, 20, CLUTTERED),
+}
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One LiDAR at one test site."""
+
+    site: str
+    lidar: str
+    frames: tuple[int, ...]
+
+
+def read_visits(name: str) -> Iterator[tuple[Keys, list[Visit]]]:
+    """The keys of each site of a set, and its visits."""
+    with (FOLDER / name / "visits.csv").open() as file:
+        rows = [
+            Visit(row["site"], row["lidar"], tuple(map(int, row["frames"].split())))
+            for row in csv.DictReader(file)
+        ]
+    for site in dict.fromkeys(row.site for row in rows):
+        keys = yaml.safe_load((FOLDER / name / f"{site}.yaml").read_text())
+        yield keys, [row for row in rows if row.site == site]
+
+
+def looked_at(
+    name: str, classes: tuple[ObjectClass, ...], sites: int | None = None, frames: int = FRAMES
+) -> Iterator[tuple[str, str, list[SiteSample]]]:
+    """Site, LiDAR and samples of a set's visits: the first sites, and frames of each LiDAR."""
+    for number, (keys, visits) in enumerate(read_visits(name)):
+        if number == sites:
+            return
+        world = sim.make_world(keys)
+        for visit in visits:
+            lidar = sim.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
+            chosen = list(visit.frames[:frames])
+            yield visit.site, visit.lidar, samples_of(world, keys, lidar, chosen, classes)
+
+
+def write_set(name: str) -> None:
+    first, count, ranges = SETS[name]
+    (FOLDER / name).mkdir(parents=True, exist_ok=True)
+    everyone = catalogue.sensors(presets={PRESET: 1.0})
+    visits = [("site", "lidar", "frames")]
+    for seed in range(first, first + count):
+        random = np.random.default_rng(seed)
+        keys = make_site(seed, ranges) | {"label_time": "scan"}
+        world = sim.make_world(keys)
+        plain = json.loads(json.dumps(keys))  # no object twice, for which YAML has anchors
+        text = yaml.safe_dump(plain, sort_keys=False, width=110, default_flow_style=None)
+        (FOLDER / name / f"{keys['name']}.yaml").write_text(text)
+        for lidar in everyone.draw(random, LIDARS):
+            chosen = sorted(random.choice(world.frames, FRAMES, replace=False).tolist())
+            visits.append((keys["name"], lidar.name, " ".join(map(str, chosen))))
+    with (FOLDER / name / "visits.csv").open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(visits)
+
+
+def main() -> None:
+    for name in SETS:
+        write_set(name)
+
+
+if __name__ == "__main__":
+    main()
