@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "infrasim/pipeline/simulate.h"
+#include "infrasim/pipeline/static_units.h"
 #include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/vehicle_parts.h"
 #include "small_scenes.h"
@@ -182,6 +183,93 @@ TEST(parts, gap_lets_rays_pass_on_to_the_road) {
   EXPECT_GT(lost, 50);
   // All of them meet the road, or the wheels of the far side.
   EXPECT_EQ(with.points.at(-1) - without.points.at(-1), lost);
+}
+
+/// A parked car 20 m aside of the road and the sensor, on terrain 5 cm below the road.
+SceneConfig car_on_terrain() {
+  SceneConfig scene = empty_road();
+  scene.detail = Detail::kLow;
+  scene.vehicle_parts = only(&VehicleParts::gap);
+  scene.ground.push_back(testing::ground_at(-0.05));
+  ParkedConfig row;
+  row.road = "road";
+  row.offset_m = 20;
+  row.from_m = 197;
+  row.to_m = 203;
+  row.occupied = 1;
+  row.base_m = -0.05;
+  row.class_shares["Car"] = 1;
+  scene.parked.emplace().push_back(row);
+  return scene;
+}
+
+/// It detects by power, and its pattern repeats.
+LidarConfig by_power() {
+  PatternConfig pattern = spinning(161, -40, 0, 0.1);
+  pattern.spinning->azimuth_step_deg.reset();
+  pattern.spinning->columns_per_turn = Fraction{3600, 1};
+  LidarConfig lidar = plain_lidar("lidar", pattern);
+  lidar.units.front().returns.detection.emplace().range_at_10_percent_m = 100;
+  return lidar;
+}
+
+/// Points below the only vehicle, which is parked, by class.
+std::map<Class, int> below_parked(const World& world, const LidarConfig& lidar,
+                                  const StaticLayers& layers) {
+  FrameSimulator simulator(world, std::array{lidar}, layers);
+  const Frame frame = std::move(simulator.simulate(0, {true}).front());
+  const Box3d box = world.level.to_level(world.trajectories.in_frame(0).front().from);
+  Box3d foot = box;
+  foot.z -= box.dz / 2;
+  foot.dz = 0.2;
+  std::map<Class, int> out;
+  for (std::size_t i = 0; i < frame.cloud.size(); ++i)
+    if (frame.cloud.object_id[i] < 0 && BoxFrame(foot).contains(point(frame.cloud, i), 0))
+      ++out[static_cast<Class>(frame.cloud.class_id[i])];
+  return out;
+}
+
+TEST(parts, gap_shows_the_ground_that_a_parked_vehicle_stands_on) {
+  const World world = build_world(car_on_terrain());
+  const LidarConfig lidar = by_power();
+  LidarConfig wide = lidar;
+  wide.units.front().returns.beam.emplace();
+  const StaticLayers layers = make_static_layers(world, std::array{lidar});
+  ASSERT_NE(layers[0][0], nullptr);
+  for (const auto& below : {below_parked(world, lidar, layers), below_parked(world, lidar, {}),
+                            below_parked(world, wide, {})}) {
+    EXPECT_EQ(below.size(), 1U);
+    EXPECT_GT(below.at(Class::kTerrain), 100);
+  }
+}
+
+TEST(parts, gap_shows_the_ground_that_a_recorded_vehicle_drives_on) {
+  SceneConfig scene = car_on_terrain();
+  World world = build_world(scene);
+  world.scene.traffic.reset();
+  ObjectState recorded = car(1, 0, 20, 0);
+  recorded.box.z -= 0.05;
+  world.trajectories = straight_on({recorded}, 1);
+  EXPECT_GT(below_parked(world, by_power(), {}).at(Class::kTerrain), 100);
+}
+
+TEST(parts, gap_shows_what_a_recording_of_the_site_saw_of_the_ground_there) {
+  World world = build_world(car_on_terrain());
+  const LidarConfig lidar = by_power();
+  StaticLayerFile recorded;
+  recorded.units = cast_static_layer(world, lidar);
+  for (StaticHits& unit : recorded.units) {
+    std::ranges::fill(unit.class_id, static_cast<std::uint16_t>(Class::kRecorded));
+    std::ranges::fill(unit.cos_incidence, 0.3F);
+  }
+  world.static_layers.emplace(lidar.name, recorded);
+  FrameSimulator simulator(world, std::array{lidar});
+  const Frame frame = std::move(simulator.simulate(0, {true}).front());
+  for (std::size_t i = 0; i < frame.cloud.size(); ++i) {
+    if (frame.cloud.object_id[i] >= 0) continue;
+    EXPECT_EQ(frame.cloud.class_id[i], static_cast<std::uint16_t>(Class::kRecorded));
+    EXPECT_EQ(frame.cloud.intensity[i], 0.3F);
+  }
 }
 
 TEST(parts, glass_takes_most_of_the_points_above_the_belt_line) {

@@ -34,7 +34,7 @@ struct HitBatch {
   std::vector<float> range;             ///< metres; +inf: nothing hit
   std::vector<float> cos_incidence;     ///< between beam and surface normal, [0, 1]
   std::vector<std::int32_t> object;     ///< index of the moving body; -1: background
-  std::vector<std::uint16_t> class_id;  ///< of the background where object is -1
+  std::vector<std::uint16_t> class_id;  ///< of the background, behind a body, too; 0 where it ends
   std::vector<BodyPlace> place;         ///< where on a moving body; filled with cos_incidence
 
   std::size_t size() const { return range.size(); }

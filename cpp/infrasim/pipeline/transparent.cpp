@@ -82,7 +82,7 @@ void TransparentCaster::cast_on_with(const StaticSlice& background) {
     const bool ahead = background.range_m[i] >= on_.near[k];
     on_hits_.range[k] = ahead ? background.range_m[i] : kNever;
     on_hits_.cos_incidence[k] = background.cos_incidence[i];
-    on_hits_.class_id[k] = background.class_id[i];
+    on_hits_.class_id[k] = ahead ? background.class_id[i] : std::uint16_t{0};
   }
   raycaster_.cast_bodies(on_, on_order_, on_hits_);
 }
@@ -136,12 +136,16 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
 void TransparentCaster::meet_below(const BodyHit& hit, Part part, const Passing& state,
                                    const HitBatch& batch, std::size_t k) {
   const float range = batch.range[k];
-  // A body stands on the road, so where the ray meets its lower face it meets the road.
-  if (hit.at.z < 0 && std::abs(hit.normal.z) > kLevelNormal)
-    return take(state, {range,
-                        -1,
-                        static_cast<std::uint16_t>(Class::kRoad),
-                        {background_reflectance(Class::kRoad), batch.cos_incidence[k]}});
+  // A body stands on the ground, so where the ray meets its lower face it meets the ground.
+  if (hit.at.z < 0 && std::abs(hit.normal.z) > kLevelNormal) {
+    const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(batch.object[k])];
+    const Class ground = on_lane ? Class::kRoad : static_cast<Class>(batch.class_id[k]);
+    const float cosine =
+        ground == Class::kRecorded ? background_.cos_incidence[state.ray] : batch.cos_incidence[k];
+    return take(
+        state,
+        {range, -1, static_cast<std::uint16_t>(ground), {background_reflectance(ground), cosine}});
+  }
   if (part != Part::kGap)
     return take(state, {range, batch.object[k], 0, interior_optics(batch.cos_incidence[k])});
   Passing on = state;

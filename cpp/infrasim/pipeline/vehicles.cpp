@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "infrasim/core/rng.h"
+#include "infrasim/scene/parked.h"
 #include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/reflectance.h"
 
@@ -30,6 +31,7 @@ FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& r
                           world.level.to_level(body_box(o.from)),
                           world.level.to_level(body_box(o.to))});
     out.boxes.push_back(box);
+    out.on_lane.push_back(world.scene.traffic && o.id < kFirstParkedId);
     out.reflectance.push_back(paint_reflectance(paint.at(static_cast<std::uint64_t>(o.id) + 1)));
   }
   raycaster.set_bodies(out.bodies, kFramePeriod);

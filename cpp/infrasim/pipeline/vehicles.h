@@ -13,6 +13,7 @@ struct FrameVehicles {
   std::vector<MovingBody> bodies;    ///< levelled frame, as the boxes
   std::vector<Box3d> boxes;          ///< at mid-frame
   std::vector<float> reflectance;    ///< of the paint
+  std::vector<bool> on_lane;         ///< simulated traffic: road is below it, not what a cast finds
   std::vector<double> visibility;    ///< share that nothing hides; -1 outside the region
 
   std::size_t size() const { return moving.size(); }

@@ -105,6 +105,7 @@ void clear(std::size_t n, HitBatch& hits) {
   hits.resize(n);
   std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
   std::ranges::fill(hits.object, -1);
+  std::ranges::fill(hits.class_id, std::uint16_t{0});
 }
 
 Horizon horizon_of(const TriangleMesh& mesh) {
@@ -190,7 +191,6 @@ struct Raycaster::Impl {
       if (!packet.hit(i) || !(packet.rh.ray.tfar[i] < hits.range[k])) continue;
       hits.range[k] = packet.rh.ray.tfar[i];
       hits.object[k] = static_cast<std::int32_t>(body);
-      hits.class_id[k] = 0;
       if (!incidence) continue;
       hits.cos_incidence[k] = motion.cos_incidence(unit[i], hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
       hits.place[k] = {unit[i].at(hits.range[k]),

@@ -56,7 +56,8 @@ class Raycaster {
   void cast_background(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                        bool incidence = true);
 
-  /// Replaces the hits of the rays that `order` names where a body is nearer.
+  /// Replaces the hits of the rays that `order` names where a body is nearer; their class stays
+  /// that of the background.
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
