@@ -443,6 +443,25 @@ def test_a_centre_survives_its_cell_and_has_all_the_heat() -> None:
     assert (heat == 1).sum() == len(boxes)
 
 
+def test_with_balance_frames_weigh_the_same_however_many_objects_they_have() -> None:
+    """With 1, a frame twice as full has the same share of the loss; with 0, twice of it."""
+    torch.manual_seed(1)
+    head = AxisHead(4, 4, SITE, 0.8)
+    box = torch.from_numpy(road_sample(8).boxes[:1]).float()
+    x = torch.randn(2, 4, 32, 48)
+
+    def box_loss(boxes: tuple[torch.Tensor, ...], balance: float) -> float:
+        numbers = tuple(torch.zeros(len(b), dtype=torch.int64) for b in boxes)
+        with torch.no_grad():
+            return float(head.eval().losses(x, boxes, numbers, balance)["box"])
+
+    none = box[:0]
+    first, second = box_loss((box, none), 1.0), box_loss((none, box), 1.0)
+    three = (box.repeat(3, 1), box)
+    assert box_loss(three, 1.0) == pytest.approx((first + second) / 2, rel=1e-5)
+    assert box_loss(three, 0.0) == pytest.approx((3 * first + second) / 4, rel=1e-5)
+
+
 def test_an_axis_and_a_way_are_a_heading() -> None:
     head = AxisHead(4, 4, SITE, 0.8)
     boxes = torch.from_numpy(road_sample(8).boxes[:1]).float().repeat(64, 1)

@@ -15,11 +15,12 @@ from pyinfra.config import ConfigError
 from pyinfra.kitti import read_keys
 from pyinfra.simulator.catalogue import configs, lidar_file
 from pyinfra.sites import generator
+from pyinfra.sites import stream as stream_module
 from pyinfra.sites.catalogue import Sensors, sensors
 from pyinfra.sites.draws import Draws
 from pyinfra.sites.generator import make_site
 from pyinfra.sites.layout import DrawnRoad, Keys, crossing, varied
-from pyinfra.sites.ranges import HABITATS, RANGES, STREET
+from pyinfra.sites.ranges import CLUTTERED, HABITATS, RANGES, STREET
 from pyinfra.sites.stream import SiteSamples, StreamPlan, read_stream, samples_of, site_stream
 from pyinfra.training.recipe import Recipe, read_recipe
 from pyinfra.training.samples import SiteSample
@@ -92,11 +93,40 @@ def test_people_go_in_streets_more_than_along_rural_roads_and_on_no_motorway() -
     assert not any(site.get("people") for site in motorways)
 
 
-def test_people_are_all_that_is_new_in_a_site() -> None:
-    deserted = replace(RANGES, ways=replace(RANGES.ways, sites=0))
+BARE = replace(RANGES, furniture=replace(RANGES.furniture, sites=0.0))
+
+
+def test_people_change_nothing_else_of_a_site() -> None:
+    deserted = replace(BARE, ways=replace(RANGES.ways, sites=0))
     for seed in range(12):
-        others = {key: value for key, value in SITES[seed].items() if key != "people"}
+        site = make_site(seed, BARE)
+        others = {key: value for key, value in site.items() if key != "people"}
         assert make_site(seed, deserted) == others
+
+
+def test_furniture_changes_nothing_else_of_a_site() -> None:
+    for seed in range(12):
+        bare, site = make_site(seed, BARE), dict(SITES[seed])
+        site.pop("standing_people", None)
+        for key in ("buildings", "vegetation"):
+            before = bare.pop(key, [])
+            assert site.pop(key, [])[: len(before)] == before
+        assert site == bare
+
+
+def test_cluttered_streets_can_be_and_hold_every_kind_of_furniture(tmp_path: Path) -> None:
+    sites = [make_site(seed, CLUTTERED) for seed in range(8)]
+    bare = replace(CLUTTERED, furniture=replace(CLUTTERED.furniture, sites=0.0))
+    trees = buildings = groups = 0
+    for seed, site in enumerate(sites):
+        sim.make_world(site)
+        plain = make_site(seed, bare)
+        trees += len(site.get("vegetation", [])) - len(plain.get("vegetation", []))
+        buildings += len(site["buildings"]) - len(plain.get("buildings", []))
+        groups += len(site.get("standing_people", []))
+    assert trees > 8
+    assert buildings > 80
+    assert groups > 4
 
 
 def test_crossings_are_also_a_t_and_some_roads_across_are_one_way() -> None:
@@ -274,6 +304,47 @@ def test_a_stream_says_what_it_is_of() -> None:
 def test_more_lidars_than_there_are_is_refused() -> None:
     with pytest.raises(ValueError, match="lidars: found 4, allowed up to 2"):
         site_stream(StreamPlan(), FEW)
+
+
+def test_narrow_visits_have_narrow_lidars_alone_and_look_along_a_road(tmp_path: Path) -> None:
+    file = tmp_path / "stream.yaml"
+    names = "narrow: [livox_mid_40, livox_tele_15]\n"
+    file.write_text(
+        "plan: {sites: 9, lidars: 2, frames: 1, mixed: 1, narrow: 0.5}\n"
+        f"{names}without: [ruby_plus]\npresets: {{equal: 1, paper: 0, datasheet: 0}}\n"
+    )
+    stream = read_stream(file)
+    assert {"livox_mid_40", "livox_tele_15"} <= set(stream.lidar.split())
+    samples = stream.samples
+    assert isinstance(samples, SiteSamples)
+    kinds = set()
+    for visit in range(9):
+        lidars = []
+
+        def noted(world: object, keys: Keys, lidar: sim.Lidar, *rest: object) -> list[object]:
+            lidars.append((lidar.name, keys))  # noqa: B023
+            return []
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(stream_module, "samples_of", noted)
+            samples._visit(visit)
+        narrow = {name in ("livox_mid_40", "livox_tele_15") for name, _ in lidars}
+        assert len(narrow) == 1
+        kinds |= narrow
+        if narrow == {True}:
+            keys = lidars[0][1]
+            road = DrawnRoad(keys["roads"][0])
+            mount = keys["mounts"]["pole"]
+            away = np.hypot(*(road.stations[:, 1:3] - [mount["x_m"], mount["y_m"]]).T)
+            along = np.degrees(road.stations[away.argmin(), 3]) - mount["yaw_deg"]
+            assert abs((along + 90) % 180 - 90) < 9
+    assert kinds == {True, False}
+    file.write_text("plan: {lidars: 2, narrow: 0.5}\n")
+    with pytest.raises(ConfigError, match=r"narrow: expected LiDARs with a share above 0"):
+        read_stream(file)
+    file.write_text(f"plan: {{lidars: 2}}\n{names}")
+    with pytest.raises(ConfigError, match=r"narrow: expected LiDARs with a share above 0"):
+        read_stream(file)
 
 
 def test_lidars_can_be_held_out_by_name() -> None:

@@ -25,8 +25,8 @@ from pyinfra.config import ConfigError  # noqa: E402
 from pyinfra.data import regions  # noqa: E402
 from pyinfra.data.ground import level_ground  # noqa: E402
 from pyinfra.data.outlines import in_outline  # noqa: E402
-from pyinfra.detectors import Detections  # noqa: E402
-from pyinfra.detectors.batch import Area, Batch, make_batch  # noqa: E402
+from pyinfra.detectors import Detections, windows  # noqa: E402
+from pyinfra.detectors.batch import Area, Batch, Sample, make_batch  # noqa: E402
 from pyinfra.detectors.network import MIN_SCORE  # noqa: E402
 from pyinfra.exchange import pcd_file  # noqa: E402
 from pyinfra.training import (  # noqa: E402
@@ -42,10 +42,12 @@ from pyinfra.training.samples import (  # noqa: E402
     Frames,
     SiteSample,
     augmented,
+    hidden_by,
     lifted,
     moved,
     with_faults,
     with_pasted,
+    with_pose_error,
 )
 from pyinfra.training.sources import Source, read_source, simulated_source  # noqa: E402
 from pyinfra.training.train import common_label_time  # noqa: E402
@@ -804,6 +806,64 @@ def test_pasted_vehicles_bring_their_points_and_stand_on_nobody() -> None:
         assert points_in_box(found.points, box).sum() >= 100
     same = augmented(sample, None, Augmentation(), np.random.default_rng(1))
     np.testing.assert_array_equal(same.points, sample.points)
+
+
+def test_each_class_is_pasted_in_turn() -> None:
+    other = dataclasses.replace(road_sample(13, 8), classes=np.array([0, 0, 0, 0, 0, 0, 1, 2]))
+    empty = dataclasses.replace(other, points=other.points[:0], boxes=other.boxes[:0], classes=None)
+    for seed in range(5):
+        found = with_pasted(empty, other, Augmentation(pasted=3), np.random.default_rng(seed))
+        assert sorted(found.numbers) == [0, 1, 2]
+
+
+def test_a_pasted_object_hides_what_lies_behind_it_and_nothing_else() -> None:
+    sides, heights = np.meshgrid(np.arange(-2, 2, 0.05), np.arange(-6, -4, 0.05))
+    wall = np.column_stack(
+        [np.full(sides.size, 20), sides.ravel(), heights.ravel(), np.zeros(sides.size)]
+    )
+    places = np.array([[40, 0, -10, 0], [10, 0, -2.5, 0], [40, 10, -10, 0], [40, 0, 3, 0]])
+    behind = hidden_by(wall.astype(np.float32), places.astype(np.float32), 0.0)
+    assert behind.tolist() == [True, False, False, False]
+    above = (lifted(points.astype(np.float32), 6) for points in (wall, places))
+    assert hidden_by(*above, 6.0).tolist() == behind.tolist()
+    turned = wall[:, :3] @ np.diag([-1.0, -1.0, 1.0])  # across the cut at 180 degrees
+    there = places[:, :3] @ np.diag([-1.0, -1.0, 1.0])
+    both = (np.insert(xyz, 3, 0, axis=1).astype(np.float32) for xyz in (turned, there))
+    assert hidden_by(*both, 0.0).tolist() == behind.tolist()
+
+
+def test_an_error_of_the_pose_moves_points_and_boxes_alike() -> None:
+    sample = road_sample(14)
+    how = Augmentation(height_std_m=0.15, level_std_deg=0.3)
+    rises = []
+    for seed in range(200):
+        found = with_pose_error(sample, how, np.random.default_rng(seed))
+        np.testing.assert_array_equal(found.points[:, :2], sample.points[:, :2])
+        for before, after in zip(sample.boxes, found.boxes, strict=True):
+            inside = points_in_box(sample.points, before)
+            rise = (found.points[inside, 2] - sample.points[inside, 2]).mean()
+            assert after[2] - before[2] == pytest.approx(rise, abs=0.03)
+        at_sensor = np.linalg.lstsq(
+            np.column_stack([sample.points[:, :2], np.ones(len(sample.points))]),
+            (found.points[:, 2] - sample.points[:, 2]).astype(np.float64),
+            rcond=None,
+        )[0]
+        rises.append([*np.degrees(np.arctan(at_sensor[:2])), at_sensor[2]])
+    assert np.std(rises, axis=0) == pytest.approx([0.3, 0.3, 0.15], rel=0.2)
+    assert np.abs(rises)[:, 2].max() < 0.5
+    draw, other = np.random.default_rng(1), np.random.default_rng(1)
+    assert with_pose_error(sample, Augmentation(), draw) is sample
+    assert draw.random() == other.random()
+
+
+def test_rare_windows_look_at_each_class_as_often() -> None:
+    boxes = np.zeros((10, 7))
+    boxes[:, 0] = np.arange(10)
+    sample = Sample(np.zeros((0, 4), np.float32), boxes, np.array([0] * 9 + [1]))
+    area, draw = Area((-50, -50, -5), (50, 50, 5)), np.random.default_rng(1)
+    at = [windows.centre_of(sample, area, draw, 1.0)[0] == 9 for _ in range(400)]
+    assert 0.4 < np.mean(at) < 0.6
+    assert np.mean([windows.centre_of(sample, area, draw)[0] == 9 for _ in range(400)]) < 0.2
 
 
 def test_faults_that_no_dial_asks_for_draw_nothing() -> None:
