@@ -182,11 +182,13 @@ def rows(
         drawn = random.multinomial(count, np.ones(count) / count, REPLICATES)
         weights = np.zeros((1 + REPLICATES, len(chosen)), np.int64)
         weights[0, chosen], weights[1:, chosen] = 1, drawn
+        every = {key: own.ap(weights) for key, own in found.items()}
         for (condition, model, name, measure), own in found.items():
-            ap, first = own.ap(weights), found.get((condition, 0, name, measure))
-            less = ap - first.ap(weights) if model and first is not None else None
-            as_known = found[(AS_KNOWN, model, name, measure)]
-            cost = as_known.ap(weights) - ap if condition != AS_KNOWN else None
+            ap = every[(condition, model, name, measure)]
+            first = every.get((condition, 0, name, measure))
+            less = ap - first if model and first is not None else None
+            as_known = every[(AS_KNOWN, model, name, measure)]
+            cost = as_known - ap if condition != AS_KNOWN else None
             false = own.false_per_frame(weights)
             yield {
                 "model": names[model],
