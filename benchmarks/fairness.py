@@ -1,0 +1,60 @@
+"""What a short fine-tuning gives each LiDAR: a pretrained detector is fair where all gain the same.
+
+The pretrained detector is tested at the study's scenes as it comes and after 120 steps of training
+with the scene's own labels, for two LiDARs that it learnt from and two that were held out. If a
+narrow LiDAR gains more than a wide one, comparing LiDARs by the detector as it comes is unfair to
+it. Rows go to results/fairness.csv as they come; what is there of the same weights is kept.
+    .venv/bin/python benchmarks/fairness.py generalist --work data/fairness
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+
+import generalist
+import pandas as pd
+
+from pyinfra import __version__, machine
+from pyinfra.benchmark import store
+
+ROOT = Path(__file__).resolve().parent.parent
+LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")  # narrow, wide; held out alike
+ARMS = ("none", "tuned_120")
+KEY = ["site", "seed", "lidar", "preset", "arm", "start"]
+COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_fine", "objects"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("models", nargs="+", type=Path, help="runs, files or names")
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 1 GB")
+    parser.add_argument("--scenes", nargs="+", default=list(generalist.SCENES))
+    parser.add_argument("--lidars", nargs="+", default=list(LIDARS))
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--out", type=Path, default=ROOT / "results/fairness.csv")
+    args = parser.parse_args()
+    about = {"version": __version__, "machine": machine(), "command": "benchmarks/fairness.py"}
+    for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):
+        cell = generalist.Cell(scene, seed, lidar)
+        folder = None
+        for model, arm in itertools.product(args.models, ARMS):
+            wanted = {**asdict(cell), "arm": arm, "start": generalist.start_of(arm, model)}
+            if store.has(store.read(args.out, KEY), wanted):
+                continue
+            folder = folder or generalist.simulated(cell, args.work)
+            found = {**generalist.row(folder, arm, model), **wanted}
+            row = {name: found[name] for name in COLUMNS}
+            store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **about}]), KEY)
+            print(model.stem, *(row[name] for name in (*KEY[:5], "ap_fine")), flush=True)
+            for made in folder.parent.glob(f"{folder.name}_*"):
+                shutil.rmtree(made)
+        if folder is not None:
+            shutil.rmtree(folder.parent)
+
+
+if __name__ == "__main__":
+    main()
