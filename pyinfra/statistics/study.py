@@ -79,10 +79,11 @@ def _speeds(file: Path) -> pd.DataFrame:
         )
     except ValueError as error:  # a word, another number of columns, not UTF-8, nothing
         raise FormatError(f"{file}: {error}") from None
+    rows = rows[rows.id.notna() | rows.speed.notna()]  # else it says that nobody is there
     for name, most in (("t", 1e6), ("id", 2**31 - 1), ("speed", 1000)):
         bad = np.flatnonzero(~rows[name].between(0, most))
         if len(bad) > 0:
-            found = f"{file}:{bad[0] + 2}: {name}: found {rows[name].iloc[bad[0]]:g}"
+            found = f"{file}:{rows.index[bad[0]] + 2}: {name}: found {rows[name].iloc[bad[0]]:g}"
             raise FormatError(f"{found}, allowed 0 to {most:g}")
     return rows
 

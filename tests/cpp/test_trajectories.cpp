@@ -68,12 +68,72 @@ TEST(trajectories, written_and_read_are_the_same) {
   EXPECT_EQ(trajectories_csv(back), text);
 }
 
-TEST(trajectories, with_moments_without_vehicles_written_and_read_are_the_same) {
-  Trajectories sparse;
-  sparse.rows.resize(4);
-  sparse.rows[0] = sparse.rows[3] = {car_on_road(1, 0, 0, 0)};
-  sparse.rows[3][0].id = 2;
-  EXPECT_EQ(read(trajectories_csv(sparse)).rows.size(), 4U);
+TEST(trajectories, with_any_instants_without_vehicles_written_and_read_are_the_same) {
+  for (const bool pitched : {false, true})
+    for (unsigned somebody = 1; somebody < 32; ++somebody) {
+      Trajectories sparse{std::vector<std::vector<ObjectState>>(5), pitched};
+      for (std::size_t k = 0; k < 5; ++k)
+        if ((somebody >> k & 1) != 0) sparse.rows[k] = {car_on_road(static_cast<int>(k), 0, 0, 0)};
+      const std::string text = trajectories_csv(sparse);
+      const Trajectories back = read(text);
+      ASSERT_EQ(back.rows.size(), 5U) << text;
+      for (std::size_t k = 0; k < 5; ++k) EXPECT_EQ(back.rows[k].size(), sparse.rows[k].size());
+      EXPECT_EQ(trajectories_csv(back), text);
+    }
+}
+
+TEST(trajectories, of_a_scene_without_anybody_are_a_header_that_fits_any_duration) {
+  SceneConfig scene = road_with_traffic(0);
+  const TestFolder folder;
+  const std::string text = trajectories_csv(build_world(scene).trajectories);
+  EXPECT_EQ(text, kHeader);
+  scene.trajectories = folder.write("file.csv", text).string();
+  scene.traffic.reset();
+  EXPECT_EQ(build_world(scene).trajectories.frames(), 30);
+}
+
+/// The road rises, so that tables have the column of the pitch.
+SceneConfig with_profile(SceneConfig scene) {
+  scene.profile.emplace();
+  scene.profile->points_m = {{-150, -9}, {0, 0}, {150, -6}};
+  scene.profile->vertical_curve_m = 120;
+  scene.mounts["pole"].z_m = 6;
+  return scene;
+}
+
+SceneConfig people_alone(std::uint64_t seed) {
+  SceneConfig scene = road_with_traffic(0);
+  scene.seed = seed;
+  scene.duration_s = 60;
+  PeopleConfig people;
+  people.road = "road";
+  people.offset_m = 8;
+  people.from_m = 180;
+  people.to_m = 190;
+  people.per_km = 30;
+  scene.people.emplace().push_back(people);
+  return scene;
+}
+
+TEST(trajectories, of_any_scene_give_the_same_vehicles_and_people_from_their_file) {
+  int begin_or_end_empty = 0;
+  std::vector<SceneConfig> scenes{road_with_traffic(15), with_profile(road_with_traffic(15))};
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    scenes.push_back(people_alone(seed));
+    scenes.push_back(with_profile(people_alone(seed)));
+  }
+  for (SceneConfig& scene : scenes) {
+    const Trajectories driven = build_world(scene).trajectories;
+    begin_or_end_empty += driven.rows.front().empty() || driven.rows.back().empty();
+    const std::string text = trajectories_csv(driven);
+    const TestFolder folder;
+    scene.trajectories = folder.write("file.csv", text).string();
+    scene.traffic.reset();
+    scene.people.reset();
+    scene.profile.reset();  // what a file says is the world's own
+    EXPECT_EQ(trajectories_csv(build_world(scene).trajectories), text) << scene.seed;
+  }
+  EXPECT_GE(begin_or_end_empty, 4);
 }
 
 TEST(trajectories, give_the_same_frames_from_their_file_as_from_the_traffic) {
@@ -102,6 +162,7 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   TrajectoryText lines;
   std::string text = lines.header();
   Instants(scene).each([&](const auto& states) { text += lines.rows(states); });
+  text += lines.end();
   EXPECT_EQ(text, trajectories_csv(build_world(scene).trajectories));
   EXPECT_EQ(lines.instants(), 31);
 }
@@ -188,6 +249,13 @@ TEST(trajectory_file, starts_at_0_and_steps_by_a_tenth_of_a_second) {
   expect_error(row("0", 1, "0") + row("0.2", 1, "0"), 3, "id", "0.1 s");
   expect_error(row("0", 1, "0") + row("0.05", 1, "0"), 3, "t", "0.1 s");
   expect_error(row("0", 1, "0"), 2, "t", "two");
+}
+
+TEST(trajectory_file, a_row_of_its_time_alone_says_that_nobody_is_there) {
+  const std::string nobody = ",,,,,,,,,,\n";
+  EXPECT_EQ(read(kHeader + "0" + nobody + row("0.3", 1, "0") + "0.5" + nobody).rows.size(), 6U);
+  expect_error("0,,Car,,,,,,,,\n", 2, "id", "expected a number, got ''");
+  expect_error("0.5" + nobody + row("0.6", 1, "0"), 2, "t", "start");
 }
 
 TEST(trajectory_file, needs_its_header) {

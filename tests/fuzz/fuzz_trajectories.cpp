@@ -21,7 +21,6 @@ void read(const std::string& text) {
     for (const MovingObject& o : trajectories.in_frame(k))
       fuzz::require(std::abs(o.at(0.5).x) <= 1e7);
   const std::string written = trajectories_csv(trajectories);
-  if (trajectories.rows.back().empty()) return;  // the last moments are without vehicles: no rows
   fuzz::require(trajectories_csv(read_trajectories(folder.write("again.csv", written))) == written);
 }
 

@@ -405,6 +405,16 @@ def test_an_id_may_be_high(tmp_path: Path) -> None:
     assert read_sightings(read_data_set(folder), above_road=True).points.tolist() == [[1], [0]]
 
 
+def test_a_time_at_which_nobody_is_there_has_no_speed(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1)]}})
+    file = folder / "trajectories.csv"
+    file.write_text(file.read_text() + f"9.1{',' * 10}\n")
+    assert study.speed_table(read_data_set(folder)).samples.sum() == 1
+    file.write_text(file.read_text() + f"9.2,1{',' * 9}-3\n")
+    with pytest.raises(kitti.FormatError, match=":5: speed: found -3"):
+        study.speed_table(read_data_set(folder))
+
+
 def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1)]}})
     table = study.speed_table(read_data_set(folder))

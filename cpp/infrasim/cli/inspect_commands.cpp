@@ -128,6 +128,7 @@ void trajectories_command(const TrajectoriesOptions& o) {
   TrajectoryText lines(instants.pitched());
   out.write(lines.header());
   instants.each([&](const auto& states) { out.write(lines.rows(states)); });
+  out.write(lines.end());
   out.replace();
   std::printf("%d frames\n", lines.instants() - 1);
 }

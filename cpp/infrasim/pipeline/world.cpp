@@ -21,7 +21,7 @@ Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
   Trajectories trajectories = read_trajectories(file);
   const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
-  if (trajectories.frames() < frames)
+  if (!trajectories.rows.empty() && trajectories.frames() < frames)
     throw ConfigError(
         file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
         " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));

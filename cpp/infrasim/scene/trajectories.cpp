@@ -13,6 +13,7 @@ namespace {
 
 constexpr char kHeader[] = "t,id,class,x,y,z,heading,dx,dy,dz,speed";
 constexpr char kPitchColumn[] = "pitch";
+constexpr int kColumns = 11;  // without pitch
 constexpr double kMostPitch = kPi / 6;
 constexpr double kMaxStep = 10;       // m in 0.1 s: 360 km/h
 constexpr double kMaxTurn = kPi / 3;  // rad in 0.1 s
@@ -72,8 +73,24 @@ std::string TrajectoryText::header() const {
   return std::string(kHeader) + (pitched_ ? std::string(",") + kPitchColumn : "") + "\n";
 }
 
+std::string TrajectoryText::nobody_at(int instant) const {
+  const double t = round_to(instant * kFramePeriod, 10);
+  return config::number_text(t) + std::string(pitched_ ? kColumns : kColumns - 1, ',') + "\n";
+}
+
+std::string TrajectoryText::end() const {
+  return first_ < 0 || last_ == instants_ - 1 ? "" : nobody_at(instants_ - 1);
+}
+
 std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
   std::string text;
+  if (!states.empty()) {
+    last_ = instants_;
+    if (first_ < 0) {
+      first_ = instants_;
+      if (first_ > 0) text = nobody_at(0);
+    }
+  }
   std::array<char, 32> buffer{};
   const auto append = [&](auto value, char end) {
     text.append(buffer.data(),
@@ -99,7 +116,7 @@ std::string trajectories_csv(const Trajectories& trajectories) {
   TrajectoryText lines(trajectories.pitched);
   std::string text = lines.header();
   for (const auto& states : trajectories.rows) text += lines.rows(states);
-  return text;
+  return text + lines.end();
 }
 
 namespace {
@@ -111,17 +128,26 @@ class TrajectoryReader {
       : csv_(file, kHeader, kPitchColumn) {}
 
   Trajectories read() {
+    out_.pitched = csv_.has_last();
     while (csv_.next_row()) row();
-    if (out_.rows.size() < 2)
+    if (out_.rows.size() == 1)
       csv_.fail_row("t", "found fewer than two instants, allowed two or more");
     return std::move(out_);
   }
 
  private:
+  static constexpr double kNobody = -1;  // in place of an id
+
   void row() {
     const double t = csv_.number("t", 0, 1e5);
     ObjectState s;
-    const double id = csv_.number("id", 0, 2e9);
+    const double id = csv_.number_or(kNobody, "id", 0, 2e9);
+    if (id == kNobody) {
+      for (int i = 2; i < kColumns + (csv_.has_last() ? 1 : 0); ++i)
+        if (!csv_.cell().empty())
+          csv_.fail("id", "expected a number, got '' in a row with more than its time");
+      return go_to(t);
+    }
     if (id != std::floor(id))
       csv_.fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
     s.id = static_cast<int>(id);
@@ -140,20 +166,25 @@ class TrajectoryReader {
     s.box.dz = csv_.number("dz", 0.1, 50);
     s.speed_m_s = csv_.number("speed", -100, 200);
     if (csv_.has_last()) s.box.pitch = csv_.number(kPitchColumn, -kMostPitch, kMostPitch);
-    out_.pitched |= s.box.pitch != 0;
     add(t, s);
   }
 
-  void add(double t, const ObjectState& s) {
+  /// Makes the instant the last one.
+  void go_to(double t) {
     const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
       csv_.fail_row("t", "found a time that is not a multiple of 0.1 s");
     if (step + 1 < out_.rows.size()) csv_.fail_row("t", "found a time before the row above");
     if (out_.rows.empty() && step != 0) csv_.fail_row("t", "found a start after 0, allowed 0");
     out_.rows.resize(std::max(out_.rows.size(), step + 1));  // a moment without rows is empty
+  }
+
+  void add(double t, const ObjectState& s) {
+    go_to(t);
     auto& row = out_.rows.back();
     if (!row.empty() && row.back().id >= s.id)
       csv_.fail_row("id", "found ids that do not increase");
+    const std::size_t step = out_.rows.size() - 1;
     check_motion(step, s);
     last_[s.id] = {step, s};
     row.push_back(s);

@@ -56,7 +56,8 @@ using TakeInstant = std::function<void(const std::vector<ObjectState>&)>;
 
 /// The text of trajectories.csv, one instant after the other: columns
 /// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch where vehicles lean; metres, radians, world
-/// frame, 10 Hz.
+/// frame, 10 Hz. Where nobody is at the first or the last instant, a row of its time alone says
+/// that the file begins or ends there; a file without any row is of a scene without anybody.
 class TrajectoryText {
  public:
   explicit TrajectoryText(bool pitched = false) : pitched_(pitched) {}
@@ -65,17 +66,24 @@ class TrajectoryText {
   std::string header() const;
   /// The rows of the next instant.
   std::string rows(const std::vector<ObjectState>& states);
+  /// What follows the rows of the last instant.
+  std::string end() const;
 
   int instants() const { return instants_; }
 
  private:
+  std::string nobody_at(int instant) const;
+
   bool pitched_;
   int instants_ = 0;
+  int first_ = -1;  ///< instant with somebody
+  int last_ = -1;
 };
 
 /// The same as a whole.
 std::string trajectories_csv(const Trajectories& trajectories);
 
+/// @return without any instant for a file without rows
 /// @throws ConfigError with file and line: rows out of order, gaps, jumps, sizes that change
 /// @throws IoError if the file can't be read
 Trajectories read_trajectories(const std::filesystem::path& file);
