@@ -17,7 +17,8 @@ namespace {
 
 using namespace testing;
 
-constexpr std::size_t kHeader = std::string_view("infrasim-static-layer 1\n").size();
+constexpr std::size_t kHeader = std::string_view("infrasim-static-layer 2\n").size();
+constexpr std::size_t kUnits = kHeader + 7 * 8;  // where their number stands
 
 LidarConfig shipped(const std::string& name, const std::string& preset = "datasheet") {
   return read_lidar(configs() / "lidars" / (name + ".yaml"), preset);
@@ -31,8 +32,8 @@ World crossroad(const std::vector<std::string>& assignments, const std::string& 
 
 /// A world that takes what stands still for a LiDAR from a file.
 void give_layer(World& world, const LidarConfig& lidar, const std::vector<StaticHits>& units) {
-  world.static_layers.emplace(lidar.name,
-                              static_layer_from_bytes(static_layer_to_bytes(units), "given.layer"));
+  world.static_layers.emplace(
+      lidar.name, static_layer_from_bytes(static_layer_to_bytes({}, units), "given.layer"));
 }
 
 void expect_same_frames(const World& a, const World& b, const LidarConfig& lidar) {
@@ -97,6 +98,65 @@ TEST(static_layer_file, is_refused_for_lidars_that_it_is_not_of) {
   says(refused(twice), "1 units, allowed 2");
 }
 
+/// A scene with a layer of it, or of a recording, on disk.
+class LayerOnDisk {
+ public:
+  explicit LayerOnDisk(bool recording) {
+    const LidarConfig lidar = shipped("ruby_plus");
+    const World world = crossroad({}, "datasheet");
+    LayerOrigin origin = layer_origin(world.scene, world.background);
+    if (recording) origin.scene = 0;
+    const std::vector<Emitter> emitters = make_emitters(world.scene, lidar);
+    folder_.write("a.layer", static_layer_to_bytes(origin, units_without_hits(lidar, emitters)));
+  }
+  World build(std::vector<std::string> assignments) const {
+    const std::string file = (folder_.path() / "a.layer").string();
+    assignments.insert(assignments.begin(), {"traffic.warm_up_s=0", "duration_s=0.2",
+                                             "static_layers={ruby_plus: " + file + "}"});
+    World world = crossroad(assignments, "datasheet");
+    make_static_layers(world, std::array{shipped("ruby_plus")});
+    return world;
+  }
+  std::string refusal(const std::vector<std::string>& assignments) const {
+    return error_of([&] { build(assignments); });
+  }
+
+ private:
+  TestFolder folder_;
+};
+
+TEST(static_layer_file, is_refused_at_another_mount) {
+  for (const bool recording : {false, true})
+    for (const std::string key : {"x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg"}) {
+      const LayerOnDisk layer(recording);
+      EXPECT_NE(
+          layer.refusal({"mounts.pole." + key + "=7.5"}).find(": mounts." + key + ": expected"),
+          std::string::npos);
+    }
+}
+
+TEST(static_layer_file, is_refused_where_other_things_stand_unless_it_is_of_a_recording) {
+  const LayerOnDisk cast(false), recorded(true);
+  for (const std::string still :
+       {"ground=[]", "vegetation=[]", "gantries=[{road: main, s_m: 200}]",
+        "buildings=[{x_m: 40, y_m: 40, length_m: 9, width_m: 9, height_m: 9}]",
+        "barriers=[{road: main, offset_m: 12, to_m: 200}]", "roads.0.lanes.sidewalk_m=2"}) {
+    SCOPED_TRACE(still);
+    EXPECT_NE(cast.refusal({still}).find("buildings"), std::string::npos);
+    EXPECT_NO_THROW(recorded.build({still}));
+  }
+  for (const std::string else_ : {"seed=9", "traffic.vehicles_per_km_lane=3", "detail=box",
+                                  "weather.rain_mm_per_h=5", "duration_s=1", "filters=[]"})
+    EXPECT_NO_THROW(cast.build({else_})) << else_;
+}
+
+TEST(static_layer_file, of_the_first_version_is_refused_as_it_has_no_mount) {
+  const std::string message =
+      error_of([] { static_layer_from_bytes("infrasim-static-layer 1\n and more", "old.layer"); });
+  EXPECT_TRUE(message.starts_with("old.layer: byte 0: expected a static layer of version 2"))
+      << message;
+}
+
 TEST(static_layer_file, is_refused_for_lidars_without_a_layer) {
   const World world = crossroad({}, "datasheet");
   EXPECT_NE(error_of([&] {
@@ -126,10 +186,13 @@ std::vector<StaticHits> small_units() {
 }
 
 TEST(static_layer_file, reads_back_what_was_written) {
-  const std::string bytes = static_layer_to_bytes(small_units());
-  EXPECT_EQ(bytes.size(), kHeader + 4 + 2 * (20 + 6 * 10));
+  const LayerOrigin origin{{1, 2, 6, 90, 5, -0.5}, 99};
+  const std::string bytes = static_layer_to_bytes(origin, small_units());
+  EXPECT_EQ(bytes.size(), kUnits + 4 + 2 * (20 + 6 * 10));
   const StaticLayerFile file = static_layer_from_bytes(bytes, "a.layer");
-  EXPECT_EQ(static_layer_to_bytes(file.units), bytes);
+  EXPECT_EQ(static_layer_to_bytes(file.origin, file.units), bytes);
+  EXPECT_EQ(file.origin.mount, origin.mount);
+  EXPECT_EQ(file.origin.scene, 99U);
   ASSERT_EQ(file.units.size(), 2U);
   EXPECT_EQ(file.units[1].range_m[4], 12.5F);
   EXPECT_EQ(file.units[1].directions, 77U);
@@ -137,8 +200,8 @@ TEST(static_layer_file, reads_back_what_was_written) {
 }
 
 TEST(static_layer_file, that_is_damaged_is_an_error_with_its_place) {
-  const std::string whole = static_layer_to_bytes(small_units());
-  const std::size_t data = kHeader + 4 + 2 * 20;
+  const std::string whole = static_layer_to_bytes({}, small_units());
+  const std::size_t data = kUnits + 4 + 2 * 20;
   const auto message = [](const std::string& bytes) {
     return error_of([&] { static_layer_from_bytes(bytes, "a.layer"); });
   };
@@ -159,11 +222,14 @@ TEST(static_layer_file, that_is_damaged_is_an_error_with_its_place) {
             std::string::npos);
   EXPECT_NE(with(data + 48, std::uint16_t{10}).find("class: found 10, allowed 0 to 5"),
             std::string::npos);
-  EXPECT_NE(with(kHeader, 0).find("units: found 0, allowed 1 to 1024"), std::string::npos);
-  EXPECT_NE(with(kHeader + 12, -1).find("groups: found -1"), std::string::npos);
-  EXPECT_NE(with(kHeader + 12, 1 << 30).find("allowed"), std::string::npos);
-  EXPECT_NE(with(kHeader + 16, 70000).find("rays of a group: found 70000"), std::string::npos);
-  EXPECT_NE(with(kHeader + 20, -1.0F).find("max_range_m: found -1"), std::string::npos);
+  EXPECT_NE(
+      with(kHeader + 16, std::numeric_limits<double>::quiet_NaN()).find("z_m: expected a fin"),
+      std::string::npos);
+  EXPECT_NE(with(kUnits, 0).find("units: found 0, allowed 1 to 1024"), std::string::npos);
+  EXPECT_NE(with(kUnits + 12, -1).find("groups: found -1"), std::string::npos);
+  EXPECT_NE(with(kUnits + 12, 1 << 30).find("allowed"), std::string::npos);
+  EXPECT_NE(with(kUnits + 16, 70000).find("rays of a group: found 70000"), std::string::npos);
+  EXPECT_NE(with(kUnits + 20, -1.0F).find("max_range_m: found -1"), std::string::npos);
 }
 
 /// A road without vehicles, a house beside it, level ground.

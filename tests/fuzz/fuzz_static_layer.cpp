@@ -15,7 +15,7 @@ using namespace infrasim;
 void read(const std::string& bytes) {
   StaticLayerFile file;
   if (!fuzz::is_done([&] { file = static_layer_from_bytes(bytes, "a.layer"); })) return;
-  fuzz::require(static_layer_to_bytes(file.units) == bytes);
+  fuzz::require(static_layer_to_bytes(file.origin, file.units) == bytes);
   for (const StaticHits& unit : file.units) {
     fuzz::require(unit.range_m.size() == unit.rays());
     for (const float range : unit.range_m) fuzz::require(range >= 0);
@@ -27,6 +27,6 @@ void read(const std::string& bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string input(reinterpret_cast<const char*>(data), size);
   read(input);
-  read("infrasim-static-layer 1\n" + input);
+  read("infrasim-static-layer 2\n" + input);
   return 0;
 }

@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, infrasim: Infrasim) -> Path
         made = infrasim("static", folder / "curve.yaml", *words, "--out", layer)
         assert made.returncode == 0, made.stderr
         assert made.stdout.startswith("28800 rays, ")
-        assert layer.read_bytes().startswith(b"infrasim-static-layer 1\n")
+        assert layer.read_bytes().startswith(b"infrasim-static-layer 2\n")
         named = text + f"static_layers: {{helios_16: {preset}.layer}}\n"
         (folder / f"{preset}.yaml").write_text(named)
     return folder
@@ -89,7 +89,7 @@ def test_check_shows_the_key_and_reads_the_file(folder: Path, infrasim: Infrasim
         "check", folder / "datasheet.yaml", "--set", "static_layers.helios_16=cut.layer"
     )
     assert refused.returncode == 2
-    assert "cut.layer: byte 288047: found the end of the file" in refused.stderr
+    assert "cut.layer: byte 288103: found the end of the file" in refused.stderr
     missing = infrasim("check", folder / "datasheet.yaml", "--set", "static_layers.helios_16=no")
     assert missing.returncode == 1
     assert f"{folder / 'no'}: can't be read" in missing.stderr
@@ -108,6 +108,24 @@ def test_a_folder_is_of_one_layer(folder: Path, infrasim: Infrasim, tmp_path: Pa
     refused = run(infrasim, scene, "datasheet", tmp_path / "data")
     assert refused.returncode == 1
     assert "the folder holds another run: found 'static_layer: " in refused.stderr
+
+
+def test_a_layer_is_of_one_mount_and_of_one_scene(
+    folder: Path, infrasim: Infrasim, tmp_path: Path
+) -> None:
+    """A layer made at z 6 gave wrong ground and no vehicle at z 12."""
+    scene, out = folder / "datasheet.yaml", tmp_path / "data"
+    moved = ("--set", "mounts.pole.z_m=12")
+    for refused in (
+        infrasim("check", scene, *moved),
+        run(infrasim, scene, "datasheet", out, *moved),
+        run(infrasim, scene, "datasheet", out, "--set", "ground=[]"),
+    ):
+        assert refused.returncode == 2
+        assert f"{folder / 'datasheet.layer'}: " in refused.stderr
+    with pytest.raises(ValueError, match=r"datasheet\.layer: mounts\.z_m: expected 6"):
+        sim.load_scene(scene, set={"mounts.pole.z_m": 12})
+    assert not list(out.rglob("*.bin"))
 
 
 def test_what_a_file_holds_is_not_cast(folder: Path, infrasim: Infrasim, tmp_path: Path) -> None:
@@ -136,6 +154,10 @@ def test_a_recording_of_the_empty_site_gives_a_layer(
     made = infrasim("static", scene, *words, *empty)
     assert made.returncode == 0, made.stderr
     assert made.stdout.startswith("20 frames, elevations miss by 0.000 degrees at most\n")
+    assert (
+        "assumes that the sensor stood where the mount stands (x_m -30, y_m 10, z_m 6,"
+        in made.stdout
+    )
     (data / "helios_16/training/velodyne/000003.bin").unlink()
     refused = infrasim("static", scene, *words, *empty)
     assert refused.returncode == 2

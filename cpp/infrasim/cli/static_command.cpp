@@ -9,6 +9,7 @@
 
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
+#include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
 #include "infrasim/io/atomic_file.h"
@@ -34,6 +35,15 @@ std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConf
   RecordedLayer layer = recorded_static_layer(scene, lidar, *o.recording);
   std::printf("%d frames, elevations miss by %.3f degrees at most\n", layer.frames,
               layer.elevation_miss_deg);
+  const MountConfig& mount = scene.mounts.begin()->second;
+  const auto n = [](double v) { return config::number_text(v); };
+  const std::string pose = "x_m " + n(mount.x_m) + ", y_m " + n(mount.y_m) + ", z_m " +
+                           n(mount.z_m) + ", yaw_deg " + n(mount.yaw_deg) + ", pitch_deg " +
+                           n(mount.pitch_deg) + ", roll_deg " + n(mount.roll_deg);
+  std::printf(
+      "assumes that the sensor stood where the mount stands (%s); only pitch and roll are "
+      "checked, by the elevations\n",
+      pose.c_str());
   for (std::size_t i = 0; i < layer.azimuth_offsets_deg.size(); ++i)
     std::printf("unit %zu: columns %+.4f degrees from the LiDAR's\n", i,
                 layer.azimuth_offsets_deg[i]);
@@ -51,7 +61,9 @@ void static_command(const StaticOptions& o) {
   const World world = build_world(scene);
   const std::vector<StaticHits> units =
       o.recording ? recorded_units(scene, lidar, o) : cast_static_layer(world, lidar);
-  write_file_atomically(o.out, static_layer_to_bytes(units));
+  LayerOrigin origin = layer_origin(world.scene, world.background);
+  if (o.recording) origin.scene = 0;
+  write_file_atomically(o.out, static_layer_to_bytes(origin, units));
   std::size_t rays = 0, hits = 0;
   for (const StaticHits& unit : units) {
     rays += unit.rays();

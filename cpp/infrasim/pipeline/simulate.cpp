@@ -154,7 +154,10 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
     const std::vector<Emitter> emitters = make_emitters(world.scene, config);
     const auto file = world.static_layers.find(config.name);
     const bool read = file != world.static_layers.end();
-    if (read) check_is_of(file->second, units_without_hits(config, emitters), words_of(config));
+    if (read) {
+      check_is_of(file->second, units_without_hits(config, emitters), words_of(config));
+      check_is_from(file->second, layer_origin(world.scene, world.background));
+    }
     for (const Emitter& emitter : emitters) {
       const auto hits = [&] {
         return read ? file->second.units[units.size()]

@@ -16,7 +16,7 @@ namespace infrasim {
 /// wider than a ray. Shared by the simulators of all threads. No entry at all: all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
 /// Those that the scene names a file for are read, the others cast.
-/// @throws ConfigError for a file that is of another LiDAR
+/// @throws ConfigError for a file that is of another LiDAR, or of another scene
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars);
 
 /// Computes frames of several LiDARs at one mount. For one thread at a time.

@@ -20,7 +20,9 @@ static_assert(std::endian::native == std::endian::little, "the file is little-en
 
 namespace {
 
-constexpr std::string_view kLayerMagic = "infrasim-static-layer 1\n";
+constexpr std::string_view kLayerMagic = "infrasim-static-layer 2\n";
+constexpr std::string_view kFirstMagic = "infrasim-static-layer 1\n";  // of 0.3
+constexpr std::array kMountKeys{"x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg"};
 constexpr std::int32_t kMostUnits = 1024, kMostGroups = 1 << 30, kMostMembers = 65535;
 constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
 
@@ -33,6 +35,11 @@ std::string hex(std::uint64_t value) {
 template <class T>
 void put(std::string& bytes, const T& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+template <class T>
+std::uint64_t hash_all(const std::vector<T>& column) {
+  return hash_name({reinterpret_cast<const char*>(column.data()), column.size() * sizeof(T)});
 }
 
 template <class T>
@@ -93,6 +100,22 @@ class Reader {
   std::size_t at_ = 0;
 };
 
+std::array<double, 6> values_of(const MountConfig& mount) {
+  return {mount.x_m, mount.y_m, mount.z_m, mount.yaw_deg, mount.pitch_deg, mount.roll_deg};
+}
+
+LayerOrigin take_origin(Reader& reader) {
+  LayerOrigin origin;
+  for (std::size_t i = 0; i < kMountKeys.size(); ++i) {
+    origin.mount[i] = reader.take<double>();
+    if (!std::isfinite(origin.mount[i]))
+      reader.fail_here(std::string(kMountKeys[i]) + ": expected a finite number, got " +
+                       config::number_text(origin.mount[i]));
+  }
+  origin.scene = reader.take<std::uint64_t>();
+  return origin;
+}
+
 StaticHits take_header(Reader& reader) {
   StaticHits unit;
   unit.directions = reader.take<std::uint64_t>();
@@ -126,8 +149,18 @@ std::string size_text(const StaticHits& unit) {
 
 }  // namespace
 
-std::string static_layer_to_bytes(std::span<const StaticHits> units) {
+LayerOrigin layer_origin(const SceneConfig& scene, const TriangleMesh& background) {
+  std::uint64_t hash = 0;
+  for (const std::uint64_t part : {hash_all(background.vertices), hash_all(background.triangles),
+                                   hash_all(background.class_id)})
+    hash = mix64(hash ^ part);
+  return {values_of(scene.mounts.begin()->second), hash};
+}
+
+std::string static_layer_to_bytes(const LayerOrigin& origin, std::span<const StaticHits> units) {
   std::string bytes(kLayerMagic);
+  put(bytes, origin.mount);
+  put(bytes, origin.scene);
   put(bytes, static_cast<std::int32_t>(units.size()));
   for (const StaticHits& unit : units) {
     put(bytes, unit.directions);
@@ -145,20 +178,41 @@ std::string static_layer_to_bytes(std::span<const StaticHits> units) {
 
 StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::string& name) {
   Reader reader(bytes, name);
+  if (bytes.starts_with(kFirstMagic))
+    reader.fail_here(
+        "expected a static layer of version 2, got version 1, of infrasim 0.3, which does not say "
+        "at which mount it was made: write it again with infrasim static");
   if (!bytes.starts_with(kLayerMagic))
     reader.fail_here("found another kind of file, allowed a static layer");
   reader.skip(kLayerMagic.size());
+  const LayerOrigin origin = take_origin(reader);
   std::vector<StaticHits> units;
   const std::int32_t count = reader.take_count("units", kMostUnits);
   for (std::int32_t i = 0; i < count; ++i) units.push_back(take_header(reader));
   for (StaticHits& unit : units) take_hits(reader, unit);
   if (reader.left() > 0)
     reader.fail_here("found " + std::to_string(reader.left()) + " bytes more, allowed none");
-  return {name, hex(hash_name(bytes)), std::move(units)};
+  return {name, hex(hash_name(bytes)), origin, std::move(units)};
 }
 
 StaticLayerFile read_static_layer(const std::filesystem::path& file) {
   return static_layer_from_bytes(read_file(file), file.string());
+}
+
+void check_is_at(const StaticLayerFile& file, const MountConfig& mount) {
+  const std::array<double, 6> here = values_of(mount);
+  for (std::size_t i = 0; i < kMountKeys.size(); ++i)
+    if (file.origin.mount[i] != here[i])
+      throw ConfigError(file.name + ": mounts." + kMountKeys[i] + ": expected " +
+                        config::number_text(file.origin.mount[i]) +
+                        ", where the layer was made, got " + config::number_text(here[i]));
+}
+
+void check_is_from(const StaticLayerFile& file, const LayerOrigin& here) {
+  if (file.origin.scene != 0 && file.origin.scene != here.scene)
+    throw ConfigError(file.name +
+                      ": (roads, ground, buildings, barriers, gantries, trunks, meshes): expected "
+                      "those of the scene and preset of which the layer was made, got others");
 }
 
 void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> own,

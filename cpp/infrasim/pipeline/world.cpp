@@ -67,8 +67,11 @@ TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
 std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& scene) {
   std::map<std::string, StaticLayerFile> layers;
   if (!scene.static_layers) return layers;
-  for (const auto& [lidar, file] : *scene.static_layers)
-    layers.emplace(lidar, read_static_layer(scene.folder / file));
+  for (const auto& [lidar, file] : *scene.static_layers) {
+    const StaticLayerFile layer = read_static_layer(scene.folder / file);
+    check_is_at(layer, scene.mounts.begin()->second);
+    layers.emplace(lidar, layer);
+  }
   return layers;
 }
 
