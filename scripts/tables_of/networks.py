@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -146,23 +146,74 @@ def first_trial() -> str:
     return markdown(["scene", "LiDAR", "first trial", "worlds 1, 2, 3"], rows)
 
 
+def _unseen() -> pd.DataFrame:
+    """Rows of unseen sites, with one measure of each class."""
+    table = results("unseen")
+    return table[table.measure.isin(["BEV IoU 0.5", "centre 0.5 m"])]
+
+
+def _pair(values: Sequence[float]) -> str:
+    """A paired difference with its interval; empty if there is none."""
+    return "" if math.isnan(values[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*values)
+
+
 def unseen() -> str:
-    """Fine AP by class at generated sites that no training saw, of the shipped network first."""
-    table, rows = results("unseen"), []
+    """Fine AP by class at sites that no training saw: the version before, the shipped one."""
+    table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
-    key = ["sites", "class", "measure"]
-    for (sites, name, measure), own in table.groupby(key, sort=False):
+    table = table[(table.condition == "as known") & (table.objects > 0)]
+    kinds = (table["sites"] == "all") | (table["class"] == "vehicle")
+    for (name, sites, kind), own in table[kinds].groupby(["set", "sites", "class"], sort=False):
         of = own.set_index("model")
-        ap = (
-            with_interval_of_ap(*ends(of.loc[model], "ap_fine")) if model in of.index else ""
+        ap = (with_interval_of_ap(*ends(of.loc[model], "ap_fine")) for model in models)
+        count, objects = own[["count", "objects"]].iloc[0]
+        where = f"{name}, {sites} ({count})"
+        rows.append([where, kind, str(objects), *ap, _pair(ends(of.iloc[-1], "difference"))])
+    names = (model.replace("_", " ") for model in models)
+    return markdown(["sites", "class", "objects", *names, "difference"], rows)
+
+
+def unseen_pose() -> str:
+    """What an error of the known pose costs at the plain sites, in AP."""
+    table, rows = _unseen(), []
+    models = list(dict.fromkeys(table.model))
+    wrong = table[table.condition != "as known"]
+    for (condition, kind), own in wrong.groupby(["condition", "class"], sort=False):
+        of = own.set_index("model")
+        costs = (_pair(ends(of.loc[model], "cost")) for model in models)
+        rows.append([condition, kind, *costs])
+    return markdown(["error", "class", *(f"cost, {m.replace('_', ' ')}" for m in models)], rows)
+
+
+def unseen_shown() -> str:
+    """Of boxes from a score of 0.5 on: false ones a frame; and recall at precision 0.5."""
+    table, rows = _unseen(), []
+    models = list(dict.fromkeys(table.model))
+    table = table[(table.condition == "as known") & (table["sites"] == "all")]
+    for (name, kind), own in table.groupby(["set", "class"], sort=False):
+        of = own.set_index("model")
+        false = (
+            "{:.2f} [{:.2f}, {:.2f}]".format(*ends(of.loc[model], "false_per_frame"))
             for model in models
         )
-        last = ends(of.iloc[-1], "difference")
-        less = "" if math.isnan(last[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*last)
-        count, objects = own[["count", "objects"]].iloc[0]
-        rows.append([f"{sites} ({count})", name, measure, str(objects), *ap, less])
-    names = (model.replace("_", " ") for model in models)
-    return markdown(["sites", "class", "found by", "objects", *names, "difference"], rows)
+        recall = (f"{of.loc[model].recall_at_half:.2f}" for model in models)
+        rows.append([name, kind, *false, *recall])
+    names = [model.replace("_", " ") for model in models]
+    heads = [f"{what}, {m}" for what in ("false boxes a frame", "recall") for m in names]
+    return markdown(["sites", "class", *heads], rows)
+
+
+def fairness() -> str:
+    """What 120 steps of training at a scene give each LiDAR, in AP."""
+    table, rows = results("fairness"), []
+    for (model, site, seed), own in table.groupby(["model", "site", "seed"], sort=False):
+        of = own.pivot_table(index="lidar", columns="arm", values="ap_fine", sort=False)
+        for lidar, values in of.iterrows():
+            figures = (f"{values[arm]:.1f}" for arm in ("none", "tuned_120"))
+            gain = f"{values.tuned_120 - values.none:+.1f}"
+            rows.append([model.replace("_", " "), site, str(seed), str(lidar), *figures, gain])
+    heads = ["detector", "scene", "seed", "LiDAR", "as it comes", "after 120 steps", "gain"]
+    return markdown(heads, rows)
 
 
 def budget() -> str:
