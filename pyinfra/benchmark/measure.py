@@ -14,7 +14,6 @@ from pyinfra.arrays import FloatArray
 from pyinfra.benchmark.matrix import Cell
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.evaluate import evaluate
-from pyinfra.evaluation.ground_truth import SETS
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti.csv_table import read_csv
@@ -25,7 +24,7 @@ from pyinfra.training.sources import read_source
 from pyinfra.training.train import train
 
 Tables = dict[str, pd.DataFrame]
-SETTINGS = Settings(ground_truths=SETS)
+SETTINGS = Settings(ground_truths=("captured", "common", "all"))
 MEASURED = (
     *AP_COLUMNS,
     *("objects", "train_seconds"),

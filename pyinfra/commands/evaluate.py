@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         choices=SETS,
         help="captured: with points of this LiDAR; common: in view of every LiDAR of the data set, "
-        "visible; all: visible. Default: captured all, without objects captured",
+        "visible; all: visible from the mount; present: every one in the region, seen or not, to "
+        "compare mounts. Default: captured all, without objects captured",
     )
     parser.add_argument(
         "--class",

@@ -22,10 +22,12 @@ from pyinfra.data.frame_tables import Vehicles, read_vehicles
 from pyinfra.data.frames import PERIOD_S, data_set_of, frame_numbers
 from pyinfra.data.outlines import read_outlines
 from pyinfra.data.regions import GridCell, Places, Road, Window
+from pyinfra.data.trajectories import read_objects_at
 
 # captured: at least some points of this LiDAR (the paper). common: inside the field of view and
-# range of every LiDAR of the data set, and visible. all: visible. Each inside the region.
-Set = Literal["captured", "common", "all"]
+# range of every LiDAR of the data set, and visible. all: visible. present: everyone, seen or not,
+# the same for all LiDARs and mounts that share a region. Each inside the region.
+Set = Literal["captured", "common", "all", "present"]
 SETS: tuple[Set, ...] = get_args(Set)
 
 
@@ -76,6 +78,8 @@ class GroundTruth:
             return places.inside & (vehicles.points >= min_points)
         if not self.has_objects:
             raise ValueError(f"{self.folder}: found no objects, allowed ground truth: captured")
+        if which == "present":
+            return places.inside
         visible = places.inside & (vehicles.visibility >= MIN_VISIBILITY)
         return visible & self.in_common_view(vehicles.mid_frame) if which == "common" else visible
 
@@ -92,8 +96,8 @@ def read_ground_truth(
 ) -> GroundTruth:
     """Reads the frames of a folder in the KITTI layout: of a run of `infrasim`, or any other.
 
-    frames: those to read, `frame_numbers(folder)` if left out. beyond_range: with the vehicles of
-    the region that this LiDAR does not reach but another one of the data set does.
+    frames: those to read, `frame_numbers(folder)` if left out. beyond_range: with the vehicles that
+    this LiDAR does not reach: what another one of the data set knows of them, else where they are.
     Raises FileNotFoundError, FormatError with file and line, and ValueError without any frame.
     """
     frames = sorted(frame_numbers(folder) if frames is None else frames)
@@ -110,6 +114,7 @@ def read_ground_truth(
         if farthest[0] > _reach(lidar):
             others = read_vehicles(data_set / farthest[1], frames)
             vehicles = with_unreached(vehicles, others)
+        vehicles = with_absent(vehicles, data_set / "trajectories.csv", frames, lidar)
     file = data_set / "roads.csv"
     roads = tuple(regions.read_roads(file)) if lidar and file.is_file() else ()
     return GroundTruth(
@@ -137,9 +142,25 @@ def with_unreached(own: Vehicles, others: Vehicles) -> Vehicles:
 
     These have 0 points, so that they are labelled at mid-frame.
     """
+    return _with(own, others.select(_unknown(own, others) & (others.visibility >= 0)))
+
+
+def with_absent(own: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar) -> Vehicles:
+    """Own vehicles, and those that trajectories.csv has beside them."""
+    if not file.is_file():
+        return own
+    others = read_objects_at(file, frames, lidar.T_world_levelled)
+    return _with(own, others.select(_unknown(own, others)))
+
+
+def _unknown(own: Vehicles, others: Vehicles) -> BoolArray:
+    """Which of the others (n,) are not among the own ones."""
     base = 1 + max(own.ids.max(initial=0), others.ids.max(initial=0))
-    new = ~np.isin(others.frame * base + others.ids, own.frame * base + own.ids)
-    extra = others.select(new & (others.visibility >= 0))
+    return ~np.isin(others.frame * base + others.ids, own.frame * base + own.ids)
+
+
+def _with(own: Vehicles, extra: Vehicles) -> Vehicles:
+    """Both, by frame; the extra ones without points and with their boxes at mid-frame."""
     columns = {name: np.concatenate([vars(own)[name], vars(extra)[name]]) for name in vars(own)}
     columns["points"][len(own) :] = 0
     columns["boxes"][len(own) :] = extra.mid_frame

@@ -15,8 +15,8 @@ import pandas as pd
 
 from pyinfra.atomic import replacing
 from pyinfra.data.data_set import DataSet, read_data_set
+from pyinfra.data.trajectories import read_rows
 from pyinfra.kitti import RECORDED, FormatError
-from pyinfra.kitti.table import is_whole
 from pyinfra.statistics import figures as statistics_figures
 from pyinfra.statistics import tables as statistics_tables
 from pyinfra.statistics.intervals import Blocks
@@ -69,17 +69,7 @@ def speed_table(data: DataSet) -> pd.DataFrame:
 
 
 def _speeds(file: Path) -> pd.DataFrame:
-    with file.open("rb") as stream:
-        stream.seek(max(0, file.stat().st_size - 1))
-        if not is_whole(stream.read()):
-            raise FormatError(f"{file}: found no end of the last line: is it cut short?")
-    try:
-        rows = pd.read_csv(
-            file, usecols=["t", "id", "speed"], dtype=np.float64, skip_blank_lines=False
-        )
-    except ValueError as error:  # a word, another number of columns, not UTF-8, nothing
-        raise FormatError(f"{file}: {error}") from None
-    rows = rows[rows.id.notna() | rows.speed.notna()]  # else it says that nobody is there
+    rows = read_rows(file, ["t", "id", "speed"])
     for name, most in (("t", 1e6), ("id", 2**31 - 1), ("speed", 1000)):
         bad = np.flatnonzero(~rows[name].between(0, most))
         if len(bad) > 0:

@@ -388,7 +388,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         ("2,1,15", "2,1,1e30", r":2: speed: found 1e\+30, allowed 0 to 1000"),
         ("2,1,1\n", "2,1,1", ": found no end of the last line"),
         ("t,id", "T,id", ": "),
-        ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ": "),
+        ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ":2: expected 11 columns, got 18"),
     ],
 )
 def test_wrong_trajectories_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:

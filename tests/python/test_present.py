@@ -1,0 +1,82 @@
+"""Ground truth `present`: everyone in the region, whatever a LiDAR or a pole sees of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import Infrasim
+from evaluation_data import box, car, write_lidar, write_predictions, write_roads
+
+import pyinfra
+from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.evaluation.judge import Settings
+from pyinfra.kitti import FormatError
+
+OUTLINE = "[{name: near, outline_m: [[-60, -30], [60, -30], [60, 30], [-60, 30]]}]"
+HOUSE = "[{x_m: 20, y_m: 26, length_m: 60, width_m: 4, height_m: 12}]"
+FRAMES = range(0, 100, 20)
+Poles = Callable[[str, float, str], Path]
+
+
+@pytest.fixture(scope="module")
+def pole(infrasim: Infrasim, tmp_path_factory: pytest.TempPathFactory) -> Poles:
+    """Two LiDARs on the motorway at a pole: one is narrow, one of short range."""
+
+    def run(name: str, y_m: float, buildings: str) -> Path:
+        out = tmp_path_factory.mktemp(name)
+        lidars = ["configs/lidars/livox_avia.yaml", "configs/lidars/helios_16.yaml"]
+        keys = ["duration_s=20", "traffic.warm_up_s=20", f"mounts.pole.y_m={y_m}"]
+        keys += [f"regions={OUTLINE}", f"buildings={buildings}"]
+        words = [word for key in keys for word in ("--set", key)]
+        frames = f"{FRAMES.start}:{FRAMES.stop}:{FRAMES.step}"
+        options = ["--preset", "paper", "--frames", frames, "--out", out]
+        done = infrasim("run", "configs/scenes/highway.yaml", "--lidar", *lidars, *words, *options)
+        assert done.returncode == 0, done.stderr
+        return out
+
+    return run
+
+
+def counts(folder: Path, which: str) -> list[int]:
+    """How many vehicles of each frame count."""
+    truth = read_ground_truth(folder, beyond_range=True)
+    places = truth.places(truth.vehicles.mid_frame)
+    counted = truth.counted(which, truth.vehicles, places, 1)  # type: ignore[arg-type]
+    return np.bincount(truth.vehicles.frame[counted], minlength=len(FRAMES)).tolist()
+
+
+def test_present_is_the_same_for_every_lidar_and_pole_and_all_is_not(pole: Poles) -> None:
+    middle, beside = pole("middle", 0.0, "[]"), pole("beside", 34.0, HOUSE)
+    folders = [out / name for out in (middle, beside) for name in ("livox_avia", "helios_16")]
+    present = [counts(folder, "present") for folder in folders]
+    assert present[0] == present[1] == present[2] == present[3]
+    hidden = np.array(counts(folders[3], "all"))
+    assert (hidden < 0.7 * np.array(present[0])).all()  # the house hides more than a third
+    rows = pd.read_csv(middle / "trajectories.csv")
+    for k, found in zip(FRAMES, present[0], strict=True):
+        at = [rows[(rows.t * 10).round() == i].set_index("id") for i in (k, k + 1)]
+        both = (at[0][["x", "y"]] + at[1][["x", "y"]]) / 2
+        inside = (both.x.abs() < 60) & (both.y.abs() < 21)  # of the carriageway
+        assert found == inside.sum()
+
+
+def test_ap_of_present_counts_what_the_pole_cannot_see(tmp_path: Path) -> None:
+    write_roads(tmp_path)
+    frames = [[car(20), car(40, points=0, visibility=0.0)]]
+    folder = write_lidar(tmp_path / "lidar", frames)
+    found = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)]])
+    settings = Settings(ground_truths=("all", "present"))
+    ap = pyinfra.evaluate(folder, found, settings).ap.set_index("ground_truth")
+    assert ap.objects.to_dict() == {"all": 1, "present": 2}
+    assert ap.ap["all"] == 100
+    assert ap.ap["present"] == 50
+
+
+def test_damaged_trajectories_are_named(pole: Poles) -> None:
+    out = pole("damaged", 0.0, "[]")
+    file = out / "trajectories.csv"
+    file.write_text(file.read_text().replace("Car", "Car,1", 1))
+    with pytest.raises(FormatError, match=str(file)):
+        read_ground_truth(out / "helios_16", beyond_range=True)
