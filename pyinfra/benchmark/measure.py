@@ -14,6 +14,7 @@ from pyinfra.arrays import FloatArray
 from pyinfra.benchmark.matrix import Cell
 from pyinfra.data.frames import frame_numbers
 from pyinfra.evaluation.evaluate import evaluate
+from pyinfra.evaluation.ground_truth import SETS
 from pyinfra.evaluation.judge import Settings
 from pyinfra.evaluation.result import Evaluation
 from pyinfra.kitti.csv_table import read_csv
@@ -24,10 +25,10 @@ from pyinfra.training.sources import read_source
 from pyinfra.training.train import train
 
 Tables = dict[str, pd.DataFrame]
-SETTINGS = Settings(ground_truths=("captured", "common", "all"))
+SETTINGS = Settings(ground_truths=SETS)
 MEASURED = (
     *AP_COLUMNS,
-    *("objects", "train_seconds"),
+    *("objects", "objects_all", "objects_present", "train_seconds"),
     *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
 )
 
@@ -101,6 +102,8 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -
             for end in AP_ENDS
         },
         "objects": int(found.objects["captured"]),
+        "objects_all": int(found.objects["all"]),
+        "objects_present": int(found.objects["present"]),
         "block_s": found.block_s["captured"],
         "train_seconds": round(seconds, 1),
         **latency_columns(times),

@@ -17,7 +17,7 @@ from pyinfra.data.frames import PERIOD_S
 from pyinfra.evaluation.draws import difference
 from pyinfra.evaluation.tables import HIGH_QUALITY
 from pyinfra.statistics.compare import Measured
-from pyinfra.statistics.selection import preset_of_answers
+from pyinfra.statistics.selection import hidden_share, preset_of_answers, with_whole
 
 FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
 
@@ -27,7 +27,7 @@ class Wish:
     """What a site asks for."""
 
     budget_usd: float = math.inf  # of LiDAR and site
-    min_ap: float = HIGH_QUALITY  # 0 to 100, of all vehicles; also where road counts as covered
+    min_ap: float = HIGH_QUALITY  # 0 to 100, of the whole road; also where road counts as covered
     range_m: float = REGION_M  # of road, to either side of the sensor
     latency_ms: float = FRAME_MS  # of a frame, median, at most
 
@@ -51,16 +51,18 @@ def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: f
 class Option:
     """A finished cell.
 
-    Prices are those of LiDAR and site. Road counts as covered where the AP of the ground truth
-    `all` in a window is above what is asked; the ends of `covered_m` take every window's AP at the
-    same end of its interval, and a window without an interval counts at the high end only.
+    Prices are those of LiDAR and site. Road counts as covered where the AP of the whole road's
+    vehicles in a window is above what is asked; the ends of `covered_m` take every window's AP at
+    the same end of its interval, and a window without an interval counts at the high end only.
     """
 
     scene: str
     preset: str
     lidar: str
     detector: str
-    ap_all: Measured  # fine AP, 0 to 100, of all vehicles
+    ap_whole: Measured  # fine AP, 0 to 100, of the whole road's vehicles
+    ap_visible: Measured  # of those that the mount can see
+    hidden: float  # share that it cannot; NaN if the table does not say
     ap: Measured  # of the vehicles that the LiDAR captured
     price_usd: float  # middle of low and high
     price_low_usd: float
@@ -72,7 +74,8 @@ class Option:
     latency_ms: float  # of a frame on one core, median; NaN if it was not measured
     latency_p95_ms: float
     machine: str  # on which latency was measured; empty if the table does not say
-    draws: pd.Series | None  # of ap_all; None of an earlier version
+    draws: pd.Series | None  # of ap_whole; None of an earlier version
+    whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
     mounts: int = 1  # LiDARs, whose frames are fused
 
     @property
@@ -80,12 +83,13 @@ class Option:
         return f"{self.lidar} with {self.detector}"
 
     def less(self, other: Option) -> Measured:
-        """AP of all, this one less the other, paired; without an interval if one keeps no draws.
+        """AP of the whole road, this one less the other, paired.
 
-        Raises ValueError for draws that are not of the same blocks.
+        Without an interval if one keeps no draws. Raises ValueError for draws that are not of the
+        same blocks.
         """
         if self.draws is None or other.draws is None:
-            return Measured(self.ap_all.value - other.ap_all.value, math.nan, math.nan)
+            return Measured(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
         return difference(self.draws, other.draws).measured()
 
 
@@ -105,13 +109,15 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
         raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
     scene, preset = chosen(done, scene, preset)
     cells = done[(done.scene == scene) & (done.preset == preset)]
+    cells = with_whole(cells).assign(hidden=hidden_share(cells))
+    truth = str(cells.whole.iloc[0])
     table = joined(cells, prices(found), file_of(found, "value"))
     distance = found.table("distance")
     here = distance[(distance.scene == scene) & (distance.preset == preset)]
-    table = joined(table, road(here, wish), file_of(found, "distance"))
+    table = joined(table, road(here, wish, truth), file_of(found, "distance"))
     draws = CellDraws(found.table("draws"))
     options = [option(row, draws) for _, row in table.iterrows()]
-    return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_all.value), o.price_usd))
+    return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
 
 
 def read_tables(folder: Path, tier: str) -> Results:
@@ -177,7 +183,7 @@ def prices(results: Results) -> pd.DataFrame:
     return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in found.items()})
 
 
-def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
+def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
     """By cell covered_m, low_m and high_m, the ends of what is covered, and road_m.
 
     distance: windows of the cells of one scene, with columns ap, ap_low and ap_high.
@@ -189,7 +195,7 @@ def road(distance: pd.DataFrame, wish: Wish) -> pd.DataFrame:
         "road_m": math.inf,
     }
     metres = [
-        covered(distance.assign(ap=ap), wish.min_ap, wish.range_m)
+        covered(distance.assign(ap=ap), wish.min_ap, wish.range_m, truth)
         .set_index(KEY)
         .covered_m.rename(name)
         for name, ap in values.items()
@@ -203,7 +209,9 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         preset=row.preset,
         lidar=row.lidar,
         detector=row.detector,
-        ap_all=Measured(row.ap_all_fine, row.ap_all_fine_low, row.ap_all_fine_high),
+        ap_whole=Measured(row.ap_whole_fine, row.ap_whole_fine_low, row.ap_whole_fine_high),
+        ap_visible=Measured(row.ap_all_fine, row.ap_all_fine_low, row.ap_all_fine_high),
+        hidden=row.hidden,
         ap=Measured(row.ap_fine, row.ap_fine_low, row.ap_fine_high),
         price_usd=row.price_usd,
         price_low_usd=row.price_low_usd,
@@ -215,6 +223,7 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         latency_ms=row.latency_p50_ms,
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
-        draws=draws.row(row, "all"),
+        draws=draws.row(row, row.whole),
+        whole=row.whole,
         mounts=int(row[MOUNTS]),
     )

@@ -1,7 +1,9 @@
 """`pyinfra recommend RESULTS --budget 8000 --min-ap 85 --range 100`: an answer in words.
 
-Every figure is of the tables of `pyinfra benchmark` in RESULTS. Road counts as covered where the AP
-of the ground truth `all` in a window of 20 m is above what is asked.
+Every figure is of the tables of `pyinfra benchmark` in RESULTS. Options are compared by every
+vehicle of the region, seen or not (ground truth `present`); of tables of version 0.3, which have
+none, by those that the mount can see. Road counts as covered where their AP in a window of 20 m is
+above what is asked.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 from pyinfra.benchmark.options import Option, Wish
 from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.statistics.compare import Measured
+from pyinfra.statistics.selection import COUNTED
 
 MOST = 5  # options that are told in full
 NEAREST = 3  # of those that fall short, if none meets the wish
@@ -69,10 +72,10 @@ def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
         over = option.price_usd / wish.budget_usd - 1
         relax = f"--budget {math.ceil(option.price_usd)}"
         found.append(Shortfall(f"costs {price(option, wish)}", relax, over))
-    ap = option.ap_all.value
+    ap, counted = option.ap_whole.value, COUNTED[option.whole]
     if not ap >= wish.min_ap:
         relax = f"--min-ap {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
-        reason = f"AP {ap:.1f} of all" if math.isfinite(ap) else "no AP of all vehicles"
+        reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
         found.append(Shortfall(reason, relax, 1 - ap / wish.min_ap))
     if not option.latency_ms <= wish.latency_ms:
         known = math.isfinite(option.latency_ms)
@@ -96,10 +99,14 @@ def relaxation(option: Option, wish: Wish) -> str:
 
 
 def sentence(option: Option, wish: Wish) -> str:
+    visible = ""
+    if option.whole == "present":
+        hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
+        visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
     return (
-        f"{option.name}: AP of all {with_interval(option.ap_all)}, of the vehicles it captures "
-        f"{with_interval(option.ap)}; {price(option, wish)}; {covered_road(option, wish)}"
-        f"{option.latency_ms:.0f} ms a frame"
+        f"{option.name}: AP of {COUNTED[option.whole]} {with_interval(option.ap_whole)}, {visible}"
+        f"of the vehicles it captures {with_interval(option.ap)}; {price(option, wish)}; "
+        f"{covered_road(option, wish)}{option.latency_ms:.0f} ms a frame"
     )
 
 
@@ -109,8 +116,8 @@ def covered_road(option: Option, wish: Wish) -> str:
     if math.isnan(option.road_m):
         return ""
     return (
-        f"AP above {wish.min_ap:g} of all on {road.value:.0f} [{road.low:.0f} to {road.high:.0f}] "
-        f"of {option.road_m:.0f} m of road; "
+        f"AP above {wish.min_ap:g} of {COUNTED[option.whole]} on {road.value:.0f} "
+        f"[{road.low:.0f} to {road.high:.0f}] of {option.road_m:.0f} m of road; "
     )
 
 
@@ -134,6 +141,11 @@ def price_range(option: Option) -> str:
 
 def about(options: Sequence[Option]) -> Iterator[str]:
     """What prices and latencies are of, the same for every option."""
+    if options[0].whole == "all":
+        yield (
+            "These results were measured without ground truth `present`: vehicles that the mount "
+            "cannot see are not counted; `pyinfra benchmark` of this version counts them."
+        )
     yield from about_costs(options[0])
     machines = ", ".join(sorted({option.machine for option in options} - {""}))
     where = f"one core of {machines}" if machines else "one core"
@@ -190,8 +202,8 @@ def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
     apart = [(o, first.less(o)) for o in others]
     equal = [o for o, found in apart if found.is_known and not found.is_told]
     if equal:
-        text = f"AP of all does not tell {first.name} from {names(equal)}: the 95 % intervals of "
-        yield f"{text}the differences hold 0; {cheapest([first, *equal])}."
+        text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
+        yield f"{text} (the 95 % intervals include 0); {cheapest([first, *equal])}."
     unknown = [o for o, found in apart if not found.is_known]
     if unknown:
         text = f"Whether {first.name} is better than {names(unknown)} is not known: no interval of "
@@ -209,11 +221,11 @@ def cheapest(options: Sequence[Option]) -> str:
 
 def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
     """Which may miss the AP that is asked."""
-    unsure = f"Not sure to reach AP {wish.min_ap:g} of all"
-    below = [o for o in named if o.ap_all.is_known and o.ap_all.low < wish.min_ap]
+    unsure = f"Not sure to reach AP {wish.min_ap:g} of {COUNTED[named[0].whole]}"
+    below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < wish.min_ap]
     if below:
         yield f"{unsure}: {names(below)}: the interval begins below it."
-    unknown = [o for o in named if not o.ap_all.is_known]
+    unknown = [o for o in named if not o.ap_whole.is_known]
     if unknown:
         yield f"{unsure}: {names(unknown)}: without an interval."
 

@@ -17,7 +17,7 @@ import pandas as pd
 from pyinfra.benchmark.value import SITE_ITEMS
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.csv_table import numbers, read_words
-from pyinfra.statistics.selection import AP_COLUMNS, CELL, first_seed, with_fine
+from pyinfra.statistics.selection import AP_COLUMNS, CELL, first_seed, with_fine, with_whole
 from pyinfra.training.sources import TIERS
 
 
@@ -78,7 +78,7 @@ KINDS = {
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _CELL,
-        " ".join(AP_COLUMNS),
+        f"{' '.join(AP_COLUMNS)} objects_all objects_present",
     ),
     "draws": _kind(
         "{tier}_draws.csv",
@@ -113,7 +113,7 @@ KINDS = {
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
         _CELL,
-        f"{' '.join(SITE_ITEMS)} ap_all_fine",
+        f"{' '.join(SITE_ITEMS)} ap_all_fine ap_whole ap_whole_fine",
     ),
     "lidars": _kind(
         "lidars.csv",
@@ -206,7 +206,7 @@ def read_results(folder: Path, tier: str | None = None) -> Results:
         raise ValueError(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
     if all(table.empty for table in tables.values()):
         raise ValueError(f"{folder}: found no table of results, allowed one or more")
-    tables["cells"] = _with_reasons(with_fine(tables["cells"]))
+    tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
     tables |= {name: with_fine(tables[name]) for name in ("stress", "ladder")}
     return Results(folder, chosen, tables)
 

@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.config import ruled
 from pyinfra.data.regions import WINDOW_M, WINDOW_STEP_M
 from pyinfra.evaluation.tables import HIGH_QUALITY, LANES
-from pyinfra.statistics.selection import CELL, each_road_once, with_fine
+from pyinfra.statistics.selection import CELL, each_road_once, with_fine, with_whole
 
 KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
@@ -53,22 +53,24 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
 
     tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
     middle of the LiDAR's low and high, times the scene's mounts, and the site's costs; areas and
-    metres are those of the ground truth `all`, the same for every LiDAR. An option is dominated if
-    another one of the same scene, preset, tier and seed costs no more and finds no less of `all`,
-    by its fine AP, and is better in one.
+    metres are those of the whole road (`with_whole`), the same for every LiDAR. An option is
+    dominated if another one of the same scene, preset, tier and seed costs no more and finds no
+    less of it, by its fine AP, and is better in one.
     """
-    cells = with_fine(tables["cells"].dropna(subset=["ap"]))
-    cells = cells[[*KEY, "ap", "ap_all", "ap_all_fine"]]
+    cells = with_whole(with_fine(tables["cells"].dropna(subset=["ap"])))
+    truth = "all" if cells.empty else str(cells.whole.iloc[0])
+    cells = cells[[*KEY, "ap", "ap_all", "ap_all_fine", "ap_whole", "ap_whole_fine"]]
     price = tables["lidars"].assign(lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2)[
         ["lidar", "preset", "lidar_usd"]
     ]
     areas = each_road_once(tables["areas"])
-    areas = areas[areas.ground_truth == "all"].groupby(KEY, as_index=False)[["n_hqda"]].sum()
+    areas = areas[areas.ground_truth == truth].groupby(KEY, as_index=False)[["n_hqda"]].sum()
     of_hits = [name for name in ("vehicle_points_per_frame", MOUNTS) if name in tables["hits"]]
     hits = tables["hits"][["scene", "preset", "lidar", *of_hits]]
     t = cells.merge(price, on=["lidar", "preset"])
     t = of_mounts(t, mounts_of(t.merge(hits, how="left")), costs)
-    t = t.merge(areas, on=KEY, how="left").merge(covered(tables["distance"]), on=KEY, how="left")
+    road = covered(tables["distance"], truth=truth)
+    t = t.merge(areas, on=KEY, how="left").merge(road, on=KEY, how="left")
     t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
     usd = t.lidar_usd + t.site_usd
     t.insert(len(KEY), "price_usd", usd)
@@ -104,9 +106,12 @@ def mounts_of(table: pd.DataFrame) -> pd.Series:
 
 
 def covered(
-    distance: pd.DataFrame, above: float = HIGH_QUALITY, within_m: float = REGION_M
+    distance: pd.DataFrame,
+    above: float = HIGH_QUALITY,
+    within_m: float = REGION_M,
+    truth: str = "all",
 ) -> pd.DataFrame:
-    """Metres of road inside windows whose AP of `all` is above 85, by cell: column covered_m.
+    """Metres of road inside windows whose AP of a ground truth is above 85: column covered_m.
 
     A road goes from the middle of its first window to that of its last one: nothing beyond was
     evaluated, though half of these windows lies there.
@@ -116,7 +121,7 @@ def covered(
     at_once = distance.road == LANES  # whose metres of s are no metres of road
     lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
     distance = distance[~at_once]
-    windows = distance[distance.ground_truth == "all"]
+    windows = distance[distance.ground_truth == truth]
     ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
     good = windows[windows.ap > above]
     steps = round(WINDOW_M / WINDOW_STEP_M)
@@ -140,11 +145,11 @@ def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
     """The option that dominates this one with the highest AP; nothing if there is none."""
     as_cheap, cheaper = (rivals.price_usd <= option.price_usd, rivals.price_usd < option.price_usd)
     as_good, better = (
-        rivals.ap_all_fine >= option.ap_all_fine,
-        rivals.ap_all_fine > option.ap_all_fine,
+        rivals.ap_whole_fine >= option.ap_whole_fine,
+        rivals.ap_whole_fine > option.ap_whole_fine,
     )
     found = rivals[as_cheap & as_good & (cheaper | better)]
     if found.empty:
         return ""
-    best = found.loc[found.ap_all_fine.idxmax()]
+    best = found.loc[found.ap_whole_fine.idxmax()]
     return f"{best.lidar} {best.detector}"

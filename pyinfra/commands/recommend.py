@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pyinfra.benchmark.options import Wish, checked_wish, read_options
 from pyinfra.benchmark.recommend import recommend, told
+from pyinfra.statistics.selection import COUNTED
 from pyinfra.training.sources import TIERS
 
 
@@ -55,8 +56,8 @@ def run(args: argparse.Namespace) -> int:
     first = options[0]
     print(
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
-        f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g} of all, {wish.range_m:g} m either way, "
-        f"{wish.latency_ms:g} ms a frame."
+        f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g} of {COUNTED[first.whole]}, "
+        f"{wish.range_m:g} m either way, {wish.latency_ms:g} ms a frame."
     )
     if args.tier == "smoke":
         print("Networks of the smoke tier have hardly learnt: nothing follows from their AP.")

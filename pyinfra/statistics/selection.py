@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
 CELL = ("scene", "lidar", "preset", "detector", "tier")  # and the seed
 CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
 # Columns of AP of each ground truth, at 40 recalls and at 1,000, with the ends of their intervals.
-AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all"}
+AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
 AP_ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
 PRESETS = ("paper", "equal", "datasheet")  # of the catalogue; the last is nearest to what one buys
@@ -23,6 +24,32 @@ def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
                 coarse = cells[f"{name}{end}"]
                 found[f"{name}_fine{end}"] = coarse if fine is None else fine.fillna(coarse)
     return cells.assign(**found)
+
+
+# What the AP of the whole road counts: see `with_whole`.
+COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
+
+
+def with_whole(cells: pd.DataFrame) -> pd.DataFrame:
+    """With columns `whole` and ap_whole (ends as AP_ENDS): what compares LiDARs, poles and sites.
+
+    cells: as of `with_fine`. Of `present`, the same for all; of `all`, which leaves out what a pole
+    cannot see, where a finished row has no other, as those of version 0.3.
+    """
+    done = cells.ap.notna()
+    fine = cells.get("ap_present_fine")
+    known = fine is not None and bool(done.any()) and bool(fine[done].notna().all())
+    truth = "present" if known else "all"
+    names = {end: f"{AP_OF[truth]}{end}" for end in AP_ENDS}
+    found = {f"ap_whole{end}": cells[name] for end, name in names.items() if name in cells}
+    return cells.assign(whole=truth, **found)
+
+
+def hidden_share(cells: pd.DataFrame) -> pd.Series:
+    """Of the vehicles in the region, those that the mount cannot see; NaN where it is not known."""
+    if not {"objects_all", "objects_present"} <= set(cells):
+        return pd.Series(np.nan, index=cells.index)
+    return 1 - cells.objects_all / cells.objects_present.where(cells.objects_present > 0)
 
 
 def first_seed(rows: pd.DataFrame) -> pd.DataFrame:

@@ -30,6 +30,7 @@ class Augmentation:
     scale: float = ruled(0.0, 0, 0.5)  # up to this share, either way
     pasted: int = ruled(0, 0, 100)  # vehicles of another frame, where they stood
     least_points: int = ruled(5, 0, 1000)  # of a pasted vehicle
+    shadows: bool = False  # whether a pasted vehicle hides what lies behind it
     drop_out: float = ruled(0.0, 0, 0.99)  # up to this share of the points goes
     lost_lines: float = ruled(0.0, 0, 0.99)  # up to this share of the rows of elevation goes
     range_noise_m: float = ruled(0.0, 0, 10)  # up to this standard deviation along the rays
@@ -203,7 +204,7 @@ def with_pasted(
 ) -> Sample:
     """Some objects of the other frame, with their points, where nothing stands here.
 
-    Each class in turn, so that rare ones come as often. A pasted object hides what lies behind it.
+    Each class in turn, so that rare ones come as often.
     """
     order = draw.permutation(len(other.boxes))
     order = order[np.argsort(_places_in_class(other.numbers[order]), kind="stable")]
@@ -218,7 +219,8 @@ def with_pasted(
         if len(own) < how.least_points:
             continue
         here = points_in_box(points[0], other.boxes[i], 0)
-        here |= hidden_by(own, points[0], sample.height_m)
+        if how.shadows:
+            here |= hidden_by(own, points[0], sample.height_m)
         points[0] = points[0][~here]
         points.append(own)
         boxes.append(other.boxes[i : i + 1])

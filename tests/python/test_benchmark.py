@@ -97,7 +97,7 @@ def test_each_cell_has_areas_distances_and_a_price(results: Path) -> None:
         table = pd.read_csv(results / f"smoke_{name}.csv")
         assert len(table[KEY].drop_duplicates()) == CELLS, name
     windows = pd.read_csv(results / "smoke_distance.csv")
-    assert set(windows.ground_truth) == {"captured", "all"}
+    assert set(windows.ground_truth) == {"captured", "all", "present"}
     lidars = pd.read_csv(results / "lidars.csv").set_index("lidar")
     assert lidars.price_low_usd["livox_avia"] == 2079
     assert lidars.horizontal_fov_deg["helios_16"] == pytest.approx(360, abs=1)

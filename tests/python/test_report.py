@@ -52,7 +52,7 @@ def test_without_draws_it_is_said_once_that_nothing_is_told_apart(tmp_path: Path
 
 
 def test_the_cheapest_choice_says_what_it_does_not_see(whole: Path) -> None:
-    assert "US$ 2,079, AP 91.2, but 45.6 on all vehicles" in Read(whole).text
+    assert "US$ 2,079, AP 91.2, but 45.6 on all visible vehicles" in Read(whole).text
 
 
 def test_ap_stands_beside_the_papers(whole: Path) -> None:
@@ -336,7 +336,7 @@ def own_site(folder: Path) -> Path:
 
 def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path) -> None:
     text = Read(report(own_site(tmp_path / "results"))).text
-    answer = text[text.index("Bridge, preset paper, any price, AP 85 of all") :]
+    answer = text[text.index("Bridge, preset paper, any price, AP 85 of the whole") :]
     assert answer.index("no option meets this. The nearest is RoboSense Ruby Plus") < 150
     assert "it needs --min-ap 46.2" in answer
     assert "Prices are of LiDARs alone: computer, pole, installation, energy are missing" in answer
@@ -348,7 +348,7 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
 ) -> None:
     results = own_site(tmp_path / "results")
     text = Read(report(results, "--budget", 3000, "--min-ap", 40)).text
-    assert "at most 3,000 USD, AP 40 of all vehicles or more, 100 m either way" in text
+    assert "at most 3,000 USD, AP 40 of the whole road's vehicles or more, 100 m either way" in text
     assert "Livox Avia with PointPillars. AP of all vehicles 45.6 (no interval), 2,079 USD." in text
     assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
     assert cli.main(["report", str(results), "--min-ap", "0.85"]) == 2

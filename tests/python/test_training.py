@@ -816,6 +816,17 @@ def test_each_class_is_pasted_in_turn() -> None:
         assert sorted(found.numbers) == [0, 1, 2]
 
 
+def test_with_shadows_no_point_lies_behind_a_pasted_vehicle() -> None:
+    sample, other = road_sample(12, 2), road_sample(13, 6)
+    plain = with_pasted(sample, other, Augmentation(pasted=10), np.random.default_rng(1))
+    shaded = with_pasted(
+        sample, other, Augmentation(pasted=10, shadows=True), np.random.default_rng(1)
+    )
+    np.testing.assert_array_equal(shaded.boxes, plain.boxes)
+    assert len(shaded.points) < len(plain.points)
+    assert {tuple(p) for p in shaded.points} <= {tuple(p) for p in plain.points}
+
+
 def test_a_pasted_object_hides_what_lies_behind_it_and_nothing_else() -> None:
     sides, heights = np.meshgrid(np.arange(-2, 2, 0.05), np.arange(-6, -4, 0.05))
     wall = np.column_stack(

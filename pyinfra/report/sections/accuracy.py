@@ -29,6 +29,7 @@ from pyinfra.report.looks import FAINT, drawing, panel
 from pyinfra.report.material import Material
 from pyinfra.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.simulator.catalogue import SCENES
+from pyinfra.statistics.selection import hidden_share
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
 TITLE = "Average precision"
@@ -182,6 +183,8 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
         "AP",
         "AP common",
         "AP all",
+        "AP present",
+        "Hidden, %",
         "Objects",
         "Training, s",
         "Median, ms",
@@ -189,12 +192,13 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
     ]
     heads += [Column(c, number=True) for c in numbers]
     rows = []
-    for row in cells.itertuples():
+    for row in cells.assign(hidden=hidden_share(cells)).itertuples():
         origin = str(row.origin)
         first = TableCell(str(row.scene), origin=origin, below=str(row.reason))
         texts = [material.names.model(str(row.lidar)), str(row.preset), detector(str(row.detector))]
         ap = TableCell(shown(row.ap), row.ap, origin, below=span(row.ap_low, row.ap_high))
-        values = [number(row.ap_common), number(row.ap_all), number(row.objects, ".0f")]
+        ap_of = [number(value) for value in (row.ap_common, row.ap_all, row.ap_present)]
+        values = [*ap_of, number(100 * row.hidden, ".0f"), number(row.objects, ".0f")]
         times = [row.train_seconds, row.latency_p50_ms, row.latency_p95_ms]
         seed = TableCell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
         rows.append(
@@ -208,7 +212,8 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
             ]
         )
     caption = (
-        "Every cell. Common: vehicles in the view of all LiDARs; all: every visible vehicle of "
-        "the region. Training: CPU time of one core; latency: from points to boxes, one core."
+        "Every cell. Common: vehicles in the view of all LiDARs; all: every vehicle of the region "
+        "that the mount can see; present: every one; hidden: those that it cannot see. Training: "
+        "CPU time of one core; latency: from points to boxes, one core."
     )
     return Table(caption, heads, rows, material.results.source("cells"), closed=True)

@@ -13,7 +13,7 @@ from pyinfra.report.material import Material
 from pyinfra.report.names import detector
 from pyinfra.report.sections import accuracy, recommendation
 from pyinfra.simulator.catalogue import SCENES
-from pyinfra.statistics.selection import AP_OF
+from pyinfra.statistics.selection import AP_OF, COUNTED
 
 TITLE = "Which LiDAR and detector for what"
 UNTOLD = (
@@ -78,10 +78,10 @@ def _lead(material: Material, cells: pd.DataFrame) -> str:
     text += (
         f" {span(best.ap_fine_low, best.ap_fine_high)}{_rest(material, rows, best, 'captured')}."
     )
-    if rows.ap_all_fine.notna().any():
-        whole = rows.loc[rows.ap_all_fine.idxmax()]
-        text += f" Of all vehicles on the road, {_name(material, whole)} finds most"
-        text += f" (AP {whole.ap_all_fine:.1f}{_rest(material, rows, whole, 'all')})."
+    if rows.ap_whole_fine.notna().any():
+        whole = rows.loc[rows.ap_whole_fine.idxmax()]
+        text += f" Of {COUNTED[whole.whole]} on the road, {_name(material, whole)} finds most"
+        text += f" (AP {whole.ap_whole_fine:.1f}{_rest(material, rows, whole, whole.whole)})."
     return text
 
 
@@ -99,15 +99,15 @@ def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 
 def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    if rows.ap_all_fine.isna().all():
+    if rows.ap_whole_fine.isna().all():
         return None
-    best = rows.loc[rows.ap_all_fine.idxmax()]
+    best = rows.loc[rows.ap_whole_fine.idxmax()]
     others = rows[rows.lidar != best.lidar]
-    reason = f"AP {best.ap_all_fine:.1f} on all visible vehicles"
-    if others.ap_all_fine.notna().any():
-        second = others.loc[others.ap_all_fine.idxmax()]
-        reason += f"; next {material.names.model(second.lidar)}, {second.ap_all_fine:.1f}"
-    return _line(material, best, f"{reason}{_rest(material, rows, best, 'all')}")
+    reason = f"AP {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
+    if others.ap_whole_fine.notna().any():
+        second = others.loc[others.ap_whole_fine.idxmax()]
+        reason += f"; next {material.names.model(second.lidar)}, {second.ap_whole_fine:.1f}"
+    return _line(material, best, f"{reason}{_rest(material, rows, best, best.whole)}")
 
 
 def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
@@ -130,8 +130,8 @@ def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     cheap = near[price[near.index] == price[near.index].min()]
     best = cheap.loc[cheap.ap_fine.idxmax()]
     whole = (
-        f", but {best.ap_all_fine:.1f} on all vehicles"
-        if best.ap_all_fine < best.ap_fine - CLOSE_AP
+        f", but {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
+        if best.ap_whole_fine < best.ap_fine - CLOSE_AP
         else ""
     )
     return _line(material, best, f"US$ {price[best.name]:,.0f}, AP {best.ap_fine:.1f}{whole}")

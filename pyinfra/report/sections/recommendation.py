@@ -11,6 +11,7 @@ from pyinfra.report.material import Material
 from pyinfra.report.names import detector
 from pyinfra.report.sections.value import spelled
 from pyinfra.statistics.compare import Measured
+from pyinfra.statistics.selection import COUNTED
 
 NEEDED = ("cells", "value", "distance")
 
@@ -36,7 +37,9 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
         return f"{text}no option meets this."
     first = answer.named[0]
     name = _name(material, first)
-    reach = f"AP of all vehicles {with_interval(first.ap_all)}, {first.price_usd:,.0f} USD"
+    reach = (
+        f"AP of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, {first.price_usd:,.0f} USD"
+    )
     if answer.meets:
         return f"{text}{name}. {reach}."
     relaxed = relaxation(first, material.wish)
@@ -45,18 +48,20 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
 
 def _asked(wish: Wish) -> str:
     money = f"at most {wish.budget_usd:,.0f} USD" if math.isfinite(wish.budget_usd) else "any price"
-    asked = f"{money}, AP {wish.min_ap:g} of all vehicles or more, {wish.range_m:g} m either way"
+    ap = f"AP {wish.min_ap:g} of the whole road's vehicles or more"
+    asked = f"{money}, {ap}, {wish.range_m:g} m either way"
     return f"{asked}, {wish.latency_ms:g} ms a frame or less"
 
 
 def _table(material: Material, answer: Answer) -> Table:
-    titles = ("AP all", "AP", "Price, US$", "Road covered, m", "Median, ms")
+    titles = ("AP, whole road", "AP", "Price, US$", "Road covered, m", "Median, ms")
     heads = [Column("LiDAR and detector"), *(Column(title, number=True) for title in titles)]
     heads += [] if answer.meets else [Column("To relax")]
     rows = [_row(material, option, relax=not answer.meets) for option in answer.named]
     caption = (
-        "What pyinfra recommend names, by AP of all vehicles; AP is of those that the LiDAR "
-        "captures. Road is covered where AP of all is above what is asked."
+        f"What pyinfra recommend names, by AP of {COUNTED[answer.named[0].whole]} (whole road); AP "
+        "is of those that the LiDAR captures. Road is covered where AP of the whole road is above "
+        "what is asked."
     )
     if not answer.meets:
         caption = f"The nearest, and what to relax. {caption}"
@@ -67,7 +72,7 @@ def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
     prices = Measured(option.price_usd, option.price_low_usd, option.price_high_usd)
     cells = [
         TableCell(_name(material, option)),
-        _cell(option.ap_all, ".1f"),
+        _cell(option.ap_whole, ".1f"),
         _cell(option.ap, ".1f"),
         _cell(prices, ",.0f") if prices.low < prices.high else number(prices.value, ",.0f"),
         _covered(option),

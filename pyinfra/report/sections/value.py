@@ -43,7 +43,8 @@ def section(material: Material) -> Section | None:
 
 
 def _value(material: Material) -> pd.DataFrame:
-    return first_seed(material.results.table("value"))
+    value = first_seed(material.results.table("value"))
+    return value.assign(ap_whole=value.ap_whole.fillna(value.ap_all))  # of version 0.3
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
@@ -63,7 +64,7 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         rows = best[(best.scene == scene) & _on_front(best)]
         names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
         parts += [f"{scene} ({rows.preset.iloc[0]}): {', '.join(names)}"] if names else []
-    found = "Beaten by no other in price and AP on all vehicles"
+    found = "Beaten by no other in price and AP of the whole road"
     return f"{text} {found}: {'; '.join(parts)}." if parts else text
 
 
@@ -85,8 +86,9 @@ def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
     panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
     return Figure(
         f"figure-price-{preset}",
-        f"AP on all vehicles against price, preset {preset}. Every detector is a mark; the line "
-        "joins the choices that no other beats in both, and what is beaten is hollow.",
+        f"AP of the whole road's vehicles against price, preset {preset}. Every detector is a "
+        "mark; the line joins the choices that no other beats in both, and what is beaten is "
+        "hollow.",
         panels,
         material.results.source("value"),
         legend(material.names, material.names.sorted(rows.lidar)),
@@ -97,14 +99,14 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     with drawing():
         figure, ax = panel()
-        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_all"])
-        ax.step(front.price_usd, front.ap_all, where="post", color=FAINT, linewidth=0.9)
+        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_whole"])
+        ax.step(front.price_usd, front.ap_whole, where="post", color=FAINT, linewidth=0.9)
         for row in rows.assign(front=_on_front(rows)).itertuples():
             look = material.names.look(str(row.lidar))
             face = look.colour if row.front else GROUND
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
-            ax.plot(row.price_usd, row.ap_all, marker=look.marker, markersize=5, **style)
-        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP on all vehicles")
+            ax.plot(row.price_usd, row.ap_whole, marker=look.marker, markersize=5, **style)
+        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP, whole road")
         log_ticks(ax.xaxis)
         title = str(first.scene)
         label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
@@ -113,7 +115,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
     heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
-    heads += [Column("AP", number=True), Column("AP all", number=True)]
+    heads += [Column("AP", number=True), Column("AP, whole road", number=True)]
     heads += [Column(title, number=True) for title, _ in HEADS.values()]
     rows = [_row(material, row) for _, row in value.iterrows()]
     return Table(
@@ -132,7 +134,7 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
     return [
         *(TableCell(str(t)) for t in texts),
         number(row.ap),
-        number(row.ap_all),
+        number(row.ap_whole),
         *values,
         beaten,
     ]
