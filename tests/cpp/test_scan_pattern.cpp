@@ -183,7 +183,8 @@ TEST(scan_pattern, repeats_its_directions_bit_for_bit_after_as_many_groups_as_it
   const Mat3 pose = rotation(0.4, -0.2, 0.1);
   for (const auto& [config, repeats] :
        {std::pair{in_columns({1800, 1}), 1800}, std::pair{in_columns({8125, 4}), 8125},
-        std::pair{five_directions(), 5}}) {
+        std::pair{five_directions(), 5}, std::pair{spinning(3, -9, 1, 0.2), 1800},
+        std::pair{spinning(3, -9, 1, 0.7), 3600}, std::pair{spinning(3, -9, 1, 0.3515625), 1024}}) {
     SCOPED_TRACE(repeats);
     const ScanPattern pattern(config, 512.3456, pose, 0);
     ASSERT_EQ(pattern.repeats_after(), repeats);
@@ -197,9 +198,38 @@ TEST(scan_pattern, repeats_its_directions_bit_for_bit_after_as_many_groups_as_it
   }
 }
 
-TEST(scan_pattern, of_wedges_or_of_a_step_never_repeats) {
+TEST(scan_pattern, of_wedges_or_of_a_step_that_no_short_fraction_gives_never_repeats) {
   EXPECT_EQ(ScanPattern(avia(), 0, kLevel, 0).repeats_after(), 0);
-  EXPECT_EQ(ScanPattern(vlp16(), 0, kLevel, 0).repeats_after(), 0);
+  for (const double step_deg : {0.2001, 0.20000000000001, std::sqrt(0.1), kPi})
+    EXPECT_EQ(ScanPattern(spinning(3, -9, 1, step_deg), 0, kLevel, 0).repeats_after(), 0)
+        << step_deg;
+}
+
+TEST(spinning_pattern, a_step_has_the_directions_of_its_columns_bit_for_bit) {
+  for (const auto& [columns, step_deg] :
+       {std::pair{Fraction{1800, 1}, 0.2}, std::pair{Fraction{3600, 7}, 0.7},
+        std::pair{Fraction{8125, 4}, 360 * 4 / 8125.0}, std::pair{Fraction{1440, 1}, 0.25}}) {
+    PatternConfig by_step = vlp16();
+    by_step.spinning->azimuth_step_deg = step_deg;
+    const ScanPattern a(by_step, 12.3, kLevel, 0), b(in_columns(columns), 12.3, kLevel, 0);
+    RayBatch left, right;
+    for (const int k : {0, 7, 35999}) {
+      a.generate(frame(a, k), k * 0.1, left);
+      b.generate(frame(a, k), k * 0.1, right);
+      EXPECT_TRUE(left.dx == right.dx && left.dy == right.dy && left.dz == right.dz) << step_deg;
+      EXPECT_EQ(left.time, right.time);
+    }
+  }
+}
+
+TEST(spinning_pattern, a_step_of_few_binary_digits_looks_where_a_product_of_it_does) {
+  PatternConfig config = spinning(1, 0, 0, 0.25);
+  const ScanPattern pattern(config, 0, kLevel, 0);
+  for (const std::int64_t column : {1, 1439, 1441, 500'000'123}) {
+    const double azimuth = -rad(std::fmod(0.25 * static_cast<double>(column), 360));
+    EXPECT_EQ(pattern.ray(column).direction.x, std::cos(azimuth));
+    EXPECT_EQ(pattern.ray(column).direction.y, std::sin(azimuth));
+  }
 }
 
 TEST(scan_pattern, of_every_spinning_lidar_that_ships_repeats) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "infrasim/pipeline/simulate.h"
+#include "infrasim/pipeline/static_units.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -99,9 +100,67 @@ TEST(static_layer, is_left_out_where_the_pattern_never_repeats) {
   const World world = shipped_world("highway");
   const auto layers = make_static_layers(
       world, std::array{read_lidar(configs() / "lidars/livox_avia.yaml", "equal"),
-                        plain_lidar("by_step", spinning(4, -20, -2, 0.7))});
+                        plain_lidar("by_step", spinning(4, -20, -2, 0.7001))});
   EXPECT_EQ(layers[0][0], nullptr);
   EXPECT_EQ(layers[1][0], nullptr);
+}
+
+TEST(static_layer, of_a_step_gives_the_frames_of_casting_all) {
+  const World world = shipped_world("highway");
+  for (const double step_deg : {0.4, 0.7}) {
+    const LidarConfig lidar = plain_lidar("step", spinning(16, -25, -1, step_deg));
+    EXPECT_NE(make_static_layers(world, std::array{lidar})[0][0], nullptr);
+    EXPECT_GT(expect_same_as_casting_all(world, lidar), 100);
+  }
+}
+
+LidarConfig in_columns(const std::string& name, int lasers, Fraction columns_per_turn) {
+  PatternConfig pattern = spinning(lasers, -25, -1, 1);
+  pattern.spinning->azimuth_step_deg.reset();
+  pattern.spinning->columns_per_turn = columns_per_turn;
+  return plain_lidar(name, pattern);
+}
+
+TEST(static_layer, is_left_out_where_the_frames_have_fewer_rays_than_it) {
+  const World world = shipped_world("highway");
+  const std::array lidars{in_columns("turn", 4, {1875, 1}), in_columns("turns", 4, {1875, 4}),
+                          in_columns("drift", 1, {18'000'001, 10'000})};
+  const auto has = [&](std::size_t frames) {
+    std::vector<bool> out;
+    for (const auto& units : make_static_layers(world, lidars, frames))
+      out.push_back(units[0] != nullptr);
+    return out;
+  };
+  EXPECT_EQ(has(1), (std::vector{true, false, false}));
+  EXPECT_EQ(has(4), (std::vector{true, true, false}));
+  EXPECT_EQ(has(9'999), (std::vector{true, true, false}));
+}
+
+TEST(static_layer, is_left_out_where_memory_is_not_enough) {
+  const World world = shipped_world("flat");
+  const std::array lidars{in_columns("drift", 64, {18'000'001, 10'000})};
+  EXPECT_EQ(make_static_layers(world, lidars)[0][0], nullptr);
+  EXPECT_NE(error_of([&] { cast_static_layer(world, lidars[0]); }).find("bytes"),
+            std::string::npos);
+  // Units of 96 MB each: two of them are within the limit, a third is not.
+  LidarConfig bundle = in_columns("bundle", 8, {1'000'001, 10'000});
+  bundle.units.resize(3, bundle.units[0]);
+  const std::vector<Emitter> emitters = make_emitters(world.scene, bundle);
+  EXPECT_LT(2 * layer_bytes(emitters[0].pattern), kMostLayerBytes);
+  const auto layers = make_static_layers(world, std::array{bundle})[0];
+  EXPECT_NE(layers[1], nullptr);
+  EXPECT_EQ(layers[2], nullptr);
+  EXPECT_LE(layers[0]->bytes(), layer_bytes(emitters[0].pattern));
+}
+
+TEST(static_layer, takes_no_more_than_was_reckoned_for_it) {
+  const World world = shipped_world("flat");
+  for (const int lasers : {1, 2, 3, 5, 7, 11, 17, 33, 129}) {
+    const std::array lidars{in_columns("odd", lasers, {1001, 3})};
+    const std::vector<Emitter> emitters = make_emitters(world.scene, lidars[0]);
+    EXPECT_LE(make_static_layers(world, lidars)[0][0]->bytes(), layer_bytes(emitters[0].pattern))
+        << lasers;
+  }
 }
 
 TEST(static_layer, of_each_shipped_lidar_takes_less_than_10_mb) {

@@ -61,6 +61,18 @@ double columns_per_s(const SpinningConfig& spinning) {
                   : spinning.rate_hz * spinning.columns_per_turn->value();
 }
 
+std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning) {
+  if (!spinning.azimuth_step_deg) return spinning.columns_per_turn;
+  constexpr std::int64_t kMostTurns = 16;
+  for (std::int64_t turns = 1; turns <= kMostTurns; ++turns) {
+    const double degrees = 360.0 * static_cast<double>(turns);
+    const std::int64_t columns = std::llround(degrees / *spinning.azimuth_step_deg);
+    if (degrees / static_cast<double>(columns) == *spinning.azimuth_step_deg)
+      return Fraction{columns, turns};
+  }
+  return std::nullopt;
+}
+
 template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
   f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));

@@ -45,6 +45,9 @@ struct SpinningConfig {
   ChannelsConfig channels;
 };
 double columns_per_s(const SpinningConfig& spinning);
+/// Also where a step says it, such as 0.2: that is the number nearest to 360 / 1800. Nothing for
+/// steps that no fraction with a denominator up to 16 gives.
+std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning);
 
 enum class Faces { kTiltedFirst, kFlatFirst };
 std::span<const char* const> enum_names(Faces);

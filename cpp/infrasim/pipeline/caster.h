@@ -33,8 +33,10 @@ struct Emitter {
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
   std::shared_ptr<const StaticLayer> layer;                        ///< null: all rays are cast
 
-  /// Whether a static layer can answer: it repeats, and no beam is wider than a ray.
-  bool can_have_layer() const { return pattern.repeats_after() > 0 && !beam; }
+  /// Whether a static layer can answer: it repeats soon enough, and no beam is wider than a ray.
+  bool can_have_layer() const {
+    return pattern.repeats_after() > 0 && !beam && layer_bytes(pattern) <= kMostLayerBytes;
+  }
 
   /// Rays that are fired within a share of frame k.
   RayRange rays(int k, double from = 0, double to = 1) const;

@@ -57,7 +57,7 @@ class Scheduler {
         work_(std::move(work)),
         layers_(worlds.size()) {
     for (std::size_t i = 0; i < worlds.size() && !schedule_.cast_all; ++i)
-      layers_[i] = make_static_layers(worlds[i], lidars_);
+      layers_[i] = make_static_layers(worlds[i], lidars_, schedule_.frames.size());
     const int threads = schedule_.threads;
     if (threads < 1 || threads > kMostThreads)
       throw ConfigError("threads: found " + std::to_string(threads) + ", allowed 1 to " +

@@ -146,9 +146,21 @@ struct FrameSimulator::Impl {
   }
 };
 
-StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars) {
+namespace {
+
+/// Whether the period of a pattern has no more rays than the frames.
+bool pays(const ScanPattern& pattern, std::size_t frames) {
+  const double groups = static_cast<double>(frames) * kFramePeriod * pattern.groups_per_s();
+  return static_cast<double>(pattern.repeats_after()) <= std::round(groups);
+}
+
+}  // namespace
+
+StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
+                                std::size_t frames) {
   Raycaster raycaster(*world.meshes);
   StaticLayers layers;
+  std::size_t bytes_left = kMostLayerBytes;
   for (const LidarConfig& config : lidars) {
     UnitLayers& units = layers.emplace_back();
     const std::vector<Emitter> emitters = make_emitters(world.scene, config);
@@ -158,14 +170,19 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
       check_is_of(file->second, units_without_hits(config, emitters), words_of(config));
       check_is_from(file->second, layer_origin(world.scene, world.background));
     }
-    for (const Emitter& emitter : emitters) {
-      const auto hits = [&] {
-        return read ? file->second.units[units.size()]
-                    : cast_static(emitter.pattern, emitter.max_range, raycaster);
-      };
-      units.push_back(emitter.can_have_layer()
-                          ? std::make_shared<const StaticLayer>(emitter.pattern, hits())
-                          : nullptr);
+    for (std::size_t i = 0; i < emitters.size(); ++i) {
+      const Emitter& emitter = emitters[i];
+      const ScanPattern& pattern = emitter.pattern;
+      if (read) {
+        units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i]));
+      } else if (emitter.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
+                 pays(pattern, frames)) {
+        units.push_back(std::make_shared<const StaticLayer>(
+            pattern, cast_static(pattern, emitter.max_range, raycaster)));
+        bytes_left -= layer_bytes(pattern);
+      } else {
+        units.push_back(nullptr);
+      }
     }
   }
   return layers;

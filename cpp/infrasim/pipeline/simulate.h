@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -12,12 +14,16 @@
 
 namespace infrasim {
 
-/// Of each LiDAR, the static layer of each unit; null where the pattern never repeats or a beam is
-/// wider than a ray. Shared by the simulators of all threads. No entry at all: all rays are cast.
+/// Of each LiDAR, the static layer of each unit; null where the pattern never repeats, a beam is
+/// wider than a ray, or a layer costs more than it saves. Shared by the simulators of all threads.
+/// No entry at all: all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
-/// Those that the scene names a file for are read, the others cast.
+/// Those that the scene names a file for are read, the others cast: as far as kMostLayerBytes go,
+/// and where the frames have no fewer rays than the period that is cast for them.
+/// @param frames how many will be simulated
 /// @throws ConfigError for a file that is of another LiDAR, or of another scene
-StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars);
+StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
+                                std::size_t frames = std::numeric_limits<std::size_t>::max());
 
 /// Computes frames of several LiDARs at one mount. For one thread at a time.
 class FrameSimulator {

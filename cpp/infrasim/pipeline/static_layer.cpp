@@ -34,6 +34,13 @@ void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) 
 
 }  // namespace
 
+std::size_t layer_bytes(const ScanPattern& pattern) {
+  constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
+  constexpr std::size_t kTileBytes = 2;  // a ray's part of a view of 8 rays or more
+  const auto rays = static_cast<std::size_t>(pattern.repeats_after() * pattern.group_size());
+  return rays * (kRayBytes + kTileBytes);
+}
+
 StaticHits no_hits(const ScanPattern& pattern, float max_range_m) {
   StaticHits out{
       .groups = pattern.repeats_after(),

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -27,6 +28,12 @@ struct StaticHits {
 
   std::size_t rays() const { return static_cast<std::size_t>(groups * group_size); }
 };
+
+/// Of the layers of a mount's LiDARs, together.
+inline constexpr std::size_t kMostLayerBytes = std::size_t{256} << 20;
+
+/// Of the layer of a pattern that repeats, at most.
+std::size_t layer_bytes(const ScanPattern& pattern);
 
 /// What a pattern is told by: groups, group size, range and digest; no hits.
 /// @param pattern one that repeats

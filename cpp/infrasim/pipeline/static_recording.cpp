@@ -84,7 +84,7 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
     if (!spinning)
       throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
                         ": found a table of rays, allowed a spinning LiDAR, for a recording");
-    const double column = 2 * kPi / spinning->columns_per_turn->value();
+    const double column = 2 * kPi / columns_per_turn(*spinning)->value();
     units.push_back({.from_levelled = transposed(unit_pose(scene, lidar.units[i])),
                      .reach = kColumnReach * column,
                      .agree_m = std::max(kAgree_m, 6 * lidar.units[i].returns.range_accuracy_m),

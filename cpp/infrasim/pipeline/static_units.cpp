@@ -10,12 +10,18 @@ namespace {
 
 /// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
 void check_can_have_layer(const LidarConfig& lidar, std::span<const Emitter> emitters) {
-  for (std::size_t i = 0; i < emitters.size(); ++i)
-    if (!emitters[i].can_have_layer())
-      throw ConfigError(
-          words_of(lidar) + ": unit " + std::to_string(i) + ": found " +
-          (emitters[i].beam ? "a beam wider than a ray" : "a pattern that never repeats") +
-          ", allowed single rays that repeat, for a static layer");
+  for (std::size_t i = 0; i < emitters.size(); ++i) {
+    const Emitter& unit = emitters[i];
+    if (unit.can_have_layer()) continue;
+    const std::string found =
+        unit.beam ? "a beam wider than a ray"
+        : unit.pattern.repeats_after() == 0
+            ? "a pattern that never repeats"
+            : "a pattern of " + std::to_string(layer_bytes(unit.pattern)) + " bytes";
+    throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) + ": found " + found +
+                      ", allowed single rays that repeat, of up to " +
+                      std::to_string(kMostLayerBytes) + " bytes, for a static layer");
+  }
 }
 
 }  // namespace

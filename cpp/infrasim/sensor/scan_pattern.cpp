@@ -16,15 +16,6 @@ double positive_fmod(double value, double period) {
   return r < 0 ? r + period : r;
 }
 
-/// How far a unit has turned at a column, in degrees from 0 to 360.
-double column_deg(const SpinningConfig& s, std::int64_t column) {
-  if (s.azimuth_step_deg)
-    return positive_fmod(static_cast<double>(column) * *s.azimuth_step_deg, 360);
-  const std::int64_t n = s.columns_per_turn->numerator;
-  return 360 * static_cast<double>(column % n * s.columns_per_turn->denominator % n) /
-         static_cast<double>(n);
-}
-
 /// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. What is
 /// reflected totally becomes NaN.
 void refract(Vec3 normal, double mu, Light& light) {
@@ -97,6 +88,7 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
   if (config_.spinning) {
     elevations.clear();
     groups_per_s_ = columns_per_s(*config_.spinning);
+    columns_per_turn_ = columns_per_turn(*config_.spinning);
     start_deg_ =
         positive_fmod(360 * config_.spinning->rate_hz * phase_s - config_.spinning->seam_deg, 360);
     for (const Channel& c : config_.spinning->channels.table) {
@@ -146,8 +138,16 @@ double ScanPattern::cycle_s() const {
 
 std::int64_t ScanPattern::repeats_after() const {
   if (config_.table) return static_cast<std::int64_t>(config_.table->directions.size());
-  const bool exact = config_.spinning && config_.spinning->columns_per_turn;
-  return exact ? config_.spinning->columns_per_turn->numerator : 0;
+  return columns_per_turn_ ? columns_per_turn_->numerator : 0;
+}
+
+/// How far a unit has turned at a column, in degrees from 0 to 360.
+double ScanPattern::column_deg(std::int64_t column) const {
+  if (!columns_per_turn_)
+    return positive_fmod(static_cast<double>(column) * *config_.spinning->azimuth_step_deg, 360);
+  const std::int64_t n = columns_per_turn_->numerator;
+  return 360 * static_cast<double>(column % n * columns_per_turn_->denominator % n) /
+         static_cast<double>(n);
 }
 
 Ray ScanPattern::ray(std::int64_t index) const {
@@ -163,7 +163,7 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
   const Channel& c = s.channels.table[member];
   const double fire_time = c.fire_time_us * 1e-6;
   const double turned_deg =
-      column_deg(s, group) + start_deg_ + 360 * s.rate_hz * fire_time + c.azimuth_offset_deg;
+      column_deg(group) + start_deg_ + 360 * s.rate_hz * fire_time + c.azimuth_offset_deg;
   const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
   return {{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
            std::sin(elevation)},
@@ -225,11 +225,10 @@ void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_gro
 
 void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_group,
                                    double start_s, RayBatch& rays) const {
-  const SpinningConfig& s = *config_.spinning;
   const auto& m = pose_;
   std::size_t k = 0;
   for (std::int64_t group = first_group; group < last_group; ++group) {
-    const double turned = column_deg(s, group) + start_deg_;
+    const double turned = column_deg(group) + start_deg_;
     const auto ca = static_cast<float>(std::cos(-rad(turned)));
     const auto sa = static_cast<float>(std::sin(-rad(turned)));
     const auto time =

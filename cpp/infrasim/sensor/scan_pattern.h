@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
@@ -43,7 +44,7 @@ class ScanPattern {
   double cycle_s() const;  ///< in which it looks everywhere; 1 s for wedges, which never repeat
 
   /// Groups after which `generate` gives the same directions again, bit for bit; 0 if never: of
-  /// wedges, and of columns that are a step apart whose turns are not counted in whole columns.
+  /// wedges, and of columns whose step no short fraction of a turn gives.
   std::int64_t repeats_after() const;
 
   /// Whole groups that start in [from, to) seconds.
@@ -65,6 +66,7 @@ class ScanPattern {
   void generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
                       RayBatch& rays) const;
   void put(std::size_t k, Vec3 direction, double time_s, int member, RayBatch& rays) const;
+  double column_deg(std::int64_t column) const;
   double optical_time(std::int64_t group) const;
   Ray spinning_ray(std::int64_t group, int member) const;
   Ray wedges_ray(std::int64_t group, int member) const;
@@ -72,6 +74,7 @@ class ScanPattern {
 
   PatternConfig config_;
   double phase_s_;
+  std::optional<Fraction> columns_per_turn_;  ///< of a spinning unit, if it is exact
   double start_deg_ = 0;  ///< how far a spinning unit has turned from its x axis at time 0
   std::array<float, 9> pose_;
   Mat3 pose_exact_;
