@@ -226,8 +226,8 @@ def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
 ) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
     """Frame, line, class and numbers from h on, of label or result files."""
-    texts = _texts(files)
-    rows = [line.split() for text in texts for line in text]
+    texts = [[(i, own) for i, own in enumerate(text, 1) if own.strip()] for text in _texts(files)]
+    rows = [line.split() for text in texts for _, line in text]
     values = _numbers(rows, len(kitti.LABEL_COLUMNS) + scores, 8)
     names = np.array([row[0] for row in rows], dtype=np.str_) if values is not None else None
     rules = RESULT_RULES if scores else LABEL_RULES
@@ -236,9 +236,13 @@ def _kitti(
     known = names != "DontCare"
     if not rules_hold(values[known], _LABEL_NUMBERS, rules):
         _fail(files, lambda file: kitti.read_labels(file, scores=scores))
-    counts = [len(text) for text in texts]
-    line = np.array([n + 1 for count in counts for n in range(count)], dtype=np.int64)
-    return np.repeat(frames, counts)[known], line[known], names[known], values[known]
+    line = np.array([number for text in texts for number, _ in text], dtype=np.int64)
+    return (
+        np.repeat(frames, [len(text) for text in texts])[known],
+        line[known],
+        names[known],
+        values[known],
+    )
 
 
 def _csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:

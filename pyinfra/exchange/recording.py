@@ -68,11 +68,13 @@ class Recording:
 
     @property
     def counted(self) -> bool:
-        """Whether the names are no frame numbers of six digits."""
-        return not all(len(name) == 6 and name.isdecimal() for name in self.names)
+        """Whether the names are no frame numbers of up to six digits."""
+        if not all(re.fullmatch("[0-9]{1,6}", name) for name in self.names):
+            return True
+        return len({int(name) for name in self.names}) < len(self.names)  # as 1 and 01
 
     def numbers(self) -> tuple[int, ...]:
-        """Frame numbers: `slots`, else those of six digits that the names are, else from 0 on."""
+        """Frame numbers: `slots`, else those that the names are, else from 0 on."""
         if self.slots is not None:
             return self.slots
         if self.counted:

@@ -20,13 +20,22 @@ SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {
     "Tr_velo_to_cam": (3, 4),
     "Tr_imu_to_velo": (3, 4),
 }
+# The same matrices in KITTI's tracking benchmark, whose lines may lack the colon, and in that of
+# odometry, whose Tr is from the LiDAR to the rectified camera.
+OTHER_NAMES = {
+    "R_rect": "R0_rect",
+    "Tr_velo_cam": "Tr_velo_to_cam",
+    "Tr_imu_velo": "Tr_imu_to_velo",
+    "Tr": "Tr_velo_to_cam",
+}
+NOT_NEEDED = ("Tr_cam_to_road", "calib_time")  # of KITTI's road benchmark and raw data
 _NOT_A_ROTATION = 0.01  # KITTI's matrices have 7 digits
 _MOST = 1e6  # of a matrix: pixels or metres
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The seven matrices of a calib file."""
+    """The seven matrices of a calib file; those that boxes do not need may be assumed."""
 
     P: FloatArray  # (4, 3, 4) projections of the cameras, pixels
     R0_rect: FloatArray  # (3, 3)
@@ -53,19 +62,38 @@ def simulated() -> Calibration:
 
 
 def read_calibration(file: Path) -> Calibration:
-    """Raises FormatError with file and line."""
+    """The matrices of a calib file of KITTI's object, tracking or odometry benchmark.
+
+    A projection that is not there is that of another camera, as boxes do not need it; without an
+    IMU, Tr_imu_to_velo is the identity. Raises FormatError with file and line.
+    """
     found: dict[str, FloatArray] = {}
+    rectified = False  # whether the transform from the LiDAR has the rectification in it
     for number, line in enumerate(lines_of(file), start=1):
-        if line.strip():
-            name, matrix = _matrix(f"{file}:{number}", line)
-            if name in found:
-                raise FormatError(f"{file}:{number}: {name}: found twice, allowed once")
-            found[name] = matrix
-    missing = [name for name in SHAPES if name not in found]
+        if not line.strip():
+            continue
+        place, (word, rest) = f"{file}:{number}", _key(line)
+        if word in NOT_NEEDED:
+            continue
+        name = OTHER_NAMES.get(word, word)
+        if name not in SHAPES:
+            raise FormatError(
+                f"{place}: found '{line[:40]}', allowed {', '.join([*SHAPES, *OTHER_NAMES])}"
+            )
+        if name in found:
+            raise FormatError(f"{place}: {name}: found twice, allowed once")
+        found[name] = _matrix(place, name, rest)
+        rectified = rectified or word == "Tr"
+    if rectified:
+        found.setdefault("R0_rect", np.eye(3))
+    found.setdefault("Tr_imu_to_velo", np.eye(3, 4))
+    projections = [found[f"P{i}"] for i in (2, 0, 1, 3) if f"P{i}" in found]
+    missing = [] if projections else ["P2"]
+    missing += [name for name in ("R0_rect", "Tr_velo_to_cam") if name not in found]
     if missing:
         raise FormatError(f"{file}: found no {', '.join(missing)}, needed")
     out = Calibration(
-        np.stack([found[f"P{i}"] for i in range(4)]),
+        np.stack([found.get(f"P{i}", projections[0]) for i in range(4)]),
         found["R0_rect"],
         found["Tr_velo_to_cam"],
         found["Tr_imu_to_velo"],
@@ -112,13 +140,16 @@ def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
     return np.column_stack([dz, dy, dx, x, y + dz / 2, z, rotation_y])
 
 
-def _matrix(place: str, line: str) -> tuple[str, FloatArray]:
-    name, colon, rest = line.partition(":")
-    shape = SHAPES.get(name)
-    if not colon or shape is None:
-        raise FormatError(f"{place}: found '{line[:40]}', allowed {', '.join(SHAPES)} and a colon")
+def _key(line: str) -> tuple[str, str]:
+    """The name of a line, with a colon or none behind it, and the rest."""
+    name, _, rest = line.strip().partition(":" if ":" in line else " ")
+    return name.strip(), rest
+
+
+def _matrix(place: str, name: str, text: str) -> FloatArray:
+    shape = SHAPES[name]
     try:
-        values = np.array(rest.split(), dtype=np.float64)
+        values = np.array(text.split(), dtype=np.float64)
     except ValueError:
         raise FormatError(f"{place}: {name}: found a word, allowed numbers") from None
     if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
@@ -126,4 +157,4 @@ def _matrix(place: str, line: str) -> tuple[str, FloatArray]:
             f"{place}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones "
             f"to {_MOST:g}"
         )
-    return name, values.reshape(shape)
+    return values.reshape(shape)

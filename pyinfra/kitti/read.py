@@ -182,13 +182,13 @@ def read_labels(
     """The boxes of a label file, or with `scores` of a prediction file, in the LiDAR frame.
 
     calibration: of the frame's camera; that of a simulated LiDAR by default. DontCare regions are
-    left out unless asked for; an empty file gives k = 0.
+    left out unless asked for; blank lines are no boxes, and an empty file gives k = 0.
     Raises FormatError with file and line, also for scores in a label file and none in predictions,
     and for a rotation_y of a label that must be in degrees.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
-    rows = [line.split() for line in lines_of(file)]
-    table = NamedRows(file, range(1, 1 + len(rows)), rows, columns, "type")
+    rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
+    table = NamedRows(file, list(rows), list(rows.values()), columns, "type")
     known = table.names != "DontCare"
     table.check(RESULT_RULES if scores else LABEL_RULES, known)
     keep = known | dont_care

@@ -398,6 +398,35 @@ def test_degrees_in_labels_of_kitti_are_named(
     assert not (tmp_path / "in/pole").exists()
 
 
+LINE = "Van 0 1 -10 0 0 0 0 1.5 1.8 4.2 -3 1.73 25 -1.5707963"
+IGNORED = "DontCare -1 -1 -10 1 1 9 9 -1 -1 -1 -1000 -1000 -1000 -10"
+
+
+@pytest.mark.parametrize("name", ["{:06d}", "{}", "{:04d}"])
+def test_numbers_of_frames_are_kept_and_blank_lines_are_no_objects(
+    name: str, tmp_path: Path
+) -> None:
+    """Labels of a tool on Windows; the files are numbered from 1, and one frame has no return."""
+    training = tmp_path / "source/training"
+    texts = ["", f"{IGNORED}\r\n{LINE}\r\n\r\n", "\r\n", f"{LINE}\r\n"]
+    for folder in ("velodyne", "label_2", "calib"):
+        (training / folder).mkdir(parents=True)
+    for number, text in enumerate(texts, start=9):
+        own = name.format(number)
+        cloud = np.zeros((0 if number == 9 else 3, 4), dtype="<f4") + number
+        cloud.tofile(training / f"velodyne/{own}.bin")
+        (training / f"label_2/{own}.txt").write_bytes(text.encode())
+    found, _ = import_recording(
+        tmp_path / "source", "kitti", tmp_path / "in/pole", ABOUT, Options()
+    )
+    assert kitti.frames(tmp_path / "in/pole") == [9, 10, 11, 12]
+    assert [len(objects(tmp_path / "in/pole", k)) for k in (9, 10, 11, 12)] == [0, 1, 0, 1]
+    assert found.empty == [name.format(9)]
+    # The camera of a frame without calib stands at the sensor and looks along x.
+    van = objects(tmp_path / "in/pole", 10).boxes[0]
+    assert van == pytest.approx([25, 3, -0.98, 4.2, 1.8, 1.5, 0], abs=1e-4)
+
+
 def test_a_file_is_refused_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

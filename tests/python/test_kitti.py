@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pyinfra import kitti
+from pyinfra.data.frame_tables import Cameras, read_predictions
 from pyinfra.kitti import FormatError
 
 OLD_HEADER = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
@@ -313,6 +314,23 @@ def test_dont_care_regions_are_left_out(tmp_path: Path) -> None:
     region = "DontCare -1 -1 -10 500 160 520 180 -1 -1 -1 -1000 -1000 -1000 -10"
     labels = kitti.read_labels(written(tmp_path, f"{region}\n{LABEL}\n"))
     assert labels.names.tolist() == ["Car"]
+
+
+@pytest.mark.parametrize("scores", [False, True])
+def test_blank_lines_are_no_boxes_and_keep_the_numbers_of_lines(
+    tmp_path: Path, scores: bool
+) -> None:
+    line = LABEL + " 0.5" * scores
+    text = f"\r\n{line.replace(' ', '  ')}\r\n \t\r\n{line}\r\n\r\n"
+    file = written(tmp_path, text)
+    assert len(kitti.read_labels(file, scores=scores)) == 2
+    if scores:
+        cameras = Cameras((kitti.simulated(),), np.zeros(1, dtype=np.int64))
+        named = file.rename(file.with_suffix(".txt"))
+        assert read_predictions([named], cameras).line.tolist() == [2, 4]
+    wrong = written(tmp_path, text.replace(line, line.replace(" 1.6 ", " 0 ")))
+    with pytest.raises(FormatError, match=r"file:4: h: found 0, allowed more than 0"):
+        kitti.read_labels(wrong, scores=scores)
 
 
 def test_empty_label_file_is_a_frame_without_objects(tmp_path: Path) -> None:

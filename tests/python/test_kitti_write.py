@@ -224,7 +224,9 @@ def refusal(read: Callable[[Path], object], file: Path) -> str | None:
         ("R0_rect: 9.999239e-01", "R0_rect: nan", ":5: R0_rect: found 9 numbers, allowed 9 fin"),
         ("R0_rect: 9.999239e-01", "R0_rect: one", ":5: R0_rect: found a word"),
         ("R0_rect: 9.999239e-01", "R0_rect: 2", ": R0_rect Tr_velo_to_cam: found no rotation"),
-        (CALIB[CALIB.index("Tr_imu") :], "", ": found no Tr_imu_to_velo, needed"),
+        (CALIB[CALIB.index("Tr_velo") :], "", ": found no Tr_velo_to_cam, needed"),
+        (CALIB[: CALIB.index("R0_rect")], "", ": found no P2, needed"),
+        ("R0_rect: ", "R_rect_01 ", ":5: found 'R_rect_01"),
     ],
 )
 def test_wrong_calib_file_is_named_by_line_and_key(
@@ -233,6 +235,48 @@ def test_wrong_calib_file_is_named_by_line_and_key(
     assert old in CALIB
     with pytest.raises(FormatError, match=re.escape(f"file.txt{message}")):
         kitti.read_calibration(written(tmp_path, CALIB.replace(old, new, 1)))
+
+
+TRACKING = {
+    "R0_rect:": "R_rect",
+    "Tr_velo_to_cam:": "Tr_velo_cam",
+    "Tr_imu_to_velo:": "Tr_imu_velo",
+}
+
+
+def replaced(text: str, words: dict[str, str]) -> str:
+    for old, new in words.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        CALIB[: CALIB.index("Tr_imu")],
+        CALIB.replace("\n", "\r\n") + "\r\n \r\n",
+        replaced(CALIB, TRACKING),
+        replaced(CALIB, {old: new + ":" for old, new in TRACKING.items()}),
+        replaced(CALIB, {":": " "}),
+        replaced(CALIB, {": ": ":"}),
+        CALIB[CALIB.index("P2") : CALIB.index("P3")] + CALIB[CALIB.index("R0_rect") :],
+        "calib_time: 09-Jan-2012 13:57:47\n" + CALIB + "Tr_cam_to_road: 1 0 0 0\n",
+    ],
+    ids=["no IMU", "CRLF and blank", "tracking", "colons", "blanks", "tight", "P2 alone", "more"],
+)
+def test_calib_files_of_all_benchmarks_place_the_same_boxes(
+    calibration: kitti.Calibration, tmp_path: Path, text: str
+) -> None:
+    found = kitti.read_calibration(written(tmp_path, text))
+    assert np.array_equal(found.T_camera_lidar, calibration.T_camera_lidar)
+    assert np.array_equal(found.P[2], calibration.P[2])
+
+
+def test_the_transform_of_the_odometry_benchmark_is_rectified(tmp_path: Path) -> None:
+    text = CALIB[: CALIB.index("R0_rect")] + "Tr: 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\n"
+    found = kitti.read_calibration(written(tmp_path, text)).T_camera_lidar
+    assert found[:3].tolist() == [[0, -1, 0, 0], [0, 0, -1, -0.08], [1, 0, 0, -0.27]]
 
 
 def test_wrong_arrays_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
