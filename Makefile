@@ -83,6 +83,7 @@ docs:
 	@scripts/setup.sh build
 	$(PYTHON) scripts/tables.py
 
+# Writes out/speed.csv; to record a measurement: benchmarks/run.py --out results/speed.csv.
 bench: build
 	@scripts/setup.sh bench
 	$(PYTHON) benchmarks/run.py

@@ -2,8 +2,9 @@
 
 Rates are compared as ratios of medians whose runs alternate in one process. Rays are those that a
 pattern has, whether they are cast or answered by the static layer. With the checkout of an earlier
-version, its binary built, also against that. Writes results/speed.csv:
-    .venv/bin/python benchmarks/run.py [--before ../0.2.0]
+version, its binary built, also against that. Writes out/speed.csv; the committed
+results/speed.csv, from which docs/benchmarks.md has its table, only if it is named:
+    .venv/bin/python benchmarks/run.py [--before ../0.2.0] [--out results/speed.csv]
 """
 
 from __future__ import annotations
@@ -209,12 +210,16 @@ def growth_rows() -> list[tuple[str, float, str]]:
     return rows
 
 
-def main() -> None:
+def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=9)
     parser.add_argument("--before", type=Path, help="checkout of an earlier version, built")
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "speed.csv")
-    args = parser.parse_args()
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "speed.csv")
+    return parser
+
+
+def main() -> None:
+    args = arguments().parse_args()
     fewer = max(3, args.repetitions // 2)
     parts = [
         lambda: core_rows(args.repetitions),
@@ -229,7 +234,7 @@ def main() -> None:
         for name, value, unit in part():
             print(f"{name:55s} {value:10.2f} {unit}", flush=True)
             rows.append({"what": name, "value": round(value, 3), "unit": unit})
-    args.out.parent.mkdir(exist_ok=True)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(rows).assign(
         command=f"benchmarks/run.py --repetitions {args.repetitions}",
         seed=1,

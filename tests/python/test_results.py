@@ -1,5 +1,6 @@
 """Tables of results: what no measurement can say is refused with file, row and column."""
 
+import importlib
 import re
 from pathlib import Path
 
@@ -96,3 +97,14 @@ def test_words_stay_words_and_numbers_numbers(tmp_path: Path) -> None:
     assert table.lidar.fillna("").to_list() == names
     assert table.lidar.isna().sum() == 1
     assert table.ap.to_list() == list(range(7))
+
+
+def test_a_measurement_replaces_no_recorded_result_unless_it_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """`make bench` calls it without options."""
+    monkeypatch.syspath_prepend(RESULTS.parent / "benchmarks")
+    arguments = importlib.import_module("run").arguments()
+    assert arguments.parse_args([]).out == RESULTS.parent / "out/speed.csv"
+    recipe = (RESULTS.parent / "Makefile").read_text().split("\nbench:")[1].split("\n\n")[0]
+    assert recipe.endswith("benchmarks/run.py")
