@@ -9,7 +9,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Takes trajectories of others into a site: SUMO's floating car data (.xml, .gz), a .csv "
         "of boxes, or the folder of a LiDAR with labels. Resampled to 10 Hz, gaps up to 1 s "
         "filled, smoothed where they jump; without ids boxes are linked. The scene's duration_s "
-        "becomes the time that they fill."
+        "becomes the time that they fill. Floating car data in longitude and latitude are "
+        "recognised, and projected as the site's map."
     )
     parser.epilog = (
         "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
@@ -19,7 +20,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
     add("--columns", type=_pairs, default={}, metavar="x=NAME,...", help="a CSV's own names")
-    add("--class-of", type=_pairs, default={}, metavar="NAME=Car,...", help="its own classes")
+    add(
+        "--class-of",
+        type=_classes,
+        default={},
+        metavar="NAME=Car,...",
+        help="its own classes; =Car: of those without one",
+    )
     add("--rate-hz", type=float, help="frames a second: time is the column `frame`")
     add("--world", action="store_true", help="positions are the site's, not those of its map")
     add("--degrees", action="store_true", help="a CSV's headings are in degrees")
@@ -40,9 +47,12 @@ def run(args: argparse.Namespace) -> int:
     if not args.out.is_dir():
         raise FileNotFoundError(f"{args.out}: found no folder, allowed that of a site")
     offset = np.zeros(3) if args.world else site_folder.offset(args.out)
+    has_scene = (args.out / site_folder.SCENE).exists()
     try:
-        if args.file.suffix in (".xml", ".gz"):
-            imported = import_fcd(fcd.read_fcd(args.file), args.class_of, offset)
+        if args.file.suffix.lower() in (".xml", ".gz"):
+            projection = site_folder.projection(args.out)
+            recorded = fcd.read_fcd(args.file)
+            imported = import_fcd(recorded, args.class_of, offset, projection, has_site=has_scene)
         elif args.file.is_dir():
             imported = import_boxes(recorded_boxes.read_frames(args.file), np.zeros(3))
         else:
@@ -53,12 +63,25 @@ def run(args: argparse.Namespace) -> int:
         named = text if text.startswith(str(args.file)) else f"{args.file}: {text}"
         raise FormatError(named) from error
     write_trajectories(args.out / NAME, imported.tracks)
-    has_scene = (args.out / site_folder.SCENE).exists()
     if has_scene:
         site_folder.set_duration(args.out, lasts_s(imported.tracks))
     feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
     print(*report_lines(args.out / NAME, imported.tracks, feet, imported.notes), sep="\n")
     return 0
+
+
+def _classes(text: str) -> dict[str, str]:
+    """As _pairs; the first name may be empty, and may hold a `=`. The second is one of ours."""
+    from pyinfra.site.tracks import CLASSES
+
+    pairs = dict(part.rpartition("=")[::2] for part in text.split(",") if "=" in part)
+    wrong = sorted(set(pairs.values()) - set(CLASSES))
+    if wrong or len(pairs) != len(text.split(",")):
+        got = wrong[0] if wrong else text
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=CLASS,... with CLASS of {', '.join(CLASSES)}, got '{got[:60]}'"
+        )
+    return pairs
 
 
 def _pairs(text: str) -> dict[str, str]:

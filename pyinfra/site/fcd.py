@@ -20,32 +20,42 @@ MOST_OBJECTS = 100_000  # of a file
 
 @dataclass(frozen=True)
 class Recorded:
-    """An object's rows as they stand in a file. rows: (n, 5) t, x, y, z, heading (rad)."""
+    """An object's rows as they stand in a file.
+
+    rows: (n, 5) t, x, y, z, heading (rad), which is NaN where the file has no angle; speeds: (n,)
+    m/s, NaN where it has none; kind: vehicle or person.
+    """
 
     name: str
     type_name: str
     rows: FloatArray
+    speeds: FloatArray
+    kind: str = "vehicle"
 
 
 def read_fcd(file: Path) -> list[Recorded]:
     """All objects in the order of their first row. Raises FormatError, OSError."""
-    rows: dict[str, list[tuple[float, ...]]] = {}
-    types: dict[str, str] = {}
+    rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # by kind and id
+    types: dict[tuple[str, str], str] = {}
     try:
         with _opened(file) as stream:
             for t, element in _objects(stream, lambda why: _refusal(file, why)):
                 name = element.get("id", "")
-                if name not in rows and len(rows) == MOST_OBJECTS:
+                key = element.tag, name
+                if key not in rows and len(rows) == MOST_OBJECTS:
                     raise _refusal(file, f"found more than {MOST_OBJECTS} objects")
-                types.setdefault(name, element.get("type", ""))
-                rows.setdefault(name, []).append((t, *_place(file, t, name, element)))
+                types.setdefault(key, element.get("type", ""))
+                rows.setdefault(key, []).append((t, *_place(file, t, name, element)))
     except ElementTree.ParseError as error:
         raise _refusal(file, f"found broken XML ({error}), allowed SUMO's fcd-export") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise _refusal(file, f"found a broken .gz ({error})") from error
     if not rows:
         raise _refusal(file, "found no vehicle and no person, allowed one or more")
-    return [Recorded(name, types[name], np.array(values)) for name, values in rows.items()]
+    return [
+        Recorded(key[1], types[key], np.array(values)[:, :5], np.array(values)[:, 5], key[0])
+        for key, values in rows.items()
+    ]
 
 
 def _opened(file: Path) -> BinaryIO:
@@ -78,16 +88,18 @@ def _objects(
 
 def _place(
     file: Path, t: float, name: str, element: ElementTree.Element
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
+    """x, y, z, heading and speed; SUMO writes the last two and z only if it is asked to."""
     if not name:
         raise _refusal(file, f"time {t:g}: found a <{element.tag}> without id")
-    x, y, angle = (_number(element.get(key)) for key in ("x", "y", "angle"))
-    z = _number(element.get("z", "0"))
+    x, y = (_number(element.get(key)) for key in ("x", "y"))
+    z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
     for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):
         if not np.isfinite(value) or abs(value) > 1e7:
             found = element.get(key)
             raise _refusal(file, f"time {t:g}: {name}: {key}: found {found!r}, allowed a number")
-    return x, y, z, np.radians(90 - angle)  # SUMO: clockwise from north
+    heading = np.nan if element.get("angle") is None else np.radians(90 - angle)  # from north
+    return x, y, z, heading, _number(element.get("speed"))
 
 
 def _number(text: str | None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -114,7 +115,7 @@ def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
 def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
     ours = how.classes.get(name, name)
     if ours not in CLASSES:
-        allowed = f"{', '.join(CLASSES)}, or --class-of {name[:40]}=Car"
+        allowed = f"{', '.join(CLASSES)}, or --class-of {shlex.quote(f'{name}=Car')}"
         raise FormatError(f"{file}:{row + 2}: class: found '{name[:40]}', allowed {allowed}")
     return ours
 

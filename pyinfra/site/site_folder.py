@@ -11,8 +11,9 @@ from pyinfra.arrays import FloatArray
 from pyinfra.atomic import write
 from pyinfra.kitti import FormatError
 from pyinfra.kitti.yaml_file import read_keys
+from pyinfra.site.geographic import Projection, network_projection
 
-SCENE, MAP = "site.yaml", "map.yaml"
+SCENE, MAP, NET = "site.yaml", "map.yaml", "map.net.xml"
 
 
 def feet(site: Path) -> FloatArray:
@@ -46,6 +47,12 @@ def offset(site: Path) -> FloatArray:
     if found.shape != (3,) or not np.isfinite(found).all():
         raise FormatError(f"{file}: offset_m: found {value!r}, allowed [x, y, z] in metres")
     return found
+
+
+def projection(site: Path) -> Projection | None:
+    """How degrees become the world's metres, by the site's network. Raises FormatError, OSError."""
+    file = site / NET
+    return network_projection(file) if file.exists() else None
 
 
 def set_duration(site: Path, seconds: float) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import re
+import shlex
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +13,7 @@ import numpy as np
 from pyinfra.arrays import FloatArray
 from pyinfra.kitti import FormatError
 from pyinfra.site.fcd import Recorded
+from pyinfra.site.geographic import Motion, Projection, about, check_place, in_degrees
 from pyinfra.site.recorded_boxes import BoxTrack
 from pyinfra.site.smoothing import smooth, unsmoothed, within_limits
 from pyinfra.site.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
@@ -20,14 +24,21 @@ _SHORTEST_S = 1.0
 _SAME_SIZE_M = 0.05
 _LONGEST_S = 7200.0
 
-# SUMO's own types, and its classes.
+_MOVED_M = 0.5  # of a bumper whose heading is that of its way
+
+# SUMO's own types, its classes and ours; of those that have none of ours the one of their size.
 _SUMO_TYPES = {
     **{name: name for name in CLASSES},
     **{row.sumo_class: name for name, row in CLASSES.items()},
     "DEFAULT_VEHTYPE": "Car",
     "DEFAULT_PEDTYPE": "Pedestrian",
     "DEFAULT_BIKETYPE": "Cyclist",
+    "DEFAULT_TAXITYPE": "Car",
+    **dict.fromkeys("private taxi emergency authority army vip hov evehicle".split(), "Car"),
+    **{"coach": "Bus", "trailer": "Truck", "moped": "Motorcycle"},
 }
+_BY_LOWER_CASE = {name.lower(): ours for name, ours in _SUMO_TYPES.items()}
+_WITHOUT_TYPE = {"vehicle": "Car", "person": "Pedestrian"}
 
 
 @dataclass
@@ -39,29 +50,116 @@ class ImportedTracks:
 
 
 def import_fcd(
-    objects: list[Recorded], classes: dict[str, str], offset_m: FloatArray
+    objects: list[Recorded],
+    classes: dict[str, str],
+    offset_m: FloatArray,
+    projection: Projection | None = None,
+    *,
+    has_site: bool = False,
 ) -> ImportedTracks:
     """SUMO's front bumpers; sizes are the means of their classes.
 
     classes: SUMO's types to ours, past those that say it themselves; offset_m: (3,), taken from
-    the file's coordinates. Raises FormatError for a type without a class.
+    the file's coordinates; projection: of the site, for longitude and latitude. Without a site
+    these are metres from their middle. Raises FormatError for a type without a class.
     """
     out = ImportedTracks()
     start = min(float(o.rows[0, 0]) for o in objects)
     _check_length(start, max(float(o.rows[-1, 0]) for o in objects))
+    of_type = _classes(objects, classes, out)
+    to_metres = _to_metres(objects, offset_m, projection, has_site, out)
     for o in objects:
-        found = classes.get(o.type_name) or _SUMO_TYPES.get(o.type_name)
-        if found not in CLASSES:
-            raise FormatError(
-                f"object '{o.name[:40]}': found type '{o.type_name[:40]}', allowed "
-                f"{', '.join(_SUMO_TYPES)}, or --class-of {o.type_name[:40]}=Car"
-            )
-        size = np.array(CLASSES[found].mean_m)
-        places = np.column_stack([o.rows[:, 1:4] - offset_m, o.rows[:, 4]])
+        object_class = of_type[o.kind, o.type_name]
+        size = np.array(CLASSES[object_class].mean_m)
+        places = np.column_stack([to_metres(o.rows[:, 1:4]), o.rows[:, 4]])
         for first, piece in _pieces(o.name, o.rows[:, 0] - start, places, out):
-            path = FrontPath(o.name, found, size, first, piece[:, :3], piece[:, 3])
+            heading = piece[:, 3]
+            if not np.isfinite(heading).all():
+                if object_class != "Pedestrian" and not _moves(piece):
+                    out.notes.append(f"{o.name}: left out: it has no angle and never moves")
+                    continue
+                heading = _headings(piece)
+            path = FrontPath(o.name, object_class, size, first, piece[:, :3], heading)
             _take(path, smooth(path), out)
     return _from_zero(out)
+
+
+def _classes(
+    objects: list[Recorded], classes: dict[str, str], out: ImportedTracks
+) -> dict[tuple[str, str], str]:
+    """Our class of each kind and type; what was guessed is a note. Raises FormatError."""
+    found: dict[tuple[str, str], str] = {}
+    unknown: dict[str, str] = {}
+    for o in objects:
+        if (o.kind, o.type_name) in found:
+            continue
+        ours = classes.get(o.type_name) or _SUMO_TYPES.get(o.type_name)
+        if ours is None and (ours := _guessed_class(o)):
+            of = f"type '{o.type_name}'" if o.type_name else f"{o.kind}s without a type"
+            out.notes.append(f"{of}: taken as {ours}")
+        if ours not in CLASSES:
+            unknown.setdefault(o.type_name, o.name)
+        found[o.kind, o.type_name] = ours or ""
+    if unknown:
+        hint = shlex.quote(",".join(f"{name}=Car" for name in unknown))
+        first, name = next(iter(unknown.items()))
+        raise FormatError(
+            f"object '{name[:40]}': found type '{first[:40]}', allowed {', '.join(_SUMO_TYPES)}, "
+            f"or --class-of {hint}"
+        )
+    return found
+
+
+def _guessed_class(o: Recorded) -> str | None:
+    """By the type's name in other letters, or its last word, as in `veh_passenger`."""
+    if not o.type_name:
+        return _WITHOUT_TYPE[o.kind]
+    words = re.split(r"[^a-z0-9]+", o.type_name.lower())
+    return _BY_LOWER_CASE.get(o.type_name.lower()) or _BY_LOWER_CASE.get(words[-1])
+
+
+def _to_metres(
+    objects: list[Recorded],
+    offset_m: FloatArray,
+    projection: Projection | None,
+    has_site: bool,
+    out: ImportedTracks,
+) -> Callable[[FloatArray], FloatArray]:
+    """What turns the file's places (n, 3) into the site's. Raises FormatError."""
+    motions = [Motion(o.rows[:, 0], o.rows[:, 1:3], o.speeds) for o in objects]
+    if not in_degrees(motions, projection):
+        return lambda places: np.asarray(places - offset_m)
+    lon_lat = np.concatenate([o.rows[:, 1:3] for o in objects])
+    if projection is not None:
+        check_place(lon_lat, projection)
+        out.notes.append("positions were longitude and latitude: projected as the site's map")
+    elif has_site:
+        raise FormatError(
+            "x, y: expected metres, got longitude and latitude, and the site's map has no "
+            "projection: write the file without --fcd-output.geo"
+        )
+    else:
+        projection = about(lon_lat)
+        lon, lat = projection.centre
+        out.notes.append(f"positions were longitude and latitude: metres from {lon:g} {lat:g}")
+    known = projection
+    return lambda places: np.column_stack([known.metres(places[:, :2]), places[:, 2]])
+
+
+def _moves(places: FloatArray) -> bool:
+    return bool(np.hypot(*(places[:, :2] - places[0, :2]).T).max() >= _MOVED_M)
+
+
+def _headings(places: FloatArray) -> FloatArray:
+    """(n,) rad, the direction of the way at each of (n, 4) places; 0 for who never moves."""
+    heading = np.zeros(len(places))
+    i = 0
+    for k in range(1, len(places)):
+        step = places[k, :2] - places[i, :2]
+        if math.hypot(*step) >= _MOVED_M:
+            heading[i:k] = heading[k:] = math.atan2(step[1], step[0])
+            i = k
+    return np.unwrap(heading)
 
 
 def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTracks:
@@ -69,6 +167,9 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
     out = ImportedTracks()
     start = min(float(o.times[0]) for o in objects)
     _check_length(start, max(float(o.times[-1]) for o in objects))
+    without = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
+    if in_degrees(without, None):
+        raise FormatError("x, y: expected metres, got longitude and latitude by how little changes")
     for o in objects:
         size = np.median(o.boxes[:, 3:6], axis=0)
         apart = float(np.abs(o.boxes[:, 3:6] - size).max())

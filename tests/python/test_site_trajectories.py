@@ -1,6 +1,7 @@
 """Trajectories of others as traffic of a site, and what is wrong with them."""
 
 import gzip
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 import traffic_data as data
 
 from pyinfra import cli
+from pyinfra.arrays import FloatArray
 from pyinfra.kitti import Labels, frame_file, write_labels
 from pyinfra.site.box_links import link
+from pyinfra.site.openstreetmap import transverse_mercator
 
 GOOD = data.csv(data.drive())
 FCD = data.fcd(data.drive())
@@ -61,6 +64,146 @@ def test_positions_are_those_of_the_map_unless_said_otherwise(site: Path) -> Non
         of_map, of_site = imported(site, site / name), imported(site, site / name, "--world")
         for axis, metres in (("x", 100), ("y", -20), ("z", 5)):
             np.testing.assert_allclose(of_site[axis] - of_map[axis], metres, atol=2e-4)
+
+
+LON, LAT = 11.57, 48.14
+METRES_A_DEGREE = (74_423, 111_193)  # at LAT
+
+
+def degrees(rows: FloatArray, digits: int = 6) -> str:
+    """The vehicle of `rows` as SUMO writes it with --fcd-output.geo."""
+    text = data.fcd(rows)
+    for axis, start, metres in (("x", LON, METRES_A_DEGREE[0]), ("y", LAT, METRES_A_DEGREE[1])):
+        text = re.sub(
+            rf' {axis}="([^"]+)"',
+            lambda m, a=axis, b=start, c=metres: f' {a}="{b + float(m[1]) / c:.{digits}f}"',
+            text,
+        )
+    return text
+
+
+NET = (
+    '<net><location netOffset="{}" convBoundary="0,0,9,9" origBoundary="0,0,9,9" '
+    'projParameter="{}"/></net>'
+)
+
+
+def utm_offset() -> str:
+    """The offset that puts LON, LAT at 0, 0, by the series for short distances from 9 degrees."""
+    x, y = (transverse_mercator(np.array([LON, LAT]), (9.0, 0.0))[0] * 0.9996).tolist()
+    return f"{-x - 5e5!r},{-y!r}"
+
+
+@pytest.mark.parametrize("speeds", [True, False])
+@pytest.mark.parametrize("net", ["none", "tmerc", "utm"])
+def test_degrees_of_a_site_are_its_metres(site: Path, net: str, speeds: bool) -> None:
+    text = degrees(data.drive())
+    (site / "fcd.xml").write_text(text if speeds else text.replace(' speed="10"', ""))
+    (site / "map.yaml").write_text("offset_m: [100, -20, 5]\n")
+    if net == "none":
+        (site / "site.yaml").unlink()
+    else:
+        tmerc = f"+proj=tmerc +lat_0={LAT} +lon_0={LON} +k=1 +ellps=WGS84 +units=m +no_defs"
+        utm = "+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
+        chosen = {"tmerc": ("0,0", tmerc), "utm": (utm_offset(), utm)}[net]
+        (site / "map.net.xml").write_text(NET.format(*chosen))
+    table = imported(site, site / "fcd.xml")
+    start = -40 if net == "none" else 0  # without a site 0 is the middle of the way
+    convergence = 0.0335 if net == "utm" else 0.0  # rad, of the zone's grid to north, here
+    np.testing.assert_allclose(table["x"], start + 10 * table["t"] - 4.53 / 2, atol=0.2)
+    np.testing.assert_allclose(table["y"], convergence * (table["x"] - start), atol=0.3)
+
+
+def test_degrees_are_refused_where_nothing_says_the_place(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (site / "fcd.xml").write_text(degrees(data.drive()))
+    rows = data.drive()
+    rows[:, 1:3] = (LON, LAT) + rows[:, 1:3] / METRES_A_DEGREE
+    (site / "boxes.csv").write_text(
+        data.HEADER + "".join(f"{t},a,Car,{x:.7f},{y:.7f},1,0,4,2,1.5\n" for t, x, y, _ in rows)
+    )
+    far = NET.format("0,0", "+proj=tmerc +lat_0=40 +lon_0=11 +ellps=WGS84")
+    unknown = NET.format("0,0", "+proj=lcc +lat_1=40 +lat_2=44 +lon_0=11 +ellps=WGS84")
+    for name, net in (
+        ("fcd.xml", NET.format("0,0", "!")),
+        ("fcd.xml", far),
+        ("fcd.xml", unknown),
+        ("boxes.csv", far),
+    ):
+        (site / "map.net.xml").write_text(net)
+        assert cli.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
+        assert not (site / "trajectories.csv").exists()
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_standing_and_slow_metres_near_the_origin_stay_metres(site: Path) -> None:
+    """All of them may be longitude and latitude; who stands does not move in either unit."""
+    tmerc = f"+proj=tmerc +lat_0={LAT} +lon_0={LON} +k=1 +ellps=WGS84"
+    (site / "map.net.xml").write_text(NET.format("0,0", tmerc))
+    for speed in (0, 0.5):
+        (site / "fcd.xml").write_text(data.fcd(data.drive(speed_m_s=speed)))
+        table = imported(site, site / "fcd.xml")
+        assert table["x"].iloc[-1] == pytest.approx(8 * speed - 4.53 / 2, abs=0.01)
+        text = data.fcd(data.drive(speed_m_s=speed)).replace('speed="10"', f'speed="{speed}"')
+        (site / "fcd.xml").write_text(text)
+        assert imported(site, site / "fcd.xml")["x"].iloc[-1] == table["x"].iloc[-1]
+
+
+def test_a_queue_in_degrees_stands_beside_its_site(site: Path) -> None:
+    tmerc = f"+proj=tmerc +lat_0={LAT} +lon_0={LON} +k=1 +ellps=WGS84"
+    (site / "map.net.xml").write_text(NET.format("0,0", tmerc))
+    rows = data.drive(speed_m_s=0) + np.array([0, 30, 40, 0])
+    (site / "fcd.xml").write_text(degrees(rows).replace('speed="10"', 'speed="0"'))
+    table = imported(site, site / "fcd.xml")
+    np.testing.assert_allclose(table[["x", "y"]].to_numpy()[0], (30 - 4.53 / 2, 40), atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "taken"),
+    [
+        ("", [], "Car"),
+        ("", ["--class-of", "=Van"], "Van"),
+        ("Car", [], "Car"),
+        ("coach", [], "Bus"),
+        ("BUS", [], "Bus"),
+        ("truck_truck", [], "Truck"),
+        ("a=b", ["--class-of", "a=b=Bus"], "Bus"),
+    ],
+)
+def test_types_and_none_are_classes(site: Path, kind: str, words: list[str], taken: str) -> None:
+    text = data.fcd(data.drive(), kind)
+    (site / "fcd.xml").write_text(text if kind else text.replace(' type=""', ""))
+    assert set(imported(site, site / "fcd.xml", *words)["class"]) == {taken}
+
+
+def test_a_person_without_a_type_walks_and_may_share_an_id(site: Path) -> None:
+    text = data.fcd(data.drive(speed_m_s=1)).replace(' type="passenger"', "")
+    person = re.sub(r"<vehicle(.*?)/>", r"<vehicle\1/><person\1/>", text)
+    person = re.sub(r'(<person[^>]* y=)"[^"]*"', r'\1"9"', person)
+    (site / "fcd.xml").write_text(person)
+    table = imported(site, site / "fcd.xml")
+    assert sorted(set(table["class"])) == ["Car", "Pedestrian"]
+
+
+def test_without_angles_vehicles_look_where_they_drive(
+    site: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = data.drive()
+    rows[:, 1:3] = rows[:, 1:2] * (-0.6, 0.8)
+    rows[:20, 1:3] = rows[20, 1:3]  # stands first
+    text = re.sub(r' angle="[^"]*"', "", data.fcd(rows))
+    still = '<vehicle id="b" x="30" y="9" type="passenger"/></timestep>'
+    (site / "fcd.xml").write_text(text.replace("</timestep>", still))
+    table = imported(site, site / "fcd.xml")
+    np.testing.assert_allclose(table["heading"], np.arctan2(0.8, -0.6), atol=0.02)
+    assert "b: left out: it has no angle and never moves" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", ["Car", "a=Lorry", "=", "a=Car,b"])
+def test_a_class_that_is_none_of_ours_is_refused(site: Path, words: str) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["site", "trajectories", "a.xml", "--out", str(site), "--class-of", words])
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -144,7 +287,9 @@ BROKEN_XML = {
     "time": (FCD.replace('"0.20"', '"0.05"'), "allowed times that rise"),
     "clock": (FCD.replace('"0.20"', '"nan"'), "allowed seconds"),
     "place": (FCD.replace('x="2.0000"', 'x="nan"'), "time 0.2: a: x: found 'nan'"),
-    "no angle": (FCD.replace("angle", "angel"), "angle: found None"),
+    "wrong angle": (FCD.replace('angle="90.00"', 'angle="east"', 1), "angle: found 'east'"),
+    "type in words": (data.fcd(data.drive(), "my tram"), "--class-of 'my tram=Car'"),
+    "a long type": (data.fcd(data.drive(), 60 * "a"), f"--class-of {60 * 'a'}=Car"),
     "no id": (FCD.replace('id="a"', ""), "without id"),
 }
 
