@@ -6,6 +6,9 @@
 PYBIND11_MODULE(_core, m) {
   m.doc() = "Compiled part of pyinfra; use pyinfra.sim.";
   m.def("version", &infrasim::version, "Version of the simulator.");
+  m.def(
+      "frames_version", [] { return infrasim::kFramesVersion; },
+      "Number of its frames: the same number, the same bytes.");
   pybind11::register_exception<infrasim::ConfigError>(m, "ConfigError", PyExc_ValueError);
   pybind11::register_exception<infrasim::IoError>(m, "IoError", PyExc_OSError);
   infrasim::bind_filters(m);

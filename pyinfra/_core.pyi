@@ -6,7 +6,7 @@ import collections.abc
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
+__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'frames_version', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
 class ConfigError(ValueError):
     pass
 class IoError(OSError):
@@ -190,6 +190,10 @@ def ball_query(points: numpy.typing.NDArray[numpy.float32], centres: numpy.typin
 def farthest_points(xyz: numpy.typing.NDArray[numpy.float32], count: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.int64]:
     """
     (count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. Raises ValueError without points.
+    """
+def frames_version() -> int:
+    """
+    Number of its frames: the same number, the same bytes.
     """
 def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | CropPolygon | CropRange | CropFieldOfView | GroundHeight | GroundPlane | GroundMorphological | BackgroundModel]) -> numpy.typing.NDArray[numpy.int32]:
     """

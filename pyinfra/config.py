@@ -24,6 +24,22 @@ NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # that Py
 _MOST_LETTERS = 60  # of a value in a message
 
 
+# What runs and rows of results are told by is made of the keys as version 0.3 named them, so that a
+# key may get another name, or come with a default, and old runs and rows stay what they are. Keys
+# of now, as `key` or `Class.key`, and their names in 0.3, which are read as well:
+RENAMED: dict[str, str] = {}
+# Keys that came later: with their default they are no part of what a run or a row is told by.
+LATER: frozenset[str] = frozenset(
+    (
+        "Learning.rare_windows",
+        "Learning.balance",
+        "Augmentation.shadows",
+        "Augmentation.height_std_m",
+        "Augmentation.level_std_deg",
+    )
+)
+
+
 class ConfigError(ValueError):
     """A wrong configuration: `file:line: key: found, allowed`."""
 
@@ -94,6 +110,31 @@ def as_plain(value: Any) -> Any:
     return value
 
 
+def canonical(value: Any) -> Any:
+    """As `as_plain`, by the keys of version 0.3: what a run or a row of results is told by."""
+    if isinstance(value, (tuple, list)):
+        return [canonical(item) for item in value]
+    if not dataclasses.is_dataclass(value):
+        return value
+    kind = type(value)
+    own = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    default = {f.name: _default(f) for f in dataclasses.fields(value)}
+    return {
+        _name_in_0_3(kind, name): canonical(item)
+        for name, item in own.items()
+        if not (LATER & {name, f"{kind.__name__}.{name}"} and item == default[name])
+    }
+
+
+def _name_in_0_3(kind: type, key: str) -> str:
+    return RENAMED.get(f"{kind.__name__}.{key}", RENAMED.get(key, key))
+
+
+def _default(field: "dataclasses.Field[Any]") -> Any:
+    factory: Any = field.default_factory
+    return field.default if factory is dataclasses.MISSING else factory()
+
+
 def from_plain(plain: object, kind: type[T], name: str) -> T:
     """The inverse of as_plain, checked as a file is; `name` stands for the file in messages."""
     node = compose(yaml.safe_dump(plain))
@@ -131,8 +172,10 @@ def _struct(place: _Place, kind: type[T]) -> T:
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
     places: dict[str, _Place] = {}
+    now = {_name_in_0_3(kind, name): name for name in fields}
     for key_node, node in place.node.value:
         key = _shown(key_node).strip("'")
+        key = now.get(key, key)
         here = place.at(key, node)
         if key not in fields:
             here.fail(f"found an unknown key, allowed {', '.join(fields)}")

@@ -17,7 +17,7 @@ from pyinfra.benchmark.matrix import Cell, Plan
 from pyinfra.benchmark.measure import SETTINGS
 from pyinfra.benchmark.pool import Say, silent
 from pyinfra.benchmark.value import KEY
-from pyinfra.config import ConfigError, as_plain
+from pyinfra.config import ConfigError, canonical
 from pyinfra.evaluation.ground_truth import Set
 from pyinfra.training.detect import model_file
 from pyinfra.training.recipe import Recipe, read_recipe
@@ -25,11 +25,6 @@ from pyinfra.training.recipe import Recipe, read_recipe
 SHOWN = 5  # cells that a message names
 # What version 0.3 measured: those added since change none of its figures.
 FIRST_TRUTHS: tuple[Set, ...] = ("captured", "common", "all")
-# Keys of recipes that version 0.3 had not, with the values that change nothing: rows stay the same.
-LATER = {
-    "learning": {"rare_windows": 0.0, "balance": 0.0},
-    "augmentation": {"shadows": False, "height_std_m": 0.0, "level_std_deg": 0.0},
-}
 
 
 def recipe_digest(recipe: Recipe) -> str:
@@ -37,11 +32,7 @@ def recipe_digest(recipe: Recipe) -> str:
 
     Raises FileNotFoundError for a recipe that starts with a network that is not there.
     """
-    plain = [as_plain(recipe), as_plain(replace(SETTINGS, ground_truths=FIRST_TRUTHS))]
-    for part, keys in LATER.items():
-        for key, standard in keys.items():
-            if plain[0][part][key] == standard:
-                del plain[0][part][key]
+    plain = [canonical(recipe), canonical(replace(SETTINGS, ground_truths=FIRST_TRUTHS))]
     start = plain[0]["learning"].pop("start")
     if start:  # else as the rows of earlier versions
         plain.append(hashlib.sha256(model_file(Path(start)).read_bytes()).hexdigest())

@@ -24,12 +24,21 @@ PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)
 PRICE_TEXT = ["price_source", "price_date"]
 FRAMES_OF = ["scene", "preset", "lidar"]
+FIRST_NUMBER = "frames_version: 3\n"  # of 0.3, whose digests are without it
 
 
 @cache
-def resolved(file: Path, preset: str = "") -> str:
+def resolved(file: Path, preset: str = "", *words: str) -> str:
     """A scene, or a LiDAR under a preset, as the simulator writes it. Raises SimulatorError."""
-    return infrasim("check", file, *(["--preset", preset] if preset else []))
+    return infrasim("check", file, *(["--preset", preset] if preset else []), *words)
+
+
+def canonical(file: Path, preset: str) -> str:
+    """The same by the keys of version 0.3, with the number of a scene's frames.
+
+    Whatever a later version calls a key, this stays. Raises SimulatorError.
+    """
+    return resolved(file, preset, "--canonical").removesuffix(FIRST_NUMBER)
 
 
 def price_of(lidar: Path, preset: str) -> dict[str, Any]:
@@ -68,8 +77,8 @@ def check_name(file: Path, text: str) -> None:
 def digests(plan: Plan) -> pd.DataFrame:
     """Columns scene, preset, lidar and `inputs`: a digest of what the frames depend on.
 
-    That is the scene with the files that it names, the LiDAR without its price, the range of frames
-    and how it is split.
+    That is the scene with the files that it names, the LiDAR without its price, the number and the
+    range of the frames and how they are split.
     """
     keys = dict.fromkeys((cell.scene, cell.preset, cell.lidar) for cell in plan.cells)
     return pd.DataFrame(
@@ -79,8 +88,8 @@ def digests(plan: Plan) -> pd.DataFrame:
 
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     file = plan.files["scenes", scene]
-    world = resolved(file, preset)
-    unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset))
+    world = canonical(file, preset)
+    unit = PRICE.sub("", canonical(plan.files["lidars", lidar], preset))
     found = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
     for named in named_files(yaml.safe_load(world)):
         found.update((file.parent / named).read_bytes())
@@ -88,7 +97,7 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
 
 
 def named_files(scene: dict[str, Any]) -> list[str]:
-    """What a scene reads besides itself, relative to its file."""
+    """What a scene reads besides itself, relative to its file; by canonical keys."""
     layers = [layer for _, layer in sorted(scene.get("static_layers", {}).items())]
     surfaces = [mesh["file"] for mesh in scene.get("meshes", [])]
     names = [scene.get("trajectories"), *layers, scene.get("lanes"), *surfaces]

@@ -18,6 +18,7 @@ WORDS = frozenset(
         "label_time road set quality aggregation detail source what claim statement verdict "
         "dominated_by pareto model "
         "price_source price_date inputs recipe findings reason command commit version "
+        "frames_version "
         "latency_version latency_machine machine"
     ).split()
 )

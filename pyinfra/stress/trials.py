@@ -18,7 +18,7 @@ from pyinfra.detectors import Detector
 from pyinfra.evaluation.ground_truth import read_ground_truth
 from pyinfra.kitti import VEHICLE_TYPES
 from pyinfra.kitti.csv_table import WORDS, read_csv
-from pyinfra.stress import lidar, score, worlds
+from pyinfra.stress import score, worlds
 from pyinfra.stress.catalogue import NONE, OWN, Dial, Stressor
 from pyinfra.stress.worlds import Base
 from pyinfra.training.detect import detect, detector_at, model_file
@@ -141,9 +141,8 @@ def key_of(trial: Trial, base: Base, seed: int) -> dict[str, str]:
 
 def inputs_of(trial: Trial, base: Base) -> str:
     """A digest of what a row depends on beside its key: models, frames, scene and LiDAR."""
-    parts = [trial.reference.digest, trial.run.digest, str(base.frames), str(base.scene)]
-    text = (base.folder / lidar.FILE).read_text("utf-8")
-    return hashlib.sha256("\n".join([*parts, text]).encode()).hexdigest()[:16]
+    parts = [trial.reference.digest, trial.run.digest, str(base.frames), base.identity]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 
 def row_of(

@@ -8,6 +8,7 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,12 @@ from pyinfra import kitti
 from pyinfra.atomic import held, replacing
 from pyinfra.data.frames import check_no_data_set, frame_numbers
 from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
+from pyinfra.simulator.runs import SimulatorError, infrasim
 from pyinfra.stress import lidar
 
-NOT_OF_THE_SCENE = ("surfaces", "preset", "version")  # keys that a run adds to its scene
+# Keys that a run adds to its scene.
+NOT_OF_THE_SCENE = ("surfaces", "preset", "version", "frames_version")
+FIRST_NUMBER = 3  # of the frames of 0.3, whose digests are without it
 PHASES = 16  # angles that are drawn: a bundle of more spinning units has some twice
 SCENE = "scene.yaml"
 
@@ -49,6 +52,11 @@ class Base:
     def mounts(self) -> dict[str, dict[str, Any]]:
         """By name; several of a fused data set, none if they are not known."""
         return dict(self.scene.get("mounts", {}))
+
+    @cached_property
+    def identity(self) -> str:
+        """What the frames are told by: scene and LiDAR, by the keys of version 0.3."""
+        return _identity(self)
 
     @property
     def is_fused(self) -> bool:
@@ -83,13 +91,18 @@ def read_base(folder: Path, most: int) -> Base:
     if not frames:
         raise ValueError(f"{folder}: found no test frame, allowed one or more")
     description = folder.parent / "dataset.yaml"
-    scene = kitti.read_keys(description) if description.is_file() else {}
-    scene = {key: value for key, value in scene.items() if key not in NOT_OF_THE_SCENE}
+    scene = _scene(kitti.read_keys(description), folder) if description.is_file() else {}
+    step = math.ceil(len(frames) / most)
+    return Base(folder, kitti.read_lidar(folder), scene, tuple(frames[::step]))
+
+
+def _scene(keys: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """That of a `dataset.yaml`, to be simulated again."""
+    scene = {key: value for key, value in keys.items() if key not in NOT_OF_THE_SCENE}
     if scene.get("trajectories"):  # relative to a scene file that is elsewhere; a run copies them
         scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
         _tell_from_first(scene["mounts"])
-    step = math.ceil(len(frames) / most)
-    return Base(folder, kitti.read_lidar(folder), scene, tuple(frames[::step]))
+    return scene
 
 
 def _tell_from_first(mounts: dict[str, dict[str, Any]]) -> None:
@@ -99,6 +112,18 @@ def _tell_from_first(mounts: dict[str, dict[str, Any]]) -> None:
         late_s = mount.pop("clock_offset_s", 0) - first_s
         if late_s:
             mount["clock_offset_s"] = late_s
+
+
+def _identity(base: Base) -> str:
+    description, lidar_yaml = base.folder.parent / "dataset.yaml", base.folder / lidar.FILE
+    try:
+        keys = yaml.safe_load(infrasim("check", description, "--canonical"))
+        text = infrasim("check", lidar_yaml, "--canonical")
+    except SimulatorError:  # of a recording, or of a simulation whose files were changed
+        return f"{base.scene}\n{lidar_yaml.read_text('utf-8')}"
+    number = keys["frames_version"]
+    later = "" if number == FIRST_NUMBER else f"\nframes_version: {number}"
+    return f"{_scene(keys, base.folder)}\n{text}{later}"
 
 
 def density(base: Base, times: float | str) -> World:

@@ -330,18 +330,18 @@ def test_folder_of_another_preset(
 @pytest.mark.parametrize(
     "file", ["dataset.yaml", "trajectories.csv", "roads.csv", "helios_16/lidar.yaml"]
 )
-def test_folder_whose_files_are_of_another_version_or_source(
+def test_folder_whose_files_are_of_other_frames_or_another_source(
     file: str, finished: Path, infrasim: Infrasim, run_command: Words, digests: Digests
 ) -> None:
     old = (finished / file).read_text()
     lines = old.splitlines(keepends=True)
-    version = next((i for i, line in enumerate(lines) if line.startswith("version")), 3)
-    lines[version] = 'version: "0.0.1"\n'
+    number = next((i for i, line in enumerate(lines) if line.startswith("frames_version")), 3)
+    lines[number] = "frames_version: 0\n"
     (finished / file).write_text("".join(lines))
     before = digests(finished)
     try:
         result = infrasim(*run_command(frames="0:4", out=finished))
-        assert_one_line(result, f"{finished / file}:{version + 1}: ", "another run", '"0.0.1"')
+        assert_one_line(result, f"{finished / file}:", "another run", "frames_version: 0")
         assert digests(finished) == before
     finally:
         (finished / file).write_text(old)

@@ -112,8 +112,9 @@ def test_a_mount_s_data_set_is_that_of_its_own_description(
     """Draws are the mount's own, and `dataset.yaml` says so."""
     left = runs("out", preset="datasheet") / "left"
     keys = yaml.safe_load((left / "dataset.yaml").read_text())
+    of_the_run = ("preset", "version", "frames_version")
     (again := tmp_path / "again.yaml").write_text(
-        yaml.safe_dump({k: v for k, v in keys.items() if k not in ("preset", "version")})
+        yaml.safe_dump({k: v for k, v in keys.items() if k not in of_the_run})
     )
     words = ["--lidar", LIDAR, "--frames", "0:2", "--out", tmp_path / "again"]
     infrasim("run", again, *words, check=True)

@@ -13,8 +13,11 @@
 #include "infrasim/config/key_list.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
+#include "infrasim/core/files.h"
+#include "infrasim/core/version.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/npy.h"
+#include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/mesh_file.h"
 #include "infrasim/sensor/pattern_table.h"
@@ -28,6 +31,7 @@ struct CheckOptions {
   std::optional<std::string> preset;
   std::vector<std::string> assignments;
   bool traffic = false;
+  bool canonical = false;
 };
 
 /// Reads every preset that was not asked for too, and traces every ray.
@@ -74,12 +78,30 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
   return scene;
 }
 
+/// What the frames of a scene or LiDAR are told by, or those of a folder by its dataset.yaml or
+/// lidar.yaml.
+std::string canonical_of(const std::filesystem::path& file, const config::Tree& tree, bool lidar,
+                         const CheckOptions& o) {
+  if (tree.find("T_world_levelled") != nullptr)
+    return lidar_identity(read_file(file), file.string());
+  if (tree.find("version") != nullptr) return data_set_identity(read_file(file), file.string());
+  const std::string preset = o.preset.value_or("datasheet");
+  if (lidar) return canonical_lidar(read_lidar(file, preset));
+  return canonical_scene(read_scene(file, o.assignments, preset)) +
+         "frames_version: " + std::to_string(kFramesVersion) + "\n";
+}
+
 void check_command(const CheckOptions& o) {
   const std::filesystem::path file = config_file(o.file, {"lidars", "scenes"});
   const config::Tree tree = config::read_tree(file);
-  if (tree.find("roads") == nullptr && tree.find("mounts") == nullptr &&
-      (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
-       tree.find("presets") != nullptr)) {
+  const bool lidar = tree.find("roads") == nullptr && tree.find("mounts") == nullptr &&
+                     (tree.find("pattern") != nullptr || tree.find("bundle") != nullptr ||
+                      tree.find("presets") != nullptr);
+  if (o.canonical) {
+    std::fputs(canonical_of(file, tree, lidar, o).c_str(), stdout);
+    return;
+  }
+  if (lidar) {
     if (!o.assignments.empty())
       throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
     if (o.traffic) throw ConfigError("--traffic: found a LiDAR file, allowed for scenes only");
@@ -145,6 +167,9 @@ void add_check_command(CLI::App& app) {
   command->add_option("--preset", o->preset,
                       "preset of the file; else all are read, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
+  command->add_flag("--canonical", o->canonical,
+                    "only read the file, and print its keys by the names of version 0.3 and the "
+                    "number of the frames: what results are told by");
   command->add_flag(
       "--traffic", o->traffic,
       "also look for vehicles in one place: a minute of traffic, or all trajectories");

@@ -66,7 +66,8 @@ int main(int argc, char** argv) {
       "Simulates roadside LiDARs.\nExample: infrasim run highway "
       "--lidar livox_avia --frames 0:10 --out data/highway",
       "infrasim");
-  app.set_version_flag("--version", "infrasim " + std::string(infrasim::version()));
+  app.set_version_flag("--version", "infrasim " + std::string(infrasim::version()) + " (frames " +
+                                        std::to_string(infrasim::kFramesVersion) + ")");
   app.require_subcommand(1);
   infrasim::cli::CommandResult result;
   infrasim::cli::add_run_command(app, result);

@@ -75,12 +75,8 @@ void expect_map(const Tree& tree, const std::string& key) {
 }
 
 std::optional<Tree> take_presets(Tree& tree) {
-  const auto at = std::ranges::find(tree.keys, "presets") - tree.keys.begin();
-  if (at == std::ssize(tree.keys)) return std::nullopt;
-  Tree presets = std::move(tree.items[static_cast<std::size_t>(at)]);
-  tree.keys.erase(tree.keys.begin() + at);
-  tree.items.erase(tree.items.begin() + at);
-  expect_map(presets, "presets");
+  std::optional<Tree> presets = take(tree, "presets");
+  if (presets) expect_map(*presets, "presets");
   return presets;
 }
 
@@ -201,6 +197,57 @@ std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
   for (std::size_t i = 0; i < names.size(); ++i)
     if (tree.kind == Tree::Kind::kScalar && tree.scalar == names[i]) return i;
   fail(tree.place, key, found(tree) + ", allowed " + join(names));
+}
+
+bool ends_as(std::string_view path, std::string_view pattern) {
+  if (pattern.starts_with('.') && std::ranges::count(path, '.') != std::ranges::count(pattern, '.'))
+    return false;
+  while (!pattern.empty()) {
+    const auto step_of = [](std::string_view& text) {
+      const std::size_t dot = text.rfind('.');
+      const std::size_t begin = dot == std::string_view::npos ? 0 : dot + 1;
+      const std::string_view step = text.substr(begin);
+      text = text.substr(0, dot == std::string_view::npos ? 0 : dot);
+      return step;
+    };
+    if (path.empty()) return false;
+    const std::string_view own = step_of(path), wanted = step_of(pattern);
+    if (wanted != "*" && own != wanted) return false;
+  }
+  return true;
+}
+
+Tree with_names_of_now(Tree tree, const CanonicalKeys& canonical, const std::string& path) {
+  if (canonical.renamed.empty()) return tree;
+  for (std::size_t i = 0; i < tree.items.size(); ++i) {
+    const bool named = i < tree.keys.size();
+    if (named)
+      for (const RenamedKey& key : canonical.renamed) {
+        const std::string_view now = key.path.substr(key.path.rfind('.') + 1);
+        if (tree.keys[i] != key.canonical || !ends_as(path + "." + std::string(now), key.path))
+          continue;
+        if (tree.find(now) != nullptr)
+          fail(tree.items[i].place, tree.keys[i],
+               "found beside " + std::string(now) + ", which is its name now, allowed one of them");
+        tree.keys[i] = now;
+      }
+    tree.items[i] = with_names_of_now(std::move(tree.items[i]), canonical,
+                                      named ? path + "." + tree.keys[i] : path);
+  }
+  return tree;
+}
+
+std::string FieldWriter::canonical_name(const std::string& key) const {
+  for (const RenamedKey& renamed : canonical_.renamed)
+    if (ends_as(path_, renamed.path)) return std::string(renamed.canonical);
+  return key;
+}
+
+bool FieldWriter::is_left_out(std::string_view value) const {
+  return std::ranges::any_of(canonical_.later, [&](const LaterKey& key) {
+    return ends_as(path_, key.path) &&
+           value.substr(std::min<std::size_t>(1, value.size())) == key.standard;
+  });
 }
 
 /// True if the word needs no quotes.

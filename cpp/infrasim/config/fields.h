@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "infrasim/config/canonical_keys.h"
 #include "infrasim/config/tree.h"
 #include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
@@ -141,16 +142,17 @@ class FieldReader {
 
 class FieldWriter {
  public:
+  FieldWriter() = default;
+  /// Writes keys by their canonical names, and leaves out those of later versions at their default.
+  explicit FieldWriter(const CanonicalKeys& canonical) : canonical_(canonical) {}
+
   template <class T>
   void field(const char* key, T& value, const char* /*doc*/, Rule = {}) {
-    line(key);
-    write(value);
+    entry(key, value, &FieldWriter::canonical_name);
   }
   template <class T>
   void field(const char* key, std::optional<T>& value, const char* /*doc*/, Rule = {}) {
-    if (!value) return;
-    line(key);
-    write(*value);
+    if (value) entry(key, *value, &FieldWriter::canonical_name);
   }
   void here(const Place&) const {}
   void gone(const char*, const char*) const {}
@@ -159,7 +161,21 @@ class FieldWriter {
   std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }
 
  private:
-  void line(const std::string& key) { text_ += "\n" + std::string(indent_, ' ') + key + ":"; }
+  /// @param name what is written for the key that was entered
+  template <class T>
+  void entry(const std::string& key, T& value,
+             std::string (FieldWriter::*name)(const std::string&) const) {
+    const std::size_t path = path_.size(), before = text_.size();
+    path_ += "." + key;
+    text_ += "\n" + std::string(indent_, ' ') + (this->*name)(key) + ":";
+    const std::size_t written = text_.size();
+    write(value);
+    if (is_left_out(std::string_view(text_).substr(written))) text_.resize(before);
+    path_.resize(path);
+  }
+  std::string canonical_name(const std::string& key) const;
+  std::string quoted_name(const std::string& key) const { return plain(key) ? key : quoted(key); }
+  bool is_left_out(std::string_view value) const;
   void write(double value) { text_ += " " + number_text(value); }
   void write(int value) { text_ += " " + std::to_string(value); }
   void write(std::uint64_t value) { text_ += " " + std::to_string(value); }
@@ -183,9 +199,10 @@ class FieldWriter {
     if (list.empty()) text_ += " []";
     for (T& item : list) {
       if constexpr (Struct<T>) {
-        FieldWriter entry;
-        visit(entry, item);
-        append_entry(entry.text());
+        FieldWriter part(canonical_);
+        part.path_ = path_;
+        visit(part, item);
+        append_entry(part.text());
       } else {
         text_ += "\n" + std::string(indent_ + 2, ' ') + "-";
         write(item);
@@ -204,32 +221,45 @@ class FieldWriter {
   void write_entries(Map& map) {
     if (map.empty()) text_ += " {}";
     indent_ += 2;
-    for (auto& [key, value] : map) {
-      line(plain(key) ? key : quoted(key));
-      write(value);
-    }
+    for (auto& [key, value] : map) entry(key, value, &FieldWriter::quoted_name);
     indent_ -= 2;
   }
   static bool plain(const std::string& key);
   static std::string quoted(const std::string& text);
   void append_entry(const std::string& entry);
 
+  CanonicalKeys canonical_;  ///< empty: keys as they are
+  std::string path_;         ///< of the key that is written, from the top, with a dot before each
   std::string text_;
   std::size_t indent_ = 0;
 };
 
+/// With canonical names of keys replaced by those of now.
+/// @throws ConfigError if a key stands there under both
+Tree with_names_of_now(Tree tree, const CanonicalKeys& canonical, const std::string& path = "");
+
 template <class T>
-T read_struct(const Tree& tree) {
+T read_struct(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys) {
   T value;
-  FieldReader reader(tree, "");
+  const Tree named = with_names_of_now(tree, canonical);
+  FieldReader reader(named, "");
   visit(reader, value);
   reader.finish();
   return value;
 }
 
+/// Every key with its value, as YAML.
 template <class T>
 std::string dump_struct(T value) {
   FieldWriter writer;
+  visit(writer, value);
+  return writer.text() + "\n";
+}
+
+/// The same by the keys of version 0.3: what folders and rows of results are told by.
+template <class T>
+std::string canonical_text(T value, const CanonicalKeys& canonical = kCanonicalKeys) {
+  FieldWriter writer(canonical);
   visit(writer, value);
   return writer.text() + "\n";
 }

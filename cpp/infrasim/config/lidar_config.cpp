@@ -401,7 +401,9 @@ std::vector<std::string> preset_names(const std::filesystem::path& file) {
   return presets == nullptr ? std::vector<std::string>{} : presets->keys;
 }
 
-std::string dump_lidar(const LidarConfig& lidar) {
+namespace {
+
+LidarFile keys_of(const LidarConfig& lidar) {
   LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
   const LidarUnit& first = lidar.units.front();
   const bool alone = lidar.units.size() == 1;
@@ -413,7 +415,19 @@ std::string dump_lidar(const LidarConfig& lidar) {
     for (const LidarUnit& u : lidar.units)
       keys.bundle.push_back({std::nullopt, u.yaw_deg, u.pitch_deg, u.pattern, u.returns});
   }
-  return config::dump_struct(keys);
+  return keys;
+}
+
+}  // namespace
+
+std::string dump_lidar(const LidarConfig& lidar) { return config::dump_struct(keys_of(lidar)); }
+
+std::string canonical_lidar(const LidarConfig& lidar) {
+  return config::canonical_text(keys_of(lidar));
+}
+
+std::string canonical_lidar(const config::Tree& resolved) {
+  return config::canonical_text(config::read_struct<LidarFile>(resolved));
 }
 
 std::string config::list_lidar_keys() { return list_keys<LidarFile>(); }

@@ -13,6 +13,10 @@
 
 namespace infrasim {
 
+namespace config {
+struct Tree;
+}
+
 /// One laser of a spinning sensor.
 struct Channel {
   double elevation_deg = 0;
@@ -160,5 +164,10 @@ std::vector<std::string> preset_names(const std::filesystem::path& file);
 /// Every key with its value as plain YAML, channels as read. That of one unit reads back, turned or
 /// not; that of several has no price.
 std::string dump_lidar(const LidarConfig& lidar);
+
+/// The same by the canonical names of keys: what its frames are told by.
+std::string canonical_lidar(const LidarConfig& lidar);
+/// @param resolved the keys that `dump_lidar` wrote, of this version or an older one
+std::string canonical_lidar(const config::Tree& resolved);
 
 }  // namespace infrasim

@@ -261,6 +261,12 @@ SceneConfig seen_from(const SceneConfig& scene, const std::string& mount) {
 
 std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(scene); }
 
+std::string canonical_scene(const SceneConfig& scene) { return config::canonical_text(scene); }
+
+std::string canonical_scene(const config::Tree& resolved) {
+  return config::canonical_text(config::read_struct<SceneConfig>(resolved));
+}
+
 std::string config::list_scene_keys() { return list_keys<SceneConfig>(); }
 
 }  // namespace infrasim

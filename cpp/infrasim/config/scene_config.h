@@ -406,4 +406,9 @@ SceneConfig parse_scene(const std::string& text, const std::string& name,
 /// Every key with its value, as YAML that reads back to the same scene.
 std::string dump_scene(const SceneConfig& scene);
 
+/// The same by the canonical names of keys: what its frames are told by.
+std::string canonical_scene(const SceneConfig& scene);
+/// @param resolved the keys that `dump_scene` wrote, of this version or an older one
+std::string canonical_scene(const config::Tree& resolved);
+
 }  // namespace infrasim

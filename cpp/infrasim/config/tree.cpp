@@ -129,6 +129,15 @@ const Tree* Tree::find(std::string_view key) const {
   return it == keys.end() ? nullptr : &items[static_cast<std::size_t>(it - keys.begin())];
 }
 
+std::optional<Tree> take(Tree& map, std::string_view key) {
+  const auto at = std::ranges::find(map.keys, key) - map.keys.begin();
+  if (at == std::ssize(map.keys)) return std::nullopt;
+  Tree value = std::move(map.items[static_cast<std::size_t>(at)]);
+  map.keys.erase(map.keys.begin() + at);
+  map.items.erase(map.items.begin() + at);
+  return value;
+}
+
 std::string message(const Place& place, std::string_view key, std::string_view what) {
   std::string text = place.file;
   if (place.line > 0) text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -28,6 +29,9 @@ struct Tree {
 
   const Tree* find(std::string_view key) const;
 };
+
+/// Takes a key and its value out of a map; nothing if it is not there.
+std::optional<Tree> take(Tree& map, std::string_view key);
 
 /// "file:line:col: key: what" as one line.
 std::string message(const Place& place, std::string_view key, std::string_view what);

@@ -10,6 +10,7 @@
 #include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
+#include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/sensor/pattern_table.h"
 
 namespace infrasim {
@@ -37,7 +38,8 @@ std::string run_text(const RunRequest& request, const World& world) {
   SceneConfig scene = request.scene;
   scene.label_time = label_time_of(scene, request.preset);
   return dump_scene(scene) + surfaces_text(world) + "preset: \"" + request.preset +
-         "\"\nversion: \"" + std::string(version()) + "\"\n";
+         "\"\nversion: \"" + std::string(version()) +
+         "\"\nframes_version: " + std::to_string(kFramesVersion) + "\n";
 }
 
 /// Directions and ranges that a unit covers, as one entry of a YAML list.
@@ -122,7 +124,7 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
 void claim_folder(const RunRequest& request, const World& world,
                   const std::vector<std::string>& texts) {
   create_folder(request.out);
-  claim_file(request.out / "dataset.yaml", run_text(request, world));
+  claim_file(request.out / "dataset.yaml", run_text(request, world), data_set_identity);
   claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));
   claim_file(request.out / "roads.csv", world.region.roads_csv());
   if (const std::string regions = world.region.regions_csv(); !regions.empty())
@@ -130,7 +132,7 @@ void claim_folder(const RunRequest& request, const World& world,
   for (std::size_t i = 0; i < texts.size(); ++i) {
     const auto folder = request.out / request.lidars[i].name;
     create_frame_folders(folder, request.scene.point_fields);
-    claim_file(folder / "lidar.yaml", texts[i]);
+    claim_file(folder / "lidar.yaml", texts[i], lidar_identity);
   }
 }
 

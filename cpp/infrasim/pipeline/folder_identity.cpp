@@ -1,0 +1,46 @@
+#include "infrasim/pipeline/folder_identity.h"
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/scene_config.h"
+#include "infrasim/config/tree.h"
+#include "infrasim/core/version.h"
+
+namespace infrasim {
+
+namespace {
+
+/// Of frames by the version of a folder that has no number: 0.1 to 0.3 wrote none.
+std::string frames_version_of(const std::string& version) {
+  for (const std::string number : {"1", "2", "3"})
+    if (version.starts_with("0." + number + ".")) return number;
+  return "unknown, of version " + version;
+}
+
+/// A text that is taken out of a map, as its line; nothing if it is not there.
+std::string taken(config::Tree& map, const std::string& key) {
+  const auto value = config::take(map, key);
+  return value ? key + ": \"" + value->scalar + "\"\n" : "";
+}
+
+}  // namespace
+
+std::string data_set_identity(const std::string& text, const std::string& file) {
+  config::Tree tree = config::parse_tree(text, file);
+  std::string of_run = taken(tree, "surfaces") + taken(tree, "preset");
+  const auto version = config::take(tree, "version");
+  const auto number = config::take(tree, "frames_version");
+  of_run += "frames_version: " +
+            (number ? number->scalar : frames_version_of(version ? version->scalar : "")) + "\n";
+  return canonical_scene(tree) + of_run;
+}
+
+std::string lidar_identity(const std::string& text, const std::string& file) {
+  const std::size_t end = text.find("\npreset: ");  // of the LiDAR's own keys
+  const config::Tree tree = config::parse_tree(text.substr(0, end), file);
+  if (end == std::string::npos ||
+      (tree.find("pattern") == nullptr && tree.find("bundle") == nullptr))
+    return text;  // of several mounts, whose own files have the keys
+  return canonical_lidar(tree) + text.substr(end + 1);
+}
+
+}  // namespace infrasim

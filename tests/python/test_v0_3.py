@@ -1,0 +1,274 @@
+"""A folder, a row of results and a checkpoint of version 0.3 are read, resumed and compared.
+
+tests/data/v0_3 is what 0.3.0 wrote. A release alone, or a key with another name, makes none of it
+"another": that hangs on the number of the frames and on the keys as 0.3 named them.
+"""
+
+import dataclasses
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pyinfra import cli, config
+from pyinfra.benchmark import inputs, store
+from pyinfra.benchmark.cell_inputs import recipe_digest
+from pyinfra.benchmark.matrix import read_plan
+from pyinfra.config import as_plain, canonical, from_plain
+from pyinfra.evaluation import draws
+from pyinfra.evaluation.ground_truth import read_ground_truth
+from pyinfra.kitti import frame_file
+from pyinfra.stress import trials, worlds
+from pyinfra.stress.catalogue import NONE
+from pyinfra.training import detect
+from pyinfra.training.recipe import read_recipe
+
+Infrasim = Callable[..., object]
+V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3"
+DIGESTS = json.loads((V0_3 / "digests.json").read_text())
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A copy, to be changed."""
+    return Path(shutil.copytree(V0_3, tmp_path / "v0_3"))
+
+
+def simulated(old: Path, infrasim: Infrasim, frames: str, *more: object) -> object:
+    lidars = [old / f"inputs/{name}.yaml" for name in ("turning", "rosette")]
+    words = ["run", old / "inputs/site.yaml", "--set", "duration_s=2", "--lidar", *lidars]
+    return infrasim(*words, "--frames", frames, "--out", old / "data", *more)
+
+
+# A folder
+
+
+def test_a_folder_takes_more_frames_and_keeps_its_own(
+    old: Path, infrasim: Infrasim, digests: Callable[[Path], dict[str, str]]
+) -> None:
+    before = digests(old / "data")
+    result = simulated(old, infrasim, "0:20:5")
+    assert result.returncode == 0, result.stderr
+    assert digests(old / "data") == before
+    assert simulated(old, infrasim, "1:3").returncode == 0
+    after = digests(old / "data")
+    assert {name: after[name] for name in before} == before
+    assert "turning/training/velodyne/000002.bin" in after
+
+
+def test_its_frames_are_the_bytes_of_now(
+    old: Path, infrasim: Infrasim, digests: Callable[[Path], dict[str, str]]
+) -> None:
+    before = digests(old / "data")
+    for file in (old / "data").glob("*/training/*/*"):
+        file.unlink()
+    assert simulated(old, infrasim, "0:20:5").returncode == 0
+    assert digests(old / "data") == before
+
+
+def test_a_fused_folder_is_resumed(
+    old: Path, infrasim: Infrasim, digests: Callable[[Path], dict[str, str]]
+) -> None:
+    words = ["run", old / "inputs/two_poles.yaml", "--lidar", old / "inputs/rosette.yaml"]
+    before = digests(old / "fused")
+    result = infrasim(*words, "--frames", "1:2", "--fuse", "--out", old / "fused")
+    assert result.returncode == 0, result.stderr
+    assert digests(old / "fused") == before
+    result = infrasim(*words, "--frames", "0:2", "--fuse", "--out", old / "fused")
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "of_now", "goes_on"),
+    [
+        ('version: "0.3.0"', 'version: "0.3.1"', True),
+        ('version: "0.3.0"', 'version: "4.0.0"\nframes_version: 3', True),
+        ('version: "0.3.0"', 'version: "0.3.0"\nframes_version: 4', False),
+        ('version: "0.3.0"', 'version: "0.2.0"', False),
+        ('version: "0.3.0"', 'version: "4.0.0"', False),
+        ("detail: low", "detail: mid", False),
+    ],
+)
+def test_a_folder_is_another_by_the_number_of_its_frames_and_not_by_the_release(
+    line: str, of_now: str, goes_on: bool, old: Path, infrasim: Infrasim
+) -> None:
+    file = old / "data/dataset.yaml"
+    file.write_text(file.read_text().replace(line, of_now))
+    result = simulated(old, infrasim, "0:20:5")
+    assert result.returncode == (0 if goes_on else 1), result.stderr
+    assert goes_on or f"{file}:" in result.stderr
+
+
+def test_it_is_validated_evaluated_and_stressed(
+    old: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = old / "data/turning", old / "found"
+    assert cli.main(["validate", str(folder)]) == 0
+    run = ["train", str(old / "inputs/untrained.yaml"), "--data", str(folder), "--tier", "smoke"]
+    assert cli.main([*run, "--out", str(old / "model")]) == 0
+    assert cli.main(["detect", str(old / "model"), "--data", str(folder), "--out", str(out)]) == 0
+    words = ["evaluate", "--gt", str(folder), "--pred", str(out), "--out", str(old / "ap")]
+    assert cli.main(words) == 0
+    assert "vehicle" in capsys.readouterr().out
+    assert draws.versions_of(read_ground_truth(folder, [15])) == ("3", "0.3.0")
+    base = worlds.read_base(folder, 10)
+    assert worlds.check(base, worlds.tilt(base, 1.0)) is None
+
+
+# Rows of results
+
+
+def test_a_row_of_results_is_resumed_and_nothing_runs_again(
+    old: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["benchmark", str(old / "inputs/small.yaml"), "--tier", "smoke", "--jobs", "1"]
+    words += ["--out", str(old / "results"), "--work", str(old / "work")]
+    before = (old / "results/smoke.csv").read_bytes()
+    assert cli.main([*words, "--dry-run"]) == 0
+    assert "stale" not in capsys.readouterr().out
+    assert cli.main(words) == 0
+    assert (old / "results/smoke.csv").read_bytes() == before
+    assert not (old / "work/data").exists()
+
+
+def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
+    out = old / "of_now"
+    words = ["benchmark", str(old / "inputs/small.yaml"), "--tier", "smoke", "--jobs", "1"]
+    assert cli.main([*words, "--out", str(out), "--work", str(old / "work")]) == 0
+    rows = {name: store.read(old / name / "smoke_draws.csv") for name in ("results", "of_now")}
+    both = pd.concat(rows.values(), ignore_index=True)  # as in a table that is added to
+    both.to_csv(old / "both.csv", index=False)
+    both = store.read(old / "both.csv")
+    both.loc[both.index >= len(rows["results"]), "version"] = "4.0.0"
+    rest = zip(both.index[: len(rows["results"])], both.index[len(rows["results"]) :], strict=True)
+    for a, b in rest:
+        found = draws.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
+        assert found.value == pytest.approx(0, abs=1e-4)
+        assert abs(found.draws).max() < 0.002
+    other = both.loc[0].copy()
+    other["version"] = "0.2.0"
+    assert not draws.are_pairs(both.loc[0], other)
+    later = both.iloc[-1].copy()
+    later["frames_version"] = "4"
+    assert not draws.are_pairs(both.loc[0], later)
+
+
+def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3() -> None:
+    inputs.resolved.cache_clear()
+    row = store.read(V0_3 / "results/smoke.csv").iloc[0]
+    found = inputs.digests(read_plan(V0_3 / "inputs/small.yaml", "smoke"))
+    assert found.inputs.to_list() == [row.inputs]
+    recipes = {
+        name: read_recipe(V0_3 / f"inputs/{name}.yaml", "smoke") for name in DIGESTS["recipes"]
+    }
+    assert {name: recipe_digest(one) for name, one in recipes.items()} == DIGESTS["recipes"]
+    run = trials.TrainedRun(V0_3 / "run", "pointpillars", 2, 1)
+    base = worlds.read_base(V0_3 / "data/turning", 10)
+    trial = trials.Trial(run, run, NONE, NONE.dials[0])
+    assert trials.inputs_of(trial, base) == DIGESTS["stress"]
+
+
+def test_a_raised_number_of_frames_makes_rows_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = read_plan(V0_3 / "inputs/small.yaml", "smoke")
+    real = inputs.infrasim
+    monkeypatch.setattr(
+        inputs,
+        "infrasim",
+        lambda *words: real(*words).replace("frames_version: 3", "frames_version: 4"),
+    )
+    inputs.resolved.cache_clear()
+    row = store.read(V0_3 / "results/smoke.csv").iloc[0]
+    assert inputs.digests(plan).inputs.item() != row.inputs
+    inputs.resolved.cache_clear()
+
+
+# A checkpoint
+
+
+def test_a_training_goes_on_with_its_optimisers_state(old: Path) -> None:
+    load_file = pytest.importorskip("safetensors.torch").load_file
+    last = old / "run/last.safetensors"
+    before = load_file(last)
+    words = [
+        "train",
+        str(old / "inputs/learner.yaml"),
+        "--tier",
+        "smoke",
+        "--out",
+        str(old / "run"),
+    ]
+    assert cli.main([*words, "--data", str(old / "data/turning")]) == 0
+    after = load_file(last)
+    steps = {key: float(value) for key, value in after.items() if key.endswith(".step")}
+    assert set(steps.values()) == {4.0}
+    assert {float(before[key]) for key in steps} == {2.0}
+    assert after.keys() == before.keys()
+    log = pd.read_csv(old / "run/log.csv")
+    assert log.step.to_list() == [1, 2, 3, 4]
+    assert log.loss[:2].to_list() == pd.read_csv(V0_3 / "run/log.csv").loss.to_list()
+
+
+def test_a_checkpoint_detects_and_so_does_the_shipped_model() -> None:
+    pytest.importorskip("torch")
+    cloud = [frame_file(V0_3 / "data/turning", "velodyne", 15)]
+    for model in (V0_3 / "run", Path("generalist")):
+        found = detect.detector_at(model, V0_3 / "data/turning")
+        assert len(detect.detect(found, cloud, None)[0]) == 1
+
+
+# Keys with another name
+
+
+@dataclass(frozen=True)
+class Part:
+    rate: float = 0.5
+
+
+@dataclass(frozen=True)
+class OfNow:
+    """As `Then` of 0.3, but for a key with another name, and one that came."""
+
+    part: Part = dataclasses.field(default_factory=Part)
+    step: int = 1
+    width_m: float = 2.0
+    late: bool = False
+
+
+@dataclass(frozen=True)
+class Then:
+    part: Part = dataclasses.field(default_factory=Part)
+    steps: int = 1
+    width_m: float = 2.0
+
+
+def test_a_key_with_another_name_keeps_what_a_row_is_told_by(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(config, "RENAMED", {"OfNow.step": "steps"})
+    monkeypatch.setattr(config, "LATER", frozenset({"late"}))
+    then, now = Then(Part(0.25), 7), OfNow(Part(0.25), 7)
+    assert canonical(now) == canonical(then) == as_plain(then)
+    assert as_plain(now) != as_plain(then)
+    assert from_plain(as_plain(then), OfNow, "run.yaml") == now
+    assert from_plain(as_plain(now), OfNow, "run.yaml") == now
+    assert canonical(dataclasses.replace(now, late=True)) != canonical(then)
+    with pytest.raises(config.ConfigError, match="found twice"):
+        from_plain({"step": 1, "steps": 1}, OfNow, "run.yaml")
+
+
+@pytest.mark.parametrize(
+    "file",
+    ["data/dataset.yaml", "data/turning/lidar.yaml", "data/rosette/lidar.yaml",
+     "fused/south/dataset.yaml", "fused/fused/dataset.yaml", "fused/fused/rosette/lidar.yaml"],
+)  # fmt: skip
+def test_a_file_of_0_3_has_the_canonical_names(file: str, infrasim: Infrasim) -> None:
+    text = (V0_3 / file).read_text()
+    result = infrasim("check", V0_3 / file, "--canonical")
+    assert result.stderr == ""
+    own = text.split("\npreset: ")[0] if "dataset" in file else text
+    assert result.stdout.startswith(own)
+    assert result.stdout.endswith("frames_version: 3\n" if "dataset" in file else text[-20:])
