@@ -104,7 +104,7 @@ sanitize:
 	cmake --build --preset sanitize
 	ctest --preset sanitize --no-tests=error
 
-# Each target, and each reader of Python, for FUZZ_SECONDS; the shipped configurations are seeds.
+# Each target, each reader of Python, and the functions of the extension together, for FUZZ_SECONDS; the shipped configurations are seeds.
 fuzz:
 	@scripts/setup.sh build detectors exchange test fuzz
 	cmake --preset fuzz -DCMAKE_CXX_COMPILER=$$(command -v clang++-16 >/dev/null && echo clang++-16 || echo clang++-19)
@@ -115,7 +115,7 @@ fuzz:
 		build/fuzz/tests/fuzz/$$name -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ \
 			build/fuzz/corpus/$$name configs || exit 1; \
 	done
-	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py
+	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py tests/python/test_core_fuzz.py
 
 clean:
 	rm -rf build pyinfra/_core*.so

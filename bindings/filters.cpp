@@ -19,6 +19,8 @@ namespace py = pybind11;
 
 namespace {
 
+constexpr py::ssize_t kMostPoints = py::ssize_t{1} << 28;  // rows are int32, 12 bytes are copied
+
 /// Row-major x y z of an array (n, 3) or more columns, float32.
 /// @throws ConfigError for another shape or type
 std::vector<float> xyz_of(const py::array& points) {
@@ -27,6 +29,9 @@ std::vector<float> xyz_of(const py::array& points) {
     const auto type = py::str(points.dtype()).cast<std::string>();
     throw ConfigError("points: found " + shape + " " + type + ", allowed (n, 3) or (n, 4) float32");
   }
+  if (points.shape(0) > kMostPoints)
+    throw ConfigError("points: expected up to " + std::to_string(kMostPoints) + " rows, got " +
+                      std::to_string(points.shape(0)));
   const auto rows = py::cast<py::array_t<float>>(points).unchecked<2>();
   std::vector<float> xyz;
   xyz.reserve(static_cast<std::size_t>(3 * rows.shape(0)));

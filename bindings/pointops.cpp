@@ -20,18 +20,17 @@ namespace {
 template <typename T>
 using Array = py::array_t<T, py::array::c_style>;
 
-/// Values of an array (n, columns), row-major.
+/// Row-major values of an array of a shape, (n) or (n, columns).
 template <typename T>
-std::span<const T> rows_of(const Array<T>& array, py::ssize_t columns, const char* name) {
-  if (array.ndim() != 2 || array.shape(1) != columns)
-    throw std::invalid_argument(std::string(name) + ": found shape " +
-                                py::str(array.attr("shape")).cast<std::string>() +
-                                ", allowed (n, " + std::to_string(columns) + ")");
-  return {array.data(), static_cast<std::size_t>(array.size())};
-}
-
-template <typename T>
-std::span<const T> values_of(const Array<T>& array) {
+std::span<const T> values_of(const Array<T>& array, const char* name, py::ssize_t columns = 0) {
+  const bool fits =
+      columns == 0 ? array.ndim() == 1 : array.ndim() == 2 && array.shape(1) == columns;
+  if (!fits)
+    throw std::invalid_argument(std::string(name) + ": expected shape (n" +
+                                (columns == 0 ? ")" : ", " + std::to_string(columns) + ")") +
+                                ", got " + py::str(array.attr("shape")).cast<std::string>());
+  if (reinterpret_cast<std::uintptr_t>(array.data()) % alignof(T) != 0)
+    throw std::invalid_argument(std::string(name) + ": expected aligned numbers, got others");
   return {array.data(), static_cast<std::size_t>(array.size())};
 }
 
@@ -50,7 +49,7 @@ Array<T> moved(std::vector<T>&& values) {
 }
 
 Array<std::int64_t> farthest_points(const Array<float>& xyz, std::int64_t count) {
-  const auto points = rows_of(xyz, 3, "xyz");
+  const auto points = values_of(xyz, "xyz", 3);
   std::vector<std::int64_t> rows;
   {
     const py::gil_scoped_release release;
@@ -62,7 +61,7 @@ Array<std::int64_t> farthest_points(const Array<float>& xyz, std::int64_t count)
 std::pair<Array<std::int64_t>, Array<std::uint8_t>> ball_query(const Array<float>& points,
                                                                const Array<float>& centres,
                                                                float radius, std::int64_t limit) {
-  const auto all = rows_of(points, 3, "points"), around = rows_of(centres, 3, "centres");
+  const auto all = values_of(points, "points", 3), around = values_of(centres, "centres", 3);
   pointops::Balls balls;
   {
     const py::gil_scoped_release release;
@@ -78,7 +77,7 @@ Pairs moved(pointops::VoxelPairs&& pairs) {
 }
 
 Pairs shifted_pairs(const Array<std::int64_t>& keys, const std::vector<std::int64_t>& steps) {
-  const auto values = values_of(keys);
+  const auto values = values_of(keys, "keys");
   pointops::VoxelPairs pairs;
   {
     const py::gil_scoped_release release;
@@ -92,7 +91,7 @@ using Triple = std::array<std::int64_t, 3>;
 std::pair<Pairs, Array<std::int64_t>> reached_voxels(const Array<std::int64_t>& coordinates,
                                                      Triple shape, Triple kernel, Triple stride,
                                                      Triple padding, Triple target_shape) {
-  const auto voxels = rows_of(coordinates, 4, "coordinates");
+  const auto voxels = values_of(coordinates, "coordinates", 4);
   pointops::ReachedVoxels reached;
   {
     const py::gil_scoped_release release;
@@ -106,7 +105,7 @@ std::pair<Pairs, Array<std::int64_t>> reached_voxels(const Array<std::int64_t>& 
 }
 
 Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_t limit) {
-  const auto values = rows_of(boxes, 7, "boxes");
+  const auto values = values_of(boxes, "boxes", 7);
   std::vector<std::int64_t> rows;
   {
     const py::gil_scoped_release release;
@@ -120,7 +119,7 @@ Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_
 void bind_pointops(py::module_& m) {
   m.def("farthest_points", &farthest_points, py::arg("xyz").noconvert(), py::arg("count"),
         "(count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. "
-        "Raises ValueError without points.");
+        "Raises ValueError without points and for those that are not finite.");
   m.def(
       "ball_query", &ball_query, py::arg("points").noconvert(), py::arg("centres").noconvert(),
       py::arg("radius"), py::arg("limit"),

@@ -31,6 +31,8 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
 
 std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame,
                                                                       double share) {
+  if (!(share >= 0 && share <= 1))
+    throw ConfigError("share: expected 0 to 1, got " + std::to_string(share));
   const TriangleMesh mesh = frozen_mesh(world, frame, share);
   return {
       py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},

@@ -189,7 +189,7 @@ def ball_query(points: numpy.typing.NDArray[numpy.float32], centres: numpy.typin
     """
 def farthest_points(xyz: numpy.typing.NDArray[numpy.float32], count: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.int64]:
     """
-    (count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. Raises ValueError without points.
+    (count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. Raises ValueError without points and for those that are not finite.
     """
 def frames_version() -> int:
     """

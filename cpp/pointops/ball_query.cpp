@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "pointops/limits.h"
+
 namespace pointops {
 
 namespace {
@@ -75,13 +77,14 @@ class Cells {
 
 Balls ball_query(std::span<const float> points, std::span<const float> centres, float radius,
                  std::int64_t limit) {
-  if (!(radius > 0)) throw std::invalid_argument("radius: allowed above 0");
-  if (limit < 1) throw std::invalid_argument("limit: allowed at least 1");
+  if (!(radius > 0)) throw std::invalid_argument("radius: expected above 0");
+  check_between("limit", limit, 1, kMostResults);
   const auto finite = [](float v) { return std::isfinite(v); };
   if (!std::all_of(points.begin(), points.end(), finite) ||
       !std::all_of(centres.begin(), centres.end(), finite))
     throw std::invalid_argument("points, centres: found a value that is not finite");
   const std::size_t balls = centres.size() / 3, most = static_cast<std::size_t>(limit);
+  checked_product("centres x limit", {static_cast<std::int64_t>(balls), limit}, kMostResults);
   Balls result;
   result.rows.assign(balls * most, 0);
   result.empty.assign(balls, 1);

@@ -15,7 +15,8 @@ struct Balls {
 /// The first `limit` points, by row, closer than the radius to each centre. A ball with fewer is
 /// filled up with its first point.
 /// @param points, centres  3 * n and 3 * m, row-major, metres
-/// @throws std::invalid_argument if the radius or the limit is not positive, or a point not finite
+/// @throws std::invalid_argument if the radius or the limit is not positive, a point not finite, or
+///         the result larger than kMostResults
 Balls ball_query(std::span<const float> points, std::span<const float> centres, float radius,
                  std::int64_t limit);
 

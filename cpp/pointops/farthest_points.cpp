@@ -8,6 +8,8 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "pointops/limits.h"
+
 namespace pointops {
 
 namespace {
@@ -117,7 +119,8 @@ std::size_t farthest_position(const Groups& groups) {
 }  // namespace
 
 std::vector<std::int64_t> farthest_points(std::span<const float> xyz, std::int64_t count) {
-  if (xyz.empty()) throw std::invalid_argument("xyz: found no points, allowed at least one");
+  if (xyz.empty()) throw std::invalid_argument("xyz: expected at least one point, got none");
+  check_between("count", count, 0, kMostResults);
   if (!std::all_of(xyz.begin(), xyz.end(), [](float v) { return std::isfinite(v); }))
     throw std::invalid_argument("xyz: found a value that is not finite");
   Groups groups = grouped(xyz);

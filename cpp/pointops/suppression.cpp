@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <stdexcept>
+#include <string>
 
 namespace pointops {
 
@@ -78,6 +80,11 @@ bool suppresses(const Footprint& kept, const Footprint& other, double iou) {
 }  // namespace
 
 std::vector<std::int64_t> suppress(std::span<const double> boxes, double iou, std::int64_t limit) {
+  if (std::isnan(iou)) throw std::invalid_argument("iou: expected a number, got nan");
+  if (limit < 0)
+    throw std::invalid_argument("limit: expected 0 or more, got " + std::to_string(limit));
+  if (!std::all_of(boxes.begin(), boxes.end(), [](double v) { return std::isfinite(v); }))
+    throw std::invalid_argument("boxes: found a value that is not finite");
   std::vector<std::int64_t> rows;
   std::vector<Footprint> kept;
   for (std::size_t i = 0; i < boxes.size() / 7; ++i) {

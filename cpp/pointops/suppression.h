@@ -11,6 +11,7 @@ namespace pointops {
 /// @param iou    a box is left out if one that is kept overlaps it by more
 /// @param limit  how many to keep at most
 /// @return rows of boxes, increasing
+/// @throws std::invalid_argument if a box is not finite, iou no number or the limit negative
 std::vector<std::int64_t> suppress(std::span<const double> boxes, double iou, std::int64_t limit);
 
 }  // namespace pointops

@@ -3,6 +3,11 @@
 #include <algorithm>
 #include <bit>
 #include <cstddef>
+#include <functional>
+#include <stdexcept>
+#include <string>
+
+#include "pointops/limits.h"
 
 namespace pointops {
 
@@ -76,14 +81,69 @@ class Arrivals {
 
 }  // namespace
 
+namespace {
+
+void check_increasing(std::span<const std::int64_t> keys) {
+  const auto at = std::ranges::adjacent_find(keys, std::ranges::greater_equal()) - keys.begin();
+  if (at < std::ssize(keys))
+    throw std::invalid_argument("keys: expected increasing ones, got " + std::to_string(keys[at]) +
+                                " before " + std::to_string(keys[at + 1]));
+}
+
+constexpr std::array kAxes{"z", "y", "x"};
+constexpr std::int64_t kMostArrivals = std::int64_t{1} << 24;  // along an axis, 16 bytes each
+constexpr std::int64_t kMostOffsets = std::int64_t{1} << 20;   // of a kernel
+
+/// @throws std::invalid_argument for what can't be walked along an axis
+void check_axis(const Reach& reach, std::size_t axis) {
+  const auto name = [&](const char* what) { return std::string(what) + ", " + kAxes[axis]; };
+  check_between(name("shape"), reach.shape[axis], 0, kMostArrivals);
+  check_between(name("kernel"), reach.kernel[axis], 0, kMostOffsets);
+  check_between(name("stride"), reach.stride[axis], 1, kMostVoxels);
+  check_between(name("padding"), reach.padding[axis], 0, kMostVoxels);
+  check_between(name("target_shape"), reach.target_shape[axis], 0, kMostVoxels);
+  checked_product(name("shape x kernel"), {reach.shape[axis], reach.kernel[axis]}, kMostArrivals);
+}
+
+/// How many batches there are.
+/// @throws std::invalid_argument for coordinates out of the grid, and a target without an end
+std::int64_t check_reach(std::span<const std::int64_t> coordinates, const Reach& reach) {
+  for (std::size_t axis = 0; axis < 3; ++axis) check_axis(reach, axis);
+  std::int64_t batches = 0;
+  for (std::size_t i = 0; i < coordinates.size(); ++i) {
+    const std::size_t column = i % 4;
+    const std::int64_t end = column == 0 ? kMostVoxels : reach.shape[column - 1];
+    if (coordinates[i] < 0 || coordinates[i] >= end)
+      throw std::invalid_argument("coordinates: expected column " + std::to_string(column) +
+                                  " from 0 to below " + std::to_string(end) + ", got " +
+                                  std::to_string(coordinates[i]) + " in row " +
+                                  std::to_string(i / 4));
+    if (column == 0) batches = std::max(batches, coordinates[i] + 1);
+  }
+  const auto& [z, y, x] = reach.target_shape;
+  checked_product("batches x target_shape", {batches, z, y, x}, kMostVoxels);
+  const auto& [oz, oy, ox] = reach.kernel;
+  checked_product("coordinates x kernel", {std::ssize(coordinates) / 4, oz, oy, ox}, kMostSteps);
+  checked_product("kernel", {oz, oy, ox}, kMostOffsets);
+  return batches;
+}
+
+}  // namespace
+
 VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps) {
+  check_increasing(keys);
+  checked_product("keys x steps", {std::ssize(keys), std::ssize(steps)}, kMostSteps);
   VoxelPairs pairs;
   for (const std::int64_t step : steps) {
     const std::size_t before = pairs.inputs.size();
     // Both sides increase, so one walk along them finds all pairs.
     std::size_t input = 0;
     for (std::size_t output = 0; output < keys.size(); ++output) {
-      const std::int64_t wanted = keys[output] + step;
+      std::int64_t wanted = 0;
+      if (__builtin_add_overflow(keys[output], step, &wanted)) {
+        if (step > 0) break;  // from here on all wanted ones are above every key
+        continue;
+      }
       while (input < keys.size() && keys[input] < wanted) ++input;
       if (input == keys.size()) break;
       if (keys[input] == wanted) {
@@ -97,6 +157,7 @@ VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std
 }
 
 ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Reach& reach) {
+  const std::int64_t batches = check_reach(coordinates, reach);
   const auto& [shape, kernel, stride, padding, target] = reach;
   const Arrivals along_z(reach, 0), along_y(reach, 1), along_x(reach, 2);
   const std::size_t n = coordinates.size() / 4;
@@ -122,9 +183,8 @@ ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Re
     next.push_back(total);
     total += static_cast<std::size_t>(count);
   }
+  check_between("pairs", static_cast<std::int64_t>(total), 0, kMostResults);
 
-  std::int64_t batches = 0;
-  for (std::size_t row = 0; row < n; ++row) batches = std::max(batches, coordinates[4 * row] + 1);
   RankedSet reached(batches * target[0] * target[1] * target[2]);
   pairs.inputs.resize(total);
   pairs.outputs.resize(total);

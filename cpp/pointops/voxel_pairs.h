@@ -17,6 +17,7 @@ struct VoxelPairs {
 /// Pairs of voxels whose keys differ by one of the steps.
 /// @param keys  increasing, no two equal; outputs and inputs are rows of it
 /// @return for each step the pairs with keys[input] = keys[output] + step, by increasing output
+/// @throws std::invalid_argument for other keys, or more work than a machine has time for
 VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps);
 
 /// How voxels of a grid reach those of a coarser one; along z, y, x.
@@ -36,6 +37,8 @@ struct ReachedVoxels {
 /// Every voxel that the kernel reaches from the inputs: stride * output = input + padding - offset.
 /// Takes a bit for each voxel of the target's grid up to the last batch.
 /// @param coordinates  4 * n, batch z y x, within the shape
+/// @throws std::invalid_argument for others, a negative size, a stride below 1, and what is larger
+///         than limits.h has it
 ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Reach& reach);
 
 }  // namespace pointops

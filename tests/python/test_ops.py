@@ -430,7 +430,7 @@ def test_ball_query_takes_fewer_points_than_asked_for_and_none() -> None:
     rows, empty = points.ball_query(xyz, xyz[:0], 100, 5)
     assert rows.shape == (0, 5)
     assert empty.shape == (0,)
-    with pytest.raises(ValueError, match="allowed above 0"):
+    with pytest.raises(ValueError, match="above 0"):
         points.ball_query(xyz, xyz, 0, 5)
 
 

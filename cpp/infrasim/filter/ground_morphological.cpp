@@ -138,11 +138,13 @@ void open_windows(HeightGrid& grid, int half) {
 }
 
 void check(const GroundMorphological& ground) {
-  if (!(ground.window_m >= ground.cell_m && ground.height_m > 0 && ground.cell_m > 0 &&
+  if (!(std::isfinite(ground.cell_m) && std::isfinite(ground.window_m) &&
+        ground.window_m >= ground.cell_m && ground.height_m > 0 && ground.cell_m > 0 &&
         ground.azimuth_cell_deg >= 0.01 && ground.azimuth_cell_deg <= 180 &&
         ground.max_range_m > 0 && ground.max_range_m / ground.cell_m <= 2000))
     throw std::invalid_argument(
-        "ground_morphological: sizes must be positive, the window at least a cell, the azimuth "
+        "ground_morphological: sizes must be positive and finite, the window at least a cell, the "
+        "azimuth "
         "cell in [0.01, 180] degrees, and the range at most 2000 cells");
 }
 
@@ -166,7 +168,9 @@ std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& gro
       *z = std::min(*z, static_cast<float>(p.z));
   }
   fill_map(grids);
-  open_windows(grids.map, static_cast<int>(std::lround(ground.window_m / 2 / ground.cell_m)));
+  // A window that is wider than the map on all sides is as one that covers it.
+  const double half = std::min(ground.window_m / 2 / ground.cell_m, 1.0 * grids.map.rows);
+  open_windows(grids.map, static_cast<int>(std::lround(half)));
   return keep_if(xyz,
                  [&](Vec3 p) { return !judged(p) || p.z - grids.on_map(p) > ground.height_m; });
 }

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+
+// What the operations take: sizes whose products stay within 64 bits and whose results within
+// memory. Nothing that a detector asks for comes near.
+
+namespace pointops {
+
+inline constexpr std::int64_t kMostResults = std::int64_t{1} << 28;  ///< numbers: 2 GiB of int64
+inline constexpr std::int64_t kMostVoxels = std::int64_t{1} << 33;   ///< of a grid: 1 GiB of bits
+inline constexpr std::int64_t kMostSteps = std::int64_t{1} << 30;    ///< of a loop: some seconds
+
+/// @throws std::invalid_argument as "NAME: expected LOW to HIGH, got VALUE"
+inline void check_between(const std::string& name, std::int64_t value, std::int64_t low,
+                          std::int64_t high) {
+  if (value < low || value > high)
+    throw std::invalid_argument(name + ": expected " + std::to_string(low) + " to " +
+                                std::to_string(high) + ", got " + std::to_string(value));
+}
+
+/// The product of factors from 0 on.
+/// @throws std::invalid_argument if it is above `most`, which is below 2^62
+inline std::int64_t checked_product(const std::string& name,
+                                    std::initializer_list<std::int64_t> factors,
+                                    std::int64_t most) {
+  std::int64_t product = 1;
+  for (const std::int64_t factor : factors) {
+    check_between(name, factor, 0, most);
+    if (factor > 0 && product > most / factor)
+      throw std::invalid_argument(name + ": expected a product up to " + std::to_string(most) +
+                                  ", got more");
+    product *= factor;
+  }
+  return product;
+}
+
+}  // namespace pointops

@@ -1,0 +1,324 @@
+"""Calls every function of `_core` with hostile arguments: python hostile_calls.py LOG SECONDS.
+
+Arrays of wrong shapes, types, strides and places, numbers that are none or too large, files of
+random bytes. What is wrong raises one of REFUSED, and what is returned lies in its range. The test
+that starts this script sees whether it lived; LOG has the call that was the last one.
+"""
+
+import faulthandler
+import os
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pyinfra import _core
+
+REFUSED = (ValueError, TypeError, OSError, MemoryError)
+MEMORY = 4 << 30  # of the process: more is refused as on a machine without it
+CALL_S = 100  # a call that takes longer hangs
+EXAMPLES = 40
+INPUTS = Path(__file__).resolve().parents[1] / "data/v0_3/inputs"
+
+SECONDS = float(sys.argv[2])
+LOG = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+FOLDER = Path(tempfile.mkdtemp())
+
+whole = st.sampled_from(
+    (
+        *(0, 1, 2, 3, 5, 64, 1000, 2**16, -1, -2, -1000, -(2**31), -(2**63)),
+        *(2**28 + 1, 2**31 - 1, 2**31, 2**33, 2**62, 2**63 - 1, 2**63),
+    )
+)
+few = st.integers(-1, 6) | whole
+real = st.sampled_from(
+    (
+        *(0.0, -0.0, 0.5, 1.0, 2.0, -1.0, 30.0, 360.0, 1e-320, 1e-30, 1e8, 1e30, 1e300, -1e300),
+        *map(float, ("nan", "inf", "-inf")),
+    )
+)
+word = st.sampled_from(["", "a", "pole", "datasheet", "paper", "\0", "../x", "a" * 5000, "\u0661"])
+
+
+def logged(function: Callable[..., Any], *values: object, **named: object) -> Any:
+    """What a call returns; None if it was refused."""
+    text = f"{getattr(function, '__name__', function)} {values!r} {named!r}".encode()[:20000]
+    os.ftruncate(LOG, 0)
+    os.pwrite(LOG, text, 0)
+    faulthandler.dump_traceback_later(CALL_S, exit=True)
+    try:
+        return function(*values, **named)
+    except REFUSED:
+        return None
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+@st.composite
+def table(draw: st.DrawFn, columns: int | None, kind: type[np.generic], sane: Any, odd: Any) -> Any:
+    """An array (n, columns), or (n,), of sane values; or with odd ones, or laid out oddly."""
+    rows = draw(st.integers(0, 30))
+    shape: tuple[int, ...] = (rows,) if columns is None else (rows, columns)
+    cells = np.array(draw(st.lists(sane, min_size=1, max_size=12)))
+    random = np.random.default_rng(draw(st.integers(0, 2**32)))
+    array = random.choice(cells, shape).astype(kind)
+    how = draw(st.sampled_from(["good"] * 6 + ["values"] * 4 + list(ODD)))
+    for value in draw(st.lists(odd, min_size=1, max_size=4)) if how == "values" else ():
+        if array.size:
+            with np.errstate(all="ignore"):
+                array.flat[random.integers(array.size)] = np.array(value).astype(kind)
+    return ODD[how](array) if how in ODD else array
+
+
+def unaligned(array: np.ndarray) -> np.ndarray:
+    room = np.zeros(array.nbytes + 1, np.uint8)[1:]
+    out = room.view(array.dtype).reshape(array.shape)
+    out[...] = array
+    return out
+
+
+ODD: dict[str, Callable[[np.ndarray], Any]] = {
+    "turned": lambda a: a[::-1],
+    "transposed": lambda a: a.T,
+    "every second": lambda a: np.repeat(a, 2, axis=0)[::2],
+    "unaligned": unaligned,
+    "swapped": lambda a: a.astype(a.dtype.newbyteorder()),
+    "wide": lambda a: np.broadcast_to(np.zeros(1, a.dtype), (2**31, a.shape[-1])),
+    "flat": lambda a: a.reshape(-1),
+    "deep": lambda a: a[None],
+    "narrow": lambda a: a[..., :2],
+    "without rows": lambda a: a[:0],
+    "of objects": lambda a: a.astype(object),
+    "half as wide": lambda a: a.astype(np.float16),
+    "of words": lambda a: a.astype(str),
+    "list": lambda a: a.tolist(),
+    "none": lambda a: None,
+}
+
+long = whole.map(lambda n: min(n, 2**63 - 1))
+metres = st.sampled_from([0.0, 0.5, 1.0, 1.5, 2.0, 10.0, -10.0])
+places = table(3, np.float32, metres, real)
+triple = st.lists(few, min_size=3, max_size=3) | st.lists(few, max_size=4)
+
+
+def within(found: np.ndarray, end: int) -> None:
+    assert ((found >= 0) & (found < max(end, 1))).all()
+
+
+# --- what is called ------------------------------------------------------------------------------
+
+
+@given(places, few)
+def farthest_points(xyz: Any, count: int) -> None:
+    found = logged(_core.farthest_points, xyz, count)
+    if found is not None:
+        assert len(found) == count
+        within(found, len(xyz))
+
+
+@given(places, places, real, few)
+def ball_query(points: Any, centres: Any, radius: float, limit: int) -> None:
+    found = logged(_core.ball_query, points, centres, radius, limit)
+    if found is not None:
+        assert found[0].shape == (len(centres), limit)
+        within(found[0], len(points))
+
+
+@given(table(None, np.int64, st.integers(-50, 50), long), st.lists(few, max_size=4))
+def shifted_pairs(keys: Any, steps: list[int]) -> None:
+    if (
+        isinstance(keys, np.ndarray)
+        and keys.dtype == np.int64
+        and keys.ndim == 1
+        and keys.size < 99
+    ):
+        found = logged(_core.shifted_pairs, np.unique(keys), steps)
+        if found is not None:
+            kept = np.unique(keys).tolist()
+            moved = np.repeat(np.array(steps, object), found[2])
+            pairs = zip(found[0], found[1], moved, strict=True)
+            assert all(kept[i] == kept[j] + step for i, j, step in pairs)
+    logged(_core.shifted_pairs, keys, steps)
+
+
+voxels = table(4, np.int64, st.integers(0, 3), long)
+grid = st.lists(st.integers(1, 4), min_size=3, max_size=3)
+
+
+@given(voxels, st.tuples(*[grid | triple] * 5))
+def reached_voxels(coordinates: Any, sizes: tuple[list[int], ...]) -> None:
+    found = logged(_core.reached_voxels, coordinates, *sizes)
+    if found is not None:
+        (inputs, outputs, counts), keys = found
+        assert len(inputs) == len(outputs) == sum(counts)
+        assert len(counts) == np.prod(sizes[1])
+        within(inputs, len(coordinates))
+        within(outputs, len(keys))
+        within(keys, (int(coordinates[:, 0].max(initial=0)) + 1) * int(np.prod(sizes[4])))
+
+
+@given(table(7, np.float64, metres, real), real, few)
+def suppress(boxes: Any, iou: float, limit: int) -> None:
+    found = logged(_core.suppress, boxes, iou, limit)
+    if found is not None:
+        assert len(found) <= limit
+        within(found, len(boxes))
+
+
+corners = st.lists(st.tuples(real, real), max_size=5)
+reals = st.lists(real, min_size=3, max_size=3)
+SIZES = st.sampled_from("window_m height_m cell_m azimuth_cell_deg max_range_m".split())
+FILTERS = st.one_of(
+    st.builds(lambda *v: logged(_core.CropBox, *v), reals, reals),
+    st.builds(lambda *v: logged(_core.CropPolygon, *v), corners),
+    st.builds(lambda *v: logged(_core.CropRange, *v), real, real),
+    st.builds(lambda *v: logged(_core.CropFieldOfView, *v), *[real] * 4),
+    st.builds(lambda *v: logged(_core.GroundHeight, *v), real),
+    st.builds(lambda *v: logged(_core.GroundPlane, *v), *[real] * 3),
+    st.builds(lambda v: logged(_core.GroundMorphological, **v), st.dictionaries(SIZES, real)),
+)
+
+
+@given(places, st.lists(FILTERS, max_size=3))
+def kept_rows(points: Any, steps: list[Any]) -> None:
+    found = logged(_core.kept_rows, points, steps)
+    if found is not None:
+        assert (np.diff(found) > 0).all()
+        within(found, len(points))
+
+
+@given(
+    st.lists(places, max_size=3),
+    st.dictionaries(st.sampled_from(["azimuth_cell_deg", "elevation_cell_deg"]), real)
+    | st.dictionaries(st.sampled_from(["range_margin_m", "height_margin_m"]), real),
+    places,
+    word,
+)
+def learn_background(frames: list[Any], named: dict[str, float], points: Any, name: str) -> None:
+    model = logged(_core.learn_background, frames, **{"azimuth_cell_deg": 5.0} | named)
+    if model is not None:
+        logged(_core.kept_rows, points, [model])
+        logged(model.save, str(FOLDER / "saved") if name == "a" else f"{FOLDER}/{name}")
+
+
+MODEL = b"infrasim-background 1\n"
+
+
+@given(st.lists(few, min_size=4, max_size=4), st.binary(max_size=200), st.booleans(), places)
+def load_background(header: list[int], cells: bytes, fits: bool, points: Any) -> None:
+    numbers = np.array([n % 2**32 for n in header], np.uint32).astype(np.int32)
+    if fits:
+        azimuth, rows = int(numbers[0]), int(numbers[3])
+        size = 8 * azimuth * rows
+        cells = (cells * 50 + bytes(64))[:size] if 0 <= size <= 10000 else cells
+    file = FOLDER / "model"
+    file.write_bytes(MODEL + numbers.tobytes() + cells)
+    model = logged(_core.BackgroundModel.load, str(file))
+    if model is not None:
+        logged(_core.kept_rows, points, [model])
+
+
+LIDARS = [_core.Lidar(str(INPUTS / f"{name}.yaml"), "datasheet") for name in ("turning", "rosette")]
+SCENE = (INPUTS / "site.yaml").read_text().replace("duration_s: 150", "duration_s: 1")
+WORLD = _core.World.of_text(SCENE, "site")
+
+
+@given(st.sampled_from(LIDARS), few, few, few, st.none() | few, word)
+def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, mount: str) -> None:
+    found = logged(lidar.pattern, first, last, step, seed, mount)
+    assert found is None or np.isfinite(found).all()
+    logged(lidar.with_free_motors().pattern, first, first + 1, step, seed, mount)
+
+
+@given(st.sampled_from(["turning.yaml", "site.yaml", "none.yaml", "", "\0"]), word, word)
+def files(name: str, preset: str, mount: str) -> None:
+    logged(_core.Lidar, str(INPUTS / name), preset)
+    logged(_core.Lidar, name, preset)
+    logged(_core.World, str(INPUTS / name), ["duration_s=0.1", f"seed={mount}"], preset, mount)
+    logged(_core.World, mount, [preset], preset, mount)
+
+
+@given(st.integers(0, len(SCENE)), st.integers(0, 40), word | st.text(max_size=5), word)
+def of_text(at: int, less: int, more: str, preset: str) -> None:
+    made = logged(_core.World.of_text, SCENE[:at] + more + SCENE[at + less :], "s", preset, "")
+    if made is not None:
+        assert made.frames > 0
+        assert made.dump()
+        assert made.roads_csv()
+
+
+@given(few, real, word)
+def mesh(frame: int, share: float, preset: str) -> None:
+    found = logged(WORLD.mesh, frame, share)
+    if found is not None:
+        assert np.isfinite(found[0]).all()
+        within(found[1], len(found[0]))
+    logged(WORLD.label_time, preset)
+
+
+@given(st.lists(st.sampled_from([*LIDARS, None]), max_size=3), st.lists(few, max_size=4), few)
+def frame_stream(lidars: list[Any], frames: list[int], threads: int) -> None:
+    logged(_core.warnings, WORLD, lidars)
+    stream = logged(
+        _core.FrameStream, WORLD, lidars, frames, min(threads, 4) if threads < 1025 else threads
+    )
+    for _ in range(len(frames) + 2 if stream is not None else 0):
+        found = logged(next, stream, None)
+        for frame in found[1] if found is not None else ():
+            columns = (frame.intensity, frame.time, frame.ring, frame.class_id, frame.object_id)
+            assert {len(column) for column in columns} == {len(frame)} == {len(frame.xyz)}
+            assert frame.rays > 0
+            assert len(frame.objects.dtype.names) > 10
+            del stream, found  # its columns outlive them
+            assert np.isfinite(frame.xyz).all()
+            return
+
+
+# What calls which functions and classes of `_core`.
+TESTS: dict[Callable[[], None], str] = {
+    farthest_points: "farthest_points",
+    ball_query: "ball_query",
+    shifted_pairs: "shifted_pairs",
+    reached_voxels: "reached_voxels",
+    suppress: "suppress",
+    kept_rows: "kept_rows CropBox CropPolygon CropRange CropFieldOfView GroundHeight GroundPlane "
+    "GroundMorphological",
+    learn_background: "learn_background BackgroundModel",
+    load_background: "BackgroundModel",
+    pattern: "Lidar",
+    files: "Lidar World",
+    of_text: "World",
+    mesh: "World",
+    frame_stream: "FrameStream Frame warnings",
+}
+OF_NO_ARGUMENTS = {"version", "frames_version", "ConfigError", "IoError"}
+
+
+def main() -> None:
+    faulthandler.enable()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    end = time.monotonic() + SECONDS
+    rules = settings(
+        max_examples=EXAMPLES,
+        deadline=None,
+        derandomize=not SECONDS,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    while True:
+        for function in TESTS:
+            rules(function)()
+        if time.monotonic() >= end:
+            break
+    print(*{name for names in TESTS.values() for name in names.split()}, *OF_NO_ARGUMENTS)
+
+
+if __name__ == "__main__":
+    main()
