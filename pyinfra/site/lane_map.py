@@ -69,6 +69,7 @@ class SiteMap:
     junctions: list[tuple[int, float, float]] = field(default_factory=list)  # ways through, x, y
     bodies: list[MapBody] = field(default_factory=list)
     trees: list[MapTree] = field(default_factory=list)
+    covered_m: float = -np.inf  # what lies deeper is below the terrain
     guessed: list[str] = field(default_factory=list)
     mended: list[str] = field(default_factory=list)
     not_understood: list[str] = field(default_factory=list)

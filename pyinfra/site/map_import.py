@@ -13,7 +13,7 @@ import yaml
 
 from pyinfra.arrays import FloatArray
 from pyinfra.atomic import new_folder, write
-from pyinfra.site import openstreetmap
+from pyinfra.site import openstreetmap, osm_levels
 from pyinfra.site.disagreements import disagreements
 from pyinfra.site.lane_map import (
     NARROWEST_M,
@@ -166,11 +166,11 @@ def _from_osm(
     centre = options.centre or streets.middle()
     if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
         raise MapError(f"{file}: --centre: found {centre}, allowed lon,lat in degrees")
+    levels = osm_levels.find_levels(streets, centre, options.radius_m)
     source = file
-    if file.suffix == ".gz":
+    if file.suffix != ".osm" or levels.heights or streets.deleted or streets.rearranged:
         source = scratch / "map.osm"
-        with openstreetmap.opened(file) as stream:
-            source.write_bytes(stream.read())
+        osm_levels.write_levelled(file, source, streets, levels)
     lon, lat = centre
     reach = options.radius_m / 111_000
     wide = reach / max(0.05, math.cos(math.radians(lat)))
@@ -184,8 +184,17 @@ def _from_osm(
     found.areas, found.junctions = _near(found, options.radius_m)
     openstreetmap.add_surroundings(found, streets, centre, options.radius_m)
     found.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
-    if not any(np.ptp(lane.centre[:, 2]) > 0 for lane in found.lanes):
+    found.not_understood += levels.flat
+    if levels.crossings:
+        found.covered_m = osm_levels.COVERED_M
+        found.guessed.append(
+            f"heights of bridges and tunnels at {levels.crossings} crossings: "
+            f"{osm_levels.CLEARANCE_M:g} m apart, with ramps"
+        )
+    elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in found.lanes):
         found.guessed.append("all roads are level: the map has no heights")
+    if streets.deleted:
+        found.guessed.append(f"{streets.deleted} elements that an editor deleted: left out")
     return found, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
 
 

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -53,19 +53,38 @@ def _kruger(lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(radius * east), np.asarray(radius * north)
 
 
+RAILWAYS = frozenset("rail light_rail tram subway narrow_gauge monorail".split())
+
+
+@dataclass(frozen=True)
+class Way:
+    """A road or a railway; nodes are names."""
+
+    id: str
+    nodes: list[str]
+    tags: dict[str, str]
+
+
 @dataclass
 class StreetMap:
-    """What of an OSM file is not a road: places by lon, lat in degrees."""
+    """What an OSM file holds: places by lon, lat in degrees."""
 
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
     trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)
-    highways: list[list[str]] = field(default_factory=list)
+    ways: list[Way] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
+    with_heights: set[str] = field(default_factory=set)  # nodes with `ele`
+    deleted: int = 0  # elements that an editor marked
+    rearranged: bool = False  # nodes stand behind ways or in them, as Overpass may write them
+
+    def of_highways(self) -> list[str]:
+        """Nodes of roads that have a place."""
+        return [i for w in self.ways if "highway" in w.tags for i in w.nodes if i in self.nodes]
 
     def middle(self) -> tuple[float, float]:
         """lon, lat of the middle of all highways' nodes."""
-        ids = [i for way in self.highways for i in way if i in self.nodes]
+        ids = self.of_highways()
         places = np.array([self.nodes[i] for i in ids]).reshape(-1, 2)
         low, high = places.min(0), places.max(0)
         return float((low + high)[0] / 2), float((low + high)[1] / 2)
@@ -79,51 +98,69 @@ def opened(file: Path) -> Any:
 def read_street_map(file: Path) -> StreetMap:
     """Raises MapError, and OSError."""
     found = StreetMap()
-    try:
-        with opened(file) as stream:
-            for node in _elements(stream, file):
-                _read_element(node, found, file)
-    except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise MapError(f"{file}: not XML that can be read: {error}") from error
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise MapError(f"{file}: not a gzip file that can be read: {error}") from error
-    if not found.highways:
+    for node in all_elements(file):
+        _read_element(node, found, file)
+    if not any("highway" in way.tags for way in found.ways):
         raise MapError(f"{file}: found no way with a highway, allowed one or more")
-    if not any(i in found.nodes for way in found.highways for i in way):
+    if not found.of_highways():
         raise MapError(f"{file}: found no node of a highway, allowed two or more")
     return found
 
 
-def _elements(stream: IO[Any], file: Path) -> Iterator[Element]:
+def all_elements(file: Path) -> Iterator[Element]:
+    """Nodes, ways and relations. Raises MapError, and OSError."""
     root = None
-    for event, node in ElementTree.iterparse(stream, events=("start", "end")):
-        if root is None:
-            root = node
-            if node.tag != "osm":
-                raise MapError(f"{file}: found <{node.tag}>, allowed <osm>")
-        elif event == "end" and node.tag in {"node", "way", "relation"}:
-            yield node
-            root.clear()
+    try:
+        with opened(file) as stream:
+            for event, node in ElementTree.iterparse(stream, events=("start", "end")):
+                if root is None:
+                    root = node
+                    if node.tag != "osm":
+                        raise MapError(f"{file}: found <{node.tag}>, allowed <osm>")
+                elif event == "end" and node.tag in {"node", "way", "relation"}:
+                    yield node
+                    root.clear()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise MapError(f"{file}: not a gzip file that can be read: {error}") from error
 
 
 def _read_element(node: Element, found: StreetMap, file: Path) -> None:
+    if is_deleted(node):
+        found.deleted += 1
+        return
     tags = {tag.get("k", ""): tag.get("v", "") for tag in node.iterfind("tag")}
     name = node.get("id", "")
     if node.tag == "node":
+        if node.get("lon") is None and node.get("lat") is None:
+            return  # only referred to
         found.nodes[name] = _lon_lat(node, file)
+        found.rearranged |= bool(found.ways)
+        if "ele" in tags:
+            found.with_heights.add(name)
         if tags.get("natural") == "tree":
             found.trees.append((name, tags))
     elif node.tag == "way":
         ids = [nd.get("ref", "") for nd in node.iterfind("nd")]
+        for nd in node.iterfind("nd"):
+            if nd.get("lon") is not None:
+                found.rearranged = True
+                found.nodes.setdefault(nd.get("ref", ""), _lon_lat(nd, file))
         if tags.get("building", "no") != "no":
             found.houses.append((name, ids, tags))
-        elif "highway" in tags:
-            found.highways.append(ids)
+        elif "highway" in tags or tags.get("railway") in RAILWAYS:
+            found.ways.append(Way(name, ids, tags))
         elif tags.get("barrier") or tags.get("natural") == "tree_row":
             kind = tags.get("barrier") or "tree_row"
             found.others.append(f"way {name}: {kind}, left out")
     elif "building" in tags:
         found.others.append(f"relation {name}: building of several outlines, left out")
+
+
+def is_deleted(node: Element) -> bool:
+    """What an editor (JOSM) or a server's history marked as gone."""
+    return node.get("action") == "delete" or node.get("visible") == "false"
 
 
 def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
@@ -133,7 +170,7 @@ def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
         lon = lat = math.nan
     if not (abs(lon) <= 180 and abs(lat) <= 85):
         raise MapError(
-            f"{file}: node {node.get('id')}: lon, lat: found {node.get('lon')!r}, "
+            f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: found {node.get('lon')!r}, "
             f"{node.get('lat')!r}, allowed degrees to 180 and 85"
         )
     return lon, lat

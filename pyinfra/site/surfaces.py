@@ -212,6 +212,7 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
 def surfaces(found: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:
     """Meshes by name (road, sidewalk, terrain, buildings), and the terrain."""
     points = paved_points(found.lanes)
+    points = points[points[:, 2] >= found.covered_m]
     terrain = Sheet(points, TERRAIN_CELL_M, TERRAIN_MARGIN_M, TERRAIN_BELOW_M)
     road = [strip(lane) for lane in found.lanes if lane.kind == "road"]
     fill = junction_fill(found.areas, paved_points([x for x in found.lanes if x.kind == "road"]))

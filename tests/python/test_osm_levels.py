@@ -1,0 +1,198 @@
+"""Roads above and below others in OpenStreetMap, and files as editors and servers write them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from site_maps import Osm, district_text
+
+from pyinfra.site.map_import import ImportOptions, import_map
+from pyinfra.site.openstreetmap import read_street_map
+from pyinfra.site.osm_levels import CLEARANCE_M, Levels, find_levels
+from pyinfra.site.plan import read_lanes
+from pyinfra.site.ply import read_ply
+
+pytest.importorskip("sumo", reason="needs the extra `site`")
+
+CENTRE = (8.4, 49.0)
+BRIDGE = {"bridge": "yes", "layer": "1"}
+
+
+def crossroads(
+    tags: dict[str, str], *, arm_m: float = 300.0, half_m: float = 60.0, under: str = "0"
+) -> str:
+    """A road to the north, its middle part with tags, across one to the east, without a node."""
+    osm = Osm(*CENTRE)
+    main = {"highway": "primary", "lanes": "2"}
+    west, east = osm.node(-arm_m, 0), osm.node(arm_m, 0)
+    osm.way([west, osm.node(0, 0), east], **main, **({"layer": under} if under != "0" else {}))
+    a, b = osm.node(0, -half_m), osm.node(0, half_m)
+    osm.way([osm.node(0, -arm_m), a], **main)
+    osm.way([a, b], **main, **tags)
+    osm.way([b, osm.node(0, arm_m)], **main)
+    return osm.text()
+
+
+def levels_of(folder: Path, text: str) -> Levels:
+    file = folder / "a.osm"
+    file.write_text(text)
+    return find_levels(read_street_map(file), CENTRE, 500)
+
+
+@pytest.mark.parametrize(
+    ("tags", "under", "z_m"),
+    [
+        (BRIDGE, "0", 6),
+        ({"bridge": "viaduct"}, "0", 6),
+        ({"layer": "2"}, "0", 6),
+        ({"layer": "+1;2"}, "0", 6),
+        ({"tunnel": "yes", "layer": "-1"}, "0", -6),
+        ({"tunnel": "yes"}, "0", -6),
+        ({"layer": "-1"}, "-2", 0),
+    ],
+)
+def test_a_way_on_another_layer_has_the_clearance(
+    tmp_path: Path, tags: dict[str, str], under: str, z_m: float
+) -> None:
+    found = levels_of(tmp_path, crossroads(tags, under=under))
+    assert (found.crossings, found.flat) == (1, [])
+    assert found.heights.get("4", 0) == found.heights.get("5", 0) == pytest.approx(z_m)
+
+
+@pytest.mark.parametrize(
+    "tags", [{}, {"bridge": "no"}, {"layer": "0"}, {"tunnel": "building_passage"}]
+)
+def test_a_way_on_the_same_layer_stays(tmp_path: Path, tags: dict[str, str]) -> None:
+    assert levels_of(tmp_path, crossroads(tags)) == Levels()
+
+
+def test_a_bridge_over_no_road_stays(tmp_path: Path) -> None:
+    text = crossroads(BRIDGE)
+    text = re.sub(r'<tag k="highway" v="primary"/>', '<tag k="waterway" v="river"/>', text, count=1)
+    assert levels_of(tmp_path, text) == Levels()
+
+
+def test_ramps_are_no_steeper_than_roads_are(tmp_path: Path) -> None:
+    found = levels_of(tmp_path, crossroads(BRIDGE))
+    places = sorted(
+        (lat, found.heights[name]) for name, (_, lat) in found.places.items() if abs(_ - 8.4) < 1e-6
+    )
+    north, z = np.array(places).T
+    grades = np.diff(z) / np.diff(north * 111_200)
+    assert np.abs(grades).max() < 0.065
+    assert z.max() == pytest.approx(CLEARANCE_M)
+    assert z.min() < 0.3
+
+
+def test_three_roads_lie_one_above_the_other(tmp_path: Path) -> None:
+    osm = Osm(*CENTRE)
+    main = {"highway": "primary"}
+    osm.way([osm.node(-400, 0), osm.node(400, 0)], **main)
+    for layer, slope in ((1, 1.0), (2, -1.0)):
+        ends = [osm.node(-k * 500, -k * 500 * slope) for k in (1, 0.1, -0.1, -1)]
+        osm.way(ends[:2], **main)
+        osm.way(ends[1:3], **main, bridge="yes", layer=str(layer))
+        osm.way(ends[2:], **main)
+    found = levels_of(tmp_path, osm.text())
+    assert (found.crossings, found.flat) == (3, [])
+    assert (found.heights["4"], found.heights["8"]) == pytest.approx((6, 12))
+
+
+def test_a_bridge_without_room_for_ramps_is_named(tmp_path: Path) -> None:
+    """A way whose end is on the bridge and whose other one on the road below, 5 m away."""
+    osm = Osm(*CENTRE)
+    main = {"highway": "primary"}
+    below, above = osm.node(5, 0), osm.node(0, 2)
+    osm.way([osm.node(-300, 0), below, osm.node(300, 0)], **main)
+    osm.way([osm.node(0, -300), above, osm.node(0, 300)], **main, **BRIDGE)
+    osm.way([below, above], **main)
+    found = levels_of(tmp_path, osm.text())
+    for name, z in found.heights.items():
+        assert abs(z) <= CLEARANCE_M + 0.01, name
+    with_heights = re.sub(r'(<node id="1"[^>]*>)', r'\1<tag k="ele" v="3"/>', osm.text())
+    assert "way 2 (bridge, layer) crosses above way 1" in levels_of(tmp_path, with_heights).flat[0]
+
+
+@pytest.mark.parametrize("same_place", [False, True])
+def test_the_site_has_the_bridge_and_what_is_below_stays(tmp_path: Path, same_place: bool) -> None:
+    """Also where a node of the bridge is at the very place of one of the road's."""
+    text = crossroads(BRIDGE)
+    if same_place:
+        middle = re.search(r'<node id="3" (lon="[^"]*" lat="[^"]*")', text)
+        assert middle
+        text = text.replace("<way", f'<node id="99" {middle[1]}/><way', 1)
+        text = text.replace(
+            '<nd ref="4"/><nd ref="5"/>', '<nd ref="4"/><nd ref="99"/><nd ref="5"/>'
+        )
+    (tmp_path / "a.osm").write_text(text)
+    made = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350))
+    lanes = read_lanes(tmp_path / "s/lanes.csv").values()
+    for lane in lanes:
+        z = lane[np.hypot(*lane[:, :2].T) < 20, 2]
+        to_east = np.ptp(lane[:, 0]) > np.ptp(lane[:, 1])
+        np.testing.assert_allclose(z, 0 if to_east else 6, atol=0.05)
+    assert made.record["not_understood"] == []
+
+
+def test_the_ground_over_a_tunnel_stays(tmp_path: Path) -> None:
+    (tmp_path / "a.osm").write_text(crossroads({"tunnel": "yes", "layer": "-1"}))
+    import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350))
+    ground = read_ply(tmp_path / "s/meshes/terrain.ply").vertices
+    beside = (np.abs(ground[:, 0]) < 30) & (np.abs(ground[:, 1]) < 30)
+    assert ground[beside, 2].min() > -1
+    assert min(lane[:, 2].min() for lane in read_lanes(tmp_path / "s/lanes.csv").values()) < -5.9
+
+
+def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
+    """JOSM keeps it with action='delete', and names new elements by negative numbers."""
+    text = district_text()
+    gone = re.sub(r'<(way id="1"|way id="7"|node id="49")', r'<\1 action="delete"', text)
+    gone = re.sub(r'<way id="8"', '<way id="8" visible="false"', gone)
+    gone = gone.replace('ref="50"', 'ref="-50"').replace('node id="50"', 'node id="-50"')
+    gone = gone.replace("<way", '<node id="888" visible="false"/><way', 1)
+    (tmp_path / "all.osm").write_text(text)
+    (tmp_path / "gone.osm").write_text(gone)
+    whole, found = (read_street_map(tmp_path / f"{name}.osm") for name in ("all", "gone"))
+    assert len(found.ways) == len(whole.ways) - 1
+    assert len(found.houses) == len(whole.houses) - 2
+    lanes = [import_map(tmp_path / f"{n}.osm", tmp_path / n).lanes for n in ("all", "gone")]
+    assert lanes[1] < lanes[0]
+    record = yaml.safe_load((tmp_path / "gone/map.yaml").read_text())
+    assert "elements that an editor deleted: left out" in " ".join(record["guessed"])
+
+
+def nodes_behind(text: str) -> str:
+    """As Overpass's `out body; >; out skel qt`, with its head."""
+    nodes = re.findall(r"<node.*?</node>", text)
+    ways = re.findall(r"<way.*?</way>", text)
+    head = '<note>data is ODbL</note><meta osm_base="2026-01-01T00:00:00Z"/>'
+    return f'<osm version="0.6" generator="Overpass API">{head}{"".join(ways + nodes)}</osm>'
+
+
+def places_inside(text: str) -> str:
+    """As Overpass's `out geom`: no nodes, but those with tags."""
+    at = dict(re.findall(r'<node id="(\d+)" (lon="[^"]*" lat="[^"]*")', text))
+    text = re.sub(r'<node id="\d+"[^>]*></node>', "", text)
+    return re.sub(r'<nd ref="(\d+)"', lambda m: f"{m[0]} {at[m[1]]}", text)
+
+
+def bounded(text: str) -> str:
+    """As Geofabrik's and the API's: versions, bounds and users."""
+    text = re.sub(
+        r"<(node|way) ", r'<\1 version="3" timestamp="2026-01-01T00:00:00Z" uid="1" ', text
+    )
+    bounds = '<bounds minlat="48.99" minlon="8.39" maxlat="49.01" maxlon="8.41"/>'
+    return text.replace('<osm version="0.6">', f'<osm version="0.6">{bounds}')
+
+
+@pytest.mark.parametrize("written", [nodes_behind, places_inside, bounded])
+def test_files_of_editors_and_servers_are_one_map(tmp_path: Path, written) -> None:  # type: ignore[no-untyped-def]
+    text = district_text()
+    (tmp_path / "a.osm").write_text(text)
+    (tmp_path / "b.osm").write_text(written(text))
+    options = ImportOptions(CENTRE, 150)
+    one, other = (import_map(tmp_path / f"{n}.osm", tmp_path / n, options) for n in "ab")
+    assert (one.lanes, one.triangles) == (other.lanes, other.triangles)
+    assert one.record["guessed"] == other.record["guessed"]
