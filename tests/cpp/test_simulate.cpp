@@ -642,6 +642,23 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
 
 // --- learning a background ----------------------------------------------------------------------
 
+TEST(background_filter, is_learnt_once_and_given_to_simulators) {
+  SceneConfig scene = empty_road();
+  scene.filters.push_back({BackgroundFilter{{}, 3}});
+  const World world = world_with(scene, vehicles_around());
+  const std::array lidars{fine_lidar()};
+  const StaticLayers layers = make_static_layers(world, lidars);
+  const LidarFilters learnt = FrameSimulator::learn_filters(world, lidars, layers);
+  FrameSimulator own(world, lidars), given(world, lidars, layers, learnt);
+  const Frame a = own.simulate(0, {true})[0], b = given.simulate(0, {true})[0];
+  EXPECT_GT(a.cloud.size(), 0U);
+  expect_equal(a.cloud, b.cloud);
+  const std::vector<FilterStep> nothing{CropRange{0, 1e-3}};
+  FrameSimulator blind(world, lidars, layers,
+                       {std::make_shared<const std::vector<FilterStep>>(nothing)});
+  EXPECT_EQ(blind.simulate(0, {true})[0].cloud.size(), 0U);
+}
+
 TEST(background_filter, draws_noise_of_its_own) {
   // With the noise of the frames themselves the farthest of a cell's points would never be kept.
   SceneConfig scene = empty_road();

@@ -1,7 +1,9 @@
 // A scene from files: surfaces (.ply), lanes with elevation.
 #include <gtest/gtest.h>
 
+#include <random>
 #include <sstream>
+#include <vector>
 
 #include "infrasim/io/ply_file.h"
 #include "infrasim/pipeline/world.h"
@@ -13,6 +15,30 @@
 
 namespace infrasim {
 namespace {
+
+TEST(lane_path, is_linear_between_its_rows) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> step(0.01, 3), value(-5, 5), beyond(-4, 4);
+  for (int n = 2; n < 40; ++n) {
+    std::vector<CurvePoint> points{{{1e5, -2e5}, 0}};
+    LanePath lane{"lane", {}, {value(random)}, {}};
+    for (int i = 1; i < n; ++i) {
+      points.push_back({points.back().position + Vec2{step(random), value(random)}, 0});
+      lane.z.push_back(value(random));
+    }
+    lane.line = Curve(points);
+    double from = 0;
+    for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+      const double length = norm(points[i + 1].position - points[i].position);
+      for (const double u : {0.0, 0.3, 0.999, 1.0})
+        EXPECT_NEAR(lane.at(lane.z, from + u * length), lane.z[i] + u * (lane.z[i + 1] - lane.z[i]),
+                    1e-9);
+      from += length;
+    }
+    EXPECT_EQ(lane.at(lane.z, -1), lane.z.front());
+    EXPECT_EQ(lane.at(lane.z, lane.line.length() + 1), lane.z.back());
+  }
+}
 
 using testing::error_of;
 

@@ -58,6 +58,8 @@ class Scheduler {
         layers_(worlds.size()) {
     for (std::size_t i = 0; i < worlds.size() && !schedule_.cast_all; ++i)
       layers_[i] = make_static_layers(worlds[i], lidars_, schedule_.frames.size());
+    for (std::size_t i = 0; i < worlds.size(); ++i)
+      filters_.push_back(FrameSimulator::learn_filters(worlds[i], lidars_, layers_[i]));
     const int threads = schedule_.threads;
     if (threads < 1 || threads > kMostThreads)
       throw ConfigError("threads: found " + std::to_string(threads) + ", allowed 1 to " +
@@ -127,7 +129,7 @@ class Scheduler {
   std::vector<FrameSimulator> make_simulators() const {
     std::vector<FrameSimulator> simulators;
     for (std::size_t i = 0; i < worlds_.size(); ++i)
-      simulators.emplace_back(worlds_[i], lidars_, layers_[i]);
+      simulators.emplace_back(worlds_[i], lidars_, layers_[i], filters_[i]);
     return simulators;
   }
 
@@ -166,7 +168,8 @@ class Scheduler {
   const std::vector<LidarConfig> lidars_;
   const Schedule schedule_;
   const WorkAtAll work_;
-  std::vector<StaticLayers> layers_;  ///< one per world
+  std::vector<StaticLayers> layers_;   ///< one per world
+  std::vector<LidarFilters> filters_;  ///< one per world
 
   std::mutex mutex_;
   std::condition_variable changed_;

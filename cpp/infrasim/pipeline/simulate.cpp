@@ -24,7 +24,6 @@ struct Lidar {
   double cut_s = kInf;  ///< pause in a vehicle's returns from which on the seam cuts it
   FrameBuilder builder;
   std::size_t rays_cast = 0;  ///< of the frame under way
-  std::vector<FilterStep> filters;
 
   void start() {
     builder.start();
@@ -33,6 +32,10 @@ struct Lidar {
 };
 
 using UnitLayers = std::vector<std::shared_ptr<const StaticLayer>>;
+
+UnitLayers layers_of(const StaticLayers& layers, std::size_t lidar) {
+  return layers.empty() ? UnitLayers{} : layers[lidar];
+}
 
 /// @param layers of its units; none: all rays are cast
 /// @param draws  stream of its random numbers; the motors' phases do not depend on it
@@ -61,30 +64,24 @@ struct FrameSimulator::Impl {
   const World& world;
   std::vector<WorldSlice> slices;
   std::vector<Lidar> lidars;
+  LidarFilters filters;  ///< one per LiDAR
   double reach = 0;
   bool pitched;  ///< whether a vehicle of the run may
   Raycaster raycaster;
   Caster caster;
   FrameVehicles vehicles;
 
-  Impl(const World& w, std::span<const LidarConfig> configs, const StaticLayers& layers)
+  Impl(const World& w, std::span<const LidarConfig> configs, const StaticLayers& layers,
+       LidarFilters made)
       : world(w),
         slices(world_slices(w.scene.aggregation)),
+        filters(std::move(made)),
         pitched(w.trajectories.pitched),
         raycaster(*w.meshes),
         caster(raycaster, w.scene.vehicle_parts, w.leaves) {
-    const auto layers_of = [&](std::size_t i) { return layers.empty() ? UnitLayers{} : layers[i]; };
     for (std::size_t i = 0; i < configs.size(); ++i) {
-      lidars.push_back(make_lidar(world.scene, configs[i], layers_of(i)));
+      lidars.push_back(make_lidar(world.scene, configs[i], layers_of(layers, i)));
       reach = std::max(reach, lidars.back().reach);
-    }
-    for (std::size_t i = 0; i < lidars.size(); ++i) {
-      // A background is learnt from frames with noise of their own, not from those it is held to.
-      std::optional<Lidar> learning;
-      lidars[i].filters = make_filters(world.scene, [&](int k) {
-        if (!learning) learning = make_lidar(world.scene, configs[i], layers_of(i), "background ");
-        return empty_frame(k, *learning);
-      });
     }
   }
 
@@ -117,7 +114,7 @@ struct FrameSimulator::Impl {
     return out;
   }
 
-  Frame finish(Lidar& lidar) const {
+  Frame finish(Lidar& lidar, std::span<const FilterStep> steps) const {
     Frame frame;
     frame.rays_cast = lidar.rays_cast;
     frame.pitched = pitched;
@@ -125,8 +122,8 @@ struct FrameSimulator::Impl {
     std::vector<ObjectBoxes> boxes;
     for (std::size_t i = 0; i < vehicles.size(); ++i)
       boxes.push_back({vehicles.boxes[i], box_at(i, times[i])});
-    if (!lidar.filters.empty())
-      lidar.builder.keep(keep_all(lidar.filters, lidar.builder.xyz(),
+    if (!steps.empty())
+      lidar.builder.keep(keep_all(steps, lidar.builder.xyz(),
                                   [&](const FilterStep& step, std::size_t n, std::size_t after) {
                                     frame.no_plane |= found_no_plane(step, n, after);
                                   }));
@@ -188,9 +185,27 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
   return layers;
 }
 
+LidarFilters FrameSimulator::learn_filters(const World& world, std::span<const LidarConfig> lidars,
+                                           const StaticLayers& layers) {
+  LidarFilters out;
+  std::optional<Impl> impl;
+  for (std::size_t i = 0; i < lidars.size(); ++i) {
+    // A background is learnt from frames with noise of their own, not from those it is held to.
+    std::optional<Lidar> learning;
+    out.push_back(
+        std::make_shared<const std::vector<FilterStep>>(make_filters(world.scene, [&](int k) {
+          if (!impl) impl.emplace(world, std::span<const LidarConfig>{}, StaticLayers{}, out);
+          if (!learning)
+            learning = make_lidar(world.scene, lidars[i], layers_of(layers, i), "background ");
+          return impl->empty_frame(k, *learning);
+        })));
+  }
+  return out;
+}
+
 FrameSimulator::FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
-                               const StaticLayers& layers)
-    : impl_(std::make_unique<Impl>(world, lidars, layers)) {}
+                               const StaticLayers& layers, const LidarFilters& filters)
+    : impl_(std::make_unique<Impl>(world, lidars, layers, filters)) {}
 FrameSimulator::~FrameSimulator() = default;
 FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 
@@ -216,7 +231,7 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
   }
   std::vector<Frame> frames(m.lidars.size());
   for (const std::size_t i : asked) {
-    seconds[i] += timed([&] { frames[i] = m.finish(m.lidars[i]); });
+    seconds[i] += timed([&] { frames[i] = m.finish(m.lidars[i], *m.filters[i]); });
     seconds[i] += shared / static_cast<double>(asked.size());
   }
   for (std::size_t i = 0; i < frames.size(); ++i) {

@@ -9,6 +9,7 @@
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/frame.h"
+#include "infrasim/filter/filter.h"
 #include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/world.h"
 
@@ -25,6 +26,9 @@ using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
                                 std::size_t frames = std::numeric_limits<std::size_t>::max());
 
+/// Of each LiDAR, the scene's filters. Shared by the simulators of all threads.
+using LidarFilters = std::vector<std::shared_ptr<const std::vector<FilterStep>>>;
+
 /// Computes frames of several LiDARs at one mount. For one thread at a time.
 class FrameSimulator {
  public:
@@ -32,9 +36,17 @@ class FrameSimulator {
       : FrameSimulator(world, lidars, make_static_layers(world, lidars)) {}
   /// @param layers of these LiDARs in this world; frames are the same with any and with none
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
-                 const StaticLayers& layers);
+                 const StaticLayers& layers)
+      : FrameSimulator(world, lidars, layers, learn_filters(world, lidars, layers)) {}
+  /// @param filters of these LiDARs in this world
+  FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
+                 const StaticLayers& layers, const LidarFilters& filters);
   ~FrameSimulator();
   FrameSimulator(FrameSimulator&&) noexcept;
+
+  /// The scene's filters, a background learnt from frames without vehicles.
+  static LidarFilters learn_filters(const World& world, std::span<const LidarConfig> lidars,
+                                    const StaticLayers& layers);
 
   /// Frame k of the LiDARs whose entry in `wanted` is true; the others stay empty. A frame is a
   /// pure function of scene, seed, LiDAR and k.

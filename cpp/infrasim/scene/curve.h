@@ -22,6 +22,8 @@ class Curve {
 
   double length() const { return s_.back(); }
   const std::vector<CurvePoint>& samples() const { return samples_; }
+  /// s of each sample.
+  const std::vector<double>& stations() const { return s_; }
   /// Point at s, clamped to the curve's ends.
   CurvePoint at(double s) const;
   /// Station of the nearest point of the curve.

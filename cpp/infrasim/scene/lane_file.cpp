@@ -89,15 +89,12 @@ class LaneReader {
 }  // namespace
 
 double LanePath::at(const std::vector<double>& values, double s) const {
-  double from = 0;
-  const auto& samples = line.samples();
-  for (std::size_t i = 0; i + 1 < samples.size(); ++i) {
-    const double step = norm(samples[i + 1].position - samples[i].position);
-    if (s <= from + step)
-      return values[i] + std::clamp((s - from) / step, 0.0, 1.0) * (values[i + 1] - values[i]);
-    from += step;
-  }
-  return values.back();
+  const auto& stations = line.stations();
+  const auto end = std::lower_bound(stations.begin() + 1, stations.end(), s);
+  if (end == stations.end()) return values.back();
+  const auto i = static_cast<std::size_t>(end - stations.begin()) - 1;
+  const double step = norm(line.samples()[i + 1].position - line.samples()[i].position);
+  return values[i] + std::clamp((s - stations[i]) / step, 0.0, 1.0) * (values[i + 1] - values[i]);
 }
 
 std::vector<LanePath> read_lanes(const std::filesystem::path& file) {

@@ -86,12 +86,17 @@ class Traffic {
         network_(build_lane_network(scene)),
         rng_(Rng::of(scene.seed, "traffic")),
         lanes_(network_.lanes.size()),
-        signals_(network_.junctions.size()) {
+        signals_(network_.junctions.size()),
+        arms_(network_.approach_junctions.size()),
+        near_(network_.junctions.size()) {
     for (std::size_t a = 0; a < network_.approach_junctions.size(); ++a)
       signals_[network_.approach_junctions[a]].approaches.push_back(static_cast<int>(a));
     for (std::size_t i = 0; i < network_.lanes.size(); ++i) {
       const Lane& lane = network_.lanes[i];
       if (lane.entry) entries_.push_back(static_cast<int>(i));
+      if (lane.approach >= 0) arms_[lane.approach].lanes.push_back(static_cast<int>(i));
+      if (const int junction = junction_near(lane); junction >= 0)
+        near_[junction].push_back(static_cast<int>(i));
       narrowest_m_ = std::min(narrowest_m_, lane.width_m);
       if (lane.turn == Turn::kStraight && !on_ring(lane))
         tightest_radius_ = std::min(tightest_radius_, lane.curve.tightest_radius());
@@ -104,6 +109,7 @@ class Traffic {
   void step() {
     update_signals();
     choose_next_lanes();
+    look_for_gaps();
     commit_at_green();
     std::vector<std::vector<double>> acceleration(lanes_.size());
     for (std::size_t lane = 0; lane < lanes_.size(); ++lane)
@@ -126,6 +132,18 @@ class Traffic {
 
  private:
   using Queue = std::deque<Vehicle>;  ///< vehicles of a lane, the one furthest ahead first
+
+  /// The lanes of one direction of a road that end at a junction.
+  struct Arm {
+    std::vector<int> lanes;
+    bool gap = false;  ///< that who enters a roundabout there has
+  };
+
+  /// The junction that a lane is in, leads to or leaves; -1: none.
+  int junction_near(const Lane& lane) const {
+    if (lane.approach >= 0) return network_.approach_junctions[lane.approach];
+    return std::max(lane.junction, lane.leaves);
+  }
 
   const Lane& lane_of(const Vehicle& v) const { return network_.lanes[v.lane]; }
   bool on_ring(const Lane& lane) const {
@@ -264,7 +282,7 @@ class Traffic {
     for (const int next : lane.next) {
       const Turn turn = network_.lanes[next].turn;
       // A turn leaves from one of the lanes only, so its share of that lane is larger.
-      const double lanes = static_cast<double>(lanes_per_approach(lane.approach));
+      const auto lanes = static_cast<double>(arms_[lane.approach].lanes.size());
       if (!stays_in_lane(v, network_.lanes[next])) continue;
       if (turn == Turn::kLeft && v.turn_choice < junction.left_share * lanes) return next;
       if (turn == Turn::kRight && v.turn_choice > 1 - junction.right_share * lanes) return next;
@@ -276,10 +294,6 @@ class Traffic {
   static bool stays_in_lane(const Vehicle& v, const Lane& turn) {
     const double outwards = turn.turn == Turn::kRight ? v.lateral : -v.lateral;
     return reach(v, turn.curve.tightest_radius(), outwards) <= turn.width_m / 2;
-  }
-
-  long lanes_per_approach(int approach) const {
-    return std::ranges::count(network_.lanes, approach, &Lane::approach);
   }
 
   double accelerate(int lane, std::size_t i) const {
@@ -385,20 +399,27 @@ class Traffic {
   void for_each_on_ring(int junction, const Take& take) const {
     if (junction < 0 || !network_.rings[junction]) return;
     const Ring& ring = *network_.rings[junction];
-    for (std::size_t i = 0; i < lanes_.size(); ++i)
+    for (const int i : near_[junction])
       if (network_.lanes[i].junction == junction)
         for (const Vehicle& v : lanes_[i])
           if (stays_on(ring, v)) take(ring, v);
   }
 
+  void look_for_gaps() {
+    for (std::size_t a = 0; a < arms_.size(); ++a)
+      if (network_.rings[network_.approach_junctions[a]])
+        arms_[a].gap = has_gap(static_cast<int>(a));
+  }
+
   /// Who enters a roundabout gives way to whom it would make brake, but for those before it from
   /// its own arm.
   bool has_gap(int approach) const {
-    const Lane& own = *std::ranges::find(network_.lanes, approach, &Lane::approach);
+    const Curve& own = network_.lanes[arms_[approach].lanes.front()].curve;
+    const Vec2 end = own.at(own.length()).position;
     bool free = true;
     for_each_on_ring(network_.approach_junctions[approach],
                      [&](const Ring& ring, const Vehicle& v) {
-                       const Vec2 entry = ring.entry(own.curve.at(own.curve.length()).position);
+                       const Vec2 entry = ring.entry(end);
                        const bool ahead = network_.lanes[v.last_lane].approach == approach;
                        const double away = ring.along(position(v), entry) - v.dx / 2;
                        free = free && (ahead || away > kRingGap * lane_of(v).speed_limit_m_s);
@@ -407,13 +428,14 @@ class Traffic {
   }
 
   bool is_green(int approach) const {
-    if (network_.rings[network_.approach_junctions[approach]]) return has_gap(approach);
+    if (network_.rings[network_.approach_junctions[approach]]) return arms_[approach].gap;
     const Signal& signal = signals_[network_.approach_junctions[approach]];
     return signal.green && signal.approaches[signal.current] == approach;
   }
 
   void update_signals() {
     for (std::size_t j = 0; j < signals_.size(); ++j) {
+      if (network_.rings[j]) continue;
       Signal& signal = signals_[j];
       const SignalConfig timing = network_.junctions[j].signal.value_or(SignalConfig{});
       signal.since += kFramePeriod;
@@ -432,12 +454,10 @@ class Traffic {
   /// No vehicle is in the junction, on its way in, or with its tail still there. What happens at
   /// another junction does not count.
   bool is_clear(int junction) const {
-    for (std::size_t i = 0; i < lanes_.size(); ++i) {
+    for (const int i : near_[junction]) {
       const Lane& lane = network_.lanes[i];
-      const bool leads_in =
-          lane.approach >= 0 && network_.approach_junctions[lane.approach] == junction;
       for (const Vehicle& v : lanes_[i]) {
-        if (lane.junction == junction || (leads_in && v.committed)) return false;
+        if (lane.junction == junction || (lane.approach >= 0 && v.committed)) return false;
         if (lane.leaves == junction && v.s < v.dx / 2 + 1) return false;
       }
     }
@@ -472,6 +492,8 @@ class Traffic {
   Rng rng_;
   std::vector<Queue> lanes_;
   std::vector<Signal> signals_;
+  std::vector<Arm> arms_;               ///< of each approach
+  std::vector<std::vector<int>> near_;  ///< lanes in, to and from each junction, in their order
   std::vector<int> entries_;
   double tightest_radius_ = kInf;  ///< m, of the lanes, turns at junctions left out
   double narrowest_m_ = kInf;      ///< width of a lane
