@@ -4,8 +4,9 @@ The steps are the usual ones of roadside LiDAR: the background is what stays ove
 is clustered, and each cluster gets the rectangle of the L-shape search of Zhang et al., "Efficient
 L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). What differs from there:
 
-- the closeness of the points to the sides is saturated, and the directions in which vehicles were
-  seen to stand at that place while learning pull the heading: few points fix none;
+- the closeness of the points to the sides is saturated, and the directions of the roads, where
+  these are known, and those in which vehicles were seen to stand at that place while learning pull
+  the heading: few points fix none;
 - all clusters and headings of a frame are searched at once;
 - clusters reach farther along the direction of the road than across it;
 - a rectangle shorter than its class is grown away from the sensor, as that side is not seen;
@@ -13,7 +14,9 @@ L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). What diff
 
 What it cannot do: a heading is known up to half a turn; a vehicle that stands in most of the frames
 is background; vehicles that touch are one; ground that is hidden in every frame is taken from its
-neighbours or from the plane of the road. Needs neither torch nor the extension.
+neighbours or from the plane of the road. Without a region that plane may lie on the plants beside
+the road, and without known roads far vehicles side by side may be taken for one across the road.
+Needs neither torch nor the extension.
 """
 
 from __future__ import annotations
@@ -45,11 +48,13 @@ _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
 _LEAST_ALONE = 5  # points of a small cluster that is no far part of something else
 
 _ROAD_CELL_M = 5.0  # of the grid of directions
+_KNOWN_ROAD = 1.0  # weight of a known road there: a vehicle in the same cell has some 0.07
 _THIN_M = 0.4  # points closer than that are one in the graph of clusters
 _OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)  # headings of the search
 _BONNET_M = 1.2  # length of the low front or rear of a car
 _ON_SIDE_M = 0.1  # a point as close to a side lies on it
 _NEIGHBOUR_M = 10.0  # as far reaches the ground that is seen over ground that is not
+_OVERHEAD_M = 2.0  # above a road: crowns, gantries and signs, and no part of it
 _SHARED = 0.1  # of the smaller of two boxes: more is one vehicle
 _MOST = 1000  # boxes of a frame: what a wrong background or heavy rain may cost
 
@@ -106,6 +111,7 @@ class Background:
         """frames: clouds (k, 4) of one sensor that stays where it is, spread over minutes.
 
         region: where vehicles can be; left out, or without `within_region`, everywhere.
+        Its roads, if it knows any, pull the directions of the traffic.
         road: how high it lies; only a relief is used, a level road is taken from the frames.
         Vehicles may stand in the way for most of that time if the road is seen free once.
         Raises ValueError if no frame has a point in range.
@@ -113,15 +119,17 @@ class Background:
         clouds = [_usable(frame, settings) for frame in frames]
         if sum(map(len, clouds)) == 0:
             raise ValueError(f"frames: found {len(clouds)} without a point in range, allowed more")
-        ground = _ground(clouds, settings, road)
+        if not settings.within_region:
+            region = None
+        ground = _ground(clouds, settings, road, _inside_region(region, settings, 0))
         permanent = _permanent(clouds, ground, settings)
-        cells = _road_cells(settings)
-        nowhere = np.zeros((cells, cells, 2), np.float32)
-        inside = _inside_region(region, settings)
-        known = cls(settings, ground, permanent, inside, nowhere, np.zeros(2, np.float32))
+        roads = _known_roads(region, settings)
+        inside = _inside_region(region, settings, settings.region_margin_m)
+        none = np.zeros(2, np.float32)
+        known = cls(settings, ground, permanent, inside, _mean_direction(roads), none)
         for _ in range(2):  # the second time with directions that hold clusters apart
             found = _joined([known._rectangles(cloud) for cloud in clouds])
-            known = replace(known, road=_road(found, cells), expected=_expected(found))
+            known = replace(known, road=_road(found, roads), expected=_expected(found))
         return known
 
     def predict(self, points: Points) -> Detections:
@@ -297,20 +305,21 @@ def _places(s: Config) -> FloatArray:
     return np.column_stack([x, y]).astype(np.float64)
 
 
-def _inside_region(region: Region | None, s: Config) -> BoolArray:
+def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArray:
     """(n, n) of the cells whose centre is in the region or its margin."""
     n = _cells(s)
-    if region is None or not s.within_region:
+    if region is None:
         return np.ones((n, n), np.bool_)
-    return region.holds(_places(s), s.region_margin_m).reshape(n, n)
+    return region.holds(_places(s), margin_m).reshape(n, n)
 
 
-def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None) -> Floats:
+def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: BoolArray) -> Floats:
     """(n, n) z: the lowest return of each cell, unless it is only ever of vehicles.
 
     A cell whose lowest return is well above the road and not there in most frames is one whose
     ground no ray reaches; it gets that of a neighbour, or of the road: its relief where that is
-    known, else the plane that fits it best.
+    known, else the plane that fits it best. inside: (n, n) of the cells in the region, all if it
+    is not known; in it what stays overhead is no ground either.
     """
     n = _cells(s)
     lowest = np.full(n * n, np.inf, np.float32)
@@ -324,8 +333,21 @@ def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None) -> Floats:
     if road is not None and road.relief is not None:
         plane = road.height(_places(s)).reshape(n, n).astype(np.float32)
     else:
-        plane = _plane(z, share, s)
-    real = (share > s.permanent_share) | (z < plane + s.clearance_m) | (z == z.min())
+        # Plants and slopes beside the road are seen in every frame, far lanes hardly ever.
+        trusted = inside & (seen > 0).reshape(n, n)
+        plane = _plane(z, np.where(trusted, share, 0) if trusted.any() else share, s)
+    stays = share > s.permanent_share
+    if not inside.all():
+        stays &= ~inside | (z < plane + _OVERHEAD_M)
+    real = stays | (z < plane + s.clearance_m) | (z == z.min())
+    # What stays beside the road, a crown say, tells nothing of the road.
+    return np.where(inside, _filled(z, real & inside, plane, s), _filled(z, real, plane, s))
+
+
+def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
+    """(n, n) z of the nearest real cell, that of the plane where none is near."""
+    if not real.any():
+        return plane
     apart, (i, j) = distance_transform_edt(~real, s.cell_m, return_indices=True)
     return np.where(apart <= _NEIGHBOUR_M, z[i, j], plane).astype(np.float32)
 
@@ -367,8 +389,31 @@ def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray
     return np.asarray(seen > s.permanent_share * len(clouds)).reshape(n, n, layers)
 
 
-def _road(found: _Rectangles, cells: int) -> Floats:
-    """(m, m, 2) mean cos, sin of twice the heading of long clusters; shorter where they differ."""
+def _known_roads(region: Region | None, s: Config) -> FloatArray:
+    """(m, m, 3) votes of the region's roads as those of clusters in `_road`, of next to no weight
+    where none is known and where several cross."""
+    cells = _road_cells(s)
+    votes = np.full((cells, cells, 3), 1e-6) * [0, 0, 1]
+    if region is not None and region.axes is not None:
+        at = (np.arange(cells) - cells // 2 + 0.5) * _ROAD_CELL_M
+        places = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
+        sin, cos = region.axes(places.reshape(-1, 2)).T.reshape(2, cells, cells)
+        votes += _KNOWN_ROAD * np.stack([cos, sin, np.hypot(cos, sin)], axis=-1)
+    return votes
+
+
+def _mean_direction(votes: FloatArray) -> Floats:
+    """(m, m, 2) of votes (m, m, 3)."""
+    return (votes[..., :2] / votes[..., 2:]).astype(np.float32)
+
+
+def _road(found: _Rectangles, roads: FloatArray) -> Floats:
+    """(m, m, 2) mean cos, sin of twice the heading of long clusters; shorter where they differ.
+
+    roads: (m, m, 3) votes of known ones. Far away most clusters show their rear alone, and two
+    vehicles side by side are one across the road: few votes there are as often wrong as right.
+    """
+    cells = len(roads)
     length, width = found.size.T
     sure = (length > 3) & (width < 3) & (length > 1.4 * width) & (found.count >= 8)
     i, j = _road_cell(found.centre[sure], cells)
@@ -377,10 +422,10 @@ def _road(found: _Rectangles, cells: int) -> Floats:
     vote = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
     np.add.at(votes, (i, j), vote)
     # Narrow where many were seen; where none were, what there is far around.
-    smooth = np.full_like(votes, 1e-6) * [0, 0, 1]
+    smooth = roads.copy()
     for share, cells_wide in [(1, 1.5), (0.02, 4), (1e-4, 10)]:
         smooth += share * gaussian_filter(votes, (cells_wide, cells_wide, 0), mode="constant")
-    return (smooth[..., :2] / smooth[..., 2:]).astype(np.float32)
+    return _mean_direction(smooth)
 
 
 def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:

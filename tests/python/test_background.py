@@ -230,6 +230,51 @@ def outline(folder: Path, corners: str = "[[-90, -6], [90, -6], [90, 6], [-90, 6
 
 
 @pytest.mark.parametrize("kind", ["roads", "outline"])
+def test_plants_on_a_slope_beside_the_road_do_not_lower_its_far_ground(
+    tmp_path: Path, kind: str
+) -> None:
+    """The road ends for the sensor at 50 m, and what grows on both slopes is in every frame."""
+
+    def frame(seed: int) -> Points:
+        points = cast(NO_BOXES, seed, reach_m=50)
+        points[:, 2] += np.random.default_rng(seed).normal(0, 0.02, len(points))
+        beside = np.abs(points[:, 1]) > 6.5
+        points[beside, 2] -= 0.3 + 0.1 * (np.abs(points[beside, 1]) - 6.5).clip(0, 10)
+        seldom = np.random.default_rng(seed).random(len(points)) < 0.2
+        return points[beside | seldom]
+
+    region = straight_road() if kind == "roads" else outline(tmp_path)
+    ground = Background.learn([frame(seed) for seed in range(10)], region=region).ground
+    middle = len(ground) // 2
+    for far in (slice(middle + 80, middle + 110), slice(middle - 110, middle - 80)):
+        assert np.abs(ground[far, middle - 6 : middle + 6] + SENSOR_HEIGHT_M).max() < 0.1
+
+
+@pytest.mark.parametrize("y", [9.0, 3.0])
+def test_a_crown_beside_or_over_the_road_is_not_the_ground_below_it(y: float) -> None:
+    """No ray reaches the road beyond 50 m, and the crown at 90 m is in every frame."""
+    leaves = np.random.default_rng(5).uniform(-1.5, 1.5, (200, 4)).astype(np.float32)
+    leaves[:, :3] += (90, y, 5.5 - SENSOR_HEIGHT_M)
+    frames = [np.concatenate([cast(NO_BOXES, k, reach_m=50), leaves]) for k in range(10)]
+    ground = Background.learn(frames, region=straight_road()).ground
+    middle = len(ground) // 2
+    road = ground[middle + 80 : middle + 99, middle - 6 : middle + 6]
+    assert np.abs(road + SENSOR_HEIGHT_M).max() < 0.1
+
+
+def test_far_cars_side_by_side_are_two_where_the_direction_of_the_road_is_known() -> None:
+    """Of 90 m only their rears are seen, which together look like one vehicle across the road."""
+    pair = np.concatenate([box(88, y, 0.0) for y in (-1.6, 1.6)])
+    frames = [cast(pair if seed % 3 == 0 else NO_BOXES, seed) for seed in range(12)]
+    region = straight_road()
+    unknown = replace(region, axes=None)
+    points = cast(pair, seed=99)
+    for given, count in ((unknown, 0), (region, 2)):
+        found = Background.learn(frames, region=given).predict(points).boxes
+        assert np.count_nonzero(bev_iou(pair, found).max(1, initial=0) > 0.5) == count
+
+
+@pytest.mark.parametrize("kind", ["roads", "outline"])
 def test_a_hedge_beside_the_road_is_no_vehicle_and_a_car_on_it_is(
     tmp_path: Path, kind: str
 ) -> None:
