@@ -13,7 +13,7 @@ import numpy as np
 from pyinfra.arrays import FloatArray
 from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.json_boxes import read_json, read_objects
-from pyinfra.exchange.pcd import points_of
+from pyinfra.exchange.pcd import Headers, points_of
 from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -48,7 +48,15 @@ def read(source: Path, options: Options) -> Recording:
         boxes = read_objects(folder / f"{names[i]}.json") if folder is not None else NO_BOXES
         return RecordedFrame(points, boxes)
 
-    return Recording(names, frame, folder is not None, times=lambda: _times(side, names))
+    headers = Headers(clouds, folder is not None)
+    return Recording(
+        names,
+        frame,
+        folder is not None,
+        times=lambda: _times(side, names),
+        notes=headers.notes,
+        origin=headers.origin,
+    )
 
 
 def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:

@@ -58,7 +58,8 @@ def import_recording(
     if region and inside:
         check_region(region, inside, recording, found_out)
     types = own_and_public(name, about.types)
-    facts = replace(found_out.about, types=types, assumed=(*found_out.assumed, *said))
+    notes = recording.notes() if recording.notes is not None else []
+    facts = replace(found_out.about, types=types, assumed=(*notes, *found_out.assumed, *said))
     with new_folder(out) as beside:
         found = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
         if region:
@@ -112,8 +113,8 @@ def checked(options: Options) -> Options:
     highest, columns = options.intensity_max, options.columns
     if highest is not None and not 0 < highest < math.inf:
         raise ValueError(f"--intensity-max: found {highest:g}, allowed above 0")
-    if columns is not None and not 4 <= columns <= 64:
-        raise ValueError(f"--columns: found {columns}, allowed 4 to 64")
+    if columns is not None and not 3 <= columns <= 64:
+        raise ValueError(f"--columns: found {columns}, allowed 3 to 64")
     if not 1e-6 <= options.unit_m <= 1000:
         raise ValueError(f"--unit-m: found {options.unit_m:g}, allowed 1e-06 to 1000")
     return options

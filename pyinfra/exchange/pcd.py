@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from pyinfra.arrays import AnyArray, FloatArray, Points, Records
 from pyinfra.data.frame_tables import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.pcd_file import read_pcd, write_pcd
+from pyinfra.exchange.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -26,11 +27,16 @@ from pyinfra.exchange.recording import (
     stem,
 )
 from pyinfra.kitti import FormatError
+from pyinfra.kitti.layout import FARTHEST_M
 
 PLACE: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Of a field here, its name in kitti.FIELDS and its type.
 MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
-INTENSITIES = ("intensity", "reflectivity", "i")  # names in use; without one it is 0
+# Names in use, in small letters; without one it is 0. CloudCompare puts `scalar_` before its own.
+INTENSITIES = (
+    *("intensity", "reflectivity", "i", "intensities", "reflectance", "remission"),
+    *("scalar_intensity", "scalar_reflectivity", "scalar_reflectance"),
+)
 FIRST = 3  # clouds of which one has a clock, if the recording has: empty ones have none
 STAMPS = ("timestamp", "time_stamp", "time", "t")  # of a point, by a clock; else since something
 
@@ -74,7 +80,66 @@ def read(source: Path, options: Options) -> Recording:
         return RecordedFrame(points, boxes, _fields(clouds[i], records))
 
     splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, labelled, splits, times=lambda: stamps(clouds))
+    headers = Headers(clouds, labelled)
+    return Recording(
+        names,
+        frame,
+        labelled,
+        splits,
+        times=lambda: stamps(clouds),
+        notes=headers.notes,
+        origin=headers.origin,
+    )
+
+
+class Headers:
+    """What the headers of a recording's clouds say of all of them."""
+
+    def __init__(self, files: Sequence[Path], labelled: bool) -> None:
+        self.files, self.labelled = files, labelled
+
+    @cached_property
+    def _all(self) -> list[Header]:
+        return [read_header(file) for file in self.files]
+
+    def origin(self) -> FloatArray | None:
+        """Where the sensor stands in the frame of the points; None if it is the origin, or moves.
+
+        (3,), in the unit of the source.
+        """
+        shifts = np.array([header.viewpoint.applied_shift for header in self._all])
+        return shifts[0] if shifts[0].any() and (shifts == shifts[0]).all() else None
+
+    def notes(self, *, shifted: bool = True) -> list[str]:
+        """What points_of makes of viewpoints, and of clouds without an intensity."""
+        moved = [header for header in self._all if not header.viewpoint.is_identity]
+        found = []
+        if moved:
+            said = _viewpoint_note(moved[0].viewpoint, shifted=shifted)
+            poses = [np.vstack([h.viewpoint.turn, h.viewpoint.shift]) for h in self._all]
+            if any(not np.array_equal(pose, poses[0]) for pose in poses):
+                said += f" in {moved[0].file.name}; they differ"
+            found.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {said}")
+            if self.labelled:
+                found.append("labels are taken to stand where VIEWPOINT moves the points")
+        dark = [h for h in self._all if not set(INTENSITIES) & set(h.record.names or ())]
+        if dark:
+            names = " ".join(dark[0].record.names or ())
+            found.append(
+                f"{len(dark)} of {len(self.files)} clouds have no field for the intensity "
+                f"({names}): taken as 0"
+            )
+        return found
+
+
+def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
+    shift = "({:.6g}, {:.6g}, {:.6g})".format(*viewpoint.shift)
+    said = f"points are turned by {viewpoint.angle_deg:.2f} degrees"
+    if viewpoint.is_far:
+        return f"{said}, its shift {shift} is left out, as it is beyond {FARTHEST_M:g} m"
+    if not shifted:
+        return f"{said}, its shift {shift} is left out, as the sensor is the origin"
+    return f"{said} and moved by {shift}"
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
@@ -105,8 +170,12 @@ def _records(points: Points, fields: Records | None) -> Records:
     return out
 
 
-def points_of(file: Path, records: Records, options: Options) -> Points:
-    """The points of a file's records; without a field for it the intensity is 0."""
+def points_of(file: Path, records: Records, options: Options, *, shifted: bool = True) -> Points:
+    """The points of a file's records, where its viewpoint moves them.
+
+    shifted: False turns them alone, so that the sensor stays the origin. Without a field for it
+    the intensity is 0.
+    """
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
         raise FormatError(f"{file}: FIELDS: found {' '.join(names)}, allowed x y z and others")
@@ -114,6 +183,9 @@ def points_of(file: Path, records: Records, options: Options) -> Points:
     columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
     if intensity is None:
         columns.append(np.zeros(len(records)))
+    viewpoint = read_header(file).viewpoint
+    if not viewpoint.is_identity:
+        columns[:3] = viewpoint.apply(columns[:3], shifted=shifted)
     return as_points(file, columns, options)
 
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from pyinfra.exchange.data_set import levelled
 from pyinfra.exchange.json_boxes import read_json, read_objects
 from pyinfra.exchange.nuscenes_tables import angles_of
-from pyinfra.exchange.pcd import points_of
+from pyinfra.exchange.pcd import Headers, points_of
 from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -54,7 +54,16 @@ def read(source: Path, options: Options) -> Recording:
         own = RecordedFrame(points, boxes)
         return levelled(own, leaning) if tilt else own
 
-    return Recording(names, frame, folder is not None, pose=pose, tilt=tilt)
+    headers = Headers(clouds, folder is not None)
+    return Recording(
+        names,
+        frame,
+        folder is not None,
+        pose=pose,
+        tilt=tilt,
+        notes=headers.notes,
+        origin=headers.origin,
+    )
 
 
 def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:

@@ -20,7 +20,7 @@ class Options:
     """What a reader cannot see in the files; None is what the format usually has."""
 
     intensity_max: float | None = None  # of the source; 1 here
-    columns: int | None = None  # of a .bin file, float32; the first four are x y z intensity
+    columns: int | None = None  # of a .bin file, float32: x y z, intensity unless 3, others
     labels: Path | None = None  # folder, in place of the usual one
     channel: str | None = None  # which LiDAR of several
     unit_m: float = 1.0  # of a coordinate in the source
@@ -64,6 +64,8 @@ class Recording:
     tilt: tuple[float, float] | None = None  # pitch, roll (rad) that are out of the points already
     ids_are_tracks: bool = False
     times: Callable[[], FloatArray | None] | None = None  # s, by the clock in the files; None: none
+    notes: Callable[[], list[str]] | None = None  # what was made of what the files say, in words
+    origin: Callable[[], FloatArray | None] | None = None  # of the sensor, if not 0 0 0; as stored
     slots: tuple[int, ...] | None = None  # numbers of the frames; None: see numbers()
 
     @property
@@ -134,7 +136,8 @@ def as_points(
 def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> Points:
     """The first four of some float32 columns, or `options.columns`: (n, 4), see as_points.
 
-    Raises FormatError for a file cut short, and as as_points does.
+    Of three columns the intensity is 0. Raises FormatError for a file cut short, and as as_points
+    does.
     """
     columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
@@ -143,6 +146,8 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
             "a point)"
         )
     found = np.fromfile(file, dtype="<f4").reshape(-1, columns)
+    if columns == 3:
+        found = np.column_stack([found, np.zeros(len(found), dtype=np.float32)])
     return as_points(file, list(found.T[:4]), options, usual)
 
 

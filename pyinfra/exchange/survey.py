@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +60,7 @@ class Survey:
     about: LidarFacts
     plane: RoadPlane | None
     assumed: tuple[str, ...]
+    back_m: FloatArray = field(default_factory=lambda: np.zeros(3))  # taken off places, before all
 
 
 def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, road: bool) -> Survey:
@@ -67,9 +68,13 @@ def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, roa
 
     Raises ValueError for clouds whose unit or height cannot be told, with what the user can say.
     """
-    clouds = _clouds(read(source, _wide(options)))
+    recording = read(source, _wide(options))
+    clouds = _clouds(recording)
+    origin = recording.origin() if road and recording.origin is not None else None
+    if origin is not None:
+        clouds = [cloud - [*origin, 0] for cloud in clouds]
     unit = _unit(source, clouds, options) if road else 1.0
-    highest = options.intensity_max or _intensity_max(clouds)
+    highest = options.intensity_max or usual_intensity_max(_brightest(clouds))
     assumed = []
     if unit != options.unit_m:
         assumed.append(MILLIMETRES)
@@ -85,19 +90,27 @@ def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, roa
     )
     if not road:
         return result
-    return _with_road(source, result, [cloud[:, :3] * unit for cloud in clouds])
+    result = _with_road(source, result, [cloud[:, :3] * unit for cloud in clouds])
+    if origin is None or result.plane is None:
+        return result
+    said = "the sensor is the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
+    back_m = origin * unit
+    return replace(result, back_m=back_m, assumed=(*result.assumed, said.format(*back_m)))
 
 
 def turned(recording: Recording, found: Survey) -> Recording:
     """The recording in upright axes, at the height where the sensor is the origin."""
-    if np.array_equal(found.turn, np.eye(3)) and found.lift_m == 0:
+    up = [0.0, 0.0, found.lift_m]
+    shift = up - found.turn @ found.back_m
+    if np.array_equal(found.turn, np.eye(3)) and not shift.any():
         return recording
     read = recording.read
 
     def frame(i: int) -> RecordedFrame:
         own = levelled(read(i), found.turn)
-        own.points[:, 2] += np.float32(found.lift_m)
-        own.boxes.boxes[:, 2] += found.lift_m
+        there = own.points[:, :3].any(axis=1)  # 0 0 0 stands for no return
+        own.points[there, :3] += shift.astype(np.float32)
+        own.boxes.boxes[:, :3] += shift
         return own
 
     return replace(recording, read=frame)
@@ -173,9 +186,9 @@ def _brightest(clouds: Sequence[Floats]) -> float:
     return max((float(own.max(initial=0)) for own in values), default=0.0)
 
 
-def _intensity_max(clouds: Sequence[Floats]) -> float:
-    """The least usual highest intensity that holds all of the looked-at ones."""
-    brightest = _brightest(clouds) * (1 - 1e-6)  # they were divided and multiplied again
+def usual_intensity_max(brightest: float) -> float:
+    """The least usual highest intensity that holds the brightest one of some clouds."""
+    brightest *= 1 - 1e-6  # it was divided and multiplied again
     return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.exchange.json_boxes import checked_box, number, read_json
-from pyinfra.exchange.pcd import points_of
+from pyinfra.exchange.pcd import Headers, points_of
 from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -53,7 +53,8 @@ def read(source: Path, options: Options) -> Recording:
         boxes = NO_BOXES if labels is None else read_cuboids(labels / f"{names[i]}.json", ids)
         return RecordedFrame(points, boxes)
 
-    return Recording(names, frame, labels is not None)
+    headers = Headers(clouds, labels is not None)
+    return Recording(names, frame, labels is not None, notes=headers.notes, origin=headers.origin)
 
 
 def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:

@@ -442,7 +442,7 @@ def test_a_file_is_refused_with_the_reason(
         (["--price-usd", "5", "4"], "--price-usd: found [5.0, 4.0]"),
         (["--period-s", "0"], "--period-s: found 0"),
         (["--tilt-deg", "100", "0"], "--tilt-deg: found [100.0, 0.0]"),
-        (["--columns", "3"], "--columns: found 3"),
+        (["--columns", "2"], "--columns: found 2, allowed 3 to 64"),
         (["--intensity-max", "-1"], "--intensity-max: found -1"),
         (["--type", "Lkw"], "--type: found 'Lkw', allowed NAME=TYPE"),
     ],
