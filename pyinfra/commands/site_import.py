@@ -9,7 +9,8 @@ from pyinfra.site.map_import import RADIUS_M, ImportOptions, import_map
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra site import town.xodr --out sites/town --radius 400"
-    parser.add_argument("file", type=Path, help=".xodr, .osm, .osm.gz or .net.xml")
+    kinds = ".xodr, .osm, .osm.xml or .net.xml; also packed, .gz or .bz2"
+    parser.add_argument("file", type=Path, help=kinds)
     parser.add_argument("--out", type=Path, required=True, help="folder of the site")
     parser.add_argument(
         "--centre", type=_numbers(2), metavar="X,Y", help="of the site in the map; OSM: lon,lat"

@@ -34,6 +34,10 @@ def run(args: argparse.Namespace) -> int:
     write_trajectories(args.site / NAME, traffic.tracks)
     site_folder.set_duration(args.site, lasts_s(traffic.tracks))
     notes = [f"{name}: left out: no average makes it smooth" for name in traffic.rough]
+    if traffic.unrouted:
+        notes.insert(
+            0, f"{len(traffic.unrouted)} of {traffic.asked} trips left out: no valid route"
+        )
     notes += [f"{name}: left out: it stood in another" for name in traffic.overlapping]
     print(*report_lines(args.site / NAME, traffic.tracks, feet, notes), sep="\n")
     return 0

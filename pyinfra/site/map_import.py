@@ -1,12 +1,15 @@
 """A map file as a site folder: scene, lanes, meshes, network, and what was made of the map."""
 
+import gzip
 import hashlib
 import math
 import tempfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import yaml
@@ -27,6 +30,7 @@ from pyinfra.site.mount_guess import HEIGHT_M, Pole, guess_pole
 from pyinfra.site.netconvert import OPENDRIVE, OSM, netconvert
 from pyinfra.site.network import KERB_M, read_network
 from pyinfra.site.opendrive import read_opendrive
+from pyinfra.site.openstreetmap import opened
 from pyinfra.site.ply import Triangles, write_ply
 from pyinfra.site.surfaces import Sheet, surfaces
 
@@ -34,7 +38,9 @@ RADIUS_M = 1000.0
 LONGEST_BYTES = 2 << 30  # of a map
 MOST_TRIANGLES = 20_000_000
 MATERIALS = {"buildings": "structure"}  # of the others the mesh's own name
-FORMATS = (".xodr", ".osm", ".osm.gz", ".net.xml")
+FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also packed, .gz and .bz2
+PACKED = (".gz", ".bz2")
+CONVERTED = {".pbf": "osmium cat {0} -o {1}.osm.gz", ".o5m": "osmconvert {0} -o={1}.osm"}
 NETWORK = "map.net.xml"
 RECORD = "map.yaml"
 VERSION = 2  # of what an import makes
@@ -78,7 +84,11 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             )
         raise FileExistsError(f"{out}: is there already, from another import; allowed a new folder")
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
-        found, origin = _READERS[kind](file, folder, Path(scratch), options)
+        plain = _unpacked(file, kind, Path(scratch))
+        try:
+            found, origin = _READERS[kind](plain, folder, Path(scratch), options)
+        except MapError as error:
+            raise MapError(str(error).replace(str(plain), str(file))) from error
         found.lanes = checked_lanes(with_own_names(found.lanes), str(file))
         found.not_understood += disagreements(found.lanes)
         meshes, terrain = surfaces(found, KERB_M)
@@ -98,11 +108,56 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
 
 
 def format_of(file: Path) -> str:
-    """The ending that says how a map is read. Raises MapError."""
+    """The ending that says how a map is read, without that of its packing. Raises MapError."""
+    name = file.name.lower()
+    for ending, command in CONVERTED.items():
+        if name.endswith(ending):
+            stem = file.name[: -len(ending)].removesuffix(".osm")
+            raise MapError(
+                f"{file}: expected XML, got {ending}: convert it first, as by "
+                f"`{command.format(file.name, stem)}`"
+            )
+    for packing in PACKED:
+        name = name.removesuffix(packing)
     for ending in FORMATS:
-        if file.name.lower().endswith(ending):
+        if name.endswith(ending):
             return ending
-    raise MapError(f"{file}: found another ending, allowed {', '.join(FORMATS)}")
+    if name.endswith(".xml") and (ending := _BY_ROOT.get(_root_of(file), "")):
+        return ending
+    raise MapError(
+        f"{file}: expected {', '.join(FORMATS)}, plain or packed ({', '.join(PACKED)}), got "
+        f"'{file.suffix}'"
+    )
+
+
+_BY_ROOT = {"OpenDRIVE": ".xodr", "osm": ".osm", "net": ".net.xml"}
+
+
+def _root_of(file: Path) -> str:
+    """The name of the first element; empty if it is not XML."""
+    try:
+        with opened(file) as stream:
+            for _, node in ElementTree.iterparse(stream, events=("start",)):
+                return str(node.tag).rpartition("}")[2]
+    except (ElementTree.ParseError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    return ""
+
+
+def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
+    """The file, or what is packed in it. Raises MapError."""
+    if file.suffix.lower() not in PACKED:
+        return file
+    out = scratch / f"map{kind}"
+    try:
+        with opened(file) as stream, out.open("wb") as into:
+            while block := stream.read(1 << 20):
+                into.write(block)
+                if into.tell() > LONGEST_BYTES:
+                    raise MapError(f"{file}: expected up to {LONGEST_BYTES} bytes in it, got more")
+    except (EOFError, zlib.error, OSError) as error:
+        raise MapError(f"{file}: not a packed file that can be read: {error}") from error
+    return out
 
 
 def _said(options: ImportOptions) -> dict[str, Any]:
@@ -168,8 +223,8 @@ def _from_osm(
         raise MapError(f"{file}: --centre: found {centre}, allowed lon,lat in degrees")
     levels = osm_levels.find_levels(streets, centre, options.radius_m)
     source = file
-    if file.suffix != ".osm" or levels.heights or streets.deleted or streets.rearranged:
-        source = scratch / "map.osm"
+    if levels.heights or streets.deleted or streets.rearranged:
+        source = scratch / "levelled.osm"
         osm_levels.write_levelled(file, source, streets, levels)
     lon, lat = centre
     reach = options.radius_m / 111_000
@@ -202,7 +257,7 @@ _READERS = {
     ".xodr": _from_opendrive,
     ".net.xml": _from_network,
     ".osm": _from_osm,
-    ".osm.gz": _from_osm,
+    ".osm.xml": _from_osm,
 }
 
 

@@ -3,6 +3,8 @@
 It looks where a narrow field of view has the junction and most metres of lanes.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -34,8 +36,8 @@ class Pole:
 def guess_pole(found: SiteMap) -> tuple[Pole, str]:
     """The pole, and in words what it stands beside."""
     lanes = [lane for lane in found.lanes if lane.kind == "road"]
-    points = np.concatenate([lane.centre[:, :2] for lane in lanes])
-    clear = np.concatenate([lane.width / 2 + CLEAR_M for lane in lanes])
+    strips = _Strips.of(lanes)
+    points = strips.start
     driven = [lane for lane in lanes if lane.driveable]
     inside = [
         j for j in found.junctions if np.hypot(*(points - j[1:]).T).min() < FARTHEST_M
@@ -46,7 +48,7 @@ def guess_pole(found: SiteMap) -> tuple[Pole, str]:
     else:
         longest = max(driven, key=lambda lane: len(lane.centre))
         target, what = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"
-    foot = _clear_place(target, points, clear, found)
+    foot = _clear_place(target, strips, found)
     dense = np.concatenate([lane.centre for lane in driven])
     road_z = dense[np.hypot(*(dense[:, :2] - foot).T).argmin(), 2]
     x, y, z = (round(float(v), 2) for v in (*foot, road_z + HEIGHT_M))
@@ -71,23 +73,23 @@ def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg
 
 
 def _clear_place(
-    target: FloatArray, points: FloatArray, clear: FloatArray, found: SiteMap
+    target: FloatArray, strips: _Strips, found: SiteMap, farthest_m: float = FARTHEST_M
 ) -> FloatArray:
-    """The free place nearest to the target; if all is paved, the one that is freest."""
-    axis = np.arange(-FARTHEST_M, FARTHEST_M + 1, 1.0)
+    """The free place nearest to the target; farther away if all is paved there."""
+    axis = np.arange(-farthest_m, farthest_m + 1, 1.0)
     offsets = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
     distance = np.hypot(*offsets.T)
     order = np.argsort(distance, kind="stable")
-    order = order[(distance[order] >= NEAREST_M) & (distance[order] <= FARTHEST_M)]
-    near = np.hypot(*(points - target).T) < FARTHEST_M + 20
+    order = order[(distance[order] >= NEAREST_M) & (distance[order] <= farthest_m)]
+    near = strips.near(target, farthest_m + 20)
     trees = np.array([(tree.x_m, tree.y_m) for tree in found.trees]).reshape(-1, 2)
-    reach = FARTHEST_M + 20
+    reach = farthest_m + 20
     outlines = [thing.outline for thing in found.bodies] + found.areas
     outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
     best, freest = target, -math.inf
     for offset in offsets[order]:
         place = target + offset
-        free = (np.hypot(*(points[near] - place).T) - clear[near]).min(initial=math.inf)
+        free = near.free_m(place)
         if np.hypot(*(trees - place).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
             continue
         if any(_is_close(outline, place) for outline in outlines):
@@ -96,7 +98,38 @@ def _clear_place(
             return np.asarray(place)
         if free > freest:
             best, freest = place, free
+    if farthest_m == FARTHEST_M and freest < 0:
+        return _clear_place(target, strips, found, 2 * FARTHEST_M)
     return np.asarray(best)
+
+
+@dataclass(frozen=True)
+class _Strips:
+    """Pieces of lanes (n, 2) to (n, 2), and how far from their middles a place is free."""
+
+    start: FloatArray
+    end: FloatArray
+    clear: FloatArray
+
+    @staticmethod
+    def of(lanes: list[MapLane]) -> _Strips:
+        half = [np.maximum(lane.width[1:], lane.width[:-1]) / 2 + CLEAR_M for lane in lanes]
+        ends = [
+            np.concatenate([lane.centre[i : len(lane.centre) - 1 + i, :2] for lane in lanes])
+            for i in (0, 1)
+        ]
+        return _Strips(ends[0], ends[1], np.concatenate(half))
+
+    def near(self, place: FloatArray, metres: float) -> _Strips:
+        some = np.hypot(*(self.start - place).T) < metres
+        return _Strips(self.start[some], self.end[some], self.clear[some])
+
+    def free_m(self, place: FloatArray) -> float:
+        """How much farther from the lanes a place is than it must be."""
+        along = self.end - self.start
+        part = ((place - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
+        away = self.start + part.clip(0, 1)[:, None] * along - place
+        return float((np.hypot(*away.T) - self.clear).min(initial=math.inf))
 
 
 def _is_close(outline: FloatArray, place: FloatArray) -> bool:

@@ -1,5 +1,6 @@
 """Houses and trees of an OpenStreetMap file, in metres around a place on earth."""
 
+import bz2
 import gzip
 import math
 import re
@@ -91,8 +92,10 @@ class StreetMap:
 
 
 def opened(file: Path) -> Any:
-    """The file, unpacked if it ends in .gz."""
-    return gzip.open(file) if file.suffix == ".gz" else file.open("rb")
+    """The file, unpacked if it ends in .gz or .bz2."""
+    if file.suffix.lower() == ".bz2":
+        return bz2.open(file)
+    return gzip.open(file) if file.suffix.lower() == ".gz" else file.open("rb")
 
 
 def read_street_map(file: Path) -> StreetMap:

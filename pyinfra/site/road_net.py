@@ -49,10 +49,13 @@ class Edge:
 
 @dataclass(frozen=True)
 class RoadNet:
-    """Edges by name; links: which edge leads to which others; offset: see `origin_m`."""
+    """Edges by name; links: which edge leads to which others, and whom (None: all).
+
+    offset: see `origin_m`.
+    """
 
     edges: dict[str, Edge]
-    links: dict[str, set[str]]
+    links: dict[str, dict[str, frozenset[str] | None]]
     offset_m: tuple[float, float]  # what netconvert added to the map's coordinates
     walkable: bool  # sidewalks and crossings are connected
     turn_speed_limited: bool
@@ -78,8 +81,8 @@ class RoadNet:
                 continue
             best[edge.name] = way
             seconds += edge.length_m / edge.speed_m_s
-            for to in sorted(self.links.get(edge.name, ())):
-                if to not in best and self.edges[to].lanes_for(sumo_class):
+            for to, borne in sorted(self.links.get(edge.name, {}).items()):
+                if to not in best and (borne is None or sumo_class in borne):
                     heapq.heappush(heap, (seconds, [*way, to]))
         return best
 
@@ -110,10 +113,14 @@ def read_road_net(file: Path) -> RoadNet:
 
 def _net(root: ElementTree.Element) -> RoadNet:
     edges = {e.name: e for node in root.findall("edge") if (e := _edge(node)) is not None}
-    links: dict[str, set[str]] = {}
+    links: dict[str, dict[str, frozenset[str] | None]] = {}
     for link in root.findall("connection"):
         if link.attrib["from"] in edges and link.attrib["to"] in edges:
-            links.setdefault(link.attrib["from"], set()).add(link.attrib["to"])
+            start, end = edges[link.attrib["from"]], edges[link.attrib["to"]]
+            borne = _led(link, start, end)
+            before = links.setdefault(start.name, {}).get(end.name, frozenset())
+            both = None if borne is None or before is None else before | borne
+            links[start.name][end.name] = both
     location = root.find("location")
     offset = "0,0" if location is None else location.attrib["netOffset"]
     x, y = (float(v) for v in offset.split(","))
@@ -137,6 +144,21 @@ def _edge(node: ElementTree.Element) -> Edge | None:
         max(float(driven[0].attrib["speed"]), 0.1),
         tuple(_borne(lane) for lane in lanes),
     )
+
+
+def _led(link: ElementTree.Element, start: Edge, end: Edge) -> frozenset[str] | None:
+    """Whom a connection leads from lane to lane; who walks goes from edge to edge."""
+    lanes = [_lane(start, link.get("fromLane")), _lane(end, link.get("toLane")), _borne(link)]
+    walks = start.lanes_for("pedestrian") and end.lanes_for("pedestrian")
+    some = [lane for lane in lanes if lane is not None]
+    if not some:
+        return None
+    return frozenset.intersection(*some) | (frozenset({"pedestrian"}) if walks else frozenset())
+
+
+def _lane(edge: Edge, index: str | None) -> frozenset[str] | None:
+    number = int(index or 0)
+    return edge.lanes[number] if 0 <= number < len(edge.lanes) else frozenset()
 
 
 _ASKED = {"passenger", "delivery", "truck", "bus", "motorcycle", "bicycle", "pedestrian"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ NET = "map.net.xml"
 REACH_M = 300.0  # from a mount; who drives on is no more in the file, and may come back as another
 STRIPE_M = "0.8"  # as wide as anyone walks, so that two pass each other
 _WARM_UP_S, _WALKING_S = 200, 400
+MOST_UNROUTED = 0.5  # of the trips
 _AROUND_S = 4.0  # before and after, so that averages have neighbours
 _TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
 _WALKS = (
@@ -37,6 +39,7 @@ class Traffic:
     asked: int  # objects that were to depart
     rough: list[str]  # no average made them smooth
     overlapping: list[str]  # they stood in others
+    unrouted: list[str]  # SUMO found no valid route for them
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class SumoRun:
     asked: int  # objects that were to depart
     start: int  # instants
     count: int
+    unrouted: list[str]  # names of those for whom SUMO found no valid route
 
 
 def simulate(
@@ -69,9 +73,10 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
         work = Path(folder)
         net_used = _prepared(net_file, read_road_net(net_file), demand, work)
         asked = trips(read_road_net(net_used), feet, demand, warm_up + seconds + _AROUND_S, seed)
-        recorded = _run_sumo(net_used, asked, warm_up, seconds, seed, work)
+        recorded, unrouted = _run_sumo(net_used, asked, warm_up, seconds, seed, work)
     paths = [_front_path(r, asked) for r in recorded]
-    return SumoRun(paths, len(asked.sizes), round(warm_up / STEP_S), round(seconds / STEP_S))
+    start, count = round(warm_up / STEP_S), round(seconds / STEP_S)
+    return SumoRun(paths, len(asked.sizes), start, count, unrouted)
 
 
 def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
@@ -85,7 +90,7 @@ def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
         elif (part := track.between(start, end)) is not None:
             tracks += part.near(feet, REACH_M)
     kept, overlapping = without_overlaps(tracks)
-    return Traffic(from_zero(kept), sumo_run.asked, rough, overlapping)
+    return Traffic(from_zero(kept), sumo_run.asked, rough, overlapping, sumo_run.unrouted)
 
 
 def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
@@ -109,9 +114,9 @@ def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
 
 def _run_sumo(
     net: Path, asked: Trips, warm_up: float, seconds: float, seed: int, work: Path
-) -> list[Recorded]:
+) -> tuple[list[Recorded], list[str]]:
+    """What moved, and who was left out because SUMO found no valid route."""
     routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
-    routes.write_text(asked.xml)
     begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
     words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
     words += ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--end", str(end)]
@@ -119,5 +124,40 @@ def _run_sumo(
     words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
     words += ["--collision.action", "none", "--pedestrian.model", "striping"]
     words += ["--pedestrian.striping.stripe-width", STRIPE_M]
-    run_tool("sumo", [*words, "--no-step-log", "true", "--no-warnings", "true"])
-    return read_fcd(fcd)
+    words += ["--no-step-log", "true", "--no-warnings", "true"]
+    xml, unrouted = asked.xml, list[str]()
+    while True:
+        routes.write_text(xml)
+        try:
+            run_tool("sumo", words)
+            break
+        except RuntimeError as error:
+            xml, gone = without_route(xml, str(error))
+            if not gone or len(unrouted) + len(gone) > MOST_UNROUTED * len(asked.sizes):
+                raise
+            unrouted += gone
+    return read_fcd(fcd), unrouted
+
+
+def without_route(xml: str, error: str) -> tuple[str, list[str]]:
+    """The trips less those that SUMO named, or that take the same turn by the same class of road.
+
+    Returns the trips and the names of those left out; none if the error is another one.
+    """
+    named = re.search(r"(?:[Vv]ehicle|[Pp]erson) '([^']+)'", error)
+    if not named or not re.search("no valid route|[Nn]o connection|[Nn]o route", error):
+        return xml, []
+    turn = re.search(r"between edge '([^']+)' and edge '([^']+)'", error)
+    object_class = named[1].rpartition("_")[0]
+    kept, gone = [], []
+    for line in xml.splitlines(keepends=True):
+        who = re.match(r'<(?:vehicle|person) id="([^"]+)"', line)
+        takes = turn is not None and re.search(
+            rf'[" ]{re.escape(turn[1])} {re.escape(turn[2])}[" ]', line
+        )
+        same = who and who[1].rpartition("_")[0] == object_class
+        if who and (who[1] == named[1] or (takes and same)):
+            gone.append(who[1])
+        else:
+            kept.append(line)
+    return "".join(kept), gone

@@ -1,5 +1,6 @@
 """Maps of others as sites: surfaces where the map says, nothing half written, clear refusals."""
 
+import bz2
 import gzip
 import itertools
 import math
@@ -14,8 +15,9 @@ import site_data
 import yaml
 
 from pyinfra.cli import main
-from pyinfra.site.lane_map import MapError, MapLane
+from pyinfra.site.lane_map import MapError, MapLane, SiteMap
 from pyinfra.site.map_import import ImportOptions, import_map, lanes_table
+from pyinfra.site.mount_guess import guess_pole
 from pyinfra.site.opendrive_geometry import read_reference_line
 from pyinfra.site.openstreetmap import transverse_mercator
 from pyinfra.site.plan import plan, read_lanes
@@ -235,6 +237,52 @@ def test_packed_osm_is_the_same_and_a_radius_cuts(tmp_path: Path) -> None:
     part = import_map(packed, tmp_path / "part", near_)
     assert part.lanes < whole.lanes
     assert (tmp_path / "part/meshes/buildings.ply").stat().st_size < 5000
+
+
+@pytest.mark.parametrize("ending", [".osm.xml", ".osm.xml.gz", ".osm.bz2", ".OSM.GZ", ".xml"])
+def test_osm_is_read_by_any_of_its_endings(tmp_path: Path, ending: str) -> None:
+    data = site_data.district().encode()
+    packed = {"gz": gzip.compress, "bz2": bz2.compress}.get(ending.rpartition(".")[2].lower())
+    file = tmp_path / f"town{ending}"
+    file.write_bytes(packed(data) if packed else data)
+    near_ = ImportOptions(centre=(8.4, 49.0), radius_m=60)
+    assert import_map(file, tmp_path / "site", near_).record["source"] == file.name
+
+
+@pytest.mark.parametrize("name", ["a.net.xml.gz", "a.xodr.gz", "net.xml", "map.xml.gz"])
+def test_networks_and_opendrive_may_be_packed(tmp_path: Path, name: str) -> None:
+    text = XODR
+    if "net" in name:
+        net = site_data.roundabout(tmp_path, sumo_folder() / "bin/netconvert")
+        text = net.read_text()
+    data = text.encode()
+    (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith(".gz") else data)
+    assert import_map(tmp_path / name, tmp_path / "site").lanes
+
+
+@pytest.mark.parametrize("name", ["town.osm.pbf", "town.pbf", "town.o5m"])
+def test_binary_osm_is_refused_with_the_command_that_converts_it(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_bytes(b"\0\0\0\x0d\x0a\x09OSMHeader")
+    assert main(["site", "import", str(tmp_path / name), "--out", str(tmp_path / "s")]) == 2
+    assert re.search(rf"(osmium cat|osmconvert) {re.escape(name)} -o.town", capsys.readouterr().err)
+
+
+def lane_along(y: float, width: float, step_m: float, length_m: float = 400) -> MapLane:
+    x = np.arange(-length_m / 2, length_m / 2 + step_m / 2, step_m)
+    left, right = (np.column_stack([x, y + s * width / 2 + 0 * x, 0 * x]) for s in (1, -1))
+    return MapLane(f"a{y:g}", "road", True, left, right)
+
+
+@pytest.mark.parametrize("step_m", [1, 4, 50])
+@pytest.mark.parametrize("lanes", [1, 8, 31, 61])
+def test_the_guessed_pole_is_off_all_lanes(step_m: float, lanes: int) -> None:
+    """Wherever the lanes' points lie, and however wide the road is."""
+    each = [lane_along(3.0 * (k - lanes // 2), 3.0, step_m) for k in range(lanes)]
+    pole, _ = guess_pole(SiteMap(lanes=each))
+    away = [abs(pole.y_m - lane.centre[0, 1]) - 1.5 for lane in each]
+    assert min(away) > 0.99 or abs(pole.x_m) > 200.99
 
 
 def test_the_same_import_is_found_and_another_refused(tmp_path: Path) -> None:

@@ -15,10 +15,11 @@ import traffic_data as data
 from pyinfra import cli
 from pyinfra.arrays import FloatArray
 from pyinfra.simulator.launch import binary
+from pyinfra.site.road_net import RoadNet, read_road_net
 from pyinfra.site.site_folder import set_duration
 from pyinfra.site.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, smooth, spread_jumps
 from pyinfra.site.tracks import CLASSES, HEADING, PITCH, FrontPath, Track, lasts_s
-from pyinfra.site.traffic import REACH_M, Traffic, simulate
+from pyinfra.site.traffic import REACH_M, Traffic, simulate, without_route
 from pyinfra.site.traffic_demand import Demand
 from pyinfra.site.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures, without_overlaps
 from pyinfra.site.trajectory_file import write_trajectories
@@ -117,6 +118,51 @@ def test_the_simulator_reads_the_file(folder: Path, busy: Traffic) -> None:
     )
     done = subprocess.run([program, "check", scene], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_trips_go_only_where_their_class_may(folder: Path) -> None:
+    """A turn from a lane of buses alone: SUMO has no valid route there for cars."""
+    net = data.crossing(folder / "lanes")
+    text = net.read_text()
+    turns = re.findall(r'<connection from="ei" to="(?:no|so)" fromLane="(\d)"', text)
+    assert turns
+    for lane in set(turns):
+        text = text.replace(f'<lane id="ei_{lane}"', f'<lane id="ei_{lane}" allow="bus"')
+    net.write_text(text)
+    roads = read_road_net(net)
+    reached = {c: set(roads.routes_from(roads.edges["ei"], c)) for c in ("passenger", "bus")}
+    assert reached["bus"] >= {"no", "so"}
+    assert reached["passenger"].isdisjoint({"no", "so"})
+    assert roads.routes_from(roads.edges["wi"], "passenger").keys() >= {"no", "so"}
+
+
+def test_trips_without_a_valid_route_are_left_out_and_counted(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    net = data.crossing(folder / "cut")
+    from pyinfra.site import traffic
+
+    lone = re.sub(r'<connection from="wi" to="no".*?/>', "", net.read_text())
+    net.write_text(lone)
+    monkeypatch.setattr(traffic, "read_road_net", _with_turn)
+    words = ["site", "traffic", str(net.parent), "--seconds", "20", "--vehicles-per-hour", "900"]
+    assert cli.main(words) == 0
+    left_out = re.search(r"(\d+) of (\d+) trips left out: no valid route", capsys.readouterr().out)
+    assert left_out
+    assert 0 < int(left_out[1]) < int(left_out[2])
+
+
+def _with_turn(file: Path) -> RoadNet:
+    """Knows a turn that the network does not have."""
+    roads = read_road_net(file)
+    roads.links["wi"]["no"] = None
+    return roads
+
+
+def test_only_errors_of_routes_leave_trips_out() -> None:
+    xml = '<routes>\n<vehicle id="Car_1"><route edges="a b"/></vehicle>\n</routes>'
+    assert without_route(xml, "sumo: out of memory (exit 1)") == (xml, [])
+    assert without_route(xml, "sumo: Vehicle 'Car_1' has no valid route.")[1] == ["Car_1"]
 
 
 def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
