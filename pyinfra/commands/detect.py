@@ -18,8 +18,10 @@ from pyinfra.data.ground import MOST_HEIGHT_M, Ground, level_ground
 from pyinfra.data.regions import Region, outline_region
 from pyinfra.detectors import Detections, Detector
 from pyinfra.exchange import pcd, pcd_file
-from pyinfra.exchange.recording import Options
-from pyinfra.exchange.survey import road_of
+from pyinfra.exchange.bin_columns import USUAL, columns_of
+from pyinfra.exchange.data_set import has_return
+from pyinfra.exchange.recording import Options, read_bin
+from pyinfra.exchange.survey import WIDE, road_of, usual_intensity_max
 from pyinfra.training.accumulation import Accumulation
 from pyinfra.training.detect import (
     PERCENTILES,
@@ -144,7 +146,7 @@ def _check(args: argparse.Namespace) -> None:
 def _clouds(args: argparse.Namespace, accumulation: Accumulation) -> tuple[list[Path], Read]:
     """The files of the clouds, and what reads one. Raises ValueError if there is none."""
     if args.data is None:
-        return args.cloud, _read
+        return args.cloud, _lone(args.cloud)
     numbers = frame_numbers(args.data, args.split)
     chosen = spread(numbers, args.frames) if args.frames else numbers
     if not chosen:
@@ -200,10 +202,44 @@ def _without_standing(
     return found, times
 
 
-def _read(cloud: Path) -> Points:
-    if cloud.suffix.lower() != ".pcd":
-        return kitti.read_points(cloud)
-    return pcd.points_of(cloud, pcd_file.read_pcd(cloud), Options())
+def _lone(clouds: Sequence[Path]) -> Read:
+    """What reads clouds that are no data set's; says on stderr what is made of them.
+
+    .pcd files are turned by their VIEWPOINT, and their intensities divided as an import does.
+    """
+    pcds = [cloud for cloud in clouds if cloud.suffix.lower() == ".pcd"]
+    bins = [cloud for cloud in clouds if cloud not in pcds]
+    columns, said = columns_of(bins, Options())
+    notes = [said] if columns != USUAL else []
+    notes += pcd.Headers(pcds, labelled=False).notes(shifted=False)
+    looked = spread(range(len(pcds)), LOOKED_AT)
+    brightest = max((_brightest(pcds[i]) for i in looked), default=0.0)
+    highest = usual_intensity_max(brightest)
+    if highest != 1:
+        notes.append(f"intensities reach {brightest:.6g}: divided by {highest:g}")
+    for note in notes:
+        print(f"pyinfra: warning: {note}", file=sys.stderr)
+
+    def read(cloud: Path) -> Points:
+        if cloud in pcds:
+            points = _points(cloud, Options(intensity_max=highest))
+        elif columns == USUAL:
+            return kitti.read_points(cloud)
+        else:
+            points = read_bin(cloud, columns, Options())
+        return points[has_return(points)]
+
+    return read
+
+
+def _points(file: Path, options: Options) -> Points:
+    return pcd.points_of(file, pcd_file.read_pcd(file), options, shifted=False)
+
+
+def _brightest(file: Path) -> float:
+    """The highest finite intensity of a .pcd file, or 0."""
+    shares = _points(file, Options(intensity_max=WIDE.intensity_max))[:, 3]
+    return float(shares[np.isfinite(shares)].max(initial=0)) * (WIDE.intensity_max or 1)
 
 
 def warn(model: Path, args: argparse.Namespace) -> None:

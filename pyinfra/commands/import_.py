@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of a coordinate; default: 1, or 0.001 if so found",
     )
     parser.add_argument(
-        "--columns", type=int, help="float32 of a .bin point; default 4, nuscenes 5"
+        "--columns", type=int, help="float32 of a .bin point; default: found, nuscenes 5"
     )
     parser.add_argument("--channel", help="nuscenes: which LiDAR")
 

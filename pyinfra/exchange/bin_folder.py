@@ -1,9 +1,10 @@
-"""A folder of .bin clouds without labels: float32, the first four columns x y z intensity."""
+"""A folder of .bin clouds without labels: float32, the first columns x y z intensity."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -18,8 +19,10 @@ from pyinfra.exchange.recording import (
 def read(source: Path, options: Options) -> Recording:
     """Raises FileNotFoundError, ValueError without a cloud, and on reading one FormatError."""
     clouds = sorted_files(source, [".bin"])
+    columns, said = columns_of(clouds, options)
 
     def frame(i: int) -> RecordedFrame:
-        return RecordedFrame(read_bin(clouds[i], 4, options), NO_BOXES)
+        return RecordedFrame(read_bin(clouds[i], columns, options), NO_BOXES)
 
-    return Recording(tuple(stem(file) for file in clouds), frame, labelled=False)
+    names = tuple(stem(file) for file in clouds)
+    return Recording(names, frame, labelled=False, notes=lambda: [said] if said else [])

@@ -8,6 +8,7 @@ import numpy as np
 
 from pyinfra import kitti
 from pyinfra.arrays import FloatArray, Records
+from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -39,15 +40,17 @@ def read(source: Path, options: Options) -> Recording:
     if labelled:
         check_pairs(clouds, sorted_files(folder, [".txt"]))
     names = tuple(stem(file) for file in clouds)
+    columns, said = columns_of(clouds, options)
 
     def frame(i: int) -> RecordedFrame:
-        points = read_bin(clouds[i], 4, options)
+        points = read_bin(clouds[i], columns, options)
         calib = training / f"calib/{names[i]}.txt"
         boxes = _boxes(folder / f"{names[i]}.txt", calib) if labelled else NO_BOXES
         fields = training / f"fields/{names[i]}.bin"
         return RecordedFrame(points, boxes, _fields(fields, len(points)))
 
-    return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
+    splits = read_splits(source / "ImageSets", names)
+    return Recording(names, frame, labelled, splits, notes=lambda: [said] if said else [])
 
 
 def _fields(file: Path, count: int) -> Records | None:

@@ -17,6 +17,7 @@ import numpy as np
 from pyinfra import kitti
 from pyinfra.arrays import Points
 from pyinfra.atomic import write
+from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
@@ -79,13 +80,16 @@ def read(source: Path, options: Options) -> Recording:
         check_pairs(clouds, sorted_files(folder, [".txt"]))
     height = read_sensor_height(source)
     names = tuple(stem(file) for file in clouds)
+    bins = [file for file in clouds if file.suffix.lower() == ".bin"]
+    columns, said = columns_of(bins, options)
 
     def frame(i: int) -> RecordedFrame:
-        points = _read_cloud(clouds[i], options)
+        points = _read_cloud(clouds[i], columns, options)
         boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
-    return Recording(names, frame, labelled, read_splits(source / "ImageSets", names))
+    splits = read_splits(source / "ImageSets", names)
+    return Recording(names, frame, labelled, splits, notes=lambda: [said] if said else [])
 
 
 def _lowered(points: Points, height: float) -> Points:
@@ -109,10 +113,10 @@ def _write_cloud(file: Path, points: Points) -> None:
     write(file, buffer.getvalue())
 
 
-def _read_cloud(file: Path, options: Options) -> Points:
+def _read_cloud(file: Path, columns: int, options: Options) -> Points:
     """(n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
-    if file.suffix == ".bin":
-        return read_bin(file, 4, options)
+    if file.suffix.lower() == ".bin":
+        return read_bin(file, columns, options)
     try:
         with warnings.catch_warnings(action="ignore"):  # about headers of Python 2
             # The file is as large as its header says before anything is allocated.

@@ -9,7 +9,9 @@ from pypcd4 import Encoding, PointCloud
 
 from pyinfra import kitti
 from pyinfra.exchange.exports import export
+from pyinfra.exchange.formats import reader
 from pyinfra.exchange.pcd_file import read_pcd
+from pyinfra.exchange.recording import Options
 from pyinfra.kitti import FormatError
 
 ALL = ("x", "y", "z", "intensity", "time", "ring", "object_id", "class")
@@ -94,6 +96,16 @@ DATA """
         (HEADER.replace("COUNT 1", "COUNT " + 5000 * "9") + "ascii\n", "x: found COUNT 999"),
         (HEADER.replace("x y z", "x x z") + "ascii\n", "FIELDS: "),
         (HEADER.replace("POINTS 2", "POINTS 999999999") + "binary\n", "is it cut short"),
+        (HEADER + "binary\n" + 25 * "a", "expected 24 bytes of points, got 25"),
+        (
+            HEADER.replace("0 0 0 1 0 0 0", "0 0 5") + "ascii\n",
+            ":8: VIEWPOINT: expected 7 finite numbers, got '0 0 5'",
+        ),
+        (HEADER.replace("0 0 0 1 0", "0 0 inf 1 0") + "ascii\n", ":8: VIEWPOINT: expected 7 fin"),
+        (
+            HEADER.replace("0 0 0 1 0", "0 0 0 30 0") + "ascii\n",
+            ":8: VIEWPOINT: expected a quaternion of length 1, got 30",
+        ),
     ],
 )
 def test_wrong_files_are_named(text: str, message: str, tmp_path: Path) -> None:
@@ -126,3 +138,49 @@ def test_a_compressed_file_without_its_package_names_the_extra(
     (tmp_path / "a.pcd").write_text(HEADER + "binary_compressed\n")
     with pytest.raises(ImportError, match=r"pip install 'infrasim\[exchange\]'"):
         read_pcd(tmp_path / "a.pcd")
+
+
+def written(folder: Path, viewpoints: list[str], fields: str) -> Path:
+    """A cloud of one point, 1 2 3, for each viewpoint."""
+    folder.mkdir()
+    for i, viewpoint in enumerate(viewpoints):
+        text = HEADER.replace("0 0 0 1 0 0 0", viewpoint).replace("2\n", "1\n")
+        text = text.replace("FIELDS x y z", f"FIELDS {fields}")
+        (folder / f"{i}.pcd").write_text(text + "ascii\n1 2 3\n")
+    return folder
+
+
+@pytest.mark.parametrize("layout", ["pcd", "tumtraf", "dair-v2x", "rcooper"])
+@pytest.mark.parametrize(
+    ("viewpoints", "place", "notes"),
+    [
+        (["0 0 0 1 0 0 0"] * 2, (1, 2, 3), []),
+        (["10 0 5 0.5 0.5 0.5 0.5"] * 2, (13, 1, 7), ["turned by 120.00 degrees and moved by (10"]),
+        (["0 0 5 0 0 0 0"] * 2, (1, 2, 8), ["turned by 0.00 degrees and moved by (0, 0, 5)"]),
+        (["691000 5e6 520 0 1 0 0"] * 2, (1, -2, -3), ["its shift (691000, 5e+06, 520) is left"]),
+        (["0 0 5 1 0 0 0", "0 0 6 1 0 0 0"], (1, 2, 8), ["2 of 2", "in 0.pcd; they differ"]),
+        (["0 0 5 1 0 0 0", "0 0 0 1 0 0 0"], (1, 2, 8), ["1 of 2", "in 0.pcd; they differ"]),
+    ],
+)
+def test_every_reader_of_clouds_applies_their_viewpoint_and_says_so(
+    layout: str, viewpoints: list[str], place: tuple[float, ...], notes: list[str], tmp_path: Path
+) -> None:
+    inside = {"pcd": ".", "tumtraf": ".", "dair-v2x": "velodyne", "rcooper": "lidar"}[layout]
+    source = tmp_path / "data/scene/pole/seq-1"
+    source.mkdir(parents=True)
+    folder = written(source / "clouds", viewpoints, "X y Z")
+    source = folder if inside == "." else source
+    if inside != ".":
+        folder.rename(source / inside)
+    recording = reader(layout)(source, Options())
+    assert recording.read(0).points[0, :3] == pytest.approx(place, abs=1e-5)
+    assert recording.notes is not None
+    said = "; ".join(recording.notes())
+    assert ("VIEWPOINT" in said) == bool(notes)
+    assert all(note in said for note in notes)
+    assert said.endswith("2 of 2 clouds have no field for the intensity (x y z): taken as 0")
+
+
+def test_names_that_differ_in_capitals_alone_keep_them(tmp_path: Path) -> None:
+    folder = written(tmp_path / "a", ["0 0 0 1 0 0 0"], "Ring ring RING2")
+    assert read_pcd(folder / "0.pcd").dtype.names == ("Ring", "ring", "ring2")

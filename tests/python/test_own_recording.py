@@ -90,6 +90,48 @@ def test_the_road_of_a_leaning_sensor_is_found(site: Path, lidar: str, tmp_path:
     assert said.splitlines()[2] == "frames are 0.1 s apart, as no times say it: --period-s does"
 
 
+def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It says how the sensor leans, looks and stands: 6 m up in a place of its own."""
+    turn = Rotation.from_euler("ZYX", [40, 12, -4], degrees=True)
+    shift = np.array([120.0, -50, HEIGHT_M])
+    level = with_place(clouds_of(site, "ruby_plus")[::4], Rotation.from_euler("z", 40, True).apply)
+    clouds = with_place(level, turn.inv().apply)
+    clouds[0][5, :3] = 0  # without a return
+    source = tmp_path / "source"
+    source.mkdir()
+    x, y, z, w = turn.as_quat()
+    viewpoint = "VIEWPOINT " + " ".join(f"{v:.9f}" for v in (*shift, w, x, y, z))
+    for i, cloud in enumerate(clouds):
+        kind = [(field, "<f4") for field in ("x", "y", "z", "intensity")]
+        write_pcd(source / f"{i}.pcd", np.rec.fromarrays(cloud.T, dtype=kind))
+        data = (source / f"{i}.pcd").read_bytes()
+        (source / f"{i}.pcd").write_bytes(
+            data.replace(b"VIEWPOINT 0 0 0 1 0 0 0", viewpoint.encode())
+        )
+    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    said = "\n".join(found.assumed)
+    assert "VIEWPOINT of 5 of 5 clouds: points are turned by 42.27 degrees" in said
+    assert "the sensor is the origin: points are moved back by (120, -50, 6) m" in said
+    assert found.without_return == 1
+    assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
+    last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 4))
+    assert np.abs(last[:, :3] - level[4][:, :3]).max() < 0.2  # but for the road's noise
+    found, _ = import_recording(
+        source, "pcd", tmp_path / "as_is/pole", ABOUT, Options(), upright="as-is"
+    )
+    placed = kitti.read_points(kitti.frame_file(tmp_path / "as_is/pole", "velodyne", 4))
+    assert placed[:, :3] == pytest.approx(level[4][:, :3] + shift, abs=1e-3)
+    assert found.without_return == 1
+    capsys.readouterr()
+    words = ["detect", "--model", "generalist", str(source / "4.pcd"), "--height-m", "6"]
+    assert cli.main(words) == 0
+    warned = capsys.readouterr().err
+    assert "is left out, as the sensor is the origin" in warned
+    assert "the road of the clouds lies" not in warned
+
+
 @pytest.mark.parametrize(
     ("lidar", "up"),
     [*(("helios_16", up) for up in UPS), ("livox_avia", "y down"), ("ruby_plus", "z down")],
