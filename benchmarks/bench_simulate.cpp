@@ -58,7 +58,7 @@ class BareScene {
     rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     for (const TriangleMesh& mesh : w.bodies) bodies_.push_back(mesh_scene(mesh));
     bodies_.push_back(mesh_scene(w.background));
-    for (const MovingObject& o : w.trajectories.in_frame(k)) {
+    for (const MovingObject& o : w.trajectories->in_frame(k)) {
       std::size_t body = 0;
       while (kObjectClasses[body].id != o.object_class) ++body;
       RTCGeometry instance = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE);

@@ -96,7 +96,7 @@ void bind_simulation(py::module_& m) {
           },
           py::arg("preset"), "frame or scan: when the labels of frames of a preset hold.")
       .def_property_readonly(
-          "frames", [](const World& w) { return w.trajectories.frames(); },
+          "frames", [](const World& w) { return w.trajectories->frames(); },
           "Frames of 0.1 s in the scene's duration.")
       .def("mesh", &mesh_arrays, py::arg("frame"), py::arg("share") = 0.5,
            "All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; "

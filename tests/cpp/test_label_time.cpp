@@ -26,7 +26,7 @@ constexpr double kMiddle_s = kFramePeriod / 2;
 
 World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start) {
   World world = build_world(scene);
-  world.trajectories = straight_on(at_start, 10);
+  world.trajectories = std::make_shared<const Trajectories>(straight_on(at_start, 10));
   return world;
 }
 
@@ -160,7 +160,9 @@ TEST(label_at_the_scan, is_at_the_mean_time_of_the_returns_on_the_trajectory) {
 
 TEST(label_at_the_scan, turns_with_a_vehicle_that_turns) {
   World world = world_with(empty_road(), {car_on_road(1, 15, 0, 0)});
-  world.trajectories.rows[4][0].box.heading = 0.2;  // from 0 in frame 3
+  Trajectories turning = *world.trajectories;
+  turning.rows[4][0].box.heading = 0.2;  // from 0 in frame 3
+  world.trajectories = std::make_shared<const Trajectories>(turning);
   const Frame f = frame(world, fine_lidar());
   const ObjectRecord& o = f.objects.at(0);
   EXPECT_NEAR(o.box.heading, 0.1, 1e-9);

@@ -40,9 +40,9 @@ TEST(parked, vehicles_stand_for_the_whole_run_and_change_nothing_of_the_traffic)
   const std::vector<ParkedVehicle> parked = parked_vehicles(scene);
   const Trajectories traffic = simulate_traffic(scene);
   const World world = build_world(scene);
-  ASSERT_EQ(world.trajectories.rows.size(), traffic.rows.size());
+  ASSERT_EQ(world.trajectories->rows.size(), traffic.rows.size());
   for (std::size_t k = 0; k < traffic.rows.size(); ++k) {
-    const auto& row = world.trajectories.rows[k];
+    const auto& row = world.trajectories->rows[k];
     ASSERT_EQ(row.size(), traffic.rows[k].size() + parked.size());
     const ObjectState& last = row.back();
     EXPECT_EQ(last.id, kFirstParkedId + static_cast<int>(parked.size()) - 1);
@@ -108,7 +108,7 @@ TEST(parked, vehicles_stand_beside_recorded_ones_with_other_ids) {
     scene.traffic.reset();
     scene.trajectories = "recorded.csv";
     scene.duration_s = 0.2;
-    return build_world(scene).trajectories.rows.back().size();
+    return build_world(scene).trajectories->rows.back().size();
   };
   EXPECT_GT(recorded(7), 20U);
   const std::string message = error_of([&] { recorded(kFirstParkedId); });

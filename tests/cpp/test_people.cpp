@@ -130,9 +130,9 @@ TEST(people, change_nothing_of_the_traffic_and_stand_behind_it_in_the_rows) {
   SceneConfig alone = scene;
   alone.people.reset();
   const World world = build_world(scene), empty = build_world(alone);
-  ASSERT_EQ(world.trajectories.rows.size(), empty.trajectories.rows.size());
-  for (std::size_t k = 0; k < empty.trajectories.rows.size(); ++k) {
-    const auto &all = world.trajectories.rows[k], &vehicles = empty.trajectories.rows[k];
+  ASSERT_EQ(world.trajectories->rows.size(), empty.trajectories->rows.size());
+  for (std::size_t k = 0; k < empty.trajectories->rows.size(); ++k) {
+    const auto &all = world.trajectories->rows[k], &vehicles = empty.trajectories->rows[k];
     ASSERT_GT(all.size(), vehicles.size());
     for (std::size_t i = 0; i < vehicles.size(); ++i) {
       EXPECT_EQ(all[i].id, vehicles[i].id);

@@ -162,15 +162,14 @@ TEST(profile, a_sensor_beside_a_vehicle_that_leans_is_not_in_it) {
   scene.mounts["pole"].x_m = 5;
   scene.mounts["pole"].y_m = 0;
   scene.mounts["pole"].z_m = 2.2;
-  Trajectories trajectories;
   ObjectState bus = testing::car_on_road(1, 0, 0, 0);
   bus.box.dx = 12, bus.box.dz = 3, bus.box.z = 1.6;
-  trajectories.rows = {{bus}};
-  EXPECT_THROW(check_sensor_is_free(scene, trajectories), ConfigError);
-  trajectories.rows[0][0].box.pitch = std::atan(0.15);  // downhill: its nose is 0.7 m lower
-  EXPECT_THROW(check_sensor_is_free(scene, trajectories), ConfigError);
+  std::vector<ObjectState> states{bus};
+  EXPECT_THROW(check_sensor_is_free(scene, states, 0), ConfigError);
+  states[0].box.pitch = std::atan(0.15);  // downhill: its nose is 0.7 m lower
+  EXPECT_THROW(check_sensor_is_free(scene, states, 0), ConfigError);
   scene.mounts["pole"].z_m = 2.9;
-  EXPECT_NO_THROW(check_sensor_is_free(scene, trajectories));
+  EXPECT_NO_THROW(check_sensor_is_free(scene, states, 0));
 }
 
 TEST(profile, neighbours_are_cut_alike_so_that_no_ray_falls_through) {
@@ -208,11 +207,11 @@ TEST(profile, neighbours_are_cut_alike_so_that_no_ray_falls_through) {
 TEST(profile, vehicles_stand_on_their_wheels_and_people_upright) {
   const Profile profile(crest());
   const World level = build_world(plain()), world = build_world(crest());
-  ASSERT_EQ(level.trajectories.rows.size(), world.trajectories.rows.size());
+  ASSERT_EQ(level.trajectories->rows.size(), world.trajectories->rows.size());
   double steepest = 0;
-  for (std::size_t k = 0; k < world.trajectories.rows.size(); ++k)
-    for (std::size_t i = 0; i < world.trajectories.rows[k].size(); ++i) {
-      const ObjectState &flat = level.trajectories.rows[k][i], &s = world.trajectories.rows[k][i];
+  for (std::size_t k = 0; k < world.trajectories->rows.size(); ++k)
+    for (std::size_t i = 0; i < world.trajectories->rows[k].size(); ++i) {
+      const ObjectState &flat = level.trajectories->rows[k][i], &s = world.trajectories->rows[k][i];
       ASSERT_EQ(flat.id, s.id);
       if (s.object_class == Class::kPedestrian) {
         EXPECT_EQ(s.box.pitch, 0);

@@ -34,7 +34,7 @@ using testing::straight_on;
 World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start,
                  int frames = 10) {
   World world = build_world(scene);
-  world.trajectories = straight_on(at_start, frames);
+  world.trajectories = std::make_shared<const Trajectories>(straight_on(at_start, frames));
   return world;
 }
 
@@ -133,7 +133,7 @@ TEST(frame, that_the_scene_does_not_have_is_an_error) {
 
 /// The box of a vehicle at a point's own firing time.
 Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
-  for (const MovingObject& o : world.trajectories.in_frame(k))
+  for (const MovingObject& o : world.trajectories->in_frame(k))
     if (o.id == cloud.object_id[i]) return world.level.to_level(o.at(cloud.time[i] / kFramePeriod));
   ADD_FAILURE() << "no vehicle " << cloud.object_id[i];
   return {};
@@ -633,7 +633,8 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   const std::size_t background = world.background.vertices.size();
   ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
-  const Box3d box = world.level.to_level(body_box(world.trajectories.in_frame(2).front().at(0.25)));
+  const Box3d box =
+      world.level.to_level(body_box(world.trajectories->in_frame(2).front().at(0.25)));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)
     EXPECT_LT(
         distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1], mesh.vertices[i][2]}),

@@ -1,6 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <memory>
+#include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -71,7 +75,7 @@ TEST(trajectories, written_and_read_are_the_same) {
 TEST(trajectories, with_any_instants_without_vehicles_written_and_read_are_the_same) {
   for (const bool pitched : {false, true})
     for (unsigned somebody = 1; somebody < 32; ++somebody) {
-      Trajectories sparse{std::vector<std::vector<ObjectState>>(5), pitched};
+      Trajectories sparse{std::vector<std::vector<ObjectState>>(5), pitched, {}};
       for (std::size_t k = 0; k < 5; ++k)
         if ((somebody >> k & 1) != 0) sparse.rows[k] = {car_on_road(static_cast<int>(k), 0, 0, 0)};
       const std::string text = trajectories_csv(sparse);
@@ -85,11 +89,11 @@ TEST(trajectories, with_any_instants_without_vehicles_written_and_read_are_the_s
 TEST(trajectories, of_a_scene_without_anybody_are_a_header_that_fits_any_duration) {
   SceneConfig scene = road_with_traffic(0);
   const TestFolder folder;
-  const std::string text = trajectories_csv(build_world(scene).trajectories);
+  const std::string text = trajectories_csv(*build_world(scene).trajectories);
   EXPECT_EQ(text, kHeader);
   scene.trajectories = folder.write("file.csv", text).string();
   scene.traffic.reset();
-  EXPECT_EQ(build_world(scene).trajectories.frames(), 30);
+  EXPECT_EQ(build_world(scene).trajectories->frames(), 30);
 }
 
 /// The road rises, so that tables have the column of the pitch.
@@ -123,7 +127,7 @@ TEST(trajectories, of_any_scene_give_the_same_vehicles_and_people_from_their_fil
     scenes.push_back(with_profile(people_alone(seed)));
   }
   for (SceneConfig& scene : scenes) {
-    const Trajectories driven = build_world(scene).trajectories;
+    const Trajectories driven = *build_world(scene).trajectories;
     begin_or_end_empty += driven.rows.front().empty() || driven.rows.back().empty();
     const std::string text = trajectories_csv(driven);
     const TestFolder folder;
@@ -131,7 +135,7 @@ TEST(trajectories, of_any_scene_give_the_same_vehicles_and_people_from_their_fil
     scene.traffic.reset();
     scene.people.reset();
     scene.profile.reset();  // what a file says is the world's own
-    EXPECT_EQ(trajectories_csv(build_world(scene).trajectories), text) << scene.seed;
+    EXPECT_EQ(trajectories_csv(*build_world(scene).trajectories), text) << scene.seed;
   }
   EXPECT_GE(begin_or_end_empty, 4);
 }
@@ -140,7 +144,7 @@ TEST(trajectories, give_the_same_frames_from_their_file_as_from_the_traffic) {
   SceneConfig scene = road_with_traffic(15);
   const World driven = build_world(scene);
   const TestFolder folder;
-  scene.trajectories = folder.write("file.csv", trajectories_csv(driven.trajectories)).string();
+  scene.trajectories = folder.write("file.csv", trajectories_csv(*driven.trajectories)).string();
   scene.traffic.reset();
   const World recorded = build_world(scene);
   const std::array lidars{testing::plain_lidar("lidar", testing::spinning(16, -20, 0, 1))};
@@ -163,7 +167,7 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   std::string text = lines.header();
   Instants(scene).each([&](const auto& states) { text += lines.rows(states); });
   text += lines.end();
-  EXPECT_EQ(text, trajectories_csv(build_world(scene).trajectories));
+  EXPECT_EQ(text, trajectories_csv(*build_world(scene).trajectories));
   EXPECT_EQ(lines.instants(), 31);
 }
 
@@ -190,7 +194,7 @@ TEST(trajectories, in_a_scene_file_are_relative_to_it) {
   scene.trajectories = "file.csv";
   folder.write("file.csv", kHeader + row("0", 1, "0") + row("0.1", 1, "1"));
   const auto file = folder.write("scene.yaml", dump_scene(scene));
-  EXPECT_EQ(build_world(read_scene(file)).trajectories.frames(), 1);
+  EXPECT_EQ(build_world(read_scene(file)).trajectories->frames(), 1);
 }
 
 TEST(trajectory_file, rows_out_of_order_are_an_error) {
@@ -300,6 +304,107 @@ TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_end
   EXPECT_EQ(objects[0].to.x, 1);
   EXPECT_EQ(objects[0].speed_m_s, 10);
   EXPECT_EQ(objects[1].id, 4);
+}
+
+// --- of some frames -----------------------------------------------------------------------------
+
+/// Three cars for ten frames.
+Trajectories three_cars() {
+  return testing::straight_on(
+      {car_on_road(1, 0, 0, 0, 8), car_on_road(2, 9, 0, 0), car_on_road(4, 30, 0, 0, 5)}, 10);
+}
+
+Trajectories kept(const Trajectories& from, std::vector<bool> asked, std::size_t most,
+                  std::size_t instants = 11) {
+  TrajectoryKeeper keeper(std::move(asked), false, most);
+  for (std::size_t k = 0; k < instants; ++k) keeper.take(from.rows[k]);
+  return keeper.finish();
+}
+
+bool same_in_frame(const Trajectories& a, const Trajectories& b, int k) {
+  const auto x = a.in_frame(k), y = b.in_frame(k);
+  return std::ranges::equal(x, y, [](const MovingObject& m, const MovingObject& n) {
+    return m.id == n.id && m.from.x == n.from.x && m.to.x == n.to.x && m.speed_m_s == n.speed_m_s;
+  });
+}
+
+TEST(kept_trajectories, are_whole_while_they_are_few) {
+  std::vector<bool> asked(11);
+  asked[3] = asked[4] = true;
+  EXPECT_EQ(trajectories_csv(kept(three_cars(), asked, 33)), trajectories_csv(three_cars()));
+  EXPECT_TRUE(kept(three_cars(), asked, 33).whole());
+  EXPECT_TRUE(kept(three_cars(), std::vector<bool>(11, true), 0).whole());
+}
+
+TEST(kept_trajectories, that_are_many_are_those_of_the_frames_asked_for) {
+  const Trajectories all = three_cars();
+  for (const std::size_t most : {0U, 11U, 32U}) {
+    std::vector<bool> asked(11);
+    asked[3] = asked[4] = asked[9] = asked[10] = true;
+    const Trajectories some = kept(all, asked, most);
+    EXPECT_EQ(some.frames(), 10);
+    EXPECT_FALSE(some.whole());
+    for (const int k : {3, 9}) EXPECT_TRUE(same_in_frame(some, all, k));
+    for (const int k : {0, 2, 4, 8}) EXPECT_THROW(some.in_frame(k), std::logic_error) << k;
+    for (const std::size_t k : {0U, 5U, 8U}) EXPECT_EQ(some.rows[k].capacity(), 0U) << k;
+  }
+}
+
+TEST(kept_trajectories, end_where_nobody_asks_for_more) {
+  const Trajectories some = kept(three_cars(), std::vector<bool>(11), 33, 5);
+  EXPECT_EQ(some.frames(), 10);
+  EXPECT_TRUE(same_in_frame(some, three_cars(), 3));
+  EXPECT_THROW(some.in_frame(4), std::logic_error);
+}
+
+TEST(kept_trajectories, of_some_frames_give_the_frames_and_the_file_of_all) {
+  SceneConfig scene = with_profile(road_with_traffic(15));
+  scene.mounts["late"] = scene.mounts["pole"];
+  scene.mounts["late"].clock_offset_s = 0.03;
+  scene.mounts["early"] = scene.mounts["pole"];
+  scene.mounts["early"].clock_offset_s = -0.03;
+  const std::vector<std::string> mounts = mount_names(scene);
+  const auto text = [](const World& world) {
+    TrajectoryText lines(world.trajectories->pitched);
+    std::string out = lines.header();
+    each_instant(world, [&](const auto& states) { out += lines.rows(states); });
+    return out + lines.end();
+  };
+  const std::vector<World> all = build_worlds(scene, mounts);
+  const std::vector<int> frames{0, 7, 29};
+  for (std::size_t last = 1; last <= frames.size(); ++last) {
+    const std::span<const int> asked = std::span(frames).first(last);
+    const std::vector<World> some = build_worlds(scene, mounts, asked, false);
+    for (std::size_t m = 0; m < mounts.size(); ++m) {
+      for (const int k : asked)
+        EXPECT_TRUE(same_in_frame(*some[m].trajectories, *all[m].trajectories, k));
+      EXPECT_EQ(some[m].trajectories->whole(), last == 3);
+      EXPECT_EQ(text(some[m]), trajectories_csv(*all[m].trajectories)) << mounts[m];
+    }
+  }
+}
+
+TEST(kept_trajectories, are_shared_by_mounts_of_one_clock) {
+  SceneConfig scene = road_with_traffic(15);
+  scene.mounts["other"] = scene.mounts["pole"];
+  const std::vector<World> worlds = build_worlds(scene, mount_names(scene));
+  EXPECT_EQ(worlds[0].trajectories, worlds[1].trajectories);
+}
+
+TEST(scenes, of_one_file_move_alike_whatever_their_sensors_see) {
+  for (const char* name : {"highway", "crossroad", "crossroad_poles", "curve", "crest"}) {
+    const auto read = [&](const std::string& preset, const std::vector<std::string>& set = {}) {
+      return read_scene(testing::configs() / "scenes" / (std::string(name) + ".yaml"), set, preset);
+    };
+    const SceneConfig scene = read("datasheet");
+    EXPECT_TRUE(move_alike(scene, read("paper"))) << name;
+    EXPECT_TRUE(move_alike(scene, read("paper", {"detail=box", "weather.rain_mm_per_h=9"})));
+    for (const char* other : {"seed=2", "duration_s=60", "traffic.vehicles_per_km_lane=3",
+                              "roads.0.elevation_m=0.01", "people=[]",
+                              "mounts={p: {x_m: 1, y_m: "
+                              "1, z_m: 9}}"})
+      EXPECT_FALSE(move_alike(scene, read("paper", {other}))) << name << " " << other;
+  }
 }
 
 // --- another clock ------------------------------------------------------------------------------

@@ -340,7 +340,8 @@ TEST(vegetation, hides_vehicles_by_its_mean) {
   const TestFolder folder;
   const auto visibility = [&](const SceneConfig& s) {
     World world = build_world(s);
-    world.trajectories = straight_on({car_on_road(1, 0, 40, 0)}, 2);
+    world.trajectories =
+        std::make_shared<const Trajectories>(straight_on({car_on_road(1, 0, 40, 0)}, 2));
     Raycaster raycaster(*world.meshes);
     FrameVehicles vehicles = set_vehicles(world, 0, 200, raycaster);
     return raycaster.visibility(0, world.leaves);

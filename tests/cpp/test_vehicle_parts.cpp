@@ -152,7 +152,7 @@ Seen seen(const std::vector<ObjectState>& vehicles, const VehicleParts& parts,
   if (by_power)
     lidar.units.front().returns.detection.emplace().range_at_10_percent_m = range_at_10_percent_m;
   World world = build_world(scene);
-  world.trajectories = straight_on(vehicles, 10);
+  world.trajectories = std::make_shared<const Trajectories>(straight_on(vehicles, 10));
   FrameSimulator simulator(world, std::array{lidar});
   const Frame frame = std::move(simulator.simulate(0, {true}).front());
   Seen out;
@@ -218,7 +218,7 @@ std::map<Class, int> below_parked(const World& world, const LidarConfig& lidar,
                                   const StaticLayers& layers) {
   FrameSimulator simulator(world, std::array{lidar}, layers);
   const Frame frame = std::move(simulator.simulate(0, {true}).front());
-  const Box3d box = world.level.to_level(world.trajectories.in_frame(0).front().from);
+  const Box3d box = world.level.to_level(world.trajectories->in_frame(0).front().from);
   Box3d foot = box;
   foot.z -= box.dz / 2;
   foot.dz = 0.2;
@@ -249,7 +249,7 @@ TEST(parts, gap_shows_the_ground_that_a_recorded_vehicle_drives_on) {
   world.scene.traffic.reset();
   ObjectState recorded = car(1, 0, 20, 0);
   recorded.box.z -= 0.05;
-  world.trajectories = straight_on({recorded}, 1);
+  world.trajectories = std::make_shared<const Trajectories>(straight_on({recorded}, 1));
   EXPECT_GT(below_parked(world, by_power(), {}).at(Class::kTerrain), 100);
 }
 

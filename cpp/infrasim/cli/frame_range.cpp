@@ -33,7 +33,7 @@ FrameRange parse_frames(const std::string& text, double duration_s) {
   const bool valid = (parts.size() == 2 || parts.size() == 3) &&
                      parse_whole(parts[0], range.first) && parse_whole(parts[1], range.last) &&
                      (parts.size() == 2 || parse_whole(parts[2], range.step));
-  const auto frames = static_cast<int>(std::llround(duration_s / kFramePeriod));
+  const auto frames = frame_count(duration_s);
   if (!valid || range.first < 0 || range.last <= range.first || range.step < 1 ||
       range.last > frames)
     throw ConfigError("--frames: found '" + text +

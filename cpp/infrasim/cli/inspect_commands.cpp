@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -63,11 +64,15 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
 /// @param findings what is no error, each once
 SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o,
                           std::set<std::string>& findings) {
+  std::vector<SceneConfig> driven;
   const auto checked = [&](const std::string& preset) {
     SceneConfig scene = read_scene(file, o.assignments, preset);
-    build_worlds(scene, mount_names(scene));
+    const bool drive = std::ranges::none_of(
+        driven, [&](const SceneConfig& other) { return move_alike(scene, other); });
+    check_worlds(scene, drive);
     for (const std::string& line : flat_triangles(scene)) findings.insert(line);
-    if (o.traffic) check_traffic(file, scene);
+    if (o.traffic && drive) check_traffic(file, scene);
+    if (drive) driven.push_back(scene);
     return scene;
   };
   SceneConfig scene = checked(o.preset.value_or("datasheet"));

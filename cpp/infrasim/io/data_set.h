@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <string_view>
 
 namespace infrasim {
 
@@ -21,5 +22,12 @@ using Identity = std::function<std::string(const std::string& text, const std::s
 ///         line)
 void claim_file(const std::filesystem::path& file, const std::string& text,
                 const Identity& identity = {});
+
+/// Takes the next piece of a text.
+using TakeText = std::function<void(std::string_view)>;
+/// The same for a text too long to be held: `give_all` hands it over, whole lines at a time, and
+/// may be asked twice.
+void claim_file(const std::filesystem::path& file,
+                const std::function<void(const TakeText&)>& give_all);
 
 }  // namespace infrasim

@@ -1,6 +1,5 @@
 #include "infrasim/pipeline/run.h"
 
-#include <cmath>
 #include <optional>
 #include <set>
 #include <span>
@@ -15,7 +14,7 @@ namespace infrasim {
 namespace {
 
 void check(const RunRequest& request) {
-  const auto frames = static_cast<int>(std::llround(request.scene.duration_s / kFramePeriod));
+  const auto frames = frame_count(request.scene.duration_s);
   const FrameRange& f = request.frames;
   if (f.first < 0 || f.step < 1 || f.last <= f.first || f.last > frames)
     throw ConfigError("--frames: found " + std::to_string(f.first) + ":" + std::to_string(f.last) +
@@ -235,12 +234,14 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
                             const Progress& progress, const Warn& warn) {
   check(request);
   check_fuse(request);
-  const std::vector<World> worlds = build_worlds(request.scene, mounts_of(request));
+  const std::vector<int> frames = numbers(request.frames);
+  // A folder's trajectories are those of the whole scene, whichever frames are asked for.
+  const std::vector<World> worlds =
+      build_worlds(request.scene, mounts_of(request), frames, !request.out.empty());
   const Parts parts = parts_of(request, worlds);
   std::optional<Fusion> fusion;
   if (request.fuse) fusion.emplace(request.scene, worlds);
   open_folders(request, parts, worlds, fusion);
-  const std::vector<int> frames = numbers(request.frames);
   const auto total = frames.size();
   Scheduler<Tallies> scheduler(worlds, request.lidars,
                                {.frames = frames,

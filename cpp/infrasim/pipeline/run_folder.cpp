@@ -120,12 +120,21 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   return text;
 }
 
+void claim_trajectories(const std::filesystem::path& file, const World& world) {
+  claim_file(file, [&](const TakeText& take) {
+    TrajectoryText lines(world.trajectories->pitched);
+    take(lines.header());
+    each_instant(world, [&](const auto& states) { take(lines.rows(states)); });
+    take(lines.end());
+  });
+}
+
 /// @param texts of lidar.yaml, one per LiDAR of the request
 void claim_folder(const RunRequest& request, const World& world,
                   const std::vector<std::string>& texts) {
   create_folder(request.out);
   claim_file(request.out / "dataset.yaml", run_text(request, world), data_set_identity);
-  claim_file(request.out / "trajectories.csv", trajectories_csv(world.trajectories));
+  claim_trajectories(request.out / "trajectories.csv", world);
   claim_file(request.out / "roads.csv", world.region.roads_csv());
   if (const std::string regions = world.region.regions_csv(); !regions.empty())
     claim_file(request.out / "regions.csv", regions);

@@ -76,7 +76,7 @@ struct FrameSimulator::Impl {
       : world(w),
         slices(world_slices(w.scene.aggregation)),
         filters(std::move(made)),
-        pitched(w.trajectories.pitched),
+        pitched(w.trajectories->pitched),
         raycaster(*w.meshes),
         caster(raycaster, w.scene.vehicle_parts, w.leaves) {
     for (std::size_t i = 0; i < configs.size(); ++i) {

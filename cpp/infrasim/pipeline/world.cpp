@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "infrasim/scene/parked.h"
 #include "infrasim/scene/people.h"
@@ -20,7 +21,7 @@ constexpr double kChecked_s = 60;  // of simulated traffic
 Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
   Trajectories trajectories = read_trajectories(file);
-  const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
+  const int frames = frame_count(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.frames() < frames)
     throw ConfigError(
         file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
@@ -84,11 +85,35 @@ std::size_t body_index(Class object_class) {
 
 namespace {
 
+double clock_offset_s(const SceneConfig& scene_at_mount) {
+  return scene_at_mount.mounts.begin()->second.clock_offset_s.value_or(0);
+}
+
+/// Which rows the frames need: those at their ends and, by another clock, one more on either side.
+std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneConfig>& views) {
+  const bool late =
+      std::ranges::any_of(views, [](const SceneConfig& view) { return clock_offset_s(view) != 0; });
+  const int count = frame_count(views.front().duration_s), beside = late ? 1 : 0;
+  std::vector<bool> rows(static_cast<std::size_t>(count) + 1);
+  for (const int k : frames)
+    for (int row = std::max(0, k - beside); row <= std::min(count, k + 1 + beside); ++row)
+      rows[static_cast<std::size_t>(row)] = true;
+  return rows;
+}
+
+/// Hands every instant on that leaves the sensors free.
+TakeInstant looked_at(const SceneConfig& scene, const TakeInstant& take) {
+  return [&scene, take, instant = 0](const std::vector<ObjectState>& states) mutable {
+    check_sensor_is_free(scene, states, instant++);
+    take(states);
+  };
+}
+
 /// @param scene        at one mount, checked
 /// @param trajectories of the scene
-World world_of(const SceneConfig& scene, Trajectories trajectories) {
-  const double late_s = scene.mounts.begin()->second.clock_offset_s.value_or(0);
-  if (late_s != 0) trajectories = seen_late(trajectories, late_s);
+World world_of(const SceneConfig& scene, std::shared_ptr<const Trajectories> trajectories) {
+  if (const double late_s = clock_offset_s(scene); late_s != 0)
+    trajectories = std::make_shared<const Trajectories>(seen_late(*trajectories, late_s));
   const LevelPose level = level_pose(scene.mounts.begin()->second);
   TriangleMesh background = build_static_mesh(scene, level);
   check_sensor_above(scene, background);
@@ -116,15 +141,67 @@ World world_of(const SceneConfig& scene, Trajectories trajectories) {
 }  // namespace
 
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts) {
+  std::vector<int> all(static_cast<std::size_t>(frame_count(scene.duration_s)));
+  std::iota(all.begin(), all.end(), 0);
+  return build_worlds(scene, mounts, all, true);
+}
+
+std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
+                                std::span<const int> frames, bool to_end) {
   std::vector<SceneConfig> views;
   for (const std::string& mount : mounts) views.push_back(seen_from(scene, mount));
   const Instants instants(scene);
-  Trajectories trajectories{{}, instants.pitched()};
-  instants.each([&](const auto& states) { trajectories.rows.push_back(states); });
-  check_sensor_is_free(scene, trajectories);
+  const std::vector<bool> asked = rows_of(frames, views);
+  const auto last = std::find(asked.rbegin(), asked.rend(), true);
+  TrajectoryKeeper keeper(asked, instants.pitched());
+  instants.each(looked_at(scene, [&](const auto& states) { keeper.take(states); }),
+                static_cast<int>(to_end ? asked.size() : asked.rend() - last));
+  const auto trajectories = std::make_shared<const Trajectories>(keeper.finish());
   std::vector<World> worlds;
   for (const SceneConfig& view : views) worlds.push_back(world_of(view, trajectories));
   return worlds;
+}
+
+void check_worlds(const SceneConfig& scene, bool drive) {
+  if (drive)
+    Instants(scene).each(looked_at(scene, [](const auto&) {}));
+  else
+    check_site(scene);
+  for (const std::string& mount : mount_names(scene))
+    world_of(seen_from(scene, mount), std::make_shared<const Trajectories>());
+}
+
+bool move_alike(const SceneConfig& a, const SceneConfig& b) {
+  const auto text = [](SceneConfig scene) {
+    const SceneConfig none;  // of what has no part in where vehicles are
+    scene.aggregation = none.aggregation;
+    scene.detail = none.detail;
+    scene.vehicle_parts = none.vehicle_parts;
+    scene.labels = none.labels;
+    scene.label_time = none.label_time;
+    scene.point_fields = none.point_fields;
+    scene.weather = none.weather;
+    scene.meshes = none.meshes;
+    scene.ground = none.ground;
+    scene.buildings = none.buildings;
+    scene.barriers = none.barriers;
+    scene.gantries = none.gantries;
+    scene.vegetation = none.vegetation;
+    scene.filters = none.filters;
+    scene.static_layers = none.static_layers;
+    return dump_scene(scene);
+  };
+  return text(a) == text(b);
+}
+
+void each_instant(const World& world, const TakeInstant& take) {
+  if (world.trajectories->whole()) {
+    for (const auto& states : world.trajectories->rows) take(states);
+    return;
+  }
+  const double late_s = clock_offset_s(world.scene);
+  const int frames = world.trajectories->frames();
+  Instants(world.scene).each(late_s == 0 ? take : seen_late(late_s, frames, take));
 }
 
 World build_world(const SceneConfig& scene, const std::string& mount) {
@@ -144,14 +221,20 @@ Instants::Instants(const SceneConfig& scene) : scene_(scene) {
 }
 
 void Instants::each(const TakeInstant& take) const {
+  each(take, frame_count(scene_.duration_s) + 1);
+}
+
+void Instants::each(const TakeInstant& take, int instants) const {
   const TakeInstant all = with_parked(scene_, with_people(scene_, take));
   if (scene_.traffic)
-    return simulate_traffic(scene_,
-                            [&, profile = Profile(scene_)](std::vector<ObjectState> states) {
-                              profile.lift(states);
-                              all(states);
-                            });
-  for (const auto& states : recorded_->rows) all(states);
+    return simulate_traffic(
+        scene_,
+        [&, profile = Profile(scene_)](std::vector<ObjectState> states) {
+          profile.lift(states);
+          all(states);
+        },
+        instants);
+  for (int k = 0; k < instants; ++k) all(recorded_->rows[static_cast<std::size_t>(k)]);
 }
 
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
@@ -162,15 +245,15 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
 }
 
 void check_frame(const World& world, int k) {
-  if (k < 0 || k >= world.trajectories.frames())
+  if (k < 0 || k >= world.trajectories->frames())
     throw ConfigError("frames: found " + std::to_string(k) + ", allowed 0 to " +
-                      std::to_string(world.trajectories.frames() - 1));
+                      std::to_string(world.trajectories->frames() - 1));
 }
 
 TriangleMesh frozen_mesh(const World& world, int k, double share) {
   check_frame(world, k);
   TriangleMesh mesh = world.background;
-  for (const MovingObject& o : world.trajectories.in_frame(k)) {
+  for (const MovingObject& o : world.trajectories->in_frame(k)) {
     const Box3d box = world.level.to_level(body_box(o.at(share)));
     const TriangleMesh& body = world.bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());

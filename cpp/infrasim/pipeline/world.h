@@ -3,6 +3,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,9 +25,9 @@ struct World {
   SceneConfig scene;  ///< seen_from the mount
   LevelPose level;
   EvaluationRegion region;
-  Trajectories trajectories;         ///< by the mount's clock
-  TriangleMesh background;           ///< levelled frame
-  std::vector<TriangleMesh> bodies;  ///< unit box, in the order of kObjectClasses
+  std::shared_ptr<const Trajectories> trajectories;  ///< by the mount's clock
+  TriangleMesh background;                           ///< levelled frame
+  std::vector<TriangleMesh> bodies;                  ///< unit box, in the order of kObjectClasses
   std::unique_ptr<const MeshLibrary> meshes;
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< by LiDAR, in place of casting
@@ -39,6 +40,21 @@ World build_world(const SceneConfig& scene, const std::string& mount = "");
 /// One for each of the mounts, all with the same vehicles.
 /// @throws what build_world does
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts);
+/// The same for some frames: rows that none of them needs may be left out.
+/// @param to_end  whether the whole scene is driven and looked at, or up to the last of the frames
+std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
+                                std::span<const int> frames, bool to_end);
+
+/// Builds the worlds of a scene for no frame, to find what is wrong with it.
+/// @param drive whether its vehicles are looked at, too
+/// @throws what build_world does
+void check_worlds(const SceneConfig& scene, bool drive);
+
+/// Whether in two scenes of one file the same vehicles move past the same sensors.
+bool move_alike(const SceneConfig& a, const SceneConfig& b);
+
+/// Hands over the trajectories of a world whole, whichever rows it has.
+void each_instant(const World& world, const TakeInstant& take);
 
 /// In the order of the file.
 std::vector<std::string> mount_names(const SceneConfig& scene);
@@ -54,6 +70,8 @@ class Instants {
   /// Whether vehicles may lean forwards or backwards: tables have the column.
   bool pitched() const { return scene_.profile || (recorded_ && recorded_->pitched); }
   void each(const TakeInstant& take) const;
+  /// The same up to a number of instants.
+  void each(const TakeInstant& take, int instants) const;
 
  private:
   const SceneConfig& scene_;

@@ -203,15 +203,14 @@ void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background
                    number_text(kClearance_m) + " m");
 }
 
-void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajectories) {
+void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectState>& states,
+                          int instant) {
   for (const auto& [name, mount] : scene.mounts)
-    for (std::size_t k = 0; k < trajectories.rows.size(); ++k)
-      for (const ObjectState& s : trajectories.rows[k])
-        if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
-          config::fail(mount.place, "mounts." + name + ".x_m",
-                       "found it inside vehicle " + std::to_string(s.id) + " at " +
-                           number_text(static_cast<double>(k) / 10) +
-                           " s, allowed outside the ways of vehicles");
+    for (const ObjectState& s : states)
+      if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
+        config::fail(mount.place, "mounts." + name + ".x_m",
+                     "found it inside vehicle " + std::to_string(s.id) + " at " +
+                         number_text(instant / 10.0) + " s, allowed outside the ways of vehicles");
 }
 
 }  // namespace infrasim

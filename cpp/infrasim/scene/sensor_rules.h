@@ -14,7 +14,9 @@ void check_sensor(const SceneConfig& scene);
 /// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is no bridge
 void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background);
 
+/// @param states of an instant of the scene
 /// @throws ConfigError if a vehicle drives through the sensor
-void check_sensor_is_free(const SceneConfig& scene, const Trajectories& trajectories);
+void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectState>& states,
+                          int instant);
 
 }  // namespace infrasim

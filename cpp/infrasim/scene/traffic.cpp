@@ -505,14 +505,17 @@ class Traffic {
 
 }  // namespace
 
-void simulate_traffic(const SceneConfig& scene, const TakeInstant& take) {
+void simulate_traffic(const SceneConfig& scene, const TakeInstant& take, int instants) {
   Traffic traffic(scene);
   for (double t = 0; t < scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
-  const auto frames = static_cast<int>(std::llround(scene.duration_s / kFramePeriod));
-  for (int k = 0; k <= frames; ++k) {
+  for (int k = 0; k < instants; ++k) {
+    if (k > 0) traffic.step();
     take(traffic.states());
-    traffic.step();
   }
+}
+
+void simulate_traffic(const SceneConfig& scene, const TakeInstant& take) {
+  simulate_traffic(scene, take, frame_count(scene.duration_s) + 1);
 }
 
 Trajectories simulate_traffic(const SceneConfig& scene) {

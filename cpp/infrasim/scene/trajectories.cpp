@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <map>
+#include <stdexcept>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/io/csv.h"
@@ -35,6 +36,9 @@ Box3d MovingObject::at(double u) const {
 }
 
 std::vector<MovingObject> Trajectories::in_frame(int k) const {
+  const auto n = static_cast<std::size_t>(k);
+  if (!kept.empty() && !(kept[n] && kept[n + 1]))
+    throw std::logic_error("trajectories of frame " + std::to_string(k) + " were not kept");
   std::vector<MovingObject> objects;
   const auto &before = rows[k], &after = rows[k + 1];
   auto to = after.begin();
@@ -48,14 +52,69 @@ std::vector<MovingObject> Trajectories::in_frame(int k) const {
   return objects;
 }
 
+TrajectoryKeeper::TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most)
+    : out_{{}, pitched, {}}, asked_(std::move(asked)), most_(most) {
+  out_.rows.reserve(asked_.size());
+}
+
+void TrajectoryKeeper::take(const std::vector<ObjectState>& states) {
+  const std::size_t k = out_.rows.size();
+  const bool was_whole = states_ <= most_;
+  states_ += states.size();
+  if (states_ <= most_ || asked_[k])
+    out_.rows.push_back(states);
+  else
+    out_.rows.emplace_back();
+  if (!was_whole || states_ <= most_) return;
+  for (std::size_t i = 0; i < k; ++i)
+    if (!asked_[i]) std::vector<ObjectState>().swap(out_.rows[i]);
+}
+
+Trajectories TrajectoryKeeper::finish() {
+  const std::size_t taken = out_.rows.size();
+  if (taken < asked_.size() || states_ > most_) {
+    out_.kept = std::move(asked_);
+    out_.rows.resize(out_.kept.size());
+    if (states_ <= most_) std::fill_n(out_.kept.begin(), taken, true);
+    if (std::ranges::find(out_.kept, false) == out_.kept.end()) out_.kept.clear();
+  }
+  return std::move(out_);
+}
+
+namespace {
+
+/// The frame that an instant of a late clock lies in, or is next to.
+int frame_of_late(double late_s, int instant, int frames) {
+  return std::clamp(late_s < 0 ? instant - 1 : instant, 0, frames - 1);
+}
+
+}  // namespace
+
+TakeInstant seen_late(double late_s, int frames, const TakeInstant& take) {
+  return [late = late_s / kFramePeriod, late_s, frames, take, window = Trajectories{}, frame = -2,
+          next = 0](const std::vector<ObjectState>& states) mutable {
+    window.rows.push_back(states);
+    if (window.rows.size() > 2) window.rows.erase(window.rows.begin());
+    if (++frame < 0) return;
+    for (; next <= frames && frame_of_late(late_s, next, frames) == frame; ++next) {
+      std::vector<ObjectState> row;
+      for (const MovingObject& o : window.in_frame(0))
+        row.push_back(rounded({o.id, o.object_class, o.at(next + late - frame), o.speed_m_s}));
+      take(row);
+    }
+  };
+}
+
 Trajectories seen_late(const Trajectories& trajectories, double late_s) {
-  const double late = late_s / kFramePeriod;
-  Trajectories out{{}, trajectories.pitched};
-  for (int k = 0; k <= trajectories.frames(); ++k) {
-    auto& row = out.rows.emplace_back();
-    const int frame = std::clamp(late < 0 ? k - 1 : k, 0, trajectories.frames() - 1);
-    for (const MovingObject& o : trajectories.in_frame(frame))
-      row.push_back(rounded({o.id, o.object_class, o.at(k + late - frame), o.speed_m_s}));
+  Trajectories out{{}, trajectories.pitched, {}};
+  const int frames = trajectories.frames();
+  const TakeInstant late =
+      seen_late(late_s, frames, [&](const auto& states) { out.rows.push_back(states); });
+  for (const auto& states : trajectories.rows) late(states);
+  if (trajectories.whole()) return out;
+  for (int k = 0; k <= frames; ++k) {
+    const auto frame = static_cast<std::size_t>(frame_of_late(late_s, k, frames));
+    out.kept.push_back(trajectories.kept[frame] && trajectories.kept[frame + 1]);
   }
   return out;
 }

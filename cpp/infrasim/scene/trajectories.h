@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -11,6 +12,11 @@
 namespace infrasim {
 
 inline constexpr double kFramePeriod = 0.1;  ///< s; also the step of the trajectory rows
+
+/// Frames of a scene of such a duration.
+inline int frame_count(double duration_s) {
+  return static_cast<int>(std::llround(duration_s / kFramePeriod));
+}
 
 /// One vehicle at one instant; world frame, box centre.
 struct ObjectState {
@@ -36,23 +42,50 @@ struct MovingObject {
 /// All vehicles of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;
-  bool pitched = false;  ///< vehicles may lean forwards or backwards: tables have the column
+  bool pitched = false;    ///< vehicles may lean forwards or backwards: tables have the column
+  std::vector<bool> kept;  ///< which rows are here, the others being empty; none: all are
 
   int frames() const { return static_cast<int>(rows.size()) - 1; }
+  bool whole() const { return kept.empty(); }
   /// Vehicles that are there for the whole of frame k.
+  /// @throws std::logic_error if its rows are not here
   std::vector<MovingObject> in_frame(int k) const;
 };
-
-/// The same vehicles as a clock has them that runs `late_s` (within a frame) behind: row k holds
-/// where they are at 0.1 k + late_s, between the rows as in a frame. Beyond the first and the last
-/// row they go on as before; one that is not there for the whole of a frame leaves it out.
-Trajectories seen_late(const Trajectories& trajectories, double late_s);
 
 /// Rounds a state to the digits of the file, so that a run from the file equals the run itself.
 ObjectState rounded(ObjectState state);
 
 /// Takes the states of one instant after the other.
 using TakeInstant = std::function<void(const std::vector<ObjectState>&)>;
+
+/// Keeps trajectories as they are handed over: all rows while they are few, then only those that
+/// are asked for.
+class TrajectoryKeeper {
+ public:
+  static constexpr std::size_t kMostStates = 2'000'000;  ///< 160 MB
+
+  /// @param asked of each row, whether it is; as many as there will be
+  /// @param most  states that are kept of rows that nobody asks for
+  TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most = kMostStates);
+
+  void take(const std::vector<ObjectState>& states);
+  /// Rows that were not handed over are not kept.
+  Trajectories finish();
+
+ private:
+  Trajectories out_;
+  std::vector<bool> asked_;
+  std::size_t most_;
+  std::size_t states_ = 0;
+};
+
+/// Hands the instants on as a clock has them that runs `late_s` (within a frame) behind: instant k
+/// is where all are at 0.1 k + late_s, between two instants as in a frame. Before the first and
+/// after the last one they go on as before; who is not there for the whole of a frame is left out.
+/// @param frames that will be handed over, one less than instants
+TakeInstant seen_late(double late_s, int frames, const TakeInstant& take);
+/// The same of trajectories, of which a row is kept if those it lies between are.
+Trajectories seen_late(const Trajectories& trajectories, double late_s);
 
 /// The text of trajectories.csv, one instant after the other: columns
 /// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch where vehicles lean; metres, radians, world
