@@ -47,12 +47,15 @@ def check_folder(folder: Path, frames: range) -> None:
 
 
 def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
-    """Frames of one scene and their split; frames that are there stay as they are."""
+    """Frames of one scene and their split; frames that are there stay as they are.
+
+    Raises FileExistsError for a split of another kind, which someone else made.
+    """
     words = ["--preset", preset, "--frames", f"0:{frames.stop}:{frames.step}"]
     lidars = [catalogue.lidar_file(lidar) for lidar in catalogue.LIDARS]
     runs.infrasim("run", catalogue.scene_file(name), "--lidar", *lidars, *words, "--out", folder)
     data = read_data_set(folder)
-    split.write(data, split.by_time(data.frames, data.period_s), force=True)
+    split.write(data, split.by_time(data.frames, data.period_s), grown=True)
     return data
 
 

@@ -87,9 +87,10 @@ def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
     return Split(train.frames, ()), Split((), val.frames)
 
 
-def write(data: DataSet, split: Split, *, force: bool = False) -> list[Path]:
+def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = False) -> list[Path]:
     """ImageSets/train.txt and val.txt of every LiDAR: six digits a line; returns the files.
 
+    grown: a file may have a part of its frames, as before more were simulated.
     Raises FileExistsError, and writes none, if a file has other frames, unless forced.
     """
     files = {
@@ -99,7 +100,8 @@ def write(data: DataSet, split: Split, *, force: bool = False) -> list[Path]:
         for name, part in itertools.product(data.names, ("train", "val"))
     }
     for file, text in files.items():
-        if not force and file.exists() and file.read_text(encoding="utf-8") != text:
+        old = file.read_text(encoding="utf-8") if file.exists() and not force else text
+        if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
             raise FileExistsError(f"{file}: found another split, allowed none without --force")
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)

@@ -385,6 +385,47 @@ def test_resumed_run_has_the_counts_of_the_whole(
     pd.testing.assert_frame_equal(resumed[columns], pd.read_csv(whole / "summary.csv")[columns])
 
 
+def counted(folder: Path) -> pd.DataFrame:
+    """The rows of summary.csv by LiDAR, without what was computed when."""
+    table = pd.read_csv(folder / "summary.csv").set_index("lidar").sort_index()
+    return table[SUMMARY.split(",")[1:-3]]
+
+
+def test_summary_is_of_all_frames_of_a_folder_whichever_runs_made_them(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    assert infrasim(*run_command(*FOUR[:2], frames="0:4", out=whole)).returncode == 0
+    for lidar, frames in (("helios_16", "0:2"), ("livox_avia", "1:4"), ("helios_16", "2:4:1")):
+        assert infrasim(*run_command(lidar, frames=frames, out=out)).returncode == 0
+    before = pd.read_csv(out / "summary.csv")
+    assert before.lidar.tolist() == ["helios_16", "livox_avia"]
+    assert before.frames.tolist() == [4, 3]
+    assert infrasim(*run_command("livox_avia", frames="0:1", out=out)).returncode == 0
+    pd.testing.assert_frame_equal(counted(out), counted(whole), rtol=1e-5)
+
+
+def test_summary_keeps_the_times_of_a_lidar_of_which_nothing_is_computed(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert infrasim(*run_command(out=out)).returncode == 0
+    before = (out / "summary.csv").read_text()
+    assert infrasim(*run_command(frames="0:1", out=out)).returncode == 0
+    assert (out / "summary.csv").read_text() == before
+
+
+def test_summary_has_no_row_of_a_lidar_that_was_removed(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert infrasim(*run_command(frames="0:1", out=out)).returncode == 0
+    (out / "helios_16").rename(out / "helios_16_old")
+    (out / "helios_16_old/lidar.yaml").unlink()
+    assert infrasim(*run_command("livox_avia", frames="0:1", out=out)).returncode == 0
+    assert pd.read_csv(out / "summary.csv").lidar.tolist() == ["livox_avia"]
+
+
 def test_without_out_nothing_is_written(
     infrasim: Infrasim, run_command: Words, tmp_path: Path
 ) -> None:
@@ -652,6 +693,7 @@ def test_two_processes_fill_one_folder_with_disjoint_frames(
     errors = [process.communicate(timeout=120)[1] for process in processes]
     assert [process.returncode for process in processes] == [0, 0], errors
     assert digests(out) == digests(reference)
+    pd.testing.assert_frame_equal(counted(out), counted(reference), rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -672,5 +714,5 @@ def test_processes_that_end_at_once_all_succeed(run_command: Words, tmp_path: Pa
         ]
         errors = [process.communicate(timeout=120)[1] for process in processes]
         assert [process.returncode for process in processes] == [0] * 6, errors
-        assert (out / "summary.csv").read_text().startswith(SUMMARY)
+        assert counted(out).frames.tolist() == [6]
         assert not [path for path in out.rglob(".*") if path.is_file()]

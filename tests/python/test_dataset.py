@@ -125,3 +125,16 @@ def test_make_passes_its_choices_on() -> None:
     words = ["make", "--dry-run", "dataset", "FRAMES=500", "PRESET=equal"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     assert "pyinfra dataset --frames 500 --preset equal --out data/equal" in done.stdout
+
+
+def test_a_split_that_the_user_made_is_not_overwritten(made: Path) -> None:
+    file = made / "highway/ruby_plus/ImageSets/train.txt"
+    before = file.read_text()
+    file.write_text("004999\n")
+    try:
+        with pytest.raises(FileExistsError, match="found another split"):
+            release.write(made, release.spread(2), "paper")
+        assert file.read_text() == "004999\n"
+    finally:
+        file.write_text(before)
+        release.write(made, release.spread(2), "paper")

@@ -106,6 +106,16 @@ def test_a_mount_alone_has_the_bytes_of_the_run_of_all(
         assert digests(alone / mount) == digests(everything / mount)
 
 
+def test_each_mount_and_the_fused_one_keep_the_summary_of_an_earlier_lidar(runs: Runs) -> None:
+    other = str(ROOT / "configs/lidars/livox_avia.yaml")
+    runs("all", "--fuse", "--frames", "0:1", "--lidar", other)  # and the usual one
+    out = runs("all", "--fuse", "--frames", "0:1")
+    for part in (*MOUNTS, "fused"):
+        table = pd.read_csv(out / part / "summary.csv")
+        assert table.lidar.tolist() == ["helios_16", "livox_avia"]
+        assert (table.rays_per_frame > 0).all()
+
+
 def test_a_mount_s_data_set_is_that_of_its_own_description(
     runs: Runs, digests: Digests, infrasim: Infrasim, tmp_path: Path
 ) -> None:

@@ -109,3 +109,15 @@ def test_a_short_recording_is_split_at_borders_of_its_own(
     lists = tmp_path / "data/a/ImageSets"
     assert lists.joinpath("train.txt").read_text().split()[-1] == "000049"
     assert lists.joinpath("val.txt").read_text().split()[0] == "000070"
+
+
+def test_a_split_that_grew_takes_the_place_of_its_part_and_of_no_other(tmp_path: Path) -> None:
+    data = data_set(tmp_path)
+    split.write(data, split.by_time(range(0, 5000, 100), 0.1))
+    whole = split.by_time(data.frames, 0.1)
+    files = split.write(data, whole, grown=True)
+    assert len(files[0].read_text().splitlines()) == len(whole.train)
+    before = [file.read_text() for file in files]
+    with pytest.raises(FileExistsError, match="found another split"):
+        split.write(data, split.by_random(data.frames, seed=1), grown=True)
+    assert [file.read_text() for file in files] == before

@@ -11,6 +11,19 @@ namespace infrasim {
 /// @throws IoError
 void create_folder(const std::filesystem::path& folder);
 
+/// Holds a folder against other processes that lock it, as long as it lives; where the file system
+/// has no locks, against none.
+class FolderLock {
+ public:
+  explicit FolderLock(const std::filesystem::path& folder);
+  ~FolderLock();
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int descriptor_;
+};
+
 /// What the text of a file, which is named for messages, says of the frames beside it.
 /// @throws ConfigError if it can't be read
 using Identity = std::function<std::string(const std::string& text, const std::string& file)>;

@@ -1,10 +1,11 @@
 #include "infrasim/pipeline/run.h"
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <set>
 #include <span>
 
-#include "infrasim/io/atomic_file.h"
 #include "infrasim/pipeline/fusion.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/pipeline/scheduler.h"
@@ -203,10 +204,11 @@ class Summaries {
   void add(const Tallies& tallies) {
     for (std::size_t i = 0; i < sums_.size(); ++i) sums_[i].add(tallies[i]);
   }
-  void write(int threads) const {
+  /// @param frames that were asked for, ascending; others of the folders count as well
+  void write(int threads, const std::vector<int>& frames) const {
     for (std::size_t i = 0; i < sums_.size(); ++i)
-      if (!parts_[i].out.empty())
-        write_file_atomically(parts_[i].out / "summary.csv", summary_csv(sums_[i].rows(threads)));
+      if (const RunRequest& part = parts_[i]; !part.out.empty())
+        merge_summary(part.out, with_others(part, sums_[i], frames).rows(threads));
   }
   std::vector<SummaryRow> rows(int threads) const {
     std::vector<SummaryRow> out;
@@ -219,6 +221,15 @@ class Summaries {
   }
 
  private:
+  static Summary with_others(const RunRequest& part, Summary sums, const std::vector<int>& frames) {
+    for (std::size_t l = 0; l < part.lidars.size(); ++l) {
+      const auto folder = part.out / part.lidars[l].name;
+      for (const int k : frames_on_disk(folder))
+        if (!std::ranges::binary_search(frames, k)) sums.add_other(l, read_counts(folder, k));
+    }
+    return sums;
+  }
+
   std::vector<RunRequest> parts_;
   std::vector<Summary> sums_;
 };
@@ -259,7 +270,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   }
   std::vector<SummaryRow> rows = summaries.rows(scheduler.threads());
   warn_without_plane(rows, warn);
-  if (stop == 0) summaries.write(scheduler.threads());
+  if (stop == 0) summaries.write(scheduler.threads(), frames);
   return rows;
 }
 

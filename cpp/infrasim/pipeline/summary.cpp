@@ -2,10 +2,53 @@
 
 #include <algorithm>
 #include <sstream>
+#include <string_view>
+
+#include "infrasim/core/files.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/io/data_set.h"
 
 namespace infrasim {
 
-Summary::Summary(const std::vector<LidarConfig>& lidars) : computed_(lidars.size()) {
+namespace {
+
+constexpr std::string_view kSummaryHeader =
+    "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
+    "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s";
+
+std::string line_of(const SummaryRow& r) {
+  std::ostringstream text;
+  text << r.lidar << ',' << r.preset << ',' << r.frames << ',' << r.rays_per_frame << ','
+       << r.hits_per_frame << ',' << r.vehicles_per_frame << ',' << r.vehicle_points_per_frame
+       << ',' << r.rays_cast_per_frame << ',' << r.seconds << ',' << r.mrays_per_s;
+  return text.str();
+}
+
+/// The last three cells: what was cast, and how long it took.
+std::string_view times_of(std::string_view line) {
+  std::size_t at = line.size();
+  for (int cells = 0; cells < 3 && at != std::string_view::npos; ++cells)
+    at = line.rfind(',', at - 1);
+  return at == std::string_view::npos ? "" : line.substr(at);
+}
+
+/// Lines of a folder's summary.csv whose LiDARs are still there; none of a file of another kind.
+std::vector<std::string> lines_in(const std::filesystem::path& folder) {
+  std::vector<std::string> lines;
+  if (!std::filesystem::exists(folder / "summary.csv")) return lines;
+  std::istringstream text(read_file(folder / "summary.csv"));
+  std::string line;
+  if (!std::getline(text, line) || line != kSummaryHeader) return lines;
+  while (std::getline(text, line))
+    if (std::filesystem::exists(folder / line.substr(0, line.find(',')) / "lidar.yaml"))
+      lines.push_back(line);
+  return lines;
+}
+
+}  // namespace
+
+Summary::Summary(const std::vector<LidarConfig>& lidars)
+    : computed_(lidars.size()), others_(lidars.size()) {
   for (const LidarConfig& lidar : lidars) {
     SummaryRow& row = sums_.emplace_back();
     row.lidar = lidar.name;
@@ -32,13 +75,22 @@ void Summary::add(const std::vector<FrameTally>& tallies) {
   }
 }
 
+void Summary::add_other(std::size_t lidar, const FrameCounts& counts) {
+  SummaryRow& row = sums_[lidar];
+  ++row.frames;
+  ++others_[lidar];
+  row.hits_per_frame += static_cast<double>(counts.hits);
+  row.vehicles_per_frame += static_cast<double>(counts.vehicles);
+  row.vehicle_points_per_frame += static_cast<double>(counts.vehicle_points);
+}
+
 std::vector<SummaryRow> Summary::rows(int threads) const {
   std::vector<SummaryRow> rows = sums_;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     SummaryRow& row = rows[i];
     row.rays_cast_per_frame /= std::max(1, computed_[i]);
     const double frames = std::max(1, row.frames);
-    row.rays_per_frame /= frames;
+    row.rays_per_frame /= std::max(1, row.frames - others_[i]);
     row.hits_per_frame /= frames;
     row.vehicles_per_frame /= frames;
     row.vehicle_points_per_frame /= frames;
@@ -49,14 +101,28 @@ std::vector<SummaryRow> Summary::rows(int threads) const {
 }
 
 std::string summary_csv(const std::vector<SummaryRow>& rows) {
-  std::ostringstream text;
-  text << "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
-          "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s\n";
-  for (const SummaryRow& r : rows)
-    text << r.lidar << ',' << r.preset << ',' << r.frames << ',' << r.rays_per_frame << ','
-         << r.hits_per_frame << ',' << r.vehicles_per_frame << ',' << r.vehicle_points_per_frame
-         << ',' << r.rays_cast_per_frame << ',' << r.seconds << ',' << r.mrays_per_s << '\n';
-  return text.str();
+  std::string text = std::string(kSummaryHeader) + "\n";
+  for (const SummaryRow& row : rows) text += line_of(row) + "\n";
+  return text;
+}
+
+void merge_summary(const std::filesystem::path& folder, const std::vector<SummaryRow>& rows) {
+  const FolderLock lock(folder);
+  std::vector<std::string> lines = lines_in(folder);
+  for (const SummaryRow& row : rows) {
+    const auto old = std::ranges::find_if(
+        lines, [&](const std::string& line) { return line.starts_with(row.lidar + ","); });
+    std::string own = line_of(row);
+    if (old == lines.end()) {
+      lines.push_back(own);
+      continue;
+    }
+    if (row.seconds == 0) own = own.substr(0, own.size() - times_of(own).size()) += times_of(*old);
+    *old = own;
+  }
+  std::string text = std::string(kSummaryHeader) + "\n";
+  for (const std::string& line : lines) text += line + "\n";
+  write_file_atomically(folder / "summary.csv", text);
 }
 
 }  // namespace infrasim

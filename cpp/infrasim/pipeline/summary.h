@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -39,15 +40,24 @@ class Summary {
   explicit Summary(const std::vector<LidarConfig>& lidars);
   /// @param tallies one per LiDAR
   void add(const std::vector<FrameTally>& tallies);
+  /// A frame of one LiDAR that was not asked for; how many rays it has is not known.
+  void add_other(std::size_t lidar, const FrameCounts& counts);
   /// Means over the frames so far.
   /// @param threads that cast at the same time
   std::vector<SummaryRow> rows(int threads) const;
 
  private:
   std::vector<int> computed_;     ///< frames of each LiDAR that were not on disk already
+  std::vector<int> others_;       ///< and those that were not asked for
   std::vector<SummaryRow> sums_;  ///< mrays_per_s: millions of rays answered
 };
 
 std::string summary_csv(const std::vector<SummaryRow>& rows);
+
+/// Puts the rows of a run into a folder's summary.csv: in place of those of the same LiDARs, or
+/// behind the others, which stay as long as their LiDAR is there. A LiDAR of which nothing was
+/// computed keeps the times of its row. Safe against other processes that do the same.
+/// @throws IoError if it can't be written
+void merge_summary(const std::filesystem::path& folder, const std::vector<SummaryRow>& rows);
 
 }  // namespace infrasim
