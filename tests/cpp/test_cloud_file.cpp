@@ -185,6 +185,46 @@ TEST(pcd, column_converts_each_type_to_float) {
   EXPECT_TRUE(cloud.column("ring").empty());
 }
 
+TEST(pcd, fields_are_found_whatever_their_capitals) {
+  const std::string upper = with(xyz_header(2, "binary"), "FIELDS x y z", "FIELDS X Y Z");
+  EXPECT_EQ(parse_pcd(upper + kTwoPoints, "a.pcd").xyz(), (std::vector<float>{1, 2, 3, -4, .5, 6}));
+  CloudFile cloud;
+  cloud.fields = {{"X"}, {"y"}, {"Z"}, {"Intensity", 'U', 2}};
+  cloud.points = 1;
+  cloud.records = packed(1.F, 2.F, 3.F, std::uint16_t{40000});
+  EXPECT_EQ(bin_bytes(cloud), packed(1.F, 2.F, 3.F, 40000.F));
+  EXPECT_EQ(parse_pcd(pcd_bytes(cloud), "a.pcd").fields[3].name, "Intensity");
+  for (const char* name : {"Reflectivity", "I", "scalar_Intensity"}) {
+    cloud.fields[3].name = name;
+    EXPECT_EQ(cloud.intensity(), (std::vector<float>{40000})) << name;
+  }
+  cloud.fields = {{"x"}, {"X"}, {"y"}, {"z"}};
+  cloud.records = packed(1.F, 2.F, 3.F, 4.F);
+  EXPECT_EQ(cloud.xyz(), (std::vector<float>{1, 3, 4})) << "the exact name comes first";
+  cloud.fields = {{"x"}, {"y"}, {"Z"}, {"z"}, {"INTENSITY"}, {"Intensity"}};
+  EXPECT_EQ(cloud.field("intensity"), nullptr) << "which one is not known";
+}
+
+TEST(pcd, points_of_a_bin_are_where_the_viewpoint_moves_them) {
+  const auto moved = [](const std::string& viewpoint) {
+    CloudFile cloud = parse_pcd(xyz_header(2, "ascii") + "1 2 3\n0 0 0\n", "a.pcd");
+    cloud.viewpoint = viewpoint;
+    return cloud.moved_xyz();
+  };
+  const auto expect_at = [](const std::vector<float>& xyz, float x, float y, float z) {
+    EXPECT_NEAR(xyz[0], x, 1e-6);
+    EXPECT_NEAR(xyz[1], y, 1e-6);
+    EXPECT_NEAR(xyz[2], z, 1e-6);
+    for (int i : {3, 4, 5}) EXPECT_EQ(xyz[i], 0) << "no return";
+  };
+  expect_at(moved("0 0 0 1 0 0 0"), 1, 2, 3);
+  expect_at(moved("10 20 30 1 0 0 0"), 11, 22, 33);
+  expect_at(moved("0 0 5 0.70710678 0 0 0.70710678"), -2, 1, 8);
+  expect_at(moved("0 0 0 0.72 0 0.72 0"), 3, 2, -1);
+  expect_at(moved("0 0 5 0 0 0 0"), 1, 2, 8);
+  expect_at(moved("691000 5336000 520 0 1 0 0"), 1, -2, -3);
+}
+
 TEST(pcd, select_takes_whole_records_in_order) {
   const CloudFile cloud = cloud_of_every_type(9);
   const std::size_t stride = cloud.record_size();
@@ -231,6 +271,8 @@ TEST(pcd, wrong_headers_are_errors) {
       {"WIDTH 2\nHEIGHT 1", "WIDTH 4294967296\nHEIGHT 4294967296"},
       {"VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0"},
       {"VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 one 0 0 0"},
+      {"VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 nan 0 0 0"},
+      {"VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 30 0 0 0"},
       {"DATA ascii", "DATA text"},
       {"1 2 3", "1 2"},
       {"1 2 3", "1 2 3 4"},

@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <memory>
@@ -121,8 +122,26 @@ void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t 
                where.c_str());
 }
 
+/// What a .bin cannot say of itself, and what is lost in one.
+void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
+  const auto warn = [&](const std::string& file, const std::string& text) {
+    std::fprintf(stderr, "infrasim: warning: %s: %s\n", file.c_str(), text.c_str());
+  };
+  const std::vector<float> intensity = cloud.intensity();
+  if (o.in.ends_with(".bin") && std::ranges::any_of(intensity, [](float v) { return v < 0; }))
+    warn(o.in, "expected intensities of 0 or more, got others: are points no four float32?");
+  if (!o.out.ends_with(".bin")) return;
+  if (intensity.empty()) warn(o.out, "found no field for the intensity, taken as 0");
+  const Viewpoint pose = cloud.pose();
+  if (pose.is_identity()) return;
+  const std::string shift = pose.is_far() ? "; its shift is 10 km or more and left out" : "";
+  warn(o.out, "points are moved by VIEWPOINT " + cloud.viewpoint +
+                  ", filters see them as they are stored" + shift);
+}
+
 void filter_command(const FilterOptions& o) {
   CloudFile cloud = read_cloud(o.in);
+  warn_of_bin(o, cloud);
   const std::vector<float> xyz = cloud.xyz();
   std::vector<int> kept;
   try {

@@ -1,8 +1,10 @@
 #include "infrasim/io/cloud_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <sstream>
 
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
@@ -48,6 +50,17 @@ float element(const CloudField& field, const char* at) {
   }
 }
 
+bool same_but_for_capitals(std::string_view a, std::string_view b) {
+  const auto small = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; };
+  return std::ranges::equal(a, b, {}, small, small);
+}
+
+/// Those in use; as pyinfra/exchange/pcd.py has them.
+constexpr const char* kIntensities[] = {
+    "intensity",        "reflectivity",        "i",
+    "intensities",      "reflectance",         "remission",
+    "scalar_intensity", "scalar_reflectivity", "scalar_reflectance"};
+
 }  // namespace
 
 std::size_t CloudFile::record_size() const {
@@ -56,18 +69,34 @@ std::size_t CloudFile::record_size() const {
   return size;
 }
 
-std::vector<float> CloudFile::column(std::string_view name) const {
-  const std::size_t stride = record_size();
-  std::size_t offset = 0;
+const CloudField* CloudFile::field(std::string_view name) const {
+  const CloudField* alike = nullptr;
+  int several = 0;
   for (const CloudField& f : fields) {
-    if (f.name == name) {
-      std::vector<float> values(points);
-      for (std::size_t i = 0; i < points; ++i)
-        values[i] = element(f, records.data() + i * stride + offset);
-      return values;
-    }
-    offset += static_cast<std::size_t>(f.size) * f.count;
+    if (f.name == name) return &f;
+    if (!same_but_for_capitals(f.name, name)) continue;
+    alike = &f;
+    ++several;
   }
+  return several == 1 ? alike : nullptr;
+}
+
+std::vector<float> CloudFile::column(std::string_view name) const {
+  const CloudField* wanted = field(name);
+  if (wanted == nullptr) return {};
+  std::size_t offset = 0;
+  for (const CloudField* f = fields.data(); f != wanted; ++f)
+    offset += static_cast<std::size_t>(f->size) * f->count;
+  const std::size_t stride = record_size();
+  std::vector<float> values(points);
+  for (std::size_t i = 0; i < points; ++i)
+    values[i] = element(*wanted, records.data() + i * stride + offset);
+  return values;
+}
+
+std::vector<float> CloudFile::intensity() const {
+  for (const char* name : kIntensities)
+    if (field(name) != nullptr) return column(name);
   return {};
 }
 
@@ -77,6 +106,44 @@ std::vector<float> CloudFile::xyz() const {
   rows.reserve(3 * points);
   for (std::size_t i = 0; i < points; ++i) rows.insert(rows.end(), {x[i], y[i], z[i]});
   return rows;
+}
+
+Viewpoint CloudFile::pose() const {
+  std::istringstream in(viewpoint);
+  Viewpoint pose;
+  in >> pose.shift.x >> pose.shift.y >> pose.shift.z >> pose.w >> pose.axis.x >> pose.axis.y >>
+      pose.axis.z;
+  const double length = std::sqrt(pose.w * pose.w + dot(pose.axis, pose.axis));
+  if (length == 0) return {pose.shift, 1, {}};
+  return {pose.shift, pose.w / length, 1 / length * pose.axis};
+}
+
+std::vector<float> CloudFile::moved_xyz() const {
+  const Viewpoint pose = this->pose();
+  if (pose.is_identity()) return xyz();
+  const auto stored = xyz();
+  std::vector<float> rows;
+  rows.reserve(stored.size());
+  for (std::size_t i = 0; i < stored.size(); i += 3) {
+    const Vec3 v{stored[i], stored[i + 1], stored[i + 2]};
+    const bool returned = v.x != 0 || v.y != 0 || v.z != 0;
+    const Vec3 moved = returned ? pose.apply(v) : v;
+    for (const double value : {moved.x, moved.y, moved.z})
+      rows.push_back(static_cast<float>(value));
+  }
+  return rows;
+}
+
+bool Viewpoint::is_identity() const { return dot(shift, shift) == 0 && dot(axis, axis) == 0; }
+
+bool Viewpoint::is_far() const {
+  constexpr double kFarthestM = 10000;
+  return std::max({std::abs(shift.x), std::abs(shift.y), std::abs(shift.z)}) >= kFarthestM;
+}
+
+Vec3 Viewpoint::apply(Vec3 v) const {
+  const Vec3 turned = v + 2.0 * cross(axis, cross(axis, v) + w * v);
+  return is_far() ? turned : turned + shift;
 }
 
 CloudFile CloudFile::select(std::span<const int> keep) const {
@@ -101,8 +168,8 @@ CloudFile parse_bin(std::string_view bytes, const std::string& name) {
 }
 
 std::string bin_bytes(const CloudFile& cloud) {
-  const std::vector<float> xyz = cloud.xyz();
-  std::vector<float> intensity = cloud.column("intensity");
+  const std::vector<float> xyz = cloud.moved_xyz();
+  std::vector<float> intensity = cloud.intensity();
   intensity.resize(cloud.points);
   std::string bytes(16 * cloud.points, '\0');
   for (std::size_t i = 0; i < cloud.points; ++i) {

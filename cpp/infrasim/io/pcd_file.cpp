@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -78,15 +79,7 @@ class PcdReader {
     keys_.push_back(key);
     if (key == "FIELDS") return read_fields(w);
     if (key == "SIZE" || key == "TYPE" || key == "COUNT") return read_columns(key, w);
-    if (key == "VIEWPOINT") {
-      if (w.size() != 7) fail(key, "found " + std::to_string(w.size()) + " values, allowed 7");
-      cloud_.viewpoint.clear();
-      for (const std::string& word : w) {
-        number<double>(key, word, "a number");
-        cloud_.viewpoint += (cloud_.viewpoint.empty() ? "" : " ") + word;
-      }
-      return;
-    }
+    if (key == "VIEWPOINT") return read_viewpoint(w);
     if (w.size() != 1) fail(key, "found " + std::to_string(w.size()) + " values, allowed 1");
     if (key == "VERSION") {
       if (w[0] != "0.7" && w[0] != ".7") fail(key, "found '" + w[0] + "', allowed 0.7");
@@ -104,6 +97,23 @@ class PcdReader {
            "found an unknown key, allowed VERSION, FIELDS, SIZE, TYPE, COUNT, "
            "WIDTH, HEIGHT, VIEWPOINT, POINTS, DATA");
     }
+  }
+
+  void read_viewpoint(const std::vector<std::string>& values) {
+    const std::string key = "VIEWPOINT";
+    if (values.size() != 7)
+      fail(key, "found " + std::to_string(values.size()) + " values, allowed 7");
+    cloud_.viewpoint.clear();
+    double length = 0;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const double value = number<double>(key, values[i], "a number");
+      if (!std::isfinite(value)) fail(key, "expected finite numbers, got '" + values[i] + "'");
+      if (i >= 3) length = std::hypot(length, value);
+      cloud_.viewpoint += (i == 0 ? "" : " ") + values[i];
+    }
+    // Writers that know no turn have zeros there.
+    if (length != 0 && (length < 0.9 || length > 1.1))
+      fail(key, "expected a quaternion of length 1, got " + std::to_string(length));
   }
 
   void read_data_kind(const std::string& kind) {
@@ -152,7 +162,8 @@ class PcdReader {
     for (const char* key : {"SIZE", "TYPE"})
       if (std::ranges::count(keys_, key) == 0) fail(key, "found nothing, required");
     for (const char* name : {"x", "y", "z"})
-      if (std::ranges::count(cloud_.fields, name, &CloudField::name) != 1)
+      if (cloud_.field(name) == nullptr ||
+          std::ranges::count(cloud_.fields, name, &CloudField::name) > 1)
         fail("FIELDS", std::string("found no field ") + name + " or several, allowed one");
     if (!points_seen_) fail("POINTS", "found nothing, required");
     const bool overflow = height_ != 0 && width_ > kMaxPoints / height_;
