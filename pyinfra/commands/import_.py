@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--columns", type=int, help="float32 of a .bin point; default: found, nuscenes 5"
     )
-    parser.add_argument("--channel", help="nuscenes: which LiDAR")
+    parser.add_argument("--channel", help="which LiDAR, or sequence of KITTI's tracking")
 
 
 def run(args: argparse.Namespace) -> int:

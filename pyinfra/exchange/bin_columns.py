@@ -44,12 +44,13 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
     columns = _chosen(np.concatenate(values).astype(np.float64), fit, usual)
     if columns is None:
         return usual, ""
-    others = [str(n) for n in sorted(fit) if n != columns]
-    why = f"the values rule out {', '.join(others)}" if others else "no other number fits the sizes"
+    others = " and ".join(str(n) for n in sorted(fit) if n != columns)
+    if columns == usual:
+        why = f"as usual; {others} fit the sizes too"
+    else:
+        why = f"as the values rule out {others}" if others else "as no other number fits the sizes"
     zero = "; no intensity, taken as 0" if columns == 3 else ""
-    if columns == usual and not others:
-        return columns, ""
-    said = f"points of .bin files are {columns} float32, as {why}{zero}"
+    said = f"points of .bin files are {columns} float32, {why}{zero}"
     return columns, f"{said}; --columns of an import says another number"
 
 

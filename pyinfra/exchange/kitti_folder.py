@@ -1,7 +1,11 @@
-"""The KITTI object layout of any camera: training/velodyne, label_2, calib, and ImageSets."""
+"""The KITTI object layout of any camera: training/velodyne, label_2, calib, and ImageSets.
+
+Or a sequence of the tracking benchmark, after the readme of its devkit.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +26,10 @@ from pyinfra.exchange.recording import (
     stem,
 )
 from pyinfra.kitti import FormatError
+from pyinfra.kitti.camera import boxes_from_camera
+from pyinfra.kitti.layout import LABEL_COLUMNS
+from pyinfra.kitti.read import LABEL_RULES
+from pyinfra.kitti.table import NamedRows, between, lines_of
 
 # Middle of the share that KITTI's `occluded` 0, 1, 2 stands for here; 3 is unknown.
 VISIBILITY = (0.9, 0.6, 0.2, 1.0)
@@ -30,10 +38,14 @@ VISIBILITY = (0.9, 0.6, 0.2, 1.0)
 def read(source: Path, options: Options) -> Recording:
     """A folder with `training` in it, or `training` itself; without label_2 nothing is labelled.
 
+    Of the tracking benchmark's folders one sequence is read, see _read_sequence.
     Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
     frame FormatError. A frame without calib has the camera of a simulated LiDAR.
     """
     training = source / "training" if (source / "training").is_dir() else source
+    inside = [path for path in (training / "velodyne").iterdir() if path.name[0] != "."]
+    if inside and all(path.is_dir() for path in inside):
+        return _read_sequence(training, sorted(inside), options)
     clouds = sorted_files(training / "velodyne", [".bin"])
     folder = options.labels or training / "label_2"
     labelled = folder.is_dir() or options.labels is not None
@@ -51,6 +63,59 @@ def read(source: Path, options: Options) -> Recording:
 
     splits = read_splits(source / "ImageSets", names)
     return Recording(names, frame, labelled, splits, notes=lambda: [said] if said else [])
+
+
+def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) -> Recording:
+    """Of the tracking benchmark: velodyne/0000/*.bin, label_02/0000.txt and calib/0000.txt.
+
+    `options.channel` says which sequence of several. A row of label_02 begins with frame and track.
+    """
+    chosen = [path for path in sequences if options.channel in (None, path.name)]
+    if len(chosen) != 1:
+        names = ", ".join(path.name for path in sequences)
+        raise ValueError(
+            f"{training / 'velodyne'}: expected one of the sequences by --channel, got {names}"
+        )
+    clouds = sorted_files(chosen[0], [".bin"])
+    columns, said = columns_of(clouds, options)
+    names = tuple(stem(file) for file in clouds)
+    file = (options.labels or training / "label_02") / f"{chosen[0].name}.txt"
+    calib = training / f"calib/{chosen[0].name}.txt"
+    tracks = _tracks(file, calib) if file.is_file() else {}
+    known = {int(name) for name in names if name.isdecimal()}
+    lost = sorted(set(tracks) - known)
+    notes = [said] if said else []
+    if lost:
+        notes.append(f"{len(lost)} labelled frames have no cloud, as {lost[0]}: left out")
+
+    def frame(i: int) -> RecordedFrame:
+        points = read_bin(clouds[i], columns, options)
+        boxes = tracks.get(int(names[i]), NO_BOXES) if names[i].isdecimal() else NO_BOXES
+        return RecordedFrame(points, boxes)
+
+    return Recording(names, frame, file.is_file(), ids_are_tracks=True, notes=lambda: notes)
+
+
+def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
+    """The boxes of each frame that has one. Raises FormatError with file and line."""
+    rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
+    columns = ["frame", "track_id", *LABEL_COLUMNS]
+    table = NamedRows(file, list(rows), list(rows.values()), columns, "type")
+    cared = table.names != "DontCare"
+    table.check((between(["frame"], 0, 999_999, whole=True),))
+    table.check((between(["track_id"], 0, 2**31 - 1, whole=True), *LABEL_RULES), cared)
+    camera = kitti.read_calibration(calib) if calib.is_file() else kitti.simulated()
+    values, names = table.values[cared], table.names[cared]
+    boxes = boxes_from_camera(values[:, 9:16], camera)
+    numbers, ids = values[:, 0].astype(np.int64), values[:, 1].astype(np.int64)
+    found = {}
+    for number in np.unique(numbers):
+        own = numbers == number
+        if len(np.unique(ids[own])) < own.sum():
+            raise FormatError(f"{file}: frame {number}: expected each track_id once")
+        seen = _visibility(values[own, 3])
+        found[int(number)] = Boxes(names[own], boxes[own], ids[own], seen)
+    return found
 
 
 def _fields(file: Path, count: int) -> Records | None:

@@ -427,6 +427,33 @@ def test_numbers_of_frames_are_kept_and_blank_lines_are_no_objects(
     assert van == pytest.approx([25, 3, -0.98, 4.2, 1.8, 1.5, 0], abs=1e-4)
 
 
+def test_a_sequence_of_the_tracking_benchmark_keeps_its_tracks(tmp_path: Path) -> None:
+    """Frame 3 has a label and no cloud, as in the benchmark's sequence 0001."""
+    training = tmp_path / "source/training"
+    for sequence, count in (("0000", 1), ("0001", 3)):
+        (training / "velodyne" / sequence).mkdir(parents=True)
+        for k in range(count):
+            cloud = np.full((2, 4), k + 1, dtype="<f4")
+            cloud.tofile(training / f"velodyne/{sequence}/{k:06d}.bin")
+    (training / "label_02").mkdir()
+    lines = [f"0 -1 {IGNORED}", f"0 7 {LINE}", f"2 7 {LINE}", f"2 8 {LINE}", f"3 8 {LINE}", ""]
+    (training / "label_02/0001.txt").write_text("\n".join(lines))
+    (training / "calib").mkdir()
+    (training / "calib/0001.txt").write_text(
+        "P2: 700 0 600 0 0 700 180 0 0 0 1 0\nR_rect 1 0 0 0 1 0 0 0 1\n"
+        "Tr_velo_cam 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\nTr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0\n"
+    )
+    source, out = tmp_path / "source", tmp_path / "in/pole"
+    with pytest.raises(ValueError, match=r"expected one of the sequences .* got 0000, 0001"):
+        import_recording(source, "kitti", out, ABOUT, Options())
+    found, labelled = import_recording(source, "kitti", out, ABOUT, Options(channel="0001"))
+    assert labelled
+    assert "1 labelled frames have no cloud, as 3: left out" in found.assumed
+    assert [objects(out, k).ids.tolist() for k in (0, 1, 2)] == [[7], [], [7, 8]]
+    van = objects(out, 0).boxes[0]
+    assert van == pytest.approx([25.27, 3, -1.06, 4.2, 1.8, 1.5, 0], abs=1e-4)
+
+
 def test_a_file_is_refused_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
