@@ -191,7 +191,7 @@ TEST(people_who_stand, are_as_many_as_asked_inside_the_radius_and_share_no_place
 
 TEST(people_who_stand, stand_in_every_row_of_the_world_after_all_others) {
   const World world = build_world(with_group("x_m: 3, y_m: 40, count: 3"));
-  for (const auto& row : world.trajectories.rows) {
+  for (const auto& row : world.trajectories->rows) {
     ASSERT_GE(row.size(), 3U);
     for (std::size_t i = 0; i < 3; ++i) {
       const ObjectState& state = row[row.size() - 3 + i];
