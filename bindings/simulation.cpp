@@ -5,6 +5,7 @@
 
 #include "bindings.h"
 #include "infrasim/pipeline/frame_stream.h"
+#include "infrasim/sensor/pattern_period.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/return_model.h"
 
@@ -14,13 +15,18 @@ namespace py = pybind11;
 
 namespace {
 
-py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int last_frame,
-                                 int step, std::optional<std::uint64_t> seed,
-                                 const std::string& mount) {
+/// @throws ConfigError for what is no range of frames
+void check_frames(int first_frame, int last_frame, int step) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
     throw ConfigError("frames: found " + std::to_string(first_frame) + ":" +
                       std::to_string(last_frame) + ":" + std::to_string(step) +
                       ", allowed A:B:STEP with 0 <= A < B and STEP from 1");
+}
+
+py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int last_frame,
+                                 int step, std::optional<std::uint64_t> seed,
+                                 const std::string& mount) {
+  check_frames(first_frame, last_frame, step);
   const std::vector<double> rows = [&] {
     const py::gil_scoped_release release;
     return pattern_table(lidar, first_frame, last_frame, step, seed, mount);
@@ -57,6 +63,14 @@ void bind_simulation(py::module_& m) {
             return lidar;
           },
           "The same, its turns begun at a draw of the scene's seed, whatever its file says.")
+      .def(
+          "period_warnings",
+          [](const LidarConfig& lidar, int first_frame, int last_frame, int step) {
+            check_frames(first_frame, last_frame, step);
+            return period_warnings({lidar}, first_frame, last_frame, step);
+          },
+          py::arg("first_frame"), py::arg("last_frame"), py::arg("step"),
+          "A line if frames by this step show fewer of its pattern than others would, else none.")
       .def_readonly("name", &LidarConfig::name)
       .def_readonly("preset", &LidarConfig::preset)
       .def("dump", &dump_lidar, "Every key with its value, as YAML.")

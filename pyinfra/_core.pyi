@@ -131,6 +131,10 @@ class Lidar:
         """
         (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame; free motors start as if locked unless a seed is given.
         """
+    def period_warnings(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex) -> list[str]:
+        """
+        A line if frames by this step show fewer of its pattern than others would, else none.
+        """
     def with_free_motors(self) -> Lidar:
         """
         The same, its turns begun at a draw of the scene's seed, whatever its file says.

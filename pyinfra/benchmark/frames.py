@@ -63,6 +63,22 @@ def parts_of(frames: str, parts: int) -> list[str]:
     return [f"{p[0]}:{p[-1] + 1}:{numbers.step}" for p in pieces]
 
 
+def warnings(plan: Plan) -> list[str]:
+    """What a user should know of the frames before they are simulated, of each LiDAR once.
+
+    Nothing without the extension.
+    """
+    try:
+        from pyinfra import sim
+    except ImportError:
+        return []
+    chosen = range_of(plan.frames)
+    units = dict.fromkeys((plan.files["lidars", cell.lidar], cell.preset) for cell in plan.cells)
+    ends = (chosen.start, chosen.stop, chosen.step)
+    lines = [sim.load_lidar(*unit).period_warnings(*ends) for unit in units]
+    return list(dict.fromkeys(itertools.chain(*lines)))
+
+
 def simulate(shard: Shard) -> None:
     """Frames that are there stay as they are. Raises SimulatorError."""
     words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]

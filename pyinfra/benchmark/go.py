@@ -140,6 +140,8 @@ def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say
     digests = inputs.digests(plan)
     shards = frames.shards(plan, workspace.work, where.jobs)
     say(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards")
+    for line in frames.warnings(plan):
+        say(f"pyinfra: warning: {line}")
     pool.call_all(frames.simulate, shards, replace(where, gpu=False))
     for world, cells in plan.worlds().items():
         frames.split_by_time(workspace.data(world), plan.parts)

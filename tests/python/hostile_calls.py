@@ -234,6 +234,7 @@ WORLD = _core.World.of_text(SCENE, "site")
 def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, mount: str) -> None:
     found = logged(lidar.pattern, first, last, step, seed, mount)
     assert found is None or np.isfinite(found).all()
+    logged(lidar.period_warnings, first, last, step)
     logged(lidar.with_free_motors().pattern, first, first + 1, step, seed, mount)
 
 

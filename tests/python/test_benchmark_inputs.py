@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from pyinfra import cli
-from pyinfra.benchmark import inputs
+from pyinfra.benchmark import frames, inputs
 from pyinfra.benchmark.cell_inputs import claim_run, recipe_digest
 from pyinfra.benchmark.matrix import read_plan
 from pyinfra.config import ConfigError
@@ -149,6 +149,19 @@ def test_a_digest_knows_the_split_and_the_recorded_vehicles(config: Path) -> Non
         )
         found.append(digest())
     assert len(set(found)) == 4
+
+
+def test_a_step_that_shows_a_part_of_a_pattern_is_said_before_it_is_simulated(
+    config: Path,
+) -> None:
+    avia = (configs() / "lidars/livox_avia.yaml").read_text()
+    (config.parent / "avia.yaml").write_text(avia.replace("name: livox_avia", "name: avia"))
+    changed(config, "[own.yaml]", "[own.yaml, avia.yaml]")
+    assert frames.warnings(read_plan(config, "smoke")) == []
+    changed(config, "0:20:5", "0:5000:25")
+    (line,) = frames.warnings(read_plan(config, "smoke"))
+    assert "avia: " in line
+    assert "shows 8 of the pattern's 200 frames" in line
 
 
 def test_names_with_dots_have_locks_of_their_own(config: Path) -> None:

@@ -9,6 +9,7 @@
 #include "infrasim/pipeline/fusion.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/pipeline/scheduler.h"
+#include "infrasim/sensor/pattern_period.h"
 
 namespace infrasim {
 
@@ -245,6 +246,10 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
                             const Progress& progress, const Warn& warn) {
   check(request);
   check_fuse(request);
+  const FrameRange& range = request.frames;
+  for (const std::string& line :
+       period_warnings(request.lidars, range.first, range.last, range.step))
+    warn(line);
   const std::vector<int> frames = numbers(request.frames);
   // A folder's trajectories are those of the whole scene, whichever frames are asked for.
   const std::vector<World> worlds =

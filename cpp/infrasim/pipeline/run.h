@@ -40,7 +40,7 @@ using Warn = std::function<void(const std::string&)>;
 
 /// Simulates the frames that are not on disk yet, several at a time, of a scene with several mounts
 /// to a folder each. Stops after the current frames when `stop` becomes non-zero. Warns of LiDARs
-/// that see no vehicle in the first 10 frames.
+/// that see no vehicle in the first 10 frames, and of steps that show a part of a pattern alone.
 /// @return one row per LiDAR over all frames of the request that exist by then; of several mounts
 ///         named MOUNT/LIDAR, and fused/LIDAR
 /// @throws ConfigError if the request does not fit the scene

@@ -1,0 +1,111 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "infrasim/scene/trajectories.h"
+#include "infrasim/sensor/pattern_period.h"
+#include "infrasim/sensor/scan_pattern.h"
+#include "small_scenes.h"
+
+namespace infrasim {
+namespace {
+
+LidarConfig shipped(const std::string& name, const std::string& preset = "equal") {
+  return read_lidar(testing::configs() / "lidars" / (name + ".yaml"), preset);
+}
+
+LidarConfig lidar_of(const std::vector<PatternConfig>& patterns) {
+  LidarConfig lidar;
+  lidar.name = "own";
+  for (const PatternConfig& pattern : patterns) lidar.units.push_back({0, 0, pattern, {}});
+  return lidar;
+}
+
+PatternConfig turning(double rate_hz, double step_deg) {
+  PatternConfig pattern;
+  SpinningConfig& spinning = pattern.spinning.emplace();
+  spinning.rate_hz = rate_hz;
+  spinning.azimuth_step_deg = step_deg;
+  spinning.channels.table = {{0, 0, 0}};
+  return pattern;
+}
+
+PatternConfig five_directions() {
+  PatternConfig pattern;
+  TableConfig& table = pattern.table.emplace();
+  table.rays_per_s = 1003;
+  table.directions = {{0, 0}, {0.1, 0.2}, {-0.3, 0.1}, {3, -0.4}, {1, 1}};
+  return pattern;
+}
+
+/// The largest change of direction or time between the rays of two frames; they have as many.
+double difference(const LidarConfig& lidar, int frame, int other) {
+  double most = 0;
+  for (const LidarUnit& unit : lidar.units) {
+    const ScanPattern pattern(unit.pattern, 0.3, rotation(0, 0, 0), 0);
+    const auto rays = [&](int k) {
+      return pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
+    };
+    const RayRange a = rays(frame), b = rays(other);
+    if (a.size() != b.size()) return INFINITY;
+    for (std::int64_t i = 0; i < a.size(); ++i) {
+      const Ray one = pattern.ray(a.first + i), two = pattern.ray(b.first + i);
+      const double late = two.time_s - one.time_s - (other - frame) * kFramePeriod;
+      most = std::max({most, norm(two.direction - one.direction), std::abs(late)});
+    }
+  }
+  return most;
+}
+
+TEST(pattern_period, is_the_first_after_which_frames_are_the_same) {
+  std::vector<LidarConfig> lidars;
+  for (const char* name : {"livox_avia", "livox_mid_40", "velodyne_hdl_64e", "helios_16"})
+    lidars.push_back(shipped(name));
+  lidars.push_back(lidar_of({five_directions()}));
+  lidars.push_back(lidar_of({turning(5, 0.2)}));
+  lidars.push_back(lidar_of({turning(10, 0.7)}));
+  lidars.push_back(lidar_of({turning(10, 0.7), turning(5, 0.2)}));
+  std::vector<int> periods;
+  for (const LidarConfig& lidar : lidars) {
+    const int period = periods.emplace_back(pattern_period(lidar, 1000));
+    EXPECT_LT(difference(lidar, 3, 3 + period), 1e-7) << lidar.name;
+    for (int factor = 2; factor <= period; ++factor) {
+      if (period % factor != 0) continue;
+      EXPECT_GT(difference(lidar, 3, 3 + period / factor), 1e-3) << lidar.name << " " << factor;
+    }
+  }
+  EXPECT_EQ(periods, (std::vector{200, 300, 4, 1, 50, 2, 7, 14}));
+}
+
+TEST(pattern_period, of_a_bundle_is_that_of_all_its_units) {
+  EXPECT_EQ(pattern_period(shipped("bundle_5_livox_avia"), 1000), 200);
+  EXPECT_EQ(
+      pattern_period(lidar_of({shipped("livox_avia").units[0].pattern, turning(10, 0.7)}), 2000),
+      1400);
+}
+
+TEST(pattern_period, beyond_the_frames_is_none) {
+  EXPECT_EQ(pattern_period(shipped("livox_avia"), 199), 0);
+}
+
+TEST(period_warnings, say_how_many_frames_of_the_pattern_a_step_shows) {
+  const std::vector<LidarConfig> lidars{shipped("livox_avia"), shipped("helios_16")};
+  const std::vector<std::string> lines = period_warnings(lidars, 0, 5000, 25);
+  ASSERT_EQ(lines.size(), 1U);
+  for (const char* word : {"livox_avia: ", "such as 27, got 25, ", "shows 8 of the pattern's 200 "})
+    EXPECT_NE(lines[0].find(word), std::string::npos) << lines[0];
+}
+
+TEST(period_warnings, are_none_where_no_other_step_shows_more) {
+  const std::vector<LidarConfig> avia{shipped("livox_avia")};
+  EXPECT_TRUE(period_warnings(avia, 0, 5000, 1).empty());
+  EXPECT_TRUE(period_warnings(avia, 0, 5000, 27).empty());
+  EXPECT_TRUE(period_warnings(avia, 0, 200, 25).empty());
+  EXPECT_FALSE(period_warnings(avia, 7, 208, 25).empty());
+  EXPECT_TRUE(period_warnings(avia, 0, 190, 2).empty());  // it does not repeat in them
+}
+
+}  // namespace
+}  // namespace infrasim
