@@ -72,9 +72,9 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     """
     chosen = [path for path in sequences if options.channel in (None, path.name)]
     if len(chosen) != 1:
-        names = ", ".join(path.name for path in sequences)
+        got = ", ".join(path.name for path in sequences)
         raise ValueError(
-            f"{training / 'velodyne'}: expected one of the sequences by --channel, got {names}"
+            f"{training / 'velodyne'}: expected one of the sequences by --channel, got {got}"
         )
     clouds = sorted_files(chosen[0], [".bin"])
     columns, said = columns_of(clouds, options)
@@ -93,7 +93,8 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
         boxes = tracks.get(int(names[i]), NO_BOXES) if names[i].isdecimal() else NO_BOXES
         return RecordedFrame(points, boxes)
 
-    return Recording(names, frame, file.is_file(), ids_are_tracks=True, notes=lambda: notes)
+    labelled = file.is_file()
+    return Recording(names, frame, labelled, ids_are_tracks=labelled, notes=lambda: notes)
 
 
 def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
