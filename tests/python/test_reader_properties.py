@@ -144,6 +144,7 @@ def test_pcd_files_with_more_or_fewer_bytes_than_they_say_are_refused(tmp_path: 
     def holds(cloud: Cloud, change: int) -> None:
         at = cloud.bytes.index(b"\nDATA") + 1
         assume(b"DATA ascii" not in cloud.bytes[at:])
+        assume(change > 0 or b"POINTS 0\n" not in cloud.bytes)  # nothing to lose
         assume(len(cloud.bytes) + change > cloud.bytes.index(b"\n", at))
         file.write_bytes(cloud.bytes + b"\n" * change if change > 0 else cloud.bytes[:change])
         with pytest.raises(FormatError) as error:
