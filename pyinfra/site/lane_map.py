@@ -11,7 +11,7 @@ from pyinfra.arrays import FloatArray
 NARROWEST_M = 1.0  # of a lane that vehicles drive in; it ends where it is narrower
 SHORTEST_M = 0.2  # of a lane
 FARTHEST_M = 1e6  # of a place from a map's origin
-STEEPEST = 0.5  # between two points of a lane
+STEEP, STEEPEST = 0.5, 1.2  # grades between two points of a lane: those named, those refused
 
 
 class MapError(ValueError):
@@ -47,6 +47,7 @@ class MapBody:
     outline: FloatArray  # (n, 2), counter-clockwise, n >= 3
     height_m: float
     base_m: float | None = None  # None: on the terrain
+    hangs: bool = False  # with nothing below its base
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,18 @@ def without_folds(
             if (border[i] - border[i - 1])[:2] @ direction < 0:
                 border[i] = [*border[i - 1][:2], border[i][2]]
     return left, right, folded
+
+
+def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
+    """One line for each lane that is steeper than roads are."""
+    notes = []
+    for lane in lanes:
+        steps = np.diff(lane.centre, axis=0)
+        grade = np.abs(steps[:, 2]) / np.maximum(np.hypot(*steps[:, :2].T), 1e-3)
+        if lane.driveable and grade.max() > STEEP + 1e-6:
+            x, y, _ = lane.centre[int(grade.argmax())]
+            notes.append(f"lane {lane.name}: a grade of {grade.max():.0%} at {x:.1f} {y:.1f}")
+    return notes
 
 
 def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:

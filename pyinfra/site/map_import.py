@@ -24,12 +24,14 @@ from pyinfra.site.lane_map import (
     MapLane,
     SiteMap,
     checked_lanes,
+    steep_lanes,
     with_own_names,
 )
 from pyinfra.site.mount_guess import HEIGHT_M, Pole, guess_pole
 from pyinfra.site.netconvert import OPENDRIVE, OSM, netconvert
 from pyinfra.site.network import KERB_M, read_network
 from pyinfra.site.opendrive import read_opendrive
+from pyinfra.site.opendrive_mending import mended_for_netconvert
 from pyinfra.site.openstreetmap import opened
 from pyinfra.site.ply import Triangles, write_ply
 from pyinfra.site.surfaces import Sheet, surfaces
@@ -90,7 +92,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         except MapError as error:
             raise MapError(str(error).replace(str(plain), str(file))) from error
         found.lanes = checked_lanes(with_own_names(found.lanes), str(file))
-        found.not_understood += disagreements(found.lanes)
+        found.not_understood += disagreements(found.lanes) + steep_lanes(found.lanes)
         meshes, terrain = surfaces(found, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
             raise MapError(f"{file}: more than {MOST_TRIANGLES} triangles; use a smaller --radius")
@@ -191,7 +193,9 @@ def _from_opendrive(
         for t in found.trees
     ]
     _cut(found, options.radius_m, file)
-    arguments = ["--opendrive-files", str(file), *OPENDRIVE]
+    readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
+    found.not_understood += changed
+    arguments = ["--opendrive-files", str(readable), *OPENDRIVE]
     warnings = _shifted_network(file, arguments, offset, folder / NETWORK)
     network = read_network(folder / NETWORK, lanes=False)
     found.areas, found.junctions = _near(network, options.radius_m)

@@ -86,13 +86,16 @@ def _clear_place(
     reach = farthest_m + 20
     outlines = [thing.outline for thing in found.bodies] + found.areas
     outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
+    middles = np.array([o.mean(0) for o in outlines]).reshape(-1, 2)
+    radii = np.array([np.hypot(*(o - o.mean(0)).T).max() for o in outlines])
     best, freest = target, -math.inf
     for offset in offsets[order]:
         place = target + offset
         free = near.free_m(place)
         if np.hypot(*(trees - place).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
             continue
-        if any(_is_close(outline, place) for outline in outlines):
+        beside = np.flatnonzero(np.hypot(*(middles - place).T) < radii + CLEAR_M)
+        if any(_is_close(outlines[i], place) for i in beside):
             continue
         if free >= 0:
             return np.asarray(place)

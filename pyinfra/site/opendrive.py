@@ -15,10 +15,8 @@ import numpy as np
 from pyinfra.arrays import FloatArray
 from pyinfra.site.lane_map import (
     SHORTEST_M,
-    MapBody,
     MapError,
     MapLane,
-    MapTree,
     SiteMap,
     lane_name,
     without_folds,
@@ -26,13 +24,16 @@ from pyinfra.site.lane_map import (
 from pyinfra.site.opendrive_geometry import (
     Cubics,
     ReferenceLine,
+    curve_length,
     number,
     read_cubics,
     read_reference_line,
 )
+from pyinfra.site.opendrive_objects import read_objects
 
 STEP_M = 1.0
 STRAIGHT_STEP_M = 4.0
+LENGTHS_APART = 0.01  # of a length, that is taken for rounding
 KERB_M = 0.15  # of sidewalks whose height the map does not say
 DRIVEN = frozenset(
     "driving entry exit onRamp offRamp connectingRamp bidirectional mwyEntry mwyExit "
@@ -43,9 +44,6 @@ PAVED = frozenset(
     "special2 special3 shared".split()
 )
 FOOTWAYS = frozenset({"sidewalk", "walking", "curb"})
-PAINT = frozenset({"crosswalk", "roadMark", "parkingSpace", "-1", "none"})  # nothing that stands
-STANDING = frozenset("building house obstacle pole barrier wind streetLamp railing gantry".split())
-PLANTS = frozenset({"tree", "vegetation"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +96,7 @@ def _read_road(node: Element, found: SiteMap) -> None:
         read_cubics(node.findall("lateralProfile/superelevation")),
         read_cubics(node.findall("lanes/laneOffset")),
     )
+    found.not_understood += _lengths_that_disagree(road, node)
     for tag in ("shape", "crossfall"):
         if node.find(f"lateralProfile/{tag}") is not None:
             found.not_understood.append(f"road {road.id}: lateralProfile/{tag}")
@@ -112,8 +111,26 @@ def _read_road(node: Element, found: SiteMap) -> None:
             pieces.update({(i, p.id): p for p in _section(road, section, start, end, found)})
     left_hand = node.get("rule") == "LHT"
     found.lanes += [lane for lane in _joined(road, pieces, left_hand, found) if lane is not None]
-    for thing in [*node.iterfind("objects/object"), *node.iterfind("signals/signal")]:
-        _read_object(road, thing, found)
+    read_objects(road, node, found)
+
+
+def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
+    """Of the road and its geometries, and of a geometry and its curve."""
+    said, length = number(node, "length", road.line.length), road.line.length
+    notes = []
+    if abs(said - length) > LENGTHS_APART * length + 0.1:
+        notes.append(
+            f"road {road.id}: length: expected {length:g} m as its geometry, got {said:g} m; the "
+            "geometry holds"
+        )
+    for shape in node.iterfind("planView/geometry"):
+        along, told = curve_length(shape), number(shape, "length")
+        if abs(along - told) > LENGTHS_APART * along + 0.1:
+            notes.append(
+                f"road {road.id}: geometry at s = {number(shape, 's'):g}: length: expected "
+                f"{along:.3f} m as its curve, got {told:g} m"
+            )
+    return notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,39 +254,3 @@ def _lane(
         found.not_understood.append(f"lane {name}: type {first.type!r}, paved as a shoulder")
     kind = "sidewalk" if first.type in FOOTWAYS else "road"
     return MapLane(name, kind, first.type in DRIVEN, left, right, first.kerb_m)
-
-
-def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
-    """Houses, poles, trees and signals as bodies; paint is nothing, all else is noted."""
-    s, t = (number(node, k, 0.0) for k in "st")
-    type_ = "signal" if node.tag == "signal" else node.get("type") or "none"
-    where = f"road {road.id}: {node.tag} {node.get('id')} at s = {s:.1f}, t = {t:.1f}"
-    if type_ in PAINT:
-        if node.get("name", "").lower().startswith(("solid", "dashed")) or type_ == "crosswalk":
-            return
-        found.not_understood.append(f"{where}: type {type_!r}, name {node.get('name')!r}")
-        return
-    heading = float(road.line.at(np.array([s]))[0, 2]) + number(node, "hdg", 0.0)
-    x, y, z = road.places(np.array([s]), np.array([t]))[0]
-    base = float(z) + min(0.0, number(node, "zOffset", 0.0))
-    height = number(node, "height", 0.0)
-    if type_ in PLANTS:
-        found.trees.append(MapTree(float(x), float(y), height if height > 1 else 9.0, base))
-    elif type_ == "signal":
-        top = number(node, "zOffset", 0.0) + height
-        found.bodies.append(_box((x, y), heading, 0.15, 0.15, max(top, 2.0), float(z)))
-    elif type_ in STANDING and height > 0:
-        round_ = 2 * number(node, "radius", 0.0)
-        length = number(node, "length", round_) or round_ or 0.2
-        width = number(node, "width", round_) or round_ or 0.2
-        found.bodies.append(_box((x, y), heading, length, width, height, base))
-    else:
-        found.not_understood.append(f"{where}: type {type_!r}, height {height:g} m")
-
-
-def _box(
-    at: tuple[float, float], heading: float, length: float, width: float, top: float, base: float
-) -> MapBody:
-    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (length / 2, width / 2)
-    cos, sin = math.cos(heading), math.sin(heading)
-    return MapBody(corners @ np.array([[cos, sin], [-sin, cos]]) + at, top, base)

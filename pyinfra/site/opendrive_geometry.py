@@ -115,10 +115,12 @@ def _piece(node: Element, road: str | None) -> Line:
     if shape.tag == "spiral":
         return _spiral(number(shape, "curvStart"), number(shape, "curvEnd"), max(length, 1e-9))
     if shape.tag == "poly3":
-        return _along({"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length, 1.0)
+        return _along(
+            {"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length, length
+        )
     if shape.tag == "paramPoly3":
         sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}
-        return _along(sides, length, 1.0 if shape.get("pRange") == "arcLength" else 1 / length)
+        return _along(sides, length if shape.get("pRange") == "arcLength" else 1.0, length)
     raise MapError(
         f"road {road}: geometry: found {shape.tag!r}, allowed line, arc, spiral, poly3, paramPoly3"
     )
@@ -140,16 +142,37 @@ def _spiral(start: float, end: float, length: float) -> Line:
     return line
 
 
-def _along(sides: dict[str, list[float]], length: float, scale: float) -> Line:
-    """u and v as cubics of a parameter; of poly3 it is u, found by the length along the curve."""
+def _along(sides: dict[str, list[float]], end: float, length: float | None = None) -> Line:
+    """u and v as cubics of a parameter from 0 to `end`, found by the length along the curve.
+
+    Where the geometry's length differs from the curve's, as by rounding, s is stretched to it.
+    """
     u_of, v_of = (np.polynomial.Polynomial(sides[k]) for k in ("aU", "aV"))
-    by_length = sides["aU"] == [0, 1, 0, 0] and scale == 1.0
-    table = np.linspace(0, length, 201)
-    slope = np.hypot(1, v_of.deriv()(table))
-    walked = np.concatenate([[0], np.cumsum((slope[1:] + slope[:-1]) / 2 * np.diff(table))])
+    du, dv = u_of.deriv(), v_of.deriv()
+    table = np.linspace(0, end, 401)
+    half = np.diff(table)[:, None] / 2
+    middles = table[:-1, None] + half * (_NODES + 1)
+    pieces = (np.hypot(du(middles), dv(middles)) * _WEIGHTS * half).sum(1)
+    walked = np.concatenate([[0], np.cumsum(pieces)])
+    stretch = float(walked[-1]) / length if length and walked[-1] > 0 else 1.0
 
     def line(ds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        p = np.interp(ds, walked, table) if by_length else ds * scale
-        return u_of(p), v_of(p), np.arctan2(v_of.deriv()(p), u_of.deriv()(p))
+        p = np.interp(ds * stretch, walked, table)
+        return u_of(p), v_of(p), np.arctan2(dv(p), du(p))
 
     return line
+
+
+def curve_length(node: Element) -> float:
+    """Of a paramPoly3 along itself, metres; other shapes are as long as their geometry says."""
+    shape, length = node[0] if len(node) else node, number(node, "length")
+    if shape.tag != "paramPoly3":
+        return length
+    du, dv = (
+        np.polynomial.Polynomial([number(shape, f"{c}{k}", 0.0) for c in "abcd"]).deriv()
+        for k in "UV"
+    )
+    end = length if shape.get("pRange") == "arcLength" else 1.0
+    p = np.linspace(0, end, 2001)
+    speed = np.hypot(du(p), dv(p))
+    return float(((speed[1:] + speed[:-1]) / 2 * np.diff(p)).sum())

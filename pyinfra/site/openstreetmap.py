@@ -197,7 +197,7 @@ def add_surroundings(
         if tags.get("min_height") or tags.get("building:min_level"):
             found.not_understood.append(f"way {name}: building off the ground, built to the ground")
         x, y = outline.mean(0)
-        if len(outline) < 3 or _crosses_itself(outline):
+        if len(outline) < 3 or crosses_itself(outline):
             found.not_understood.append(f"way {name}: building at {x:.1f} {y:.1f}: no outline")
             continue
         found.bodies.append(MapBody(outline, height))
@@ -224,7 +224,8 @@ def _height(tags: dict[str, str]) -> tuple[float, bool]:
     return (said, True) if said else (levels * LEVEL_M, True) if levels else (HOUSE_M, False)
 
 
-def _crosses_itself(outline: FloatArray) -> bool:
+def crosses_itself(outline: FloatArray) -> bool:
+    """Whether two sides of an outline (n, 2) cross."""
     a, b = outline, np.roll(outline, -1, axis=0)
 
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:

@@ -204,9 +204,12 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
     base = ground if thing.base_m is None else thing.base_m
     outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
     ring = np.append(np.arange(len(outline)), 0)
-    heights = (base + thing.height_m, min(base, ground) - SINK_M)
+    heights = (base + thing.height_m, base if thing.hangs else min(base, ground) - SINK_M)
     top, bottom = (np.insert(outline, 2, z, axis=1) for z in heights)
-    return together([Triangles(top, ears(outline)), ribbon(top[ring], bottom[ring])])
+    parts = [Triangles(top, ears(outline)), ribbon(top[ring], bottom[ring])]
+    if thing.hangs:
+        parts.append(Triangles(bottom, ears(outline)[:, ::-1]))
+    return together(parts)
 
 
 def surfaces(found: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:

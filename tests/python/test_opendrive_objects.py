@@ -1,0 +1,207 @@
+"""Objects, signals and junctions of OpenDRIVE: built where the map says, or listed."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import site_data
+
+from pyinfra.site.lane_map import MapBody, SiteMap
+from pyinfra.site.map_import import Imported, import_map
+from pyinfra.site.opendrive import read_opendrive
+
+BEND = '<arc curvature="0.02"/>'  # to the left, about 0, 50
+
+
+def read(folder: Path, more: str, *, shape: str = "<line/>", length: float = 100) -> SiteMap:
+    file = folder / "a.xodr"
+    road = site_data.road(1, (0, 0, 0), length, shape=shape, more=more)
+    file.write_text(site_data.open_drive(road))
+    return read_opendrive(file)
+
+
+def objects(text: str) -> str:
+    return f"<objects>{text}</objects>"
+
+
+def imported(folder: Path, text: str) -> Imported:
+    pytest.importorskip("sumo", reason="needs the extra `site`")
+    (folder / "a.xodr").write_text(text)
+    return import_map(folder / "a.xodr", folder / "site")
+
+
+def radii(bodies: list[MapBody]) -> np.ndarray:
+    return np.hypot(*(np.concatenate([b.outline for b in bodies]) - (0, 50)).T)
+
+
+def test_s_is_the_length_along_a_cubic(tmp_path: Path) -> None:
+    """x = 20 p + 80 p^2 is 100 m long: half of it is at x = 50, p = 0.675."""
+    shape = '<paramPoly3 pRange="normalized" bU="20" cU="80"/>'
+    house = '<object type="building" id="1" s="50" t="12" length="4" width="4" height="5"/>'
+    found = read(tmp_path, objects(house), shape=shape)
+    np.testing.assert_allclose(found.bodies[0].outline.mean(0), (50, 12), atol=0.01)
+    assert found.not_understood == []
+    right = next(lane for lane in found.lanes if lane.name == "road1_0_right1")
+    np.testing.assert_allclose(
+        right.centre[:, 0], np.linspace(0, 100, len(right.centre)), atol=0.01
+    )
+
+
+@pytest.mark.parametrize("range_", ["normalized", "arcLength"])
+def test_cubics_of_either_parameter_have_one_speed(tmp_path: Path, range_: str) -> None:
+    """Steps of s are steps of length, whatever the parameter does."""
+    k = 1.0 if range_ == "normalized" else 1 / 40
+    b, c, v = 10 * k, 30 * k**2, 5 * k**2
+    p = np.linspace(0, 1 / k, 20_001)
+    line = np.column_stack([b * p + c * p**2, v * p**2])
+    length = float(np.hypot(*np.diff(line, axis=0).T).sum())
+    shape = f'<paramPoly3 pRange="{range_}" bU="{b}" cU="{c}" cV="{v}"/>'
+    if range_ == "arcLength":
+        length = 40.0  # p runs to the geometry's length
+    found = read(tmp_path, "", shape=shape, length=length)
+    lane = next(lane for lane in found.lanes if lane.name == "road1_0_left1")
+    inner = lane.left[:, :2]  # the reference line
+    steps = np.hypot(*np.diff(inner, axis=0).T)
+    assert steps.std() < 0.01 * steps.mean()
+    np.testing.assert_allclose(np.sort(inner[[0, -1]], axis=0)[1], line[-1], atol=1e-6)
+
+
+@pytest.mark.parametrize(("said", "names"), [(100, 0), (100.5, 0), (2000, 1), (40, 1)])
+def test_a_length_that_is_not_that_of_the_geometry_is_named(
+    tmp_path: Path, said: float, names: int
+) -> None:
+    road = site_data.road(1, (0, 0, 0), 100).replace('length="100"', f'length="{said}"', 1)
+    (tmp_path / "a.xodr").write_text(site_data.open_drive(road))
+    notes = read_opendrive(tmp_path / "a.xodr").not_understood
+    assert len([n for n in notes if n.startswith("road 1: length: expected 100 m")]) == names
+
+
+def test_an_open_outline_is_a_thin_wall_along_its_corners(tmp_path: Path) -> None:
+    angles = np.linspace(-0.6, 0.6, 13)
+    uv = np.column_stack([45 * np.sin(angles), 45 - 45 * np.cos(angles)])
+    corners = "".join(f'<cornerLocal u="{u}" v="{v}" z="0" height="0.8"/>' for u, v in uv)
+    for frame in ("<outlines>{}</outlines>", "{}"):  # 1.5 and later, 1.4
+        inner = frame.format(f'<outline closed="false">{corners}</outline>')
+        rail = f'<object type="barrier" id="1" s="50" t="5" length="54" width="0">{inner}</object>'
+        found = read(tmp_path, objects(rail), shape=BEND)
+        assert len(found.bodies) == 12
+        np.testing.assert_allclose(radii(found.bodies), 45, atol=0.15)
+        assert {b.height_m for b in found.bodies} == {0.8}
+
+
+def test_a_closed_outline_supersedes_the_box(tmp_path: Path) -> None:
+    local = [(-10, -5), (10, -5), (10, 5), (-10, 5)]
+    corners = "".join(f'<cornerLocal u="{u}" v="{v}" z="0" height="6"/>' for u, v in local)
+    on_road = "".join(
+        f'<cornerRoad s="{40 + u}" t="{-25 + v}" dz="0" height="6"/>' for u, v in local
+    )
+    for text in (corners, on_road):
+        house = '<object type="building" id="1" s="40" t="-25" length="3" width="3" height="6">'
+        found = read(
+            tmp_path, objects(f"{house}<outlines><outline>{text}</outline></outlines></object>")
+        )
+        low, high = found.bodies[0].outline.min(0), found.bodies[0].outline.max(0)
+        np.testing.assert_allclose([low, high], [(30, -30), (50, -20)], atol=1e-9)
+        assert found.bodies[0].height_m == 6
+
+
+def test_a_continuous_repeat_follows_the_bend(tmp_path: Path) -> None:
+    span = 's="10" length="60" distance="0" tStart="6" tEnd="6" widthStart="0.3" widthEnd="0.3"'
+    repeat = f'<repeat {span} heightStart="1" heightEnd="2"/>'
+    rail = f'<object type="railing" id="1" s="0" t="0" height="0">{repeat}</object>'
+    found = read(tmp_path, objects(rail), shape=BEND)
+    np.testing.assert_allclose(radii(found.bodies), 44, atol=0.2)
+    heights = [b.height_m for b in found.bodies]
+    assert heights[0] == pytest.approx(1, abs=0.05)
+    assert heights[-1] == pytest.approx(2, abs=0.05)
+    ends = np.concatenate([b.outline for b in found.bodies])
+    reach = np.arctan2(ends[:, 0], 50 - ends[:, 1]) * 50
+    assert (reach.min(), reach.max()) == pytest.approx((10, 70), abs=0.01)
+
+
+def test_a_repeat_with_a_distance_is_copies_and_not_the_object(tmp_path: Path) -> None:
+    span = 's="20" length="30" distance="10" tStart="8" tEnd="14"'
+    repeat = f'<repeat {span} heightStart="4" heightEnd="4"/>'
+    pole = f'<object type="pole" id="1" s="0" t="0" radius="0.2" height="9">{repeat}</object>'
+    tree = f'<object type="tree" id="2" s="0" t="0" height="9">{repeat}</object>'
+    found = read(tmp_path, objects(pole + tree))
+    wanted = [(20, 8), (30, 10), (40, 12), (50, 14)]
+    np.testing.assert_allclose([b.outline.mean(0) for b in found.bodies], wanted, atol=1e-9)
+    np.testing.assert_allclose([(t.x_m, t.y_m) for t in found.trees], wanted, atol=1e-9)
+    assert {b.height_m for b in found.bodies} == {t.height_m for t in found.trees} == {4}
+
+
+ASAM = (
+    "barrier bike building bus car gantry motorbike none obstacle parkingSpace patch pedestrian "
+    "pole railing roadSurface soundBarrier streetLamp trafficIsland trailer train tram tree van "
+    "vegetation wind somethingElse"
+).split()
+
+
+@pytest.mark.parametrize("kind", ASAM)
+def test_each_kind_of_object_is_built_or_listed(tmp_path: Path, kind: str) -> None:
+    for extent in ('length="2" width="1" height="3"', 'radius="0.5" height="3"', ""):
+        thing = f'<object type="{kind}" id="7" s="40" t="9" {extent}/>'
+        found = read(tmp_path, objects(thing))
+        listed = any("object 7" in note for note in found.not_understood)
+        assert found.bodies or found.trees or listed, extent
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        '<objects><tunnel id="7" s="10" length="20"/></objects>',
+        '<objects><bridge id="7" s="10" length="20"/></objects>',
+        '<objects><objectReference id="7" s="10" t="0"/></objects>',
+        '<signals><signalReference id="7" s="10" t="0" orientation="+"/></signals>',
+        '<surface><CRG file="a.crg"/></surface>',
+        '<railroad><switch id="7"/></railroad>',
+    ],
+)
+def test_what_else_a_road_has_is_listed(tmp_path: Path, more: str) -> None:
+    assert len(read(tmp_path, more).not_understood) == 1
+
+
+def test_what_hangs_over_the_road_leaves_it_free(tmp_path: Path) -> None:
+    sign = (
+        '<object type="gantry" id="1" s="50" t="0" zOffset="5" length="1" width="20" height="2"/>'
+    )
+    body = read(tmp_path, objects(sign)).bodies[0]
+    assert (body.hangs, body.base_m, body.height_m) == (True, 5, 2)
+
+
+def test_the_network_does_without_what_it_cannot_read(tmp_path: Path) -> None:
+    """An arc without a curvature, signals without a type, and a junction of an unknown kind."""
+    signals = (
+        '<signals><signal id="1" type="" s="20" t="5" zOffset="2" height="0.6"/>'
+        '<signal id="2" s="20" t="-5" zOffset="2" height="0.6"/></signals>'
+    )
+    rise = '<elevation s="0" a="0" b="0.1" c="0" d="0"/>'
+    road = site_data.road(
+        1, (0, 0, 0), 200, shape='<arc curvature="0.0"/>', more=signals, elevation=rise
+    )
+    virtual = '<junction id="4" type="crossing"><crossPath id="1"/></junction>'
+    made = imported(tmp_path, site_data.open_drive(road, virtual))
+    listed = made.record["not_understood"]
+    assert [n for n in listed if "type is empty" in n] == [
+        f"road 1: signal {k}: type is empty: not in the network" for k in (1, 2)
+    ]
+    assert any("junction 4: type 'crossing'" in n for n in listed)
+
+
+def test_a_steep_road_is_named_and_a_cliff_refused(tmp_path: Path) -> None:
+    rise = '<elevation s="0" a="0" b="0.7" c="0" d="0"/>'
+    made = imported(
+        tmp_path, site_data.open_drive(site_data.road(1, (0, 0, 0), 50, elevation=rise))
+    )
+    assert any("a grade of 70%" in n for n in made.record["not_understood"])
+
+
+def test_a_banked_road_lies_as_its_roll_says(tmp_path: Path) -> None:
+    bank = '<lateralProfile><superelevation s="0" a="0.3" b="0" c="0" d="0"/></lateralProfile>'
+    file = tmp_path / "a.xodr"
+    file.write_text(site_data.open_drive(site_data.road(1, (0, 0, 0), 100, more=bank)))
+    lane = next(lane for lane in read_opendrive(file).lanes if lane.name == "road1_0_left1")
+    rise, across = lane.left[0] - lane.right[0], 3.5
+    assert abs(rise[2]) == pytest.approx(across * math.sin(0.3))
