@@ -7,8 +7,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
+from pyinfra.site.opendrive_geometry import number, read_cubics, read_reference_line
+
+WAY_M = 0.05  # of a way over a direct junction, where the roads touch
 LEAST_CURVATURE = 1e-9  # an arc of less is a line; netconvert divides by it
-JUNCTIONS = frozenset({"default", "direct", ""})  # others are left out of the network
+JUNCTIONS = frozenset({"default", ""})  # others are left out of the network
 
 
 def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
@@ -57,23 +62,21 @@ def _signals(root: Element) -> list[str]:
 
 
 def _junctions(root: Element) -> list[str]:
-    """Direct junctions as links from road to road; kinds without roads of their own left out."""
+    """Direct junctions with ways of their own; kinds without roads of their own left out."""
     notes = []
     for junction in root.findall("junction"):
         kind, name = junction.get("type", ""), junction.get("id", "")
         if kind == "direct":
-            for connection in junction.iterfind("connection"):
-                _linked(root, junction, connection)
-            notes.append(f"junction {name}: direct: its roads are linked to each other")
+            _as_default(root, junction)
+            notes.append(f"junction {name}: direct: its lanes are linked to each other")
+            continue
         elif kind not in JUNCTIONS or any(
             not connection.get("connectingRoad") for connection in junction.iterfind("connection")
         ):
             notes.append(f"junction {name}: type {kind!r}: not in the network")
-        else:
-            continue
-        root.remove(junction)
-        for link in _links_to(root, name):
-            link[0].remove(link[1])
+            root.remove(junction)
+            for link, end in _links_to(root, name):
+                link.remove(end)
     return notes
 
 
@@ -86,56 +89,88 @@ def _links_to(root: Element, junction: str) -> list[tuple[Element, Element]]:
     ]
 
 
-def _linked(root: Element, junction: Element, connection: Element) -> None:
-    """Each road's end at the junction goes on in the other road, lane by lane."""
-    ids = connection.get("incomingRoad"), connection.get("linkedRoad")
-    roads = [next((r for r in root.iterfind("road") if r.get("id") == i), None) for i in ids]
-    incoming, linked = roads
-    if incoming is None or linked is None:
-        return
-    ends = [_end_at(incoming, junction.get("id")), _end_at(linked, junction.get("id"))]
-    if connection.get("contactPoint") in ("start", "end"):
-        ends[1] = "predecessor" if connection.get("contactPoint") == "start" else "successor"
-    if None in ends:
-        return
-    both = [(incoming, ends[0], linked, ends[1]), (linked, ends[1], incoming, ends[0])]
-    pairs = [(n.get("from", ""), n.get("to", "")) for n in connection.iterfind("laneLink")]
-    for k, (road, end, other, its_end) in enumerate(both):
-        link = road.find("link")
-        if link is None:
-            link = Element("link")
-            road.insert(0, link)
-        assert end is not None
-        for old in link.findall(end):
-            if old.get("elementType") == "junction":
-                link.remove(old)
-        if link.find(end) is None:
-            contact = "start" if its_end == "predecessor" else "end"
-            words = {"elementType": "road", "elementId": other.get("id", "")}
-            link.append(Element(end, {**words, "contactPoint": contact}))
-        sections = road.findall("lanes/laneSection")
-        if not sections:
+def _as_default(root: Element, junction: Element) -> None:
+    """A direct junction as one whose ways have roads of their own, each of a few centimetres."""
+    roads = {road.get("id"): road for road in root.iterfind("road")}
+    links = []
+    for connection in junction.findall("connection"):
+        junction.remove(connection)
+        incoming, linked = (roads.get(connection.get(k)) for k in ("incomingRoad", "linkedRoad"))
+        if incoming is None or linked is None:
             continue
-        section = sections[0] if end == "predecessor" else sections[-1]
-        for pair in pairs:
-            own, its = pair if k == 0 else pair[::-1]
-            for lane in section.iter("lane"):
-                if lane.get("id") == own:
-                    _link_lane(lane, end, its)
+        own = _end_at(incoming, junction.get("id"))
+        its = connection.get("contactPoint", "start")
+        for pair in connection.iterfind("laneLink"):
+            ends = [
+                (incoming, own, int(number(pair, "from"))),
+                (linked, its, int(number(pair, "to"))),
+            ]
+            outwards = (ends[0][2] < 0) == (own == "end")
+            if incoming.get("rule") == "LHT":
+                outwards = not outwards
+            links.append((ends[0], ends[1]) if outwards else (ends[1], ends[0]))
+    for count, (origin, goal) in enumerate(links):
+        name = f"{junction.get('id')}_direct{count}"
+        root.insert(list(root).index(junction), _way(name, junction.get("id", ""), origin, goal))
+        words = {"id": str(count), "incomingRoad": origin[0].get("id", ""), "connectingRoad": name}
+        connection = Element("connection", {**words, "contactPoint": "start"})
+        connection.append(Element("laneLink", {"from": str(origin[2]), "to": "-1"}))
+        junction.append(connection)
+    junction.attrib.pop("type")
 
 
-def _link_lane(lane: Element, end: str, other: str) -> None:
-    link = lane.find("link")
-    if link is None:
-        link = Element("link")
-        lane.insert(0, link)
-    if link.find(end) is None:
-        link.append(Element(end, {"id": other}))
+_End = tuple[Element, str, int]  # a road, start or end of it, and a lane there
 
 
-def _end_at(road: Element, junction: str | None) -> str | None:
+def _way(name: str, junction: str, origin: _End, goal: _End) -> Element:
+    """A road of one lane that begins where its origin's lane ends."""
+    road, contact, lane = origin
+    line = read_reference_line(road)
+    s = line.length if contact == "end" else 0.0
+    x, y, heading = line.at(np.array([s]))[0].tolist()
+    offset, width = _across(road, s, contact, lane)
+    if contact != "end":
+        heading, offset = heading + math.pi, -offset
+    z = float(read_cubics(road.findall("elevationProfile/elevation")).at(np.array([s]))[0])
+
+    def link(tag: str, end: _End) -> str:
+        words = f'elementType="road" elementId="{end[0].get("id")}" contactPoint="{end[1]}"'
+        return f"<{tag} {words}/>"
+
+    text = (
+        f'<road id="{name}" junction="{junction}" length="{WAY_M}">'
+        f"<link>{link('predecessor', origin)}{link('successor', goal)}</link>"
+        f'<planView><geometry s="0" x="{x!r}" y="{y!r}" hdg="{heading!r}" length="{WAY_M}"><line/>'
+        f'</geometry></planView><elevationProfile><elevation s="0" a="{z!r}" b="0" c="0" d="0"/>'
+        f'</elevationProfile><lanes><laneOffset s="0" a="{offset!r}" b="0" c="0" d="0"/>'
+        '<laneSection s="0"><center><lane id="0" type="none"/></center><right>'
+        f'<lane id="-1" type="driving"><link><predecessor id="{lane}"/>'
+        f'<successor id="{goal[2]}"/></link><width sOffset="0" a="{width!r}" b="0" c="0" d="0"/>'
+        "</lane></right></laneSection></lanes></road>"
+    )
+    return ElementTree.fromstring(text)
+
+
+def _across(road: Element, s: float, contact: str, lane: int) -> tuple[float, float]:
+    """t of the lane's inner border, and its width, where the road meets the junction."""
+    section = road.findall("lanes/laneSection")[-1 if contact == "end" else 0]
+    start = number(section, "s")
+    side = "left" if lane > 0 else "right"
+    at = np.array([s])
+    t = float(read_cubics(road.findall("lanes/laneOffset")).at(at)[0])
+    width = 3.5
+    for node in sorted(section.findall(f"{side}/lane"), key=lambda n: abs(number(n, "id"))):
+        wide = float(read_cubics(node.findall("width"), "sOffset", start).at(at)[0])
+        if int(number(node, "id")) == lane:
+            width = wide
+            break
+        t += math.copysign(wide, lane)
+    return t, max(width, 0.1)
+
+
+def _end_at(road: Element, junction: str | None) -> str:
     """Which end of a road is at a junction."""
     for end in road.iterfind("link/*"):
         if end.get("elementType") == "junction" and end.get("elementId") == junction:
-            return end.tag
-    return None
+            return "start" if end.tag == "predecessor" else "end"
+    return "end"

@@ -190,6 +190,43 @@ def test_the_network_does_without_what_it_cannot_read(tmp_path: Path) -> None:
     assert any("junction 4: type 'crossing'" in n for n in listed)
 
 
+def test_a_direct_junction_leads_to_both_of_its_roads(tmp_path: Path) -> None:
+    pytest.importorskip("sumo", reason="needs the extra `site`")
+    from pyinfra.site.road_net import read_road_net
+
+    def link(end: str) -> str:
+        return f'<link><{end} elementType="junction" elementId="9"/></link>'
+
+    lane = '<lane id="-{}" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
+
+    def lanes(count: int) -> str:
+        inner = "".join(lane.format(k + 1) for k in range(count))
+        return (
+            '<lanes><laneSection s="0"><center><lane id="0" type="none"/></center>'
+            f"<right>{inner}</right></laneSection></lanes>"
+        )
+
+    roads = [
+        site_data.road(1, (0, 0, 0), 200, lanes=lanes(2), more=link("successor")),
+        site_data.road(2, (200, 0, 0), 200, lanes=lanes(1), more=link("predecessor")),
+        site_data.road(
+            3, (200, -3.5, 0), 200, lanes=lanes(1), more=link("predecessor"),
+            shape='<arc curvature="-0.002"/>',
+        ),
+    ]  # fmt: skip
+    junction = '<junction id="9" type="direct">'
+    for number, (to, own) in enumerate(((2, -1), (3, -2))):
+        junction += (
+            f'<connection id="{number}" incomingRoad="1" linkedRoad="{to}" contactPoint="start">'
+            f'<laneLink from="{own}" to="-1"/></connection>'
+        )
+    made = imported(tmp_path, site_data.open_drive(*roads, junction + "</junction>"))
+    assert any("junction 9: direct" in n for n in made.record["not_understood"])
+    net = read_road_net(tmp_path / "site/map.net.xml")
+    first = max(net.links, key=lambda name: len(net.links[name]))
+    assert len(net.links[first]) == 2
+
+
 def test_a_steep_road_is_named_and_a_cliff_refused(tmp_path: Path) -> None:
     rise = '<elevation s="0" a="0" b="0.7" c="0" d="0"/>'
     made = imported(
