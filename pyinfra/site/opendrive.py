@@ -23,7 +23,7 @@ from pyinfra.site.lane_map import (
 )
 from pyinfra.site.opendrive_geometry import (
     Cubics,
-    ReferenceLine,
+    OpenDriveRoad,
     curve_length,
     number,
     read_cubics,
@@ -44,24 +44,6 @@ PAVED = frozenset(
     "special2 special3 shared".split()
 )
 FOOTWAYS = frozenset({"sidewalk", "walking", "curb"})
-
-
-@dataclass(frozen=True, eq=False)
-class OpenDriveRoad:
-    """What places on one road need."""
-
-    id: str
-    line: ReferenceLine
-    elevation: Cubics
-    roll: Cubics
-    offset: Cubics
-
-    def places(self, s: FloatArray, t: FloatArray) -> FloatArray:
-        """(n, 3) world, t to the left of the reference line."""
-        x, y, heading = self.line.at(s).T
-        roll = self.roll.at(s)
-        flat, z = t * np.cos(roll), self.elevation.at(s) + t * np.sin(roll)
-        return np.stack([x - np.sin(heading) * flat, y + np.cos(heading) * flat, z], 1)
 
 
 def read_opendrive(file: Path) -> SiteMap:

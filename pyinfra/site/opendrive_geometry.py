@@ -83,6 +83,24 @@ class ReferenceLine:
         return out
 
 
+@dataclass(frozen=True, eq=False)
+class OpenDriveRoad:
+    """What places on one road need."""
+
+    id: str
+    line: ReferenceLine
+    elevation: Cubics
+    roll: Cubics
+    offset: Cubics
+
+    def places(self, s: FloatArray, t: FloatArray) -> FloatArray:
+        """(n, 3) world, t to the left of the reference line."""
+        x, y, heading = self.line.at(s).T
+        roll = self.roll.at(s)
+        flat, z = t * np.cos(roll), self.elevation.at(s) + t * np.sin(roll)
+        return np.stack([x - np.sin(heading) * flat, y + np.cos(heading) * flat, z], 1)
+
+
 def read_reference_line(road: Element) -> ReferenceLine:
     """Raises MapError."""
     nodes = road.findall("planView/geometry")

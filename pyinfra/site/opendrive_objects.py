@@ -9,18 +9,14 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from pyinfra.arrays import FloatArray
 from pyinfra.site.lane_map import MapBody, MapTree, SiteMap
-from pyinfra.site.opendrive_geometry import number
+from pyinfra.site.opendrive_geometry import OpenDriveRoad, number
 from pyinfra.site.openstreetmap import crosses_itself
-
-if TYPE_CHECKING:
-    from pyinfra.site.opendrive import OpenDriveRoad
 
 PAINT = frozenset({"crosswalk", "roadMark", "parkingSpace", "roadSurface", "patch"})
 NO_TYPE = frozenset({"-1", "none", ""})
