@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 #include <random>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "infrasim/core/errors.h"
 #include "infrasim/core/geometry.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/core/point_cloud.h"
 #include "infrasim/core/rng.h"
 
@@ -34,6 +36,23 @@ TEST(error, escapes_what_a_terminal_would_obey_and_what_is_no_utf_8) {
   EXPECT_EQ(printable("\xf4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80");
   EXPECT_EQ(printable("ab\xc3"), "ab\\xc3");
   EXPECT_EQ(printable(""), "");
+}
+
+TEST(fixed_text, is_what_printf_gives_in_the_c_locale) {
+  std::mt19937_64 random(3);
+  std::vector<double> values{0,       -0.0, 0.5, -0.00004, 0.00005, 1e15, -1.7976931348623157e308,
+                             2.5e-320};
+  for (int i = 0; i < 2000; ++i) {
+    values.push_back(std::uniform_real_distribution<double>(-500, 500)(random));
+    values.push_back(static_cast<float>(values.back()));
+    values.push_back(std::round(values.back() * 1e4) / 1e4 + 5e-5);  // a half in the last digit
+  }
+  for (const double value : values)
+    for (const int digits : {0, 4, 6}) {
+      std::array<char, 400> wanted{};
+      std::snprintf(wanted.data(), wanted.size(), "%.*f", digits, value);
+      EXPECT_EQ(fixed_text(value, digits), wanted.data());
+    }
 }
 
 TEST(angle, wraps_into_minus_pi_to_pi) {

@@ -86,6 +86,20 @@ def test_pointops_know_nothing_of_the_simulator() -> None:
         assert not any(name.startswith("infrasim/") for name in includes(path)), path
 
 
+def test_no_number_of_the_simulator_is_written_by_the_locale_of_its_process() -> None:
+    """Python may have set a decimal comma; the binary keeps the locale that it starts with."""
+    by_locale = r"%[-+#0-9.*]*l?[aefgAEFG]|\b(strto[dfl]|sto[dfi]|ato[fi]|setlocale|sscanf)\b"
+    files = [*sources(ROOT / "cpp/infrasim"), *sources(ROOT / "bindings")]
+    found = [
+        f"{file.relative_to(ROOT)}: {line.strip()}"
+        for file in files
+        if file.parent != ROOT / "cpp/infrasim/cli"
+        for line in file.read_text().splitlines()
+        if re.search(by_locale, line) and not line.lstrip().startswith("//")
+    ]
+    assert found == []
+
+
 @pytest.mark.parametrize("folder", ["cpp", "bindings", "tests/cpp", "tests/fuzz", "benchmarks"])
 def test_every_source_is_built(folder: str) -> None:
     listed = re.findall(r"[\w/]+\.cpp", (ROOT / folder / "CMakeLists.txt").read_text())

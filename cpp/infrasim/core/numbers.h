@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <charconv>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace infrasim {
@@ -15,6 +17,21 @@ std::optional<T> parse_number(std::string_view text) {
   const auto [stop, error] = std::from_chars(begin, end, value);
   if (error != std::errc{} || stop != end) return std::nullopt;
   return value;
+}
+
+/// Appends what printf's %.Nf gives in the C locale, in any locale.
+/// @param digits behind the point, at most 10
+inline void append_fixed(std::string& text, double value, int digits) {
+  std::array<char, 330> buffer{};  // the largest number has 309 digits
+  char* const end = buffer.data() + buffer.size();
+  text.append(buffer.data(),
+              std::to_chars(buffer.data(), end, value, std::chars_format::fixed, digits).ptr);
+}
+
+inline std::string fixed_text(double value, int digits) {
+  std::string text;
+  append_fixed(text, value, digits);
+  return text;
 }
 
 }  // namespace infrasim

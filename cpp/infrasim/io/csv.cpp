@@ -54,7 +54,7 @@ double CsvReader::number(std::string_view key, double low, double high) {
   const auto value = parse_number<double>(text);
   if (!value || !(*value >= low && *value <= high))
     fail(key, "found '" + std::string(text.substr(0, 40)) + "', allowed a number from " +
-                  std::to_string(low) + " to " + std::to_string(high));
+                  fixed_text(low, 6) + " to " + fixed_text(high, 6));
   return *value;
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <initializer_list>
 #include <span>
 
 #include "infrasim/core/errors.h"
@@ -29,11 +30,17 @@ constexpr char kObjectColumns[] =
 
 constexpr std::size_t kFieldsRecord = 12;
 
-template <class... Args>
-void append(std::string& text, const char* format, Args... args) {
-  std::array<char, 320> line{};
-  text.append(line.data(),
-              static_cast<std::size_t>(std::snprintf(line.data(), line.size(), format, args...)));
+/// Appends numbers, each with the separator before it.
+void append_all(std::string& text, char separator, int digits,
+                std::initializer_list<double> values) {
+  for (const double value : values) {
+    text += separator;
+    append_fixed(text, value, digits);
+  }
+}
+
+void append_counts(std::string& text, std::initializer_list<int> values) {
+  for (const int value : values) text += "," + std::to_string(value);
 }
 
 int occluded(double visibility) {
@@ -50,9 +57,13 @@ std::string label_text(const std::vector<ObjectRecord>& objects, bool all, Label
     const Box3d& b = time == LabelTime::kScan ? o.scan_box : o.box;
     const double x = -b.y, y = -(b.z - b.dz / 2), z = b.x;  // camera frame
     const double rotation_y = wrap_angle(-b.heading - kPi / 2);
-    append(text, "%s 0.00 %d %.6f 0.00 0.00 50.00 50.00 %.4f %.4f %.4f %.4f %.4f %.4f %.6f\n",
-           std::string(class_of(o.object_class).name).c_str(), occluded(o.visibility),
-           wrap_angle(rotation_y - std::atan2(x, z)), b.dz, b.dy, b.dx, x, y, z, rotation_y);
+    text += class_of(o.object_class).name;
+    text += " 0.00 " + std::to_string(occluded(o.visibility));
+    append_all(text, ' ', 6, {wrap_angle(rotation_y - std::atan2(x, z))});
+    text += " 0.00 0.00 50.00 50.00";
+    append_all(text, ' ', 4, {b.dz, b.dy, b.dx, x, y, z});
+    append_all(text, ' ', 6, {rotation_y});
+    text += '\n';
   }
   return text;
 }
@@ -60,7 +71,7 @@ std::string label_text(const std::vector<ObjectRecord>& objects, bool all, Label
 std::string calib_text() {
   std::string text;
   for (int camera = 0; camera < 4; ++camera)
-    append(text, "P%d: 700 0 600 0 0 700 180 0 0 0 1 0\n", camera);
+    text += "P" + std::to_string(camera) + ": 700 0 600 0 0 700 180 0 0 0 1 0\n";
   text += "R0_rect: 1 0 0 0 1 0 0 0 1\n";
   text += "Tr_velo_to_cam: 0 -1 0 0 0 0 -1 0 1 0 0 0\n";
   text += "Tr_imu_to_velo: 1 0 0 0 0 1 0 0 0 0 1 0\n";
@@ -71,12 +82,16 @@ std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched) 
   std::string text = std::string(kObjectColumns) + (pitched ? ",pitch\n" : "\n");
   for (const ObjectRecord& o : objects) {
     const Box3d &b = o.box, &s = o.scan_box;
-    append(text, "%d,%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.6f,%.4f,%d,%d,%.4f,%.4f", o.id,
-           std::string(class_of(o.object_class).name).c_str(), b.x, b.y, b.z, b.dx, b.dy, b.dz,
-           b.heading, o.speed_m_s, o.points, o.points_in_box, o.distance, o.visibility);
-    append(text, ",%.4f,%.4f,%.4f,%.6f,%.6f,%d", s.x, s.y, s.z, s.heading, o.scan_time_s,
-           o.points_in_scan_box);
-    if (pitched) append(text, ",%.6f", b.pitch);
+    text += std::to_string(o.id) + ",";
+    text += class_of(o.object_class).name;
+    append_all(text, ',', 4, {b.x, b.y, b.z, b.dx, b.dy, b.dz});
+    append_all(text, ',', 6, {b.heading});
+    append_all(text, ',', 4, {o.speed_m_s});
+    append_counts(text, {o.points, o.points_in_box});
+    append_all(text, ',', 4, {o.distance, o.visibility, s.x, s.y, s.z});
+    append_all(text, ',', 6, {s.heading, o.scan_time_s});
+    append_counts(text, {o.points_in_scan_box});
+    if (pitched) append_all(text, ',', 6, {b.pitch});
     text += '\n';
   }
   return text;
@@ -105,9 +120,9 @@ std::vector<std::byte> fields_bytes(const PointCloud& cloud) {
 }
 
 std::string frame_name(int frame) {
-  std::string name;
-  append(name, "%06d", frame);
-  return name;
+  std::array<char, 16> name{};
+  std::snprintf(name.data(), name.size(), "%06d", frame);
+  return name.data();
 }
 
 std::filesystem::path velodyne_file(const std::filesystem::path& lidar_folder, int frame) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "infrasim/core/numbers.h"
 #include "infrasim/io/ply_file.h"
 
 namespace infrasim {
@@ -31,8 +32,8 @@ std::vector<std::string> flat_triangles(const SceneConfig& scene) {
     const Vec3& at = surface.vertices[(*first)[0]];
     lines.push_back("flat-triangles: " + file.string() + ": found " + std::to_string(count) +
                     " of " + std::to_string(surface.triangles.size()) +
-                    " triangles without an area, the first at x " + std::to_string(at.x) + ", y " +
-                    std::to_string(at.y) + "; rays pass them");
+                    " triangles without an area, the first at x " + fixed_text(at.x, 6) + ", y " +
+                    fixed_text(at.y, 6) + "; rays pass them");
   }
   return lines;
 }

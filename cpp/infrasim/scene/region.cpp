@@ -1,13 +1,13 @@
 #include "infrasim/scene/region.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <iterator>
 #include <set>
+#include <utility>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/scene/lane_network.h"
 
 namespace infrasim {
@@ -98,12 +98,15 @@ bool EvaluationRegion::contains(Vec2 point, Class object_class) const {
 
 std::string EvaluationRegion::roads_csv() const {
   std::string text = "road,s,x,y,z,heading,half_width\n";
-  std::array<char, 256> line{};
   for_each_row([&](const std::string& name, const LaneRow& row) {
-    std::snprintf(line.data(), line.size(), ",%s,%.4f,%.4f,%.4f,%.6f,%.4f\n",
-                  config::number_text(row.s).c_str(), row.place.x, row.place.y, row.z, row.heading,
-                  row.half_width);
-    text += name + line.data();
+    text += name + "," + config::number_text(row.s);
+    for (const auto& [value, digits] :
+         {std::pair{row.place.x, 4}, std::pair{row.place.y, 4}, std::pair{row.z, 4},
+          std::pair{row.heading, 6}, std::pair{row.half_width, 4}}) {
+      text += ',';
+      append_fixed(text, value, digits);
+    }
+    text += '\n';
   });
   return text;
 }
