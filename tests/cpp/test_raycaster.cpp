@@ -7,10 +7,13 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "infrasim/core/classes.h"
 #include "infrasim/core/geometry.h"
+#include "infrasim/raycast/embree.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/scene/vehicle_body.h"
 
@@ -417,6 +420,25 @@ TEST(raycaster, a_wall_that_ends_at_180_degrees_is_seen_at_minus_180_degrees) {
   for (const float y : {0.0F, -0.0F, 1e-8F, -1e-8F, -1e-7F})
     EXPECT_TRUE(raycaster.horizon().covers(-1, y, 0.1F)) << y;
   EXPECT_FALSE(raycaster.horizon().covers(-1, -0.1F, 0.1F));
+}
+
+TEST(embree_error, is_kept_until_it_is_asked_for_and_passes_through_no_function_of_embree) {
+  EmbreeError error;
+  const RTCDevice device = rtcNewDevice("threads=1,set_affinity=0");
+  error.watch(device);
+  error.check();
+  bool came_back = false;
+  try {
+    EXPECT_EQ(rtcNewGeometry(device, static_cast<RTCGeometryType>(99)), nullptr);
+    EXPECT_EQ(rtcNewGeometry(device, static_cast<RTCGeometryType>(98)), nullptr);
+    came_back = true;
+    error.check();
+    ADD_FAILURE() << "no error";
+  } catch (const std::runtime_error& e) {
+    EXPECT_TRUE(std::string(e.what()).starts_with("Embree error 1: ")) << e.what();
+  }
+  EXPECT_TRUE(came_back);
+  rtcReleaseDevice(device);
 }
 
 TEST(raycaster, horizon_is_level_where_nothing_rises) {

@@ -1,6 +1,11 @@
 #pragma once
 
-// All that differs between Embree 3 (Debian 12) and Embree 4 (Debian 13). CMake prefers 4 too.
+#include <array>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+// What differs between Embree 3 (Debian 12) and Embree 4 (Debian 13). CMake prefers 4 too.
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
@@ -9,6 +14,31 @@
 #endif
 
 namespace infrasim {
+
+/// The first error of a device, kept until somebody asks: Embree is C, and no exception may pass
+/// through its functions.
+class EmbreeError {
+ public:
+  /// Outlives the device.
+  void watch(RTCDevice device) { rtcSetDeviceErrorFunction(device, keep, this); }
+
+  /// @throws std::runtime_error if there was one
+  void check() const {
+    if (code_ != RTC_ERROR_NONE)
+      throw std::runtime_error("Embree error " + std::to_string(code_) + ": " + text_.data());
+  }
+
+ private:
+  static void keep(void* self, RTCError code, const char* text) noexcept {
+    auto& error = *static_cast<EmbreeError*>(self);
+    if (error.code_ != RTC_ERROR_NONE) return;
+    error.code_ = code;
+    if (text != nullptr) std::strncpy(error.text_.data(), text, error.text_.size() - 1);
+  }
+
+  RTCError code_ = RTC_ERROR_NONE;
+  std::array<char, 200> text_{};
+};
 
 /// Nearest hits of 16 rays that start together; lanes with `valid` 0 are left as they are.
 inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays) {

@@ -19,40 +19,40 @@ namespace {
 
 constexpr int kGrid = 8;  // visibility rays along each side of a box
 
-[[noreturn]] void on_error(void* /*unused*/, RTCError code, const char* text) {
-  throw std::runtime_error("Embree error " + std::to_string(code) + ": " + text);
-}
-
-struct SceneRelease {
+struct Release {
   void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
+  void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
 };
-using SceneHandle = std::unique_ptr<RTCSceneTy, SceneRelease>;
+using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
+using GeometryHandle = std::unique_ptr<RTCGeometryTy, Release>;
 
-SceneHandle new_scene(RTCDevice device) {
-  SceneHandle scene(rtcNewScene(device));
-  rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
-  return scene;
-}
-
-SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh) {
-  SceneHandle handle = new_scene(device);
-  if (mesh.triangles.empty()) {
-    rtcCommitScene(handle.get());
-    return handle;
-  }
-  RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                           3 * sizeof(float), mesh.vertices.size());
-  void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                            3 * sizeof(std::uint32_t), mesh.triangles.size());
+GeometryHandle mesh_geometry(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
+  GeometryHandle handle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
+  error.check();
+  void* vertices =
+      rtcSetNewGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                              3 * sizeof(float), mesh.vertices.size());
+  error.check();
+  void* triangles =
+      rtcSetNewGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                              3 * sizeof(std::uint32_t), mesh.triangles.size());
+  error.check();
   std::copy_n(mesh.vertices.front().data(), 3 * mesh.vertices.size(),
               static_cast<float*>(vertices));
   std::copy_n(mesh.triangles.front().data(), 3 * mesh.triangles.size(),
               static_cast<std::uint32_t*>(triangles));
-  rtcCommitGeometry(geometry);
-  rtcAttachGeometryByID(handle.get(), geometry, 0);
-  rtcReleaseGeometry(geometry);
+  rtcCommitGeometry(handle.get());
+  return handle;
+}
+
+SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
+  SceneHandle handle(rtcNewScene(device));
+  error.check();
+  rtcSetSceneFlags(handle.get(), RTC_SCENE_FLAG_ROBUST);
+  if (!mesh.triangles.empty())
+    rtcAttachGeometryByID(handle.get(), mesh_geometry(device, mesh, error).get(), 0);
   rtcCommitScene(handle.get());
+  error.check();
   return handle;
 }
 
@@ -133,6 +133,7 @@ float cos_incidence(const RayBatch& rays, std::uint32_t k, float nx, float ny, f
 }  // namespace
 
 struct MeshLibrary::Impl {
+  EmbreeError error;
   RTCDevice device = nullptr;
   Horizon horizon;  ///< of the background
   std::vector<std::uint16_t> background_class;
@@ -149,11 +150,12 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
   // One build thread, so that a hierarchy never depends on the number of threads.
   impl_->device = rtcNewDevice("threads=1,set_affinity=0");
   if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
-  rtcSetDeviceErrorFunction(impl_->device, on_error, nullptr);
+  impl_->error.watch(impl_->device);
   impl_->background_class = background.class_id;
   impl_->horizon = horizon_of(background);
-  for (const TriangleMesh& body : bodies) impl_->bodies.push_back(mesh_scene(impl_->device, body));
-  impl_->bodies.push_back(mesh_scene(impl_->device, background));
+  for (const TriangleMesh& body : bodies)
+    impl_->bodies.push_back(mesh_scene(impl_->device, body, impl_->error));
+  impl_->bodies.push_back(mesh_scene(impl_->device, background, impl_->error));
 }
 
 MeshLibrary::~MeshLibrary() = default;
