@@ -7,17 +7,20 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <new>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "allocations.h"
 #include "small_scenes.h"
 
 namespace infrasim {
 namespace {
 
+using testing::allocations_left;
 using testing::empty_road;
 
 using Numbers = Scheduler<int>;
@@ -94,6 +97,37 @@ TEST(scheduler, does_without_threads_that_can_not_be_started) {
   EXPECT_LT(scheduler->threads(), kThreads);
   for (const int k : frames) EXPECT_EQ(scheduler->next(), std::pair(k, 10 * k));
   EXPECT_EQ(scheduler->next(), std::nullopt);
+}
+
+TEST(scheduler, that_runs_out_of_memory_anywhere_as_it_starts_gives_up_or_works) {
+  constexpr int kThreads = 6;
+  const std::vector<int> frames = first_frames(12);
+  world();
+  int given_up = 0, with_fewer = 0, whole = 0;
+  for (int allocations = 0; whole == 0; ++allocations) {
+    std::optional<Numbers> scheduler;
+    const Numbers::Work work = slowly;
+    bool started = true;
+    allocations_left = allocations;
+    try {
+      scheduler.emplace(world(), std::vector<LidarConfig>{},
+                        Schedule{.frames = frames, .threads = kThreads, .ahead = 2}, work);
+    } catch (const std::bad_alloc&) {
+      started = false;
+    }
+    const bool ran_out = allocations_left == 0;
+    allocations_left = -1;
+    if (!started) {
+      ++given_up;
+      continue;
+    }
+    for (const int k : frames) EXPECT_EQ(scheduler->next(), std::pair(k, 10 * k));
+    EXPECT_EQ(scheduler->next(), std::nullopt);
+    (scheduler->threads() < kThreads ? with_fewer : whole) += 1;
+    EXPECT_TRUE(ran_out || whole == 1);
+  }
+  EXPECT_GT(given_up, 3);
+  EXPECT_GE(with_fewer, kThreads);
 }
 
 TEST(scheduler, computes_no_further_ahead_than_asked) {
