@@ -59,7 +59,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "unseen": networks.unseen,
     "unseen pose": networks.unseen_pose,
     "unseen shown": networks.unseen_shown,
-    "fairness": networks.fairness,
     "budget": networks.budget,
     "traffic": sites.traffic,
     "generalist at sites": networks.generalist_sites,

@@ -203,19 +203,6 @@ def unseen_shown() -> str:
     return markdown(["sites", "class", *heads], rows)
 
 
-def fairness() -> str:
-    """What 120 steps of training at a scene give each LiDAR, in AP."""
-    table, rows = results("fairness"), []
-    for (model, site, seed), own in table.groupby(["model", "site", "seed"], sort=False):
-        of = own.pivot_table(index="lidar", columns="arm", values="ap_fine", sort=False)
-        for lidar, values in of.iterrows():
-            figures = (f"{values[arm]:.1f}" for arm in ("none", "tuned_120"))
-            gain = f"{values.tuned_120 - values.none:+.1f}"
-            rows.append([model.replace("_", " "), site, str(seed), str(lidar), *figures, gain])
-    heads = ["detector", "scene", "seed", "LiDAR", "as it comes", "after 120 steps", "gain"]
-    return markdown(heads, rows)
-
-
 def budget() -> str:
     """Fine AP by class at unseen sites over the steps of a training, beside the shipped network."""
     table, rows = results("generalist_budget"), []

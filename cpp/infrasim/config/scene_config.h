@@ -277,7 +277,7 @@ struct StandingPeopleConfig {
   double y_m = 0;
   int count = 4;
   double spacing_m = 1.3;  ///< between neighbours, mean
-  double base_m = 0;     ///< world z that they stand on
+  double base_m = 0;       ///< world z that they stand on
   config::Place place;
 };
 
