@@ -84,7 +84,7 @@ class Walks:
 
     def is_free(self, place: FloatArray, radius_m: float) -> bool:
         """Whether nothing stands and nobody walks within a radius of a place (1, 2)."""
-        boxes = self.boxes[_reached(self.boxes, place)]
+        boxes = self.boxes[_reached(self.boxes, place, radius_m)]
         if any(within(place, box, radius_m)[0] for box in boxes):
             return False
         return all(tree.query(place)[0][0] > radius_m for tree in self.lines)
@@ -128,10 +128,10 @@ def _boxes(things: Things) -> Iterator[list[float]]:
         yield [thing["x_m"], thing["y_m"], 0, *size, 1, heading]
 
 
-def _reached(boxes: FloatArray, line: FloatArray) -> BoolArray:
-    """Which boxes lie near the rectangle around a line."""
+def _reached(boxes: FloatArray, line: FloatArray, more_m: float = 2 * HALF_WAY_M) -> BoolArray:
+    """Which boxes lie that near to the rectangle around a line, or nearer."""
     if len(line) == 0:
         return np.zeros(len(boxes), np.bool_)
-    reach = boxes[:, 3:5].sum(axis=1)[:, None] / 2 + 2 * HALF_WAY_M
+    reach = boxes[:, 3:5].sum(axis=1)[:, None] / 2 + more_m
     inside = (boxes[:, :2] > line.min(0) - reach) & (boxes[:, :2] < line.max(0) + reach)
     return np.asarray(inside.all(axis=1))
