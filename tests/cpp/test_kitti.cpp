@@ -324,7 +324,7 @@ TEST(claim, of_a_text_in_pieces_is_that_of_the_whole) {
   lines[300] = "lint 100300\n";
   refused(lines, ":301: the folder holds another run: found 'line 100300', this run has 'lint");
   lines[300] = "line 100300\n";
-  lines.push_back("more\n");
+  lines.emplace_back("more\n");
   refused(lines, ":90001: the folder holds another run: found '(end)', this run has 'more'");
   lines.resize(2);
   refused(lines, ":3: the folder holds another run: found 'line 100002', this run has '(end)'");

@@ -399,10 +399,9 @@ TEST(scenes, of_one_file_move_alike_whatever_their_sensors_see) {
     const SceneConfig scene = read("datasheet");
     EXPECT_TRUE(move_alike(scene, read("paper"))) << name;
     EXPECT_TRUE(move_alike(scene, read("paper", {"detail=box", "weather.rain_mm_per_h=9"})));
-    for (const char* other : {"seed=2", "duration_s=60", "traffic.vehicles_per_km_lane=3",
-                              "roads.0.elevation_m=0.01", "people=[]",
-                              "mounts={p: {x_m: 1, y_m: "
-                              "1, z_m: 9}}"})
+    for (const char* other :
+         {"seed=2", "duration_s=60", "traffic.vehicles_per_km_lane=3", "roads.0.elevation_m=0.01",
+          "people=[]", "mounts={p: {x_m: 1, y_m: 1, z_m: 9}}"})
       EXPECT_FALSE(move_alike(scene, read("paper", {other}))) << name << " " << other;
   }
 }
