@@ -45,7 +45,7 @@ NOTHING = (
     "region right?"
 )
 LOOKED_AT = 5  # clouds, for their road
-HEIGHT_OFF_M = 0.2  # 0.25 m cost the generalist 8 AP, half a metre 40
+HEIGHT_OFF_M = 0.2  # beyond the errors that version 3 of the pretrained detector learnt from
 LEAN_DEG = 0.3  # a quarter of a degree cost it 3 to 9 AP, half of one 8 to 25
 LEAST_S = 60.0  # of a recording that tells what stands
 LIKELY = 0.5  # a score; a detector gives all boxes from 0.1 on, before calibration
