@@ -349,7 +349,10 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     results = own_site(tmp_path / "results")
     text = Read(report(results, "--budget", 3000, "--min-ap", 40)).text
     assert "at most 3,000 USD, AP 40 of the whole road's vehicles or more, 100 m either way" in text
-    assert "Livox Avia with PointPillars. AP of all visible vehicles 45.6 (no interval), 2,079 USD." in text
+    assert (
+        "Livox Avia with PointPillars. AP of all visible vehicles 45.6 (no interval), 2,079 USD."
+        in text
+    )
     assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
     assert cli.main(["report", str(results), "--min-ap", "0.85"]) == 2
     assert "--min-ap: found 0.85, allowed above 1 to 100" in capsys.readouterr().err
