@@ -9,7 +9,6 @@ import faulthandler
 import os
 import resource
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -29,7 +28,7 @@ INPUTS = Path(__file__).resolve().parents[1] / "data/v0_3/inputs"
 
 SECONDS = float(sys.argv[2])
 LOG = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-FOLDER = Path(tempfile.mkdtemp())
+FOLDER = Path(sys.argv[1]).parent / "files"  # that calls write
 
 whole = st.sampled_from(
     (
@@ -304,6 +303,7 @@ OF_NO_ARGUMENTS = {"version", "frames_version", "ConfigError", "IoError"}
 
 def main() -> None:
     faulthandler.enable()
+    FOLDER.mkdir()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     end = time.monotonic() + SECONDS
     rules = settings(
@@ -313,9 +313,10 @@ def main() -> None:
         database=None,
         suppress_health_check=list(HealthCheck),
     )
+    tests = [rules(function) for function in TESTS]
     while True:
-        for function in TESTS:
-            rules(function)()
+        for test in tests:
+            test()
         if time.monotonic() >= end:
             break
     print(*{name for names in TESTS.values() for name in names.split()}, *OF_NO_ARGUMENTS)

@@ -75,6 +75,17 @@ def test_an_argument_out_of_its_range_is_named(named: str, call: Callable[[], ob
         call()
 
 
+@pytest.mark.timeout(30)
+def test_a_path_does_not_end_at_a_zero_byte(tmp_path: Path) -> None:
+    model = _core.learn_background([POINTS])
+    model.save(str(tmp_path / "model"))
+    for use in (model.save, _core.BackgroundModel.load):
+        for name in ("model\0", "\0", "model\0.bin"):
+            with pytest.raises(_core.IoError, match="zero byte"):
+                use(str(tmp_path / name))
+    assert [file.name for file in tmp_path.iterdir()] == ["model"]
+
+
 def test_sums_beyond_64_bits_are_no_keys() -> None:
     keys = np.array([-(2**63), 1, 2**63 - 1], np.int64)
     inputs, outputs, counts = _core.shifted_pairs(keys, [2**62, -(2**62), 2**63 - 1, 0])

@@ -8,6 +8,7 @@
 namespace infrasim {
 
 std::string read_file(const std::filesystem::path& file) {
+  if (has_zero(file)) throw IoError("(file): expected a path without a zero byte, got one with it");
   std::ifstream in(file, std::ios::binary);
   std::ostringstream bytes;
   // An empty file would set the stream's fail bit.

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 
 namespace infrasim {
 
@@ -60,6 +61,8 @@ pid_t writer_of(std::string_view name) {
 }  // namespace
 
 AtomicFile::AtomicFile(std::filesystem::path file) : file_(std::move(file)) {
+  if (has_zero(file_))
+    throw IoError("(file): expected a path without a zero byte, got one with it");
   do {
     hidden_ = hidden_file(file_);
     descriptor_ = ::open(hidden_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
