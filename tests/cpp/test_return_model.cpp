@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "infrasim/core/geometry.h"
+#include "infrasim/core/normal.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/sensor/return_model.h"
 
@@ -264,6 +265,32 @@ TEST(draws, depend_on_seed_lidar_and_frame) {
   EXPECT_NE(rays(2, "lidar", 3), rays(1, "lidar", 3));
   EXPECT_NE(rays(1, "radil", 3), rays(1, "lidar", 3));
   EXPECT_NE(rays(1, "lidar", 4), rays(1, "lidar", 3));
+}
+
+TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
+  // Margins of -17 to 17 and more, around those from which nothing is drawn.
+  ReturnsConfig config = returns_up_to(500);
+  DetectionConfig& detection = config.detection.emplace();
+  detection.range_at_10_percent_m = 100;
+  detection.steepness = 20;
+  const ReturnModel model(config, {});
+  const Rng rng = Rng::of(9, "lidar").at(1);
+  HitBatch hits;
+  hits.resize(4000);
+  std::vector<float> reflectance(hits.size(), 0.1F);
+  std::ranges::fill(hits.object, -1);
+  std::ranges::fill(hits.class_id, std::uint16_t{0});
+  std::ranges::fill(hits.cos_incidence, 1.0F);
+  for (std::size_t i = 0; i < hits.size(); ++i) hits.range[i] = 60 + 0.05F * static_cast<float>(i);
+  ReturnBatch out;
+  model.apply(rng, 0, hits, reflectance, reflectance, out);
+  std::vector<std::uint32_t> wanted;
+  for (std::size_t i = 0; i < hits.size(); ++i) {
+    const double ratio = std::pow(100 / hits.range[i], 2);
+    const double quantile = normal_quantile(rng.at(i).open_uniform(2));  // as kDetection
+    if (quantile < 20 * (ratio - 1)) wanted.push_back(static_cast<std::uint32_t>(i));
+  }
+  EXPECT_EQ(out.ray, wanted);
 }
 
 // --- warnings of weather ------------------------------------------------------------------------

@@ -1,7 +1,9 @@
 #include "infrasim/sensor/return_model.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
 #include "infrasim/core/classes.h"
 #include "infrasim/core/normal.h"
@@ -20,7 +22,39 @@ double extinction(const WeatherConfig& weather) {
   return rain + std::log(20.0) / weather.visibility_m;
 }
 
-constexpr double kCertain = 8.5;  // from here on Phi is 1 to the last digit
+/// Beyond any quantile of a draw, up or down.
+constexpr double kCertain = 8.5;
+
+/// Tells whether a target is detected, which it is with probability Phi(margin): if the quantile of
+/// its draw is below the margin. Where the two are far apart this is known without the quantile.
+class Detector {
+ public:
+  Detector() {
+    const auto phi = [](double x) { return std::erfc(-x / std::numbers::sqrt2) / 2; };
+    for (std::size_t i = 0; i < kSteps; ++i) {
+      const double margin = static_cast<double>(i) / kStepsPerUnit - kCertain;
+      always_[i] = phi(margin - kSlack);
+      never_[i] = phi(margin + kSlack);
+    }
+  }
+
+  bool detects(double margin, const Rng& draw) const {
+    if (margin <= -kCertain) return false;
+    if (!(margin < kCertain)) return true;
+    const double u = draw.open_uniform(kDetection);
+    const auto step = static_cast<std::size_t>((margin + kCertain) * kStepsPerUnit);
+    if (u < always_[step]) return true;
+    if (u > never_[step + 1]) return false;
+    return normal_quantile(u) < margin;
+  }
+
+ private:
+  static constexpr double kSlack = 1e-5;  // more than normal_quantile is wrong by
+  static constexpr std::size_t kStepsPerUnit = 16;
+  static constexpr std::size_t kSteps = static_cast<std::size_t>(2 * kCertain * kStepsPerUnit) + 2;
+  std::array<double, kSteps> always_{};  ///< draws below are of detected targets
+  std::array<double, kSteps> never_{};   ///< draws above are not
+};
 
 }  // namespace
 
@@ -61,6 +95,7 @@ double ReturnModel::snr(double range, double reflected, double sunlit) const {
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
                         const std::vector<float>& reflectance, const std::vector<float>& sunlit,
                         ReturnBatch& out) const {
+  static const Detector detector;
   out.resize(hits.size());
   std::size_t n = 0;
   const auto min_range = static_cast<float>(config_.min_range_m);
@@ -68,26 +103,22 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch&
   for (std::size_t i = 0; i < hits.size(); ++i) {
     float range = hits.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
-    const auto draw = [&] { return rng.at(first_ray + i); };
+    const Rng draw = rng.at(first_ray + i);
     const bool recorded = came_back(hits, reflectance, i);
-    if (config_.drop_off && !recorded && lost_at_random(draw())) continue;
+    if (config_.drop_off && !recorded && lost_at_random(draw)) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = reflectance[i] * hits.cos_incidence[i];
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
-      // Detected with probability Phi(margin).
-      if (!recorded && margin < kCertain &&
-          normal_quantile(draw().open_uniform(kDetection)) >= margin)
-        continue;
+      if (!recorded && !detector.detects(margin, draw)) continue;
       // What is detected is as strong as the threshold, by its noise if not by its signal.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
-    if (config_.drop_off && !recorded && dropped_when_faint(draw(), intensity)) continue;
-    if (sigma > 0)
-      range += static_cast<float>(sigma * normal_quantile(draw().open_uniform(kNoise)));
+    if (config_.drop_off && !recorded && dropped_when_faint(draw, intensity)) continue;
+    if (sigma > 0) range += static_cast<float>(sigma * normal_quantile(draw.open_uniform(kNoise)));
     out.ray[n] = static_cast<std::uint32_t>(i);
     out.range[n] = std::max(0.0F, range);
     out.intensity[n++] = static_cast<float>(std::min(1.0, intensity));
