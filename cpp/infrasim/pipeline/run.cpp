@@ -5,7 +5,10 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <utility>
 
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/pipeline/frame_writer.h"
 #include "infrasim/pipeline/fusion.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/pipeline/scheduler.h"
@@ -99,9 +102,8 @@ std::vector<bool> missing(const RunRequest& part, int k) {
   return out;
 }
 
-void write(const RunRequest& part, const LidarConfig& lidar, int k, const Frame& frame) {
-  if (part.out.empty()) return;
-  write_frame(part.out / lidar.name, k, frame,
+void write(const RunRequest& part, const std::filesystem::path& folder, int k, const Frame& frame) {
+  write_frame(folder, k, frame,
               {.all_labels = part.scene.labels == LabelRule::kAll,
                .label_time = label_time_of(part.scene, part.preset),
                .point_fields = part.scene.point_fields});
@@ -114,37 +116,43 @@ FrameTally tally_of(const Frame& frame) {
 /// Of each part, a tally per LiDAR.
 using Tallies = std::vector<std::vector<FrameTally>>;
 
-/// Computes and writes what is not on disk of one frame.
+/// Computes what is not on disk of one frame, and has it written.
 class FrameWork {
  public:
-  FrameWork(const Parts& parts, const std::optional<Fusion>& fusion)
-      : parts_(parts), fusion_(fusion) {}
+  FrameWork(const Parts& parts, const std::optional<Fusion>& fusion, FrameWriter& writer)
+      : parts_(parts), fusion_(fusion), writer_(writer) {}
 
   Tallies operator()(std::span<FrameSimulator> simulators, int k) const {
     const std::size_t lidars = parts_.mounts.front().lidars.size();
     const std::vector<bool> fuse =
         parts_.fused ? missing(*parts_.fused, k) : std::vector<bool>(lidars, false);
     std::vector<std::vector<Frame>> frames;
+    std::vector<std::vector<bool>> absent;
     Tallies tallies;
-    for (std::size_t m = 0; m < simulators.size(); ++m)
-      tallies.push_back(at_mount(parts_.mounts[m], simulators[m], k, fuse, frames));
+    for (std::size_t m = 0; m < simulators.size(); ++m) {
+      absent.push_back(missing(parts_.mounts[m], k));
+      tallies.push_back(at_mount(parts_.mounts[m], simulators[m], k, absent[m], fuse, frames));
+    }
     if (parts_.fused) tallies.push_back(fused(frames, k, fuse));
+    for (std::size_t m = 0; m < simulators.size(); ++m)
+      for (std::size_t i = 0; i < lidars; ++i)
+        if (absent[m][i]) write_later(parts_.mounts[m], i, k, std::move(frames[m][i]));
     return tallies;
   }
 
  private:
-  /// @param fuse which are computed even if they are on disk, so that a fused frame is always made
-  ///             of the same numbers
+  /// @param absent which are not on disk
+  /// @param fuse   which are computed even if they are, so that a fused frame is always made of the
+  ///               same numbers
   static std::vector<FrameTally> at_mount(const RunRequest& part, FrameSimulator& simulator, int k,
+                                          const std::vector<bool>& absent,
                                           const std::vector<bool>& fuse,
                                           std::vector<std::vector<Frame>>& frames) {
-    const std::vector<bool> absent = missing(part, k);
     std::vector<bool> wanted = absent;
     for (std::size_t i = 0; i < fuse.size(); ++i) wanted[i] = wanted[i] || fuse[i];
     const auto& made = frames.emplace_back(simulator.simulate(k, wanted));
     std::vector<FrameTally> tallies;
     for (std::size_t i = 0; i < made.size(); ++i) {
-      if (absent[i]) write(part, part.lidars[i], k, made[i]);
       tallies.push_back(tally_of(made[i]));
       if (!wanted[i]) tallies[i].counts = read_counts(part.out / part.lidars[i].name, k);
     }
@@ -159,21 +167,32 @@ class FrameWork {
       std::vector<const Frame*> of_lidar;
       for (const std::vector<Frame>& at_mount : frames) of_lidar.push_back(&at_mount[i]);
       const auto folder = part.out / part.lidars[i].name;
-      const FusedFrame whole = fusion_->fuse(k, of_lidar);
+      FusedFrame whole = fusion_->fuse(k, of_lidar);
       tallies.push_back(tally_of(whole.frame));
       if (!fuse[i]) {
         tallies[i].counts = read_counts(folder, k);
         tallies[i].seconds = 0;
         continue;
       }
-      if (part.scene.point_fields) write_point_mounts(folder, k, whole.mount);
-      write(part, part.lidars[i], k, whole.frame);
+      write_later(part, i, k, std::move(whole.frame), std::move(whole.mount));
     }
     return tallies;
   }
 
+  /// @param mounts of the points of a fused frame
+  void write_later(const RunRequest& part, std::size_t lidar, int k, Frame frame,
+                   std::optional<std::vector<std::uint16_t>> mounts = std::nullopt) const {
+    if (part.out.empty()) return;
+    writer_.write([&part, folder = part.out / part.lidars[lidar].name, k, frame = std::move(frame),
+                   mounts = std::move(mounts)] {
+      if (mounts && part.scene.point_fields) write_point_mounts(folder, k, *mounts);
+      write(part, folder, k, frame);
+    });
+  }
+
   const Parts& parts_;
   const std::optional<Fusion>& fusion_;
+  FrameWriter& writer_;
 };
 
 constexpr int kFramesToSeeOne = 10;
@@ -259,13 +278,14 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   if (request.fuse) fusion.emplace(request.scene, worlds);
   open_folders(request, parts, worlds, fusion);
   const auto total = frames.size();
+  FrameWriter writer(static_cast<std::size_t>(request.threads));
   Scheduler<Tallies> scheduler(worlds, request.lidars,
                                {.frames = frames,
                                 .threads = request.threads,
                                 .ahead = total,
                                 .stop = &stop,
                                 .cast_all = request.cast_all},
-                               FrameWork(parts, fusion));
+                               FrameWork(parts, fusion, writer));
   Summaries summaries(parts.all());
   for (int done = 1; const auto frame = scheduler.next(); ++done) {
     summaries.add(frame->second);
@@ -273,6 +293,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
       warn_of_no_vehicles(request.scene, summaries.rows(1), warn);
     progress(done, static_cast<int>(total));
   }
+  writer.finish();
   std::vector<SummaryRow> rows = summaries.rows(scheduler.threads());
   warn_without_plane(rows, warn);
   if (stop == 0) summaries.write(scheduler.threads(), frames);
