@@ -402,6 +402,13 @@ TEST(mount, pitched_down_looks_at_the_ground_ahead) {
 
 // --- beams wider than a ray -------------------------------------------------------------------
 
+/// The road is 100 m aside, so that anything may stand around the mount.
+SceneConfig open_site() {
+  SceneConfig scene = empty_road();
+  scene.roads.front().start.y_m = -100;
+  return scene;
+}
+
 LidarConfig beam_lidar(double elevation_deg, double vertical_deg) {
   LidarConfig lidar = plain_lidar("lidar", spinning(1, elevation_deg, elevation_deg, 0.5));
   lidar.units.front().returns.detection.emplace().range_at_10_percent_m = 1000;
@@ -434,6 +441,60 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
   EXPECT_GT(f.cloud.size(), 20U);
 }
 
+/// The range that a beam of two sub-rays reports of what each of them hits.
+float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& reflectance,
+               const EchoPath& path) {
+  HitBatch sub_hits, hits;
+  sub_hits.resize(2);
+  hits.resize(1);
+  std::ranges::copy(ranges, sub_hits.range.begin());
+  std::ranges::fill(sub_hits.cos_incidence, 1);
+  std::vector<float> reported_reflectance, sunlit;
+  const std::vector<std::uint32_t> selected{0};
+  Beam({.vertical_deg = 0.1, .sub_rays = 2}, rotation(0, 0, 0))
+      .combine(sub_hits, {reflectance.begin(), reflectance.end()}, selected, path, hits,
+               reported_reflectance, sunlit);
+  return hits.range[0];
+}
+
+TEST(beam, reports_the_strongest_echo_beyond_the_blind_zone) {
+  EXPECT_FLOAT_EQ(reported({0.5F, 20}, {0.2F, 0.2F}, {}), 0.5F);
+  EXPECT_FLOAT_EQ(reported({0.5F, 20}, {0.2F, 0.2F}, {.min_range_m = 1}), 20.0F);
+  EXPECT_FLOAT_EQ(reported({20, 0.5F}, {0.2F, 0.2F}, {.min_range_m = 1}), 20.0F);
+  EXPECT_TRUE(std::isinf(reported({0.5F, 0.7F}, {0.2F, 0.2F}, {.min_range_m = 1})));
+}
+
+TEST(beam, reports_the_echo_that_is_strongest_after_the_air) {
+  // Twice the range, nine times the reflectance: stronger unless air takes more than that of the
+  // longer way.
+  EXPECT_FLOAT_EQ(reported({50, 100}, {0.1F, 0.9F}, {}), 100.0F);
+  EXPECT_FLOAT_EQ(reported({50, 100}, {0.1F, 0.9F}, {.extinction_per_m = 0.001}), 100.0F);
+  EXPECT_FLOAT_EQ(reported({50, 100}, {0.1F, 0.9F}, {.extinction_per_m = 0.01}), 50.0F);
+}
+
+TEST(beam, partly_in_the_blind_zone_sees_what_stands_beyond_it) {
+  // A pole nearby fills a part of the beam, a wall far away the rest.
+  SceneConfig scene = open_site();
+  BuildingConfig& pole = scene.buildings.emplace_back();
+  pole.length_m = pole.width_m = 0.2;
+  pole.x_m = 3;
+  BuildingConfig& wall = scene.buildings.emplace_back();
+  wall.x_m = 25;
+  wall.width_m = 40;
+  LidarConfig lidar = beam_lidar(0, 0.1);
+  lidar.units.front().returns.beam->horizontal_deg = 8;
+  const auto behind_the_pole = [&](double min_range_m) {
+    lidar.units.front().returns.min_range_m = min_range_m;
+    const Frame f = frame(world_with(scene, {}), lidar);
+    int points = 0;
+    for (std::size_t i = 0; i < f.cloud.size(); ++i)
+      points += point(f.cloud, i).x > 10 && std::abs(point(f.cloud, i).y) < 1;
+    return points;
+  };
+  EXPECT_EQ(behind_the_pole(0), 0);
+  EXPECT_GT(behind_the_pole(5), 8);
+}
+
 LidarConfig wide_beam_lidar(double elevation_deg, double pitch_deg = 0) {
   LidarConfig lidar = beam_lidar(elevation_deg, 0.1);
   lidar.units.front().pitch_deg = pitch_deg;
@@ -451,13 +512,6 @@ TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
     EXPECT_GT(norm(point(f.cloud, i)), middle);
     EXPECT_LT(norm(point(f.cloud, i)), middle / std::cos(rad(2.5)));
   }
-}
-
-/// The road is 100 m aside, so that anything may stand around the mount.
-SceneConfig open_site() {
-  SceneConfig scene = empty_road();
-  scene.roads.front().start.y_m = -100;
-  return scene;
 }
 
 /// Walls all around, higher than any beam looks and farther than any return: with them no ray can

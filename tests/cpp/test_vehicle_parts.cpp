@@ -297,6 +297,29 @@ TEST(parts, glass_shows_what_stands_behind_it) {
   EXPECT_GT(inside, 10);  // on the floor
 }
 
+TEST(parts, glass_in_the_blind_zone_does_not_hide_what_stands_behind_it) {
+  SceneConfig scene = empty_road();
+  scene.mounts["pole"].z_m = 1.15;
+  scene.vehicle_parts = only(&VehicleParts::glass);
+  World world = build_world(scene);
+  world.trajectories = straight_on({car(1, 8)}, 10);  // its side windows are met head on
+  const auto points = [&](double min_range_m) {
+    LidarConfig lidar = plain_lidar("lidar", spinning(5, -0.5, 0.5, 0.1));
+    lidar.units.front().returns.min_range_m = min_range_m;
+    lidar.units.front().returns.detection.emplace().range_at_10_percent_m = 400;
+    const Frame f = std::move(FrameSimulator(world, std::array{lidar}).simulate(0, {true}).front());
+    int glints = 0, inside = 0;
+    for (std::size_t i = 0; i < f.cloud.size(); ++i)
+      if (const Vec3 p = point(f.cloud, i); std::abs(p.y) < 0.01 * p.x)
+        (p.x < 7.5 ? glints : inside) += 1;
+    return std::pair{glints, inside};
+  };
+  const auto [glints, hidden] = points(0);
+  EXPECT_GT(glints, 10);
+  EXPECT_EQ(hidden, 0);
+  EXPECT_EQ(points(7.5), std::pair(0, glints));
+}
+
 TEST(parts, reflectors_are_seen_where_paint_is_not) {
   const std::vector cars{car(1, 60, 0, kPi)};  // its front ahead
   const Seen dim = seen(cars, kNone, 15), bright = seen(cars, only(&VehicleParts::reflectors), 15);

@@ -115,7 +115,8 @@ std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, Emitter& em
   if (!reflectance) return cast;
   if (!leaves_.empty()) stop_in_leaves(emitter, first, last, draws);
   const StaticSlice background = emitter.layer ? emitter.layer->slice(first, last) : StaticSlice{};
-  return cast + transparent_.resolve(rays_, vehicles, parts_, hits_, reflectance_, background);
+  return cast + transparent_.resolve(rays_, vehicles, parts_, emitter.returns.path(), hits_,
+                                     reflectance_, background);
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
@@ -159,6 +160,7 @@ void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int6
 std::size_t Caster::cast_beams(const Emitter& emitter, const LeafDraws& draws,
                                const FrameVehicles& vehicles) {
   const Beam& beam = *emitter.beam;
+  const EchoPath path = emitter.returns.path();
   const bool reflectance = emitter.returns.needs_reflectance();
   beam.expand(rays_, selected_, sub_rays_);
   sub_selected_.resize(sub_rays_.size());
@@ -168,9 +170,9 @@ std::size_t Caster::cast_beams(const Emitter& emitter, const LeafDraws& draws,
   const auto draws_of = [&](std::uint32_t k) { return draws.of(selected_[k / width], k % width); };
   if (reflectance && !leaves_.empty()) leaves_.stop(sub_rays_, sub_selected_, draws_of, sub_hits_);
   const std::size_t on = transparent_.resolve(sub_rays_, vehicles, reflectance ? parts_ : kNoParts,
-                                              sub_hits_, sub_reflectance_);
+                                              path, sub_hits_, sub_reflectance_);
   hits_.resize(rays_.size());
-  beam.combine(sub_hits_, sub_reflectance_, selected_, hits_, reflectance_, sunlit_);
+  beam.combine(sub_hits_, sub_reflectance_, selected_, path, hits_, reflectance_, sunlit_);
   return sub_rays_.size() + on;
 }
 

@@ -27,11 +27,12 @@ float floor_range(float range, const BodyHit& hit, float dz) {
 }  // namespace
 
 std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
-                                       const VehicleParts& parts, HitBatch& hits,
-                                       std::vector<float>& reflectance,
+                                       const VehicleParts& parts, const EchoPath& path,
+                                       HitBatch& hits, std::vector<float>& reflectance,
                                        const StaticSlice& background) {
   vehicles_ = &vehicles;
   parts_ = parts;
+  path_ = path;
   background_ = background;
   hits_ = &hits;
   reflectance_ = &reflectance;
@@ -169,7 +170,9 @@ BodyHit TransparentCaster::body_hit(const HitBatch& batch, std::size_t k) const 
 void TransparentCaster::take(const Passing& state, const Echo& echo) {
   const std::uint32_t i = state.ray;
   const float reflectance = state.power * echo.optics.reflectance;
-  const auto power = [](float reflected, float range) { return reflected / (range * range); };
+  const auto power = [&](float reflected, float range) {
+    return path_.share(range) * reflected / (range * range);
+  };
   const bool first = state.near == 0;
   if (!first && std::isfinite(hits_->range[i]) &&
       power((*reflectance_)[i] * hits_->cos_incidence[i], hits_->range[i]) >=

@@ -7,6 +7,7 @@
 #include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
+#include "infrasim/sensor/echo_path.h"
 #include "infrasim/sensor/vehicle_parts.h"
 
 namespace infrasim {
@@ -17,16 +18,18 @@ class TransparentCaster {
  public:
   explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
 
-  /// Of what a ray meets on its way, the strongest echo becomes its hit; `hits.cos_incidence` then
-  /// says how much stronger than that of a Lambertian surface that is met head on.
+  /// Of what a ray meets on its way, the strongest echo beyond the blind zone becomes its hit;
+  /// `hits.cos_incidence` then says how much stronger than that of a Lambertian surface that is met
+  /// head on.
   /// @param vehicles    those that the raycaster has
   /// @param hits        nearest ones, with incidence
   /// @param reflectance of each hit, less what panes on the way take
+  /// @param path        to the echoes
   /// @param background  hits of the rays with what stands still; empty: it is cast
   /// @return how many rays were cast on, a ray as often as it was
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
-                      const VehicleParts& parts, HitBatch& hits, std::vector<float>& reflectance,
-                      const StaticSlice& background = {});
+                      const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
+                      std::vector<float>& reflectance, const StaticSlice& background = {});
 
  private:
   /// A ray that goes on.
@@ -59,6 +62,7 @@ class TransparentCaster {
   Raycaster& raycaster_;
   const FrameVehicles* vehicles_ = nullptr;
   VehicleParts parts_;
+  EchoPath path_;
   StaticSlice background_;
   HitBatch* hits_ = nullptr;
   std::vector<float>* reflectance_ = nullptr;

@@ -55,7 +55,7 @@ void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
 }
 
 void Beam::combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
-                   std::span<const std::uint32_t> selected, HitBatch& hits,
+                   std::span<const std::uint32_t> selected, const EchoPath& path, HitBatch& hits,
                    std::vector<float>& reflectance, std::vector<float>& sunlit) const {
   reflectance.resize(hits.size());
   sunlit.resize(hits.size());
@@ -71,9 +71,11 @@ void Beam::combine(const HitBatch& sub_hits, const std::vector<float>& sub_refle
     for (std::size_t a = first; a < first + n; ++a) {
       if (!std::isfinite(sub_hits.range[a])) continue;
       const Echo echo = echo_around(a, first, sub_hits, sub_reflectance);
-      if (echo.power > strongest) {
-        strongest = echo.power;
-        hits.range[i] = echo.weighted_range / echo.power;
+      const float range = echo.weighted_range / echo.power;
+      const float received = path.share(range) * echo.power;
+      if (received > strongest) {
+        strongest = received;
+        hits.range[i] = range;
         hits.object[i] = sub_hits.object[echo.owner];
         hits.class_id[i] = sub_hits.class_id[echo.owner];
         hits.cos_incidence[i] = 1;

@@ -6,6 +6,7 @@
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/rays.h"
+#include "infrasim/sensor/echo_path.h"
 
 namespace infrasim {
 
@@ -26,13 +27,13 @@ class Beam {
               RayBatch& sub_rays) const;
 
   /// One hit per selected ray, in its place among `hits`; the others are misses. Of its sub-rays'
-  /// echoes, those within the range resolution of each other add up, and the strongest sum is
-  /// reported. Its range is the power-weighted mean, its reflectance is that of a full beam of the
-  /// same power.
+  /// echoes, those within the range resolution of each other add up, and the strongest sum beyond
+  /// the blind zone is reported. Its range is the power-weighted mean, its reflectance is that of a
+  /// full beam of the same power.
   /// @param sub_reflectance of each sub-ray's hit
   /// @param sunlit          reflectance of all that the beam hits, as the sun lights it
   void combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
-               std::span<const std::uint32_t> selected, HitBatch& hits,
+               std::span<const std::uint32_t> selected, const EchoPath& path, HitBatch& hits,
                std::vector<float>& reflectance, std::vector<float>& sunlit) const;
 
  private:

@@ -8,6 +8,7 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/rays.h"
 #include "infrasim/core/rng.h"
+#include "infrasim/sensor/echo_path.h"
 
 namespace infrasim {
 
@@ -42,6 +43,12 @@ class ReturnModel {
              ReturnBatch& out) const;
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
+
+  /// By which the strongest echo of a ray is told: the air takes nothing from LiDARs that do not
+  /// detect by received power.
+  EchoPath path() const {
+    return {static_cast<float>(config_.min_range_m), config_.detection ? extinction_per_m_ : 0};
+  }
 
  private:
   bool came_back(const HitBatch& hits, const std::vector<float>& reflectance, std::size_t i) const;
