@@ -228,7 +228,7 @@ class Summaries {
   void write(int threads, const std::vector<int>& frames) const {
     for (std::size_t i = 0; i < sums_.size(); ++i)
       if (const RunRequest& part = parts_[i]; !part.out.empty())
-        merge_summary(part.out, with_others(part, sums_[i], frames).rows(threads));
+        merge_summary(part.out, sums_[i], frames, threads);
   }
   std::vector<SummaryRow> rows(int threads) const {
     std::vector<SummaryRow> out;
@@ -241,15 +241,6 @@ class Summaries {
   }
 
  private:
-  static Summary with_others(const RunRequest& part, Summary sums, const std::vector<int>& frames) {
-    for (std::size_t l = 0; l < part.lidars.size(); ++l) {
-      const auto folder = part.out / part.lidars[l].name;
-      for (const int k : frames_on_disk(folder))
-        if (!std::ranges::binary_search(frames, k)) sums.add_other(l, read_counts(folder, k));
-    }
-    return sums;
-  }
-
   std::vector<RunRequest> parts_;
   std::vector<Summary> sums_;
 };

@@ -75,13 +75,19 @@ void Summary::add(const std::vector<FrameTally>& tallies) {
   }
 }
 
-void Summary::add_other(std::size_t lidar, const FrameCounts& counts) {
-  SummaryRow& row = sums_[lidar];
-  ++row.frames;
-  ++others_[lidar];
-  row.hits_per_frame += static_cast<double>(counts.hits);
-  row.vehicles_per_frame += static_cast<double>(counts.vehicles);
-  row.vehicle_points_per_frame += static_cast<double>(counts.vehicle_points);
+void Summary::add_others(const std::filesystem::path& folder, const std::vector<int>& frames) {
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    SummaryRow& row = sums_[i];
+    for (const int k : frames_on_disk(folder / row.lidar)) {
+      if (std::ranges::binary_search(frames, k)) continue;
+      const FrameCounts counts = read_counts(folder / row.lidar, k);
+      ++row.frames;
+      ++others_[i];
+      row.hits_per_frame += static_cast<double>(counts.hits);
+      row.vehicles_per_frame += static_cast<double>(counts.vehicles);
+      row.vehicle_points_per_frame += static_cast<double>(counts.vehicle_points);
+    }
+  }
 }
 
 std::vector<SummaryRow> Summary::rows(int threads) const {
@@ -106,10 +112,12 @@ std::string summary_csv(const std::vector<SummaryRow>& rows) {
   return text;
 }
 
-void merge_summary(const std::filesystem::path& folder, const std::vector<SummaryRow>& rows) {
+void merge_summary(const std::filesystem::path& folder, Summary sums,
+                   const std::vector<int>& frames, int threads) {
   const FolderLock lock(folder);
+  sums.add_others(folder, frames);
   std::vector<std::string> lines = lines_in(folder);
-  for (const SummaryRow& row : rows) {
+  for (const SummaryRow& row : sums.rows(threads)) {
     const auto old = std::ranges::find_if(
         lines, [&](const std::string& line) { return line.starts_with(row.lidar + ","); });
     std::string own = line_of(row);

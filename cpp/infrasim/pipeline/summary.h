@@ -40,8 +40,8 @@ class Summary {
   explicit Summary(const std::vector<LidarConfig>& lidars);
   /// @param tallies one per LiDAR
   void add(const std::vector<FrameTally>& tallies);
-  /// A frame of one LiDAR that was not asked for; how many rays it has is not known.
-  void add_other(std::size_t lidar, const FrameCounts& counts);
+  /// Adds the frames in a folder that were not asked for; how many rays they have is not known.
+  void add_others(const std::filesystem::path& folder, const std::vector<int>& frames);
   /// Means over the frames so far.
   /// @param threads that cast at the same time
   std::vector<SummaryRow> rows(int threads) const;
@@ -56,8 +56,12 @@ std::string summary_csv(const std::vector<SummaryRow>& rows);
 
 /// Puts the rows of a run into a folder's summary.csv: in place of those of the same LiDARs, or
 /// behind the others, which stay as long as their LiDAR is there. A LiDAR of which nothing was
-/// computed keeps the times of its row. Safe against other processes that do the same.
+/// computed keeps the times of its row. Frames on disk that were not asked for count as well.
+/// Other processes may do the same at the same time: frames are counted under the folder's lock.
+/// @param frames that were asked for, ascending
+/// @param threads that cast at the same time
 /// @throws IoError if it can't be written
-void merge_summary(const std::filesystem::path& folder, const std::vector<SummaryRow>& rows);
+void merge_summary(const std::filesystem::path& folder, Summary sums,
+                   const std::vector<int>& frames, int threads);
 
 }  // namespace infrasim
