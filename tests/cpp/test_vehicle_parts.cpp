@@ -302,7 +302,8 @@ TEST(parts, glass_in_the_blind_zone_does_not_hide_what_stands_behind_it) {
   scene.mounts["pole"].z_m = 1.15;
   scene.vehicle_parts = only(&VehicleParts::glass);
   World world = build_world(scene);
-  world.trajectories = std::make_shared<const Trajectories>(straight_on({car(1, 8)}, 10));  // its side windows are met head on
+  world.trajectories = std::make_shared<const Trajectories>(
+      straight_on({car(1, 8)}, 10));  // its side windows are met head on
   const auto points = [&](double min_range_m) {
     LidarConfig lidar = plain_lidar("lidar", spinning(5, -0.5, 0.5, 0.1));
     lidar.units.front().returns.min_range_m = min_range_m;
