@@ -493,7 +493,9 @@ def test_a_terminal_gets_a_bar_on_stderr(run_command: Words) -> None:
             stderr=secondary,
             timeout=60,
         )
-        shown = os.read(primary, 65536).decode()
+        shown = ""
+        while not shown.endswith("\n"):  # the kernel hands over what was written piece by piece
+            shown += os.read(primary, 65536).decode()
     finally:
         os.close(primary)
         os.close(secondary)
