@@ -5,6 +5,7 @@
 
 #include "bindings.h"
 #include "infrasim/pipeline/frame_stream.h"
+#include "infrasim/pipeline/run_folder.h"
 #include "infrasim/sensor/pattern_period.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/return_model.h"
@@ -47,9 +48,36 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
                                  mesh.triangles.data()->data())};
 }
 
+/// One object of the scene, as NumPy sees it.
+struct SceneObject {
+  std::int32_t id;
+  std::uint16_t class_id;
+  double x, y, z, dx, dy, dz, heading, speed;
+};
+
+py::array object_array(const World& world, int frame) {
+  if (frame < 0 || frame >= world.trajectories->frames())
+    throw ConfigError("frame: expected 0 to " + std::to_string(world.trajectories->frames() - 1) +
+                      ", got " + std::to_string(frame));
+  const std::vector<MovingObject> objects = world.trajectories->in_frame(frame);
+  py::array_t<SceneObject> rows(static_cast<py::ssize_t>(objects.size()));
+  auto out = rows.mutable_unchecked<1>();
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const MovingObject& o = objects[i];
+    const Box3d b = world.level.to_level(o.at(0.5));
+    out(static_cast<py::ssize_t>(i)) = {o.id,      static_cast<std::uint16_t>(o.object_class),
+                                        b.x,       b.y,
+                                        b.z,       b.dx,
+                                        b.dy,      b.dz,
+                                        b.heading, o.speed_m_s};
+  }
+  return rows;
+}
+
 }  // namespace
 
 void bind_simulation(py::module_& m) {
+  PYBIND11_NUMPY_DTYPE(SceneObject, id, class_id, x, y, z, dx, dy, dz, heading, speed);
   py::class_<LidarConfig>(m, "Lidar", "One preset of a LiDAR file.")
       .def(py::init([](const std::string& file, const std::string& preset) {
              return read_lidar(file, preset);
@@ -99,6 +127,13 @@ void bind_simulation(py::module_& m) {
       .def(
           "roads_csv", [](const World& w) { return w.region.roads_csv(); },
           "The evaluation region, as roads.csv has it.")
+      .def(
+          "regions_csv", [](const World& w) { return w.region.regions_csv(); },
+          "The outlines that narrow the region, as regions.csv has them; empty without any.")
+      .def("lidar_yaml", &lidar_yaml, py::arg("lidar"),
+           "What lidar.yaml says of a LiDAR in this scene.")
+      .def("objects", &object_array, py::arg("frame"),
+           "(k,) structured: every object at the middle of a frame, near or far; levelled frame.")
       .def(
           "dump", [](const World& w) { return dump_scene(w.scene); },
           "Every key with its value, as YAML.")

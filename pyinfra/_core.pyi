@@ -164,9 +164,21 @@ class World:
         """
         frame or scan: when the labels of frames of a preset hold.
         """
+    def lidar_yaml(self, lidar: Lidar) -> str:
+        """
+        What lidar.yaml says of a LiDAR in this scene.
+        """
     def mesh(self, frame: typing.SupportsInt | typing.SupportsIndex, share: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """
         All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; levelled frame.
+        """
+    def objects(self, frame: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
+        """
+        (k,) structured: every object at the middle of a frame, near or far; levelled frame.
+        """
+    def regions_csv(self) -> str:
+        """
+        The outlines that narrow the region, as regions.csv has them; empty without any.
         """
     def roads_csv(self) -> str:
         """

@@ -80,15 +80,6 @@ std::string frames_text(const World& world, const LidarConfig& lidar, const Moun
   return text + "field_of_view:\n";
 }
 
-/// The LiDAR's configuration and what follows from it, for readers that know no scene.
-std::string lidar_text(const World& world, const LidarConfig& lidar) {
-  std::string text = dump_lidar(lidar) + price_text(lidar, 1) +
-                     frames_text(world, lidar, world.scene.mounts.begin()->second);
-  const std::vector<FieldOfView> views = fields_of_view(lidar);
-  for (std::size_t i = 0; i < views.size(); ++i) text += view_text(lidar.units[i], views[i]);
-  return text;
-}
-
 /// Where a mount's sensor is in the fused frame.
 std::string pose_text(const MountConfig& mount) {
   const auto n = [](double v) { return config::number_text(std::round(v * 1e4) / 1e4 + 0.0); };
@@ -147,9 +138,17 @@ void claim_folder(const RunRequest& request, const World& world,
 
 }  // namespace
 
+std::string lidar_yaml(const World& world, const LidarConfig& lidar) {
+  std::string text = dump_lidar(lidar) + price_text(lidar, 1) +
+                     frames_text(world, lidar, world.scene.mounts.begin()->second);
+  const std::vector<FieldOfView> views = fields_of_view(lidar);
+  for (std::size_t i = 0; i < views.size(); ++i) text += view_text(lidar.units[i], views[i]);
+  return text;
+}
+
 void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<std::string> texts;  // first, as they may be refused
-  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_text(world, lidar));
+  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_yaml(world, lidar));
   claim_folder(request, world, texts);
 }
 
