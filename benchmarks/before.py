@@ -16,8 +16,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.data.frames import frame_numbers
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.formats import kitti
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")

@@ -20,13 +20,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, machine
-from pyinfra.atomic import replacing
-from pyinfra.benchmark import measure
-from pyinfra.benchmark.go import Workspace, benchmark, simulate_worlds
-from pyinfra.benchmark.matrix import Cell, Plan, read_plan
-from pyinfra.benchmark.pool import Pool
-from pyinfra.training.recipe import read_recipe
+from pyinfra.core.files import replacing
+from pyinfra.core.version import __version__, machine
+from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.benchmark.matrix import Cell, Plan, read_plan
+from pyinfra.experiments.benchmark.runner import Workspace, benchmark, simulate_worlds
+from pyinfra.experiments.pool import Pool
+from pyinfra.models.training.recipe import read_recipe
 
 ROOT = Path(__file__).resolve().parent.parent
 MATRIX = """

@@ -17,14 +17,13 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
-from pyinfra import __version__, machine
-from pyinfra.arrays import FloatArray, IntArray
-from pyinfra.data import regions
-from pyinfra.evaluation import ap
-from pyinfra.simulator.catalogue import scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.statistics import intervals
-from pyinfra.statistics.compare import Bootstrapped
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset import regions
+from pyinfra.dataset.catalogue import scene_file
+from pyinfra.dataset.runs import infrasim
+from pyinfra.metrics import ap, intervals
+from pyinfra.metrics.comparison import Bootstrapped
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = ("highway", "curve", "crossroad")

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, machine
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.statistics.scanning_claims import AVIA, SPINNING, claims_table
-from pyinfra.stress import lidar
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.stress import lidar
+from pyinfra.metrics.scanning_claims import AVIA, SPINNING, claims_table
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = (AVIA, *SPINNING)

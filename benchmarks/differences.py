@@ -19,23 +19,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.arrays import FloatArray
-from pyinfra.benchmark.frames import split_by_time
-from pyinfra.benchmark.matrix import Parts
-from pyinfra.data.frame_tables import read_cameras, read_predictions
-from pyinfra.data.frames import frame_numbers
-from pyinfra.evaluation import ap
-from pyinfra.evaluation.ground_truth import SETS, Set, read_ground_truth
-from pyinfra.evaluation.judge import Settings, contest, judge
-from pyinfra.evaluation.prediction_checks import find_files
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.statistics.compare import Bootstrapped, Measured
-from pyinfra.training import detect
-from pyinfra.training.recipe import read_recipe
-from pyinfra.training.sources import read_source
-from pyinfra.training.train import train
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frame_tables import read_cameras, read_predictions
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.formats import kitti
+from pyinfra.metrics import ap
+from pyinfra.metrics.comparison import Bootstrapped, Measured
+from pyinfra.metrics.ground_truth import SETS, Set, read_ground_truth
+from pyinfra.metrics.match_results import Settings, contest, judge
+from pyinfra.metrics.prediction_checks import find_files
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")

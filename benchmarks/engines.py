@@ -25,17 +25,18 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, quant_p
 from onnxruntime.quantization import quantize_static as quantize
 from torch import Tensor, nn
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.arrays import FloatArray
-from pyinfra.benchmark import store
-from pyinfra.data.frames import frame_numbers
-from pyinfra.detectors.network import one_thread
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.judge import Settings
-from pyinfra.evaluation.tables import fine_ap
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.training import detect
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.evaluation_tables import fine_ap
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.detectors.network import one_thread
+from pyinfra.models.inference import detect
 
 ROOT = Path(__file__).resolve().parent.parent
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))

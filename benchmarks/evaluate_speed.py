@@ -23,9 +23,11 @@ import pandas as pd
 import process
 import shapely
 
-from pyinfra import __version__, boxes, kitti
-from pyinfra.arrays import FloatArray
-from pyinfra.evaluation import matching
+from pyinfra.core import boxes
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.version import __version__
+from pyinfra.formats import kitti
+from pyinfra.metrics import matching
 
 ROOT = Path(__file__).resolve().parent.parent
 Row = tuple[str, float, str]

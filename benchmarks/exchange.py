@@ -22,8 +22,8 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy
 
 import pandas as pd
 
-from pyinfra import __version__
-from pyinfra.data.frames import frame_numbers
+from pyinfra.core.version import __version__
+from pyinfra.dataset.frames import frame_numbers
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.exports import export
 from pyinfra.exchange.formats import EXPORTS, IMPORTS

@@ -18,8 +18,8 @@ from pathlib import Path
 import generalist
 import pandas as pd
 
-from pyinfra import __version__, machine
-from pyinfra.benchmark import store
+from pyinfra.core.version import __version__, machine
+from pyinfra.experiments import store
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")  # narrow, wide; held out alike

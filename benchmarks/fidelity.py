@@ -16,14 +16,15 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra import __version__, sim
+from pyinfra.core.version import __version__
+from pyinfra.dataset import simulation
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from ladder import parts_of
 from matplotlib.patches import Rectangle
 
-from pyinfra.report.sections.ladder import DIALS
+from pyinfra.viz.report.sections.ladder import DIALS
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
@@ -39,19 +40,19 @@ def lidar_file(name: str) -> Path:
     return ROOT / "configs" / "lidars" / f"{name}.yaml"
 
 
-def objects(world: sim.World, lidars: list[sim.Lidar], frames: range) -> pd.DataFrame:
+def objects(world: simulation.World, lidars: list[simulation.Lidar], frames: range) -> pd.DataFrame:
     """Every vehicle of every frame as each LiDAR sees it, with the seconds of its frame."""
     rows = []
-    for number, per_lidar in sim.simulate(world, lidars, frames):
+    for number, per_lidar in simulation.simulate(world, lidars, frames):
         for lidar, frame in zip(lidars, per_lidar, strict=True):
             table = pd.DataFrame(frame.objects)
             rows.append(table.assign(frame=number, lidar=lidar.name, seconds=frame.seconds))
     return pd.concat(rows, ignore_index=True)
 
 
-def scene(name: str, preset: str = "datasheet", **overrides: object) -> sim.World:
+def scene(name: str, preset: str = "datasheet", **overrides: object) -> simulation.World:
     file = ROOT / "configs" / "scenes" / f"{name}.yaml"
-    return sim.load_scene(file, preset=preset, set=overrides)
+    return simulation.load_scene(file, preset=preset, set=overrides)
 
 
 def seen(table: pd.DataFrame) -> pd.DataFrame:
@@ -72,7 +73,7 @@ def points_ladder(
     models: the keys of the scene that each value of the dial sets.
     """
     first = next(iter(models))
-    lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
+    lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     means: dict[str, pd.Series] = {}
     seconds: dict[str, pd.Series] = {}  # of a frame, by LiDAR; the least of the passes
     for value in [*models] * PASSES:
@@ -98,7 +99,7 @@ def points_ladder(
 
 def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
     """Points on moving vehicles, and those outside their boxes, by aggregation mode."""
-    lidars = [sim.load_lidar(lidar_file(n), preset) for n in LIDARS]
+    lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     rows = []
     for mode in ("exact", "slices:100", "instant"):
         world = scene("highway", preset, aggregation=mode)
@@ -137,7 +138,7 @@ def beam_table(frames: range) -> pd.DataFrame:
             text["name"] = f"avia_{sub_rays}_rays"
             file = Path(folder) / f"{sub_rays}.yaml"
             file.write_text(yaml.safe_dump(text))
-            lidars.append(sim.load_lidar(file, "datasheet"))
+            lidars.append(simulation.load_lidar(file, "datasheet"))
     table = objects(scene("highway"), lidars, frames)
     inside = table[(table.visibility >= 0.2) & (np.arctan2(table.y, table.x).abs() < 0.57)]
     groups = inside.groupby(["lidar", pd.cut(inside.distance, BINS)], observed=True)
@@ -151,12 +152,12 @@ def beam_table(frames: range) -> pd.DataFrame:
 
 def aggregation_picture(file: Path, number: int = 300) -> None:
     """One vehicle from above under the three aggregation modes, with its mid-frame box."""
-    lidar = sim.load_lidar(lidar_file("ruby_plus"), "equal")
+    lidar = simulation.load_lidar(lidar_file("ruby_plus"), "equal")
     modes = ("exact", "slices:100", "instant")
     figure, axes = plt.subplots(len(modes), 1, figsize=(6, 7), sharex=True, layout="constrained")
     for mode, axis in zip(modes, axes, strict=True):
         world = scene("highway", "equal", aggregation=mode)
-        ((_, (frame,)),) = sim.simulate(world, [lidar], [number])
+        ((_, (frame,)),) = simulation.simulate(world, [lidar], [number])
         rows = frame.objects
         near = rows[(rows["x"] > 15) & (rows["x"] < 60) & (rows["visibility"] > 0.9)]
         car = near[np.argmax(near["points"])]

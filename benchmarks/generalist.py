@@ -23,24 +23,26 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.benchmark import store
-from pyinfra.benchmark.frames import split_by_time
-from pyinfra.benchmark.matrix import Parts
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import frame_numbers
-from pyinfra.evaluation.draws import draw_rows, same_of
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.judge import Judgement, Settings
-from pyinfra.evaluation.tables import fine_ap, fine_columns
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.sites.draws import VERSION
-from pyinfra.sites.generator import make_site
-from pyinfra.training import checkpoint, detect
-from pyinfra.training.recipe import Recipe, read_recipe
-from pyinfra.training.sources import Tier, read_source
-from pyinfra.training.train import train
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.match_results import Judgement, Settings
+from pyinfra.metrics.replicates import draw_rows, same_of
+from pyinfra.models.inference import detect
+from pyinfra.models.training import checkpoint
+from pyinfra.models.training.recipe import Recipe, read_recipe
+from pyinfra.models.training.sources import Tier, read_source
+from pyinfra.models.training.train import train
+from pyinfra.scenes.generator.generate import make_site
+from pyinfra.scenes.generator.random_stream import VERSION
 
 ROOT = Path(__file__).resolve().parent.parent
 RECIPES = ROOT / "configs/detectors"

@@ -17,15 +17,15 @@ import numpy as np
 import pandas as pd
 import unseen
 
-from pyinfra import __version__, machine
-from pyinfra.config import read_config
-from pyinfra.detectors.fused import fused
-from pyinfra.sites.stream import read_stream
-from pyinfra.training import checkpoint
-from pyinfra.training.detect import model_file
-from pyinfra.training.loop import Description
-from pyinfra.training.recipe import Precision, read_recipe
-from pyinfra.training.train import train
+from pyinfra.core.config import read_config
+from pyinfra.core.version import __version__, machine
+from pyinfra.models.detectors.fuse_batchnorm import fused
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.training import checkpoint
+from pyinfra.models.training.generated_sites import read_stream
+from pyinfra.models.training.loop import Description
+from pyinfra.models.training.recipe import Precision, read_recipe
+from pyinfra.models.training.train import train
 
 ROOT = Path(__file__).resolve().parents[1]
 SHIPPED = Path("generalist")

@@ -18,20 +18,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, cli, kitti, machine
-from pyinfra.arrays import FloatArray, Points
-from pyinfra.benchmark import store
-from pyinfra.data.frames import frame_numbers
-from pyinfra.data.ground import Ground, level_ground
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.judge import Settings
-from pyinfra.evaluation.tables import fine_ap, fine_columns
-from pyinfra.exchange.survey import road_of
-from pyinfra.simulator.catalogue import lidar_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.site.sumo import sumo_folder
-from pyinfra.training import detect
-from pyinfra.training.sources import spread
+from pyinfra.cli.main import main as command_line
+from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.ground import Ground, level_ground
+from pyinfra.dataset.runs import infrasim
+from pyinfra.exchange.pose_estimation import road_of
+from pyinfra.experiments import store
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.inference import detect
+from pyinfra.models.training.sources import spread
+from pyinfra.scenes.maps.sumo import sumo_folder
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests/python"))
@@ -56,7 +58,7 @@ def site_of(percent: int, seed: int, work: Path) -> Path:
     commands = [["import", str(site_maps.hill(work, sumo_folder(), percent / 100))]]
     commands[0] += ["--out", str(site)]
     for command in (*commands, ["traffic", str(site), *words]):
-        if cli.main(["site", *command]):
+        if command_line(["site", *command]):
             raise RuntimeError(f"pyinfra site {command[0]}: failed")
     return site
 

@@ -21,21 +21,22 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.atomic import write
-from pyinfra.benchmark import store
-from pyinfra.data.frames import PERIOD_S, frame_numbers
-from pyinfra.evaluation.draws import draw_rows, same_of
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.judge import Judgement, Settings
-from pyinfra.evaluation.tables import fine_ap, fine_columns
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.training import detect
-from pyinfra.training.accumulation import Accumulation, LabelAt
-from pyinfra.training.recipe import Recipe, read_recipe
-from pyinfra.training.sources import TIERS, Tier, read_source
-from pyinfra.training.train import train
+from pyinfra.core.files import write
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frames import PERIOD_S, frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.match_results import Judgement, Settings
+from pyinfra.metrics.replicates import draw_rows, same_of
+from pyinfra.models.inference import detect
+from pyinfra.models.training.accumulation import Accumulation, LabelAt
+from pyinfra.models.training.recipe import Recipe, read_recipe
+from pyinfra.models.training.sources import TIERS, Tier, read_source
+from pyinfra.models.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENE = "highway"

@@ -19,25 +19,26 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.atomic import replacing
-from pyinfra.benchmark.frames import split_by_time
-from pyinfra.benchmark.matrix import Parts
-from pyinfra.data.frames import frame_numbers
-from pyinfra.detectors import Detector
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.ground_truth import Set
-from pyinfra.evaluation.judge import Settings
-from pyinfra.evaluation.tables import fine_ap
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.statistics.compare import Bootstrapped
-from pyinfra.stress import lidar as stressed
-from pyinfra.stress import worlds
-from pyinfra.training import detect
-from pyinfra.training.recipe import read_recipe
-from pyinfra.training.sources import read_source
-from pyinfra.training.train import train
+from pyinfra.core.files import replacing
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.experiments.stress import altered_scenes
+from pyinfra.experiments.stress import lidar as stressed
+from pyinfra.formats import kitti
+from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.evaluation_tables import fine_ap
+from pyinfra.metrics.ground_truth import Set
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.detectors import Detector
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
 LEARNT_FRAMES, TEST_FRAMES = "0:5000:5", "0:5000:20"
@@ -65,7 +66,7 @@ AS_LEARNT = Motor("none", 0)
 def motors() -> list[Motor]:
     turned = [Motor("turn", deg, yaw_deg=deg) for deg in (90, 180, 270)]
     seams = [Motor("seam", deg, seam_deg=deg) for deg in range(45, 360, 45)]
-    drawn = [worlds.angles_deg(i)[0] for i in range(1, 5)]
+    drawn = [altered_scenes.angles_deg(i)[0] for i in range(1, 5)]
     return [*turned, *seams, *(Motor("phase", deg, seam_deg=deg) for deg in drawn)]
 
 

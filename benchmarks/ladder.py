@@ -17,21 +17,22 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.atomic import replacing
-from pyinfra.benchmark.frames import split_by_time
-from pyinfra.benchmark.matrix import Parts
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import frame_numbers
-from pyinfra.evaluation.evaluate import evaluate
-from pyinfra.evaluation.judge import Settings
-from pyinfra.report.sections.ladder import DIALS
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.training import detect
-from pyinfra.training.recipe import read_recipe
-from pyinfra.training.sources import read_source
-from pyinfra.training.train import train
+from pyinfra.core.files import replacing
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
+from pyinfra.viz.report.sections.ladder import DIALS
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]

@@ -19,12 +19,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.benchmark import measure, store
-from pyinfra.benchmark.go import Workspace, put_latency, simulate_worlds
-from pyinfra.benchmark.matrix import Cell, Plan, read_plan
-from pyinfra.benchmark.pool import Pool, call_all
-from pyinfra.benchmark.value import KEY
-from pyinfra.training.recipe import read_recipe
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.benchmark.matrix import Cell, Plan, read_plan
+from pyinfra.experiments.benchmark.runner import Workspace, put_latency, simulate_worlds
+from pyinfra.experiments.pool import Pool, call_all
+from pyinfra.experiments.value import KEY
+from pyinfra.models.training.recipe import read_recipe
 
 ROOT = Path(__file__).resolve().parent.parent
 BUDGET = 0.1

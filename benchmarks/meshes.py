@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.simulator.launch import binary
+from pyinfra.dataset.launch import binary
 
 ROOT = Path(__file__).resolve().parents[1]
 SIDE_M = 400.0

@@ -25,9 +25,9 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pyinfra import __version__
-from pyinfra import boxes as exact
-from pyinfra.detectors.ops import boxes, points, sparse
+from pyinfra.core import boxes as exact
+from pyinfra.core.version import __version__
+from pyinfra.models.ops import boxes, points, sparse
 
 ROOT = Path(__file__).resolve().parent.parent
 GRID = (41, 1600, 1408)  # voxels of 0.05 m and 0.1 m, as in PV-RCNN

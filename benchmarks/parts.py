@@ -14,10 +14,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.data.frames import frame_numbers
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.formats import kitti
 
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = ("glass", "tyres", "gap", "coat", "reflectors")

@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import __version__, machine, sim
-from pyinfra.simulator.lidars import catalogue_files, presets_of
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset import simulation
+from pyinfra.dataset.lidars import catalogue_files, presets_of
 
 ROOT = Path(__file__).resolve().parent.parent
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
@@ -73,10 +74,10 @@ def write_scene(folder: Path) -> Path:
     return file
 
 
-def points(world: sim.World, lidar: sim.Lidar) -> pd.DataFrame:
+def points(world: simulation.World, lidar: simulation.Lidar) -> pd.DataFrame:
     """A row for each frame and class; 0 points of what is out of reach."""
     rows = []
-    for k, (frame,) in sim.simulate(world, [lidar], range(FRAMES)):
+    for k, (frame,) in simulation.simulate(world, [lidar], range(FRAMES)):
         found = dict(
             zip(frame.objects["id"].tolist(), frame.objects["points"].tolist(), strict=True)
         )
@@ -93,11 +94,11 @@ def by_distance(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def measured(scene: Path, files: Iterable[Path]) -> Iterator[pd.DataFrame]:
-    world = sim.load_scene(scene)
+    world = simulation.load_scene(scene)
     for file in files:
         if "datasheet" not in presets_of(file):
             continue
-        lidar = sim.load_lidar(file)
+        lidar = simulation.load_lidar(file)
         table = by_distance(points(world, lidar))
         table.insert(0, "lidar", file.stem)
         print(file.stem, reach(table), flush=True)

@@ -22,23 +22,24 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.benchmark import store
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import frame_numbers
-from pyinfra.evaluation.draws import draw_rows, same_of
-from pyinfra.evaluation.ground_truth import GroundTruth, read_ground_truth, with_unreached
-from pyinfra.evaluation.judge import Judgement, Settings, causes, contest, judge
-from pyinfra.evaluation.matching import IOU
-from pyinfra.evaluation.tables import fine_ap, fine_columns
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.stress import worlds
-from pyinfra.stress.score import as_predictions, box_errors
-from pyinfra.training import detect
-from pyinfra.training.recipe import read_recipe
-from pyinfra.training.sources import read_source
-from pyinfra.training.train import train
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.experiments.stress import altered_scenes
+from pyinfra.experiments.stress.score import as_predictions, box_errors
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.ground_truth import GroundTruth, read_ground_truth, with_unreached
+from pyinfra.metrics.match_results import Judgement, Settings, causes, contest, judge
+from pyinfra.metrics.matching import IOU
+from pyinfra.metrics.replicates import draw_rows, same_of
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENE = "crossroad_poles"
@@ -67,7 +68,7 @@ class Error:
 
     def assignments(self, mounts: Mapping[str, Mapping[str, Any]]) -> list[str]:
         """KEY=VALUE of the scene."""
-        late, turned = worlds.late_clocks, worlds.wrong_turns
+        late, turned = altered_scenes.late_clocks, altered_scenes.wrong_turns
         words = late(mounts, self.clock_ms) if self.clock_ms else ()
         return [*words, *(turned(mounts, self.yaw_deg) if self.yaw_deg else ())]
 

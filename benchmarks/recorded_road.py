@@ -17,19 +17,20 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.benchmark import store
-from pyinfra.data.frames import frame_numbers
-from pyinfra.data.ground import Ground, ground_of, level_ground
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.judge import Settings
-from pyinfra.evaluation.tables import fine_ap, fine_columns
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.ground import Ground, ground_of, level_ground
+from pyinfra.dataset.runs import infrasim
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.training import detect
+from pyinfra.experiments import store
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.inference import detect
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES: dict[str, tuple[str, ...]] = {  # by name: the scene's, and what is set in it

@@ -26,7 +26,8 @@ import numpy as np
 import pandas as pd
 import process
 
-from pyinfra import __version__, machine, sim
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset import simulation
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
@@ -93,12 +94,12 @@ def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
     """The 128-line against Open3D's RaycastingScene: static scene, no labels, same rays."""
     import open3d as o3d
 
-    lidar = sim.load_lidar(LIDARS[3], "paper")
-    world = sim.load_scene(SCENE, preset="paper", set={"duration_s": 20})
+    lidar = simulation.load_lidar(LIDARS[3], "paper")
+    world = simulation.load_scene(SCENE, preset="paper", set={"duration_s": 20})
     vertices, triangles = world.mesh(0)
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(triangles))
-    azimuth, elevation = sim.scan_pattern(lidar, range(1))[:, :2].T
+    azimuth, elevation = simulation.scan_pattern(lidar, range(1))[:, :2].T
     rays = np.zeros((len(azimuth), 6), np.float32)
     rays[:, 3] = np.cos(elevation) * np.cos(azimuth)
     rays[:, 4] = np.cos(elevation) * np.sin(azimuth)
@@ -111,7 +112,7 @@ def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
             scene.cast_rays(tensor, nthreads=2)
 
     def ours() -> None:
-        for _ in sim.simulate(world, [lidar], range(frames), threads=2):
+        for _ in simulation.simulate(world, [lidar], range(frames), threads=2):
             pass
 
     a, b = alternate(ours, theirs, repetitions)
@@ -180,14 +181,14 @@ def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
 
 def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
     """Frames a second of the four LiDARs from Python against the binary, start-up left out."""
-    world = sim.load_scene(SCENE, preset="paper")
-    lidars = [sim.load_lidar(file, "paper") for file in LIDARS]
+    world = simulation.load_scene(SCENE, preset="paper")
+    lidars = [simulation.load_lidar(file, "paper") for file in LIDARS]
     first, last = 100, 500
     ratios = []
     for _ in range(repetitions):
         binary = run_binary(last, None)[0] - run_binary(first, None)[0]
         start = time.perf_counter()
-        for _ in sim.simulate(world, lidars, range(first, last), threads=2):
+        for _ in simulation.simulate(world, lidars, range(first, last), threads=2):
             pass
         ratios.append(binary / (time.perf_counter() - start))
     return [("frames from Python / from the binary", statistics.median(ratios), "ratio")]

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra import kitti
-from pyinfra.arrays import FloatArray
-from pyinfra.data.data_set import DataSet, read_data_set
+from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset.data_set import DataSet, read_data_set
+from pyinfra.formats import kitti
 
 SAME_RAYS_PERCENT = 99.99
 TOTALS_PERCENT = 0.01

@@ -23,8 +23,8 @@ import numpy as np
 import yaml
 from scipy.spatial import cKDTree
 
-from pyinfra.arrays import FloatArray, IntArray
-from pyinfra.site.ply import degenerate, read_ply, together
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.formats.ply import degenerate, read_ply, together
 
 CELL_M = 4.0
 ABOVE_M = 2.0

@@ -21,8 +21,8 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/python"))
 
-from pyinfra import __version__, machine
-from pyinfra.site.sumo import sumo_folder
+from pyinfra.core.version import __version__, machine
+from pyinfra.scenes.maps.sumo import sumo_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 TOWNS = ("Town04", "Town05", "Town10HD")

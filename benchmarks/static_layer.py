@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra import __version__, machine
+from pyinfra.core.version import __version__, machine
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = ROOT / "build" / "dev" / "cpp" / "infrasim"

@@ -21,13 +21,13 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/python"))
 import traffic_data
 
-from pyinfra import __version__, machine
-from pyinfra.arrays import FloatArray
-from pyinfra.kitti.yaml_file import read_keys
-from pyinfra.site.smoothing import unsmoothed
-from pyinfra.site.traffic import cleaned, record
-from pyinfra.site.traffic_demand import Demand
-from pyinfra.site.traffic_figures import TrafficFigures, traffic_figures
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.version import __version__, machine
+from pyinfra.formats.yaml_file import read_keys
+from pyinfra.scenes.maps.smoothing import unsmoothed
+from pyinfra.scenes.maps.traffic import cleaned, record
+from pyinfra.scenes.maps.traffic_demand import Demand
+from pyinfra.scenes.maps.traffic_figures import TrafficFigures, traffic_figures
 
 ROOT = Path(__file__).resolve().parents[1]
 SEEDS = (1, 2)

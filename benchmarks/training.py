@@ -14,13 +14,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.benchmark import measure, store
-from pyinfra.benchmark.matrix import Cell
-from pyinfra.benchmark.value import KEY
-from pyinfra.data import split
-from pyinfra.data.data_set import read_data_set
-from pyinfra.simulator.catalogue import configs
-from pyinfra.training.recipe import Recipe, read_recipe
+from pyinfra.dataset import split
+from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.data_set import read_data_set
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.value import KEY
+from pyinfra.models.training.recipe import Recipe, read_recipe
 
 ROOT = Path(__file__).resolve().parent.parent
 LIDAR = "livox_avia"

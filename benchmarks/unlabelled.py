@@ -19,18 +19,19 @@ import pandas as pd
 import yaml
 from generalist import CUT, HELD_OUT, STUDIED, at_cut
 
-from pyinfra import __version__, kitti, machine
-from pyinfra.benchmark import store
-from pyinfra.data.frames import frame_numbers
-from pyinfra.detectors import Detections
-from pyinfra.evaluation.evaluate import judged
-from pyinfra.evaluation.judge import Settings
-from pyinfra.simulator.catalogue import lidar_file
-from pyinfra.simulator.runs import infrasim
-from pyinfra.sites.draws import VERSION
-from pyinfra.sites.generator import make_site
-from pyinfra.training import detect
-from pyinfra.training.standing import without_standing
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import judged
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.detectors import Detections
+from pyinfra.models.inference import detect
+from pyinfra.models.inference.static_filter import without_standing
+from pyinfra.scenes.generator.generate import make_site
+from pyinfra.scenes.generator.random_stream import VERSION
 
 ROOT = Path(__file__).resolve().parent.parent
 MODEL = Path("generalist")

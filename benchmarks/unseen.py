@@ -25,22 +25,21 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 import frozen_sites
 
-from pyinfra import __version__, machine
-from pyinfra.arrays import BoolArray, FloatArray, IntArray, Points
-from pyinfra.data.regions import FOOTWAYS_M
-from pyinfra.detectors import Detections
-from pyinfra.detectors.classes import TYPES, VEHICLES, ObjectClass
-from pyinfra.detectors.fused import fused
-from pyinfra.detectors.network import Network
-from pyinfra.evaluation import matching
-from pyinfra.evaluation.ap import average_precision, rank
-from pyinfra.sites.layout import Keys
-from pyinfra.sites.ranges import RANGES
-from pyinfra.statistics import intervals
-from pyinfra.stress import clouds
-from pyinfra.training import checkpoint
-from pyinfra.training.detect import model_file
-from pyinfra.training.samples import SiteSample, lifted
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.regions import FOOTWAYS_M
+from pyinfra.experiments.stress import clouds
+from pyinfra.metrics import intervals, matching
+from pyinfra.metrics.ap import average_precision, rank
+from pyinfra.models.detectors import Detections
+from pyinfra.models.detectors.classes import TYPES, VEHICLES, ObjectClass
+from pyinfra.models.detectors.fuse_batchnorm import fused
+from pyinfra.models.detectors.network import Network
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.training import checkpoint
+from pyinfra.models.training.samples import SiteSample, lifted
+from pyinfra.scenes.generator.layout import Keys
+from pyinfra.scenes.generator.ranges import RANGES
 
 ROOT = Path(__file__).resolve().parents[1]
 FINE = 1000  # recalls

@@ -4,12 +4,13 @@
 #include "infrasim/core/version.h"
 
 PYBIND11_MODULE(_core, m) {
-  m.doc() = "Compiled part of pyinfra; use pyinfra.sim.";
+  m.doc() = "Compiled part of pyinfra; use pyinfra.dataset.simulation.";
   m.def("version", &infrasim::version, "Version of the simulator.");
   m.def(
       "frames_version", [] { return infrasim::kFramesVersion; },
       "Number of its frames: the same number, the same bytes.");
-  pybind11::register_exception<infrasim::ConfigError>(m, "ConfigError", PyExc_ValueError);
+  const auto errors = pybind11::module_::import("pyinfra.core.errors");
+  pybind11::register_exception<infrasim::ConfigError>(m, "ConfigError", errors.attr("ConfigError"));
   pybind11::register_exception<infrasim::IoError>(m, "IoError", PyExc_OSError);
   infrasim::bind_filters(m);
   infrasim::bind_frames(m);

@@ -1,56 +1,77 @@
-"""Detectors, evaluation and reports for roadside LiDAR frames."""
+"""Roadside LiDAR: simulate frames, detect, evaluate, compare.
 
-import os
-import platform
-import re
-import subprocess
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+    import pyinfra as pi
+
+    scene = pi.load_scene("highway", seed=1)
+    frames = pi.simulate(scene, pi.load_lidar("ruby_plus"), range(0, 1000, 10))
+    detections = pi.detect(pi.load_detector("generalist"), frames)
+    result = pi.evaluate(frames, detections)
+
+Every name below is imported when it is first used, so that `import pyinfra` is quick.
+"""
+
+import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pyinfra.evaluation.evaluate import evaluate
+    from pyinfra.api import benchmark, export, import_map, import_recording, train
+    from pyinfra.core.errors import Error
+    from pyinfra.core.version import __version__
+    from pyinfra.dataset.frame_sequence import load_dataset, load_lidar, load_scene, simulate
+    from pyinfra.metrics.compare import compare
+    from pyinfra.metrics.evaluate import evaluate
+    from pyinfra.metrics.match_results import Settings
+    from pyinfra.models.inference.boxes_table import detect, load_detector
+    from pyinfra.viz.frame_plot import plot_frame
 
-__all__ = ["__version__", "evaluate", "machine"]
+_MODULES = {
+    "Error": "pyinfra.core.errors",
+    "Settings": "pyinfra.metrics.match_results",
+    "__version__": "pyinfra.core.version",
+    "benchmark": "pyinfra.api",
+    "compare": "pyinfra.metrics.compare",
+    "detect": "pyinfra.models.inference.boxes_table",
+    "evaluate": "pyinfra.metrics.evaluate",
+    "export": "pyinfra.api",
+    "import_map": "pyinfra.api",
+    "import_recording": "pyinfra.api",
+    "load_dataset": "pyinfra.dataset.frame_sequence",
+    "load_detector": "pyinfra.models.inference.boxes_table",
+    "load_lidar": "pyinfra.dataset.frame_sequence",
+    "load_scene": "pyinfra.dataset.frame_sequence",
+    "plot_frame": "pyinfra.viz.frame_plot",
+    "simulate": "pyinfra.dataset.frame_sequence",
+    "train": "pyinfra.api",
+}
 
-_CODE = ("cpp", "bindings", "pyinfra", "configs")
-
-
-def _source_version() -> str:
-    """The commit of a source tree that was not installed, with "-dirty" if its code was changed."""
-    root = Path(__file__).parent.parent
-    commit = _git(root, "rev-parse", "--short", "HEAD") or "source"
-    return f"0+{commit}" + ("-dirty" if _git(root, "diff", "--stat", "HEAD", "--", *_CODE) else "")
-
-
-def _git(root: Path, *words: str) -> str:
-    """What git prints; nothing outside of a repository."""
-    try:
-        return subprocess.run(
-            ["git", *words], cwd=root, capture_output=True, text=True
-        ).stdout.strip()
-    except OSError:
-        return ""
-
-
-def machine() -> str:
-    """The cores and processor that a measured row is of."""
-    about = Path("/proc/cpuinfo")
-    text = about.read_text(encoding="utf-8", errors="replace") if about.is_file() else ""
-    named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
-    return f"{os.cpu_count()} x {named[1] if named else platform.machine()}"
-
-
-try:
-    __version__ = version("infrasim")
-except PackageNotFoundError:
-    __version__ = _source_version()
+__all__ = [
+    "Error",
+    "Settings",
+    "__version__",
+    "benchmark",
+    "compare",
+    "detect",
+    "evaluate",
+    "export",
+    "import_map",
+    "import_recording",
+    "load_dataset",
+    "load_detector",
+    "load_lidar",
+    "load_scene",
+    "plot_frame",
+    "simulate",
+    "train",
+]
 
 
 def __getattr__(name: str) -> object:
-    """`pyinfra.evaluate(...)`; what it needs is imported when it is asked for."""
-    if name == "evaluate":
-        from pyinfra.evaluation.evaluate import evaluate
-
-        return evaluate
+    if name in _MODULES:
+        value = getattr(importlib.import_module(_MODULES[name]), name)
+        globals()[name] = value
+        return value
     raise AttributeError(f"module 'pyinfra' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -2,7 +2,7 @@
 
 import sys
 
-from pyinfra.cli import main
+from pyinfra.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,13 +1,14 @@
 """
-Compiled part of pyinfra; use pyinfra.sim.
+Compiled part of pyinfra; use pyinfra.dataset.simulation.
 """
 from __future__ import annotations
 import collections.abc
 import numpy
 import numpy.typing
+import pyinfra.core.errors
 import typing
 __all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'frames_version', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
-class ConfigError(ValueError):
+class ConfigError(pyinfra.core.errors.ConfigError):
     pass
 class IoError(OSError):
     pass

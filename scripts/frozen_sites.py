@@ -19,15 +19,15 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pyinfra import sim
-from pyinfra.detectors.classes import ObjectClass
-from pyinfra.simulator.catalogue import lidar_file
-from pyinfra.sites import catalogue
-from pyinfra.sites.generator import make_site
-from pyinfra.sites.layout import Keys
-from pyinfra.sites.ranges import CLUTTERED, RANGES, Ranges
-from pyinfra.sites.stream import samples_of
-from pyinfra.training.samples import SiteSample
+from pyinfra.dataset import simulation
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.models.detectors.classes import ObjectClass
+from pyinfra.models.training.generated_sites import samples_of
+from pyinfra.models.training.samples import SiteSample
+from pyinfra.scenes.generator import lidar_catalogue
+from pyinfra.scenes.generator.generate import make_site
+from pyinfra.scenes.generator.layout import Keys
+from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, Ranges
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "tests/data/sites"
@@ -69,9 +69,9 @@ def looked_at(
     for number, (keys, visits) in enumerate(read_visits(name)):
         if number == sites:
             return
-        world = sim.make_world(keys)
+        world = simulation.make_world(keys)
         for visit in visits:
-            lidar = sim.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
+            lidar = simulation.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
             chosen = list(visit.frames[:frames])
             yield visit.site, visit.lidar, samples_of(world, keys, lidar, chosen, classes)
 
@@ -79,12 +79,12 @@ def looked_at(
 def write_set(name: str) -> None:
     first, count, ranges = SETS[name]
     (FOLDER / name).mkdir(parents=True, exist_ok=True)
-    everyone = catalogue.sensors(presets={PRESET: 1.0})
+    everyone = lidar_catalogue.sensors(presets={PRESET: 1.0})
     visits = [("site", "lidar", "frames")]
     for seed in range(first, first + count):
         random = np.random.default_rng(seed)
         keys = make_site(seed, ranges) | {"label_time": "scan"}
-        world = sim.make_world(keys)
+        world = simulation.make_world(keys)
         plain = json.loads(json.dumps(keys))  # no object twice, for which YAML has anchors
         text = yaml.safe_dump(plain, sort_keys=False, width=110, default_flow_style=None)
         (FOLDER / name / f"{keys['name']}.yaml").write_text(text)

@@ -21,17 +21,17 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
-from pyinfra import __version__
-from pyinfra.arrays import BoolArray, FloatArray
-from pyinfra.data.regions import FOOTWAYS_M
-from pyinfra.detectors import Detections, calibration
-from pyinfra.detectors.classes import METRICS, TYPES, VEHICLES, ObjectClass
-from pyinfra.detectors.fused import fused
-from pyinfra.detectors.network import Network
-from pyinfra.evaluation import matching
-from pyinfra.training import checkpoint
-from pyinfra.training.detect import MODELS, model_file
-from pyinfra.training.samples import SiteSample
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.version import __version__
+from pyinfra.dataset.regions import FOOTWAYS_M
+from pyinfra.metrics import matching
+from pyinfra.models.detectors import Detections, calibration
+from pyinfra.models.detectors.classes import METRICS, TYPES, VEHICLES, ObjectClass
+from pyinfra.models.detectors.fuse_batchnorm import fused
+from pyinfra.models.detectors.network import Network
+from pyinfra.models.inference.detect import MODELS, model_file
+from pyinfra.models.training import checkpoint
+from pyinfra.models.training.samples import SiteSample
 
 ROOT = Path(__file__).resolve().parent.parent
 MIN_SCORE = 0.002  # of boxes that the lines are fitted on: more of them than are given

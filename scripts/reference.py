@@ -19,13 +19,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from pyinfra.benchmark.matrix import Benchmark
-from pyinfra.config import Rule, as_plain
-from pyinfra.detectors.catalogue import DETECTORS
-from pyinfra.simulator.launch import binary
-from pyinfra.training.recipe import Learning
-from pyinfra.training.samples import Augmentation
-from pyinfra.training.sources import TIERS
+from pyinfra.core.config import Rule, as_plain
+from pyinfra.dataset.launch import binary
+from pyinfra.experiments.benchmark.matrix import Benchmark
+from pyinfra.models.detectors.catalogue import DETECTORS
+from pyinfra.models.training.recipe import Learning
+from pyinfra.models.training.samples import Augmentation
+from pyinfra.models.training.sources import TIERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs/reference.md"
 UNITS = {  # of a number, by the end of its key; the first that fits

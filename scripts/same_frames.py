@@ -6,18 +6,20 @@ python same_frames.py CONFIGS DATA      (a data set of the motorway, with the pr
 import sys
 from pathlib import Path
 
-from pyinfra import sim
+from pyinfra.dataset import simulation
 
 
 def main() -> int:
     configs, data = map(Path, sys.argv[1:])
     names = sorted(folder.parent.name for folder in data.glob("*/training"))
-    lidars = [sim.load_lidar(configs / f"lidars/{name}.yaml") for name in names]
+    lidars = [simulation.load_lidar(configs / f"lidars/{name}.yaml") for name in names]
     count = len(list((data / names[0] / "training/velodyne").glob("*.bin")))
-    for number, frames in sim.simulate(configs / "scenes/highway.yaml", lidars, range(count)):
+    for number, frames in simulation.simulate(
+        configs / "scenes/highway.yaml", lidars, range(count)
+    ):
         for name, frame in zip(names, frames, strict=True):
             file = data / name / f"training/velodyne/{number:06d}.bin"
-            if sim.points(frame).tobytes() != file.read_bytes():
+            if simulation.points(frame).tobytes() != file.read_bytes():
                 raise SystemExit(f"{file}: other points by the bindings than by the binary")
     print(f"{count} frames of {len(names)} LiDARs: the bindings give the bytes of the binary")
     return 0

@@ -21,6 +21,6 @@ if ldd "$package"/_core*.so "$package/bin/infrasim" |
 fi
 "$try/bin/infrasim" --version
 "$try/bin/python" -c "import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
-"$try/bin/python" -c "from pyinfra.viewer.page import library; library()"
+"$try/bin/python" -c "from pyinfra.viz.viewer.page import library; library()"
 ls "$package/configs"
 ls -l "$wheel"

@@ -42,7 +42,7 @@ double mean_clipped(double start, double end, double limit) {
 }
 
 /// Area that both share, by Green's theorem along the edges of b in the frame of a, as in
-/// pyinfra/boxes.py: the sum of (mean of x, clipped to a) * (change of y, clipped to a).
+/// pyinfra/core/boxes.py: the sum of (mean of x, clipped to a) * (change of y, clipped to a).
 double overlap(const Footprint& a, const Footprint& b) {
   const double dx = b.x - a.x, dy = b.y - a.y;
   const double x0 = a.cos * dx + a.sin * dy, y0 = a.cos * dy - a.sin * dx;

@@ -1,1 +1,1 @@
-"""Frames for other tools, and other tools' frames as data sets."""
+"""Recordings and labels of other tools, in and out."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
 from pyinfra.exchange.recording import Options
 
 USUAL = 4

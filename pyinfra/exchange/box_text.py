@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pyinfra.arrays import FloatArray, NameArray
-from pyinfra.atomic import write
+from pyinfra.core.arrays import FloatArray, NameArray
+from pyinfra.core.files import write
 from pyinfra.exchange.recording import Boxes
-from pyinfra.kitti.read import BOX_RULES
-from pyinfra.kitti.table import NamedRows, lines_of
+from pyinfra.formats.kitti.read import BOX_RULES
+from pyinfra.formats.text_table import NamedRows, lines_of
 
 COLUMNS = "x y z dx dy dz heading category".split()
 

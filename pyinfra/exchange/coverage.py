@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pyinfra.arrays import IntArray, Points
-from pyinfra.kitti import FieldOfView
+from pyinfra.core.arrays import IntArray, Points
+from pyinfra.formats.kitti import FieldOfView
 
 MOST_POINTS = 20_000  # looked at in a frame, evenly spread
 ROUNDING_DEG = 1e-4  # so that a direction of 0 is not in the cell below 0

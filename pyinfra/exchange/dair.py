@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
 from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.json_boxes import read_json, read_objects
 from pyinfra.exchange.pcd import Headers, points_of
-from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -24,6 +23,7 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
+from pyinfra.formats.pcd_file import read_pcd
 
 SIDES = ("single-infrastructure-side", "infrastructure-side", ".")
 LABELS = ("label/virtuallidar", "label/lidar")

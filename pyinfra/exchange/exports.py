@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyinfra.atomic import new_folder
+from pyinfra.core.files import new_folder
 from pyinfra.exchange.formats import exporter
 
 

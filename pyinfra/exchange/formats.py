@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import cast
 
+from pyinfra.core.errors import missing
 from pyinfra.exchange.recording import Options, Recording
 
 Export = Callable[[Path, Sequence[int], Path], None]
@@ -64,10 +65,3 @@ def _module(module: str, extra: str) -> ModuleType:
         if not extra or (error.name or "").startswith("pyinfra"):
             raise
         raise missing(error.name, extra) from None
-
-
-def missing(package: str | None, extra: str) -> ImportError:
-    """The error for a package that is not installed."""
-    return ImportError(
-        f"found no package '{package}', it comes with: pip install 'infrasim[{extra}]'"
-    )

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray, IntArray
-from pyinfra.data.frames import PERIOD_S as USUAL_S
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.dataset.frames import PERIOD_S as USUAL_S
 from pyinfra.exchange.recording import Recording
-from pyinfra.kitti.lidar import PERIOD_S
+from pyinfra.formats.kitti.lidar import PERIOD_S
 
 # Digits after ten of seconds, or of a whole number, and what one of them is worth.
 FRACTIONS = {3: 1e-3, 6: 1e-6, 9: 1e-9}

@@ -7,16 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from pyinfra.atomic import new_folder, write
-from pyinfra.data.regions import REGION_FILE, outline_region
+from pyinfra.core.files import new_folder, write
+from pyinfra.dataset.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import Found, LidarFacts, write_description, write_lidar
 from pyinfra.exchange.formats import FORMATS, reader
 from pyinfra.exchange.frame_times import timed
 from pyinfra.exchange.object_types import own_and_public
+from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
-from pyinfra.exchange.survey import check_region, survey, turned
-from pyinfra.kitti import OTHER_TYPES, VEHICLE_TYPES
+from pyinfra.formats.kitti import OTHER_TYPES, VEHICLE_TYPES
 
 # Whether the road is looked for and points turned upright to it, or taken as they are.
 Upright = Literal["auto", "road", "as-is"]

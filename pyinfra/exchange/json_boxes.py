@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.recording import Boxes
-from pyinfra.kitti import FormatError
-from pyinfra.kitti.layout import FARTHEST_M
+from pyinfra.formats.kitti.layout import FARTHEST_M
 
 VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}  # of occluded_state: not, partly, mostly
 PLACE = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))

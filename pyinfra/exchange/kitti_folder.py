@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra import kitti
-from pyinfra.arrays import FloatArray, Records
+from pyinfra.core.arrays import FloatArray, Records
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -25,11 +25,11 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.kitti import FormatError
-from pyinfra.kitti.camera import boxes_from_camera
-from pyinfra.kitti.layout import LABEL_COLUMNS
-from pyinfra.kitti.read import LABEL_RULES
-from pyinfra.kitti.table import NamedRows, between, lines_of
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti.camera import boxes_from_camera
+from pyinfra.formats.kitti.layout import LABEL_COLUMNS
+from pyinfra.formats.kitti.read import LABEL_RULES
+from pyinfra.formats.text_table import NamedRows, between, lines_of
 
 # Middle of the share that KITTI's `occluded` 0, 1, 2 stands for here; 3 is unknown.
 VISIBILITY = (0.9, 0.6, 0.2, 1.0)

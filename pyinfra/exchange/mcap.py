@@ -20,8 +20,8 @@ import numpy as np
 from mcap.records import Schema
 from mcap_ros2.writer import Writer
 
-from pyinfra.arrays import Records
-from pyinfra.atomic import replacing
+from pyinfra.core.arrays import Records
+from pyinfra.core.files import replacing
 from pyinfra.exchange.series import (
     FrameSeries,
     StoredFrame,

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pyinfra import __version__
-from pyinfra.atomic import write
-from pyinfra.boxes import points_in_boxes
+from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.files import write
+from pyinfra.core.version import __version__
 from pyinfra.exchange.road_level import (
     CLASSES,
     RoadFrame,

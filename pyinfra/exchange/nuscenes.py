@@ -32,11 +32,11 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
-from pyinfra.arrays import FloatArray
-from pyinfra.atomic import replacing, write
-from pyinfra.data.frames import frame_numbers
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.core.files import replacing, write
+from pyinfra.dataset.frames import frame_numbers
 from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_frames, read_series
-from pyinfra.kitti import FormatError
 
 Row = dict[str, Any]
 Add = Callable[[Row], None]  # adds a row to a table

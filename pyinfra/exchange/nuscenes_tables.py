@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
-from pyinfra.kitti import FormatError, WorldPose
-from pyinfra.kitti.layout import FARTHEST_M
+from pyinfra.formats.kitti import WorldPose
+from pyinfra.formats.kitti.layout import FARTHEST_M
 
 COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pyinfra.arrays import NameArray
+from pyinfra.core.arrays import NameArray
 
 # By any part of a name such as `vehicle.bus.rigid`, the last one first.
 TYPES = {

@@ -19,7 +19,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from pyinfra.atomic import replacing
+from pyinfra.core.files import replacing
 from pyinfra.exchange.series import (
     FrameSeries,
     StoredFrame,
@@ -28,7 +28,7 @@ from pyinfra.exchange.series import (
     read_frames,
     read_series,
 )
-from pyinfra.kitti import Objects
+from pyinfra.formats.kitti import Objects
 
 Json = dict[str, Any]
 Item = tuple[str, Json]

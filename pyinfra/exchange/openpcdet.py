@@ -14,9 +14,9 @@ from tokenize import TokenError
 
 import numpy as np
 
-from pyinfra import kitti
-from pyinfra.arrays import Points
-from pyinfra.atomic import write
+from pyinfra.core.arrays import Points
+from pyinfra.core.errors import FormatError
+from pyinfra.core.files import write
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.openpcdet_configs import write_configs
@@ -42,7 +42,7 @@ from pyinfra.exchange.road_level import (
     write_lists,
     write_sensor,
 )
-from pyinfra.kitti import FormatError
+from pyinfra.formats import kitti
 
 # What NumPy raises for a header that is none: its words are evaluated as Python's.
 _UNREADABLE = (

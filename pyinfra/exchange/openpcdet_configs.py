@@ -13,10 +13,10 @@ from string import Template
 
 import numpy as np
 
-from pyinfra import kitti
-from pyinfra.arrays import FloatArray
-from pyinfra.atomic import write
-from pyinfra.boxes import CAR_M, LONG_M
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.boxes import CAR_M, LONG_M
+from pyinfra.core.files import write
+from pyinfra.formats import kitti
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
 TEMPLATES = Path(__file__).parent / "openpcdet_models"

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra import kitti
-from pyinfra.arrays import AnyArray, FloatArray, Points, Records
-from pyinfra.data.frame_tables import read_cameras
+from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frame_tables import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -26,8 +25,9 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.kitti import FormatError
-from pyinfra.kitti.layout import FARTHEST_M
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti.layout import FARTHEST_M
+from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
 PLACE: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Of a field here, its name in kitti.FIELDS and its type.

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.data_set import levelled
 from pyinfra.exchange.json_boxes import read_json, read_objects
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.pcd import Headers, points_of
-from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -25,7 +25,8 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.kitti import FormatError, WorldPose
+from pyinfra.formats.kitti import WorldPose
+from pyinfra.formats.pcd_file import read_pcd
 
 LABELS = ("label", "labels")
 

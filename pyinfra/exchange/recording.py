@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
-from pyinfra.kitti import FormatError, WorldPose
-from pyinfra.kitti.layout import FARTHEST_M
-from pyinfra.kitti.table import lines_of
+from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.kitti import WorldPose
+from pyinfra.formats.kitti.layout import FARTHEST_M
+from pyinfra.formats.text_table import lines_of
 
 
 @dataclass(frozen=True)

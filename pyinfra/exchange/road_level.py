@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra import kitti
-from pyinfra.arrays import FloatArray, NameArray, Points
-from pyinfra.atomic import write
-from pyinfra.data.frame_tables import read_cameras
-from pyinfra.data.frames import frame_numbers
-from pyinfra.kitti import VEHICLE_TYPES, Labels
+from pyinfra.core.arrays import FloatArray, NameArray, Points
+from pyinfra.core.files import write
+from pyinfra.dataset.frame_tables import read_cameras
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti import VEHICLE_TYPES, Labels
 
 # Both toolboxes' names; what is not among them has no class there and is left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")

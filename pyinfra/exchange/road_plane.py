@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pyinfra.arrays import BoolArray, FloatArray, Floats, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
 
 REACH_M = (2.0, 60.0)  # of the points that are looked at, from the sensor
 COLUMN_M = 1.0  # in which the lowest is ground, and something moves

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray, Floats
-from pyinfra.data.ground import SHAPE_REACH_M, shape_heights
+from pyinfra.core.arrays import FloatArray, Floats
+from pyinfra.dataset.ground import SHAPE_REACH_M, shape_heights
 from pyinfra.exchange.road_plane import SOFT_M, lowest_points
-from pyinfra.kitti import RoadShape
+from pyinfra.formats.kitti import RoadShape
 
 LEAST_COLUMNS = 100  # under traffic; of fewer a plane is surer
 GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # about the surface, ever closer

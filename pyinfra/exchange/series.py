@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pyinfra import kitti
-from pyinfra.arrays import Points, Records
-from pyinfra.atomic import write
-from pyinfra.boxes import points_in_boxes
-from pyinfra.data.frame_tables import read_cameras
-from pyinfra.data.frames import PERIOD_S
-from pyinfra.kitti import FormatError, Objects
+from pyinfra.core.arrays import Points, Records
+from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.errors import FormatError
+from pyinfra.core.files import write
+from pyinfra.dataset.frame_tables import read_cameras
+from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti import Objects
 
 _KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")  # of dataset.yaml
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.json_boxes import checked_box, number, read_json
 from pyinfra.exchange.pcd import Headers, points_of
-from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -27,7 +27,7 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.kitti import FormatError
+from pyinfra.formats.pcd_file import read_pcd
 
 CLOUDS = ("point_clouds", "_point_clouds", "_points_clouds", "_points")
 LABELS = ("labels_point_clouds", "_labels_point_clouds", "_labels")

@@ -10,8 +10,8 @@ from dataclasses import astuple
 import numpy as np
 import pandas as pd
 
-from pyinfra.evaluation.draws import difference
-from pyinfra.statistics.compare import Measured, over_worlds
+from pyinfra.metrics.comparison import Measured, over_worlds
+from pyinfra.metrics.replicates import difference
 from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
 
 ARMS = {

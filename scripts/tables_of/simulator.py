@@ -6,7 +6,7 @@ import re
 
 import pandas as pd
 
-from pyinfra.evaluation.draws import are_pairs, difference
+from pyinfra.metrics.replicates import are_pairs, difference
 from tables_of.common import DETECTORS, LIDARS, PRESETS, markdown, results, with_interval_of_ap
 
 SHOWN = 90  # letters of a finding

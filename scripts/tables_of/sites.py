@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-from pyinfra.evaluation.draws import difference
+from pyinfra.metrics.replicates import difference
 from tables_of.common import (
     DETECTORS,
     LIDARS,

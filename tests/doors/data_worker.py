@@ -33,7 +33,7 @@ def on_alarm(*_: object) -> None:
 
 def command(words: list[str]) -> tuple[str, str]:
     """ok, refused, traceback or hang; and the last line of its messages."""
-    from pyinfra.cli import main
+    from pyinfra.cli.main import main
 
     err = io.StringIO()
     signal.alarm(PATIENCE_S)

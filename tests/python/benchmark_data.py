@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from pyinfra.benchmark.value import KEY
+from pyinfra.experiments.value import KEY
 
 PRICES = {"ruby_plus": 24000, "livox_avia": 2000, "pandar_64": 6000, "helios_16": 1000}
 AP = {  # of LiDARs, by detector

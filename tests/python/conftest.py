@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from browser import Browser, start_browser
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
 
 # Before torch and OpenBLAS are loaded, here and in what tests start: threads of small operations
 # mostly wait for one another, at work, and the detectors compute with one (network.one_thread).

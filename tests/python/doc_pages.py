@@ -26,7 +26,7 @@ from typing import Any
 
 import yaml
 
-from pyinfra import cli
+from pyinfra.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -91,9 +91,9 @@ def run(command: str, infrasim: Callable[..., object]) -> None:
     elif program in PARSERS:
         PARSERS[program](words)
     elif program == "pyinfra" and ELSEWHERE.search(command):
-        cli.make_parser(words).parse_args(words)
+        main.make_parser(words).parse_args(words)
     elif program == "pyinfra":
-        assert cli.main(small_words(words)) == 0, command
+        assert main.main(small_words(words)) == 0, command
     elif program == "infrasim":
         result: Any = infrasim(*small_words(words), cwd=Path.cwd())
         assert result.returncode == 0, f"{command}: {result.stderr}"
@@ -124,7 +124,7 @@ def parse_torchrun(words: list[str]) -> None:
 
     own = get_args_parser().parse_args(words)
     assert (own.module, own.training_script) == (True, "pyinfra"), words
-    cli.make_parser(own.training_script_args).parse_args(own.training_script_args)
+    main.make_parser(own.training_script_args).parse_args(own.training_script_args)
 
 
 PARSERS = {"ray": parse_ray, "dask": parse_dask, "torchrun": parse_torchrun}

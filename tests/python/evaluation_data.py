@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra import kitti
+from pyinfra.formats import kitti
 
 Vehicle = Mapping[str, object]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra import kitti
+from pyinfra.formats import kitti
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 LIDAR = """name: "pole"

@@ -16,12 +16,12 @@ import torch
 from detector_data import SITE, road_sample
 from torch import Tensor
 
-from pyinfra.detectors import processes
-from pyinfra.detectors.batch import Sample, make_batch
-from pyinfra.training import checkpoint, loop, train
-from pyinfra.training.recipe import Recipe, read_recipe
-from pyinfra.training.samples import Augmentation
-from pyinfra.training.sources import read_source
+from pyinfra.models.detectors import distributed
+from pyinfra.models.detectors.batch import Sample, make_batch
+from pyinfra.models.training import checkpoint, loop, train
+from pyinfra.models.training.recipe import Recipe, read_recipe
+from pyinfra.models.training.samples import Augmentation
+from pyinfra.models.training.sources import read_source
 
 ROOT = Path(__file__).resolve().parents[2]
 # PointRCNN draws points at random, other ones with other processes.
@@ -43,11 +43,11 @@ def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
     """One step of plain descent, whose weights differ by no more than the gradients do."""
     torch.manual_seed(1)
     network = checkpoint.build(detector, recipe(detector).network, SITE).train()
-    processes.share_norms(network)
-    own = samples[processes.rank() :: processes.count()]
+    distributed.share_norms(network)
+    own = samples[distributed.rank() :: distributed.count()]
     parts = network.losses(make_batch(own, network.site.area))
     torch.stack(list(parts.values())).sum().backward()
-    processes.average_gradients(network)
+    distributed.average_gradients(network)
     torch.optim.SGD(network.parameters(), 0.01).step()
     return {f"{detector} {name}": tensor for name, tensor in network.state_dict().items()}
 
@@ -68,8 +68,8 @@ def main(folder: Path, out: Path) -> None:
     few = road_sample(3, 1)
     odd = Sample(few.points[:1], few.boxes[:0])  # the second process has one point
     meet_elsewhere()
-    with processes.joined(torch.device("cpu")):
-        rank, many = processes.rank(), processes.count() > 1
+    with distributed.joined(torch.device("cpu")):
+        rank, many = distributed.rank(), distributed.count() > 1
         found = {}
         for detector in SAME:
             found |= one_step(detector, [road_sample(1), road_sample(2, 2)])

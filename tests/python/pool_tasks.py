@@ -5,7 +5,7 @@ import signal
 import time
 from pathlib import Path
 
-from pyinfra.benchmark.gpus import own_gpu
+from pyinfra.experiments.gpus import own_gpu
 
 
 def dies_once(task: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
 
 SLOPE = 0.06
 OUTLINE = [[-60, -20], [70, -20], [70, 0.5], [10, 0.5], [10, 20], [-60, 20]]

@@ -14,20 +14,24 @@ from safetensors import safe_open  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
 from test_training import CONFIG, LIDAR  # noqa: E402
 
-from pyinfra import cli, kitti  # noqa: E402
-from pyinfra.arrays import Points  # noqa: E402
-from pyinfra.config import ConfigError  # noqa: E402
-from pyinfra.data.ground import level_ground  # noqa: E402
-from pyinfra.detectors import windows  # noqa: E402
-from pyinfra.detectors.batch import Sample, Windows, make_batch  # noqa: E402
-from pyinfra.detectors.network import Network  # noqa: E402
-from pyinfra.exchange import onnx  # noqa: E402
-from pyinfra.training import checkpoint, detect  # noqa: E402
-from pyinfra.training.accumulation import Accumulation, LabelAt, stacked  # noqa: E402
-from pyinfra.training.recipe import Recipe, read_recipe  # noqa: E402
-from pyinfra.training.samples import Augmentation, augmented  # noqa: E402
-from pyinfra.training.sources import Source, read_source, simulated_source  # noqa: E402
-from pyinfra.training.train import common_accumulation, train  # noqa: E402
+from pyinfra.cli import main  # noqa: E402
+from pyinfra.core.arrays import Points  # noqa: E402
+from pyinfra.core.errors import ConfigError  # noqa: E402
+from pyinfra.dataset.ground import level_ground  # noqa: E402
+from pyinfra.formats import kitti  # noqa: E402
+from pyinfra.models.detectors import windows  # noqa: E402
+from pyinfra.models.detectors.batch import Sample, Windows, make_batch  # noqa: E402
+from pyinfra.models.detectors.network import Network  # noqa: E402
+from pyinfra.models.inference import (  # noqa: E402
+    detect,
+    onnx,
+)
+from pyinfra.models.training import checkpoint  # noqa: E402
+from pyinfra.models.training.accumulation import Accumulation, LabelAt, stacked  # noqa: E402
+from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
+from pyinfra.models.training.samples import Augmentation, augmented  # noqa: E402
+from pyinfra.models.training.sources import Source, read_source, simulated_source  # noqa: E402
+from pyinfra.models.training.train import common_accumulation, train  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES = 12
@@ -265,10 +269,10 @@ def test_sources_are_stacked_alike() -> None:
 def test_detect_stacks_data_and_refuses_lone_clouds(
     folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["detect", str(trained), "--data", str(folder), "--out", str(tmp_path)]) == 0
+    assert main.main(["detect", str(trained), "--data", str(folder), "--out", str(tmp_path)]) == 0
     assert len(list(tmp_path.glob("*.txt"))) == 4
     cloud = kitti.frame_file(folder, "velodyne", 9)
-    assert cli.main(["detect", str(trained), str(cloud)]) != 0
+    assert main.main(["detect", str(trained), str(cloud)]) != 0
     assert "found a model of 3 stacked frames, allowed one of single" in capsys.readouterr().err
 
 
@@ -303,5 +307,5 @@ def test_wrong_words_say_what_is_allowed(
     data = [] if "--sites" in words else ["--data", str(folder)]
     rest = [word for word in words if word != "background"]
     config = str(ROOT / f"configs/detectors/{name}.yaml")
-    assert cli.main(["train", config, *data, "--out", str(tmp_path / "o"), *rest]) != 0
+    assert main.main(["train", config, *data, "--out", str(tmp_path / "o"), *rest]) != 0
     assert message in capsys.readouterr().err

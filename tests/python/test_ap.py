@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pyinfra.arrays import BoolArray, FloatArray
-from pyinfra.boxes import bev_iou
-from pyinfra.evaluation import ap, matching
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.boxes import bev_iou
+from pyinfra.metrics import ap, matching
 
 scored_hits = st.lists(st.tuples(st.integers(1, 12), st.booleans()), max_size=60)
 

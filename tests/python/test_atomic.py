@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra.atomic import new_folder, replacing
-from pyinfra.cli import message_of
+from pyinfra.cli.main import message_of
+from pyinfra.core.files import new_folder, replacing
 
 DEAD = 2**31 - 2  # beyond the system's process ids
 

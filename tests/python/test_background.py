@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from evaluation_data import write_lidar, write_roads
 
-from pyinfra import cli, kitti
-from pyinfra.arrays import FloatArray, Points
-from pyinfra.boxes import bev_iou, iou_3d
-from pyinfra.data.ground import ground_of_roads
-from pyinfra.data.regions import Region, Road, outline_region, roads_region
-from pyinfra.detectors import Detector
-from pyinfra.detectors.background import DEFAULT, Background, _clusters, _road_cells
+from pyinfra.cli import main
+from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.boxes import bev_iou, iou_3d
+from pyinfra.dataset.ground import ground_of_roads
+from pyinfra.dataset.regions import Region, Road, outline_region, roads_region
+from pyinfra.formats import kitti
+from pyinfra.models.detectors import Detector
+from pyinfra.models.detectors.background import DEFAULT, Background, _clusters, _road_cells
 
 ROOT = Path(__file__).resolve().parents[2]
 SENSOR_HEIGHT_M = 6.0
@@ -446,7 +447,7 @@ def test_a_file_that_is_not_there_is_another_error(tmp_path: Path) -> None:
 
 
 def test_neither_torch_nor_the_extension_is_imported() -> None:
-    code = "import sys, pyinfra.detectors.background; print(*sys.modules)"
+    code = "import sys, pyinfra.models.detectors.background; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert {"torch", "pyinfra._core"}.isdisjoint(run.stdout.split())
 
@@ -466,9 +467,9 @@ def recording(tmp_path: Path) -> Path:
 def centres_y(folder: Path, out: Path, *words: str) -> FloatArray:
     """y of what `pyinfra train` and then `pyinfra detect` find in the folder's frames."""
     recipe = ROOT / "configs/detectors/background.yaml"
-    assert cli.main(["train", str(recipe), "--data", str(folder), "--out", str(out), *words]) == 0
+    assert main.main(["train", str(recipe), "--data", str(folder), "--out", str(out), *words]) == 0
     found = out / "predictions"
-    assert cli.main(["detect", str(out), "--data", str(folder), "--out", str(found)]) == 0
+    assert main.main(["detect", str(out), "--data", str(folder), "--out", str(found)]) == 0
     files = sorted(found.glob("*.txt"))
     return np.concatenate([kitti.read_labels(file, scores=True).boxes[:, 1] for file in files])
 
@@ -495,7 +496,7 @@ def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
 ) -> None:
     (tmp_path / "background.npz").touch()
     words = ["detect", str(tmp_path), str(tmp_path / "cloud.bin"), "--height-m", "6"]
-    assert cli.main(words) == 2
+    assert main.main(words) == 2
     assert "--height-m: found one for background" in capsys.readouterr().err
 
 
@@ -504,5 +505,5 @@ def test_a_region_for_another_detector_is_an_error(
 ) -> None:
     recipe, file = ROOT / "configs/detectors/pointpillars.yaml", tmp_path / "region.yaml"
     words = ["--data", str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
-    assert cli.main(["train", str(recipe), *words]) == 2
+    assert main.main(["train", str(recipe), *words]) == 2
     assert "--region: found a file, allowed for background" in capsys.readouterr().err

@@ -16,14 +16,15 @@ import pytest
 import ray
 from pool_tasks import dies, dies_once, its_gpus, takes_a_gpu
 
-from pyinfra import cli
-from pyinfra.benchmark import frames, gpus, measure, pool, store
-from pyinfra.benchmark.gpus import own_gpu
-from pyinfra.benchmark.matrix import Cell, read_plan
-from pyinfra.benchmark.value import KEY, Costs, covered, value_table
-from pyinfra.config import ConfigError
-from pyinfra.simulator.catalogue import configs
-from pyinfra.training.recipe import read_recipe
+from pyinfra.cli import main
+from pyinfra.core.errors import ConfigError
+from pyinfra.dataset.catalogue import configs
+from pyinfra.experiments import gpus, pool, store
+from pyinfra.experiments.benchmark import frames, measure
+from pyinfra.experiments.benchmark.matrix import Cell, read_plan
+from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.value import KEY, Costs, covered, value_table
+from pyinfra.models.training.recipe import read_recipe
 
 TINY = """
 detector: pointpillars
@@ -68,7 +69,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("benchmark")
     (folder / "tiny.yaml").write_text(TINY.format(tier="smoke"))
     (folder / "small.yaml").write_text(MATRIX)
-    assert cli.main(words(folder / "small.yaml", folder / "out", "--jobs", 1)) == 0
+    assert main.main(words(folder / "small.yaml", folder / "out", "--jobs", 1)) == 0
     return folder / "out"
 
 
@@ -109,7 +110,7 @@ def test_each_cell_has_areas_distances_and_a_price(results: Path) -> None:
 def test_the_same_command_again_computes_nothing(results: Path, config: Path) -> None:
     before = (results / "smoke.csv").read_bytes()
     started = time.monotonic()
-    assert cli.main(words(results.parent / "small.yaml", results)) == 0
+    assert main.main(words(results.parent / "small.yaml", results)) == 0
     assert time.monotonic() - started < 20
     assert (results / "smoke.csv").read_bytes() == before
 
@@ -117,7 +118,7 @@ def test_the_same_command_again_computes_nothing(results: Path, config: Path) ->
 def test_latency_can_be_measured_again_alone(results: Path) -> None:
     before = pd.read_csv(results / "smoke.csv")
     before.assign(latency_p50_ms=-1.0).to_csv(results / "smoke.csv", index=False)
-    assert cli.main([*words(results.parent / "small.yaml", results), "--latency"]) == 0
+    assert main.main([*words(results.parent / "small.yaml", results), "--latency"]) == 0
     after = pd.read_csv(results / "smoke.csv")
     assert (after.latency_p50_ms > 0).all()
     assert list(after.columns) == list(before.columns)
@@ -128,7 +129,7 @@ def test_latency_without_a_run_is_an_error(
     results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     again = ["--work", str(tmp_path), "--latency"]
-    assert cli.main([*words(results.parent / "small.yaml", results), *again]) == 1
+    assert main.main([*words(results.parent / "small.yaml", results), *again]) == 1
     assert f"No run of the {CELLS} finished cells is in" in capsys.readouterr().err
 
 
@@ -138,12 +139,12 @@ def test_a_failed_cell_is_a_row_with_its_reason_and_is_tried_again(
     config.write_text(MATRIX.replace(", livox_avia", ""))
     good = (tmp_path / "tiny.yaml").read_text()
     (tmp_path / "tiny.yaml").write_text(good.replace("steps: 3", "steps: 0"))
-    assert cli.main(words(config, tmp_path / "out", "--jobs", 1)) == 1
+    assert main.main(words(config, tmp_path / "out", "--jobs", 1)) == 1
     table = pd.read_csv(tmp_path / "out/smoke.csv").set_index("detector")
     assert pd.isna(table.reason["background"])
     assert "steps: found 0" in table.reason["tiny"]
     (tmp_path / "tiny.yaml").write_text(good)
-    assert cli.main(words(config, tmp_path / "out", "--jobs", 1)) == 0
+    assert main.main(words(config, tmp_path / "out", "--jobs", 1)) == 0
     assert cells_of(tmp_path / "out").get("reason", pd.Series()).isna().all()
 
 
@@ -155,7 +156,7 @@ def test_a_run_killed_and_resumed_equals_an_uninterrupted_one(
     for jobs, pattern in first_file.items():
         kill_when_there(tmp_path, pattern, words(config, out, "--jobs", jobs))
     assert 0 < len(cells_of(out)) < CELLS
-    assert cli.main(words(config, out, "--jobs", 2)) == 0
+    assert main.main(words(config, out, "--jobs", 2)) == 0
     pd.testing.assert_frame_equal(cells_of(out), cells_of(results))
     for name in ("areas", "distance"):
         mine, theirs = (pd.read_csv(f / f"smoke_{name}.csv") for f in (out, results))
@@ -284,14 +285,14 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
 def test_a_cluster_gives_the_same_rows(
     backend: str, results: Path, config: Path, tmp_path: Path
 ) -> None:
-    assert cli.main(words(config, tmp_path / "out", "--jobs", 2, "--backend", backend)) == 0
+    assert main.main(words(config, tmp_path / "out", "--jobs", 2, "--backend", backend)) == 0
     pd.testing.assert_frame_equal(cells_of(tmp_path / "out"), cells_of(results))
 
 
 def test_a_dry_run_names_the_cells_and_their_time(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(words(config, tmp_path / "out", "--dry-run", "--jobs", 2)) == 0
+    assert main.main(words(config, tmp_path / "out", "--dry-run", "--jobs", 2)) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "highway helios_16 paper background smoke 1: 20 s"
     # Two of 20 s and two of 60 s.
@@ -468,7 +469,8 @@ def test_text_stays_text_beside_an_empty_cell(tmp_path: Path) -> None:
 
 def test_rows_of_two_processes_are_all_there(tmp_path: Path) -> None:
     code = (
-        "import sys, pandas as pd; from pathlib import Path; from pyinfra.benchmark import store\n"
+        "import sys, pandas as pd; from pathlib import Path\n"
+        "from pyinfra.experiments import store\n"
         "for i in range(20):\n"
         "    row = pd.DataFrame([{'who': sys.argv[1], 'i': i}])\n"
         f"    store.put(Path({str(tmp_path / 't.csv')!r}), row, ['who', 'i'])"

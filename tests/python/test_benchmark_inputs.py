@@ -8,13 +8,13 @@ import pandas as pd
 import pytest
 import yaml
 
-from pyinfra import cli
-from pyinfra.benchmark import frames, inputs
-from pyinfra.benchmark.cell_inputs import claim_run, recipe_digest
-from pyinfra.benchmark.matrix import read_plan
-from pyinfra.config import ConfigError
-from pyinfra.simulator.catalogue import configs
-from pyinfra.training.recipe import read_recipe
+from pyinfra.cli import main
+from pyinfra.core.errors import ConfigError
+from pyinfra.dataset.catalogue import configs
+from pyinfra.experiments.benchmark import frames, inputs
+from pyinfra.experiments.benchmark.matrix import read_plan
+from pyinfra.experiments.benchmark.provenance import claim_run, recipe_digest
+from pyinfra.models.training.recipe import read_recipe
 
 MATRIX = """
 frames: 0:20:5
@@ -45,7 +45,7 @@ def config(tmp_path: Path) -> Path:
 def run(config: Path, *more: str) -> int:
     folder = config.parent
     words = [str(config), "--tier", "smoke", "--out", str(folder / "out"), "--jobs", "1"]
-    return cli.main(["benchmark", *words, "--work", str(folder / "work"), *more])
+    return main.main(["benchmark", *words, "--work", str(folder / "work"), *more])
 
 
 def changed(file: Path, old: str, new: str) -> None:

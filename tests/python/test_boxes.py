@@ -10,8 +10,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pyinfra.arrays import FloatArray
-from pyinfra.boxes import (
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.boxes import (
     bev_iou,
     bev_overlap,
     iou_3d,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pyinfra.detectors.calibration import calibrated, fit, logit
+from pyinfra.models.detectors.calibration import calibrated, fit, logit
 
 
 @pytest.mark.parametrize("line", [(1.0, 0.0), (2.0, -1.5), (0.5, 1.0)])

@@ -11,20 +11,20 @@ from test_detectors import crossing
 
 torch = pytest.importorskip("torch")
 
-from pyinfra.config import ConfigError  # noqa: E402
-from pyinfra.data.frame_tables import Vehicles  # noqa: E402
-from pyinfra.detectors import Detections, calibration  # noqa: E402
-from pyinfra.detectors.batch import Sample, Windows, make_batch  # noqa: E402
-from pyinfra.detectors.bev import BevConfig  # noqa: E402
-from pyinfra.detectors.centerpoint_pillar import CenterPointPillar, Config  # noqa: E402
-from pyinfra.detectors.centre_head import AxisHead  # noqa: E402
-from pyinfra.detectors.classes import OBJECT_CLASSES, TYPES, ObjectClass, numbers_of  # noqa: E402
-from pyinfra.detectors.windows import view_of  # noqa: E402
-from pyinfra.training import checkpoint, train, validation  # noqa: E402
-from pyinfra.training.checkpoint import About, config_of  # noqa: E402
-from pyinfra.training.recipe import Learning, Recipe  # noqa: E402
-from pyinfra.training.samples import Augmentation, Frames, augmented  # noqa: E402
-from pyinfra.training.sources import Source, hit_boxes  # noqa: E402
+from pyinfra.core.errors import ConfigError  # noqa: E402
+from pyinfra.dataset.frame_tables import Vehicles  # noqa: E402
+from pyinfra.models.detectors import Detections, calibration  # noqa: E402
+from pyinfra.models.detectors.batch import Sample, Windows, make_batch  # noqa: E402
+from pyinfra.models.detectors.bev import BevConfig  # noqa: E402
+from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar, Config  # noqa: E402
+from pyinfra.models.detectors.centre_head import AxisHead  # noqa: E402
+from pyinfra.models.detectors.classes import OBJECT_CLASSES, TYPES, ObjectClass, numbers_of  # noqa: E402
+from pyinfra.models.detectors.windows import view_of  # noqa: E402
+from pyinfra.models.training import checkpoint, train, validation  # noqa: E402
+from pyinfra.models.training.checkpoint import About, config_of  # noqa: E402
+from pyinfra.models.training.recipe import Learning, Recipe  # noqa: E402
+from pyinfra.models.training.samples import Augmentation, Frames, augmented  # noqa: E402
+from pyinfra.models.training.sources import Source, hit_boxes  # noqa: E402
 
 ALL: tuple[ObjectClass, ...] = ("vehicle", "pedestrian", "cyclist")
 SMALL = BevConfig(layers=(1, 1), widths=(8, 8), strides=(2, 2), up_width=8)

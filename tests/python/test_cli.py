@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra import cli
-from pyinfra.commands import demo
-from pyinfra.simulator import catalogue, runs
+from pyinfra.cli import demo, main
+from pyinfra.dataset import catalogue, runs
 
 
 @pytest.mark.slow
@@ -19,7 +18,7 @@ def test_demo_writes_all_it_names_and_resumes(
     monkeypatch.setattr(demo, "SCENES", ("highway",))
     monkeypatch.setattr(demo, "LIDARS", ("livox_avia", "helios_16"))
     command = ["demo", "--out", str(tmp_path), "--frames", "4:6"]
-    assert cli.main(command) == 0
+    assert main.main(command) == 0
     first = capsys.readouterr()
     named = [Path(line.split()[-1]) for line in first.out.splitlines() if str(tmp_path) in line]
     assert len(named) == 2 + 4
@@ -28,7 +27,7 @@ def test_demo_writes_all_it_names_and_resumes(
     assert "pictures" in first.err
     frame = tmp_path / "data/highway/helios_16/training/velodyne/000004.bin"
     before = frame.stat().st_mtime_ns
-    assert cli.main(command) == 0
+    assert main.main(command) == 0
     assert capsys.readouterr().out == first.out
     assert frame.stat().st_mtime_ns == before
 
@@ -59,12 +58,12 @@ def test_errors_are_one_line_on_stderr(tmp_path: Path, words: list[str], code: i
     assert messages[0].startswith("pyinfra")
 
 
-@pytest.mark.parametrize("command", [command.name for command in cli.COMMANDS])
+@pytest.mark.parametrize("command", [command.name for command in main.COMMANDS])
 def test_help_of_every_command_has_an_example(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as done:
-        cli.main([command, "--help"])
+        main.main([command, "--help"])
     assert done.value.code == 0
     assert f"example: pyinfra {command}" in capsys.readouterr().out
 

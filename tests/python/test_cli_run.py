@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from pyinfra.arrays import AnyArray, Float32Array
+from pyinfra.core.arrays import AnyArray, Float32Array
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pyinfra import cli
-from pyinfra.drawing import clouds
-from pyinfra.simulator import catalogue, runs
+from pyinfra.cli import main
+from pyinfra.dataset import catalogue, runs
+from pyinfra.viz import clouds
 
 
 def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = tmp_path / "highway"
     lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "helios_16")]
     runs.simulate(catalogue.scene_file("highway"), lidars, "2:3", data)
-    assert cli.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 0
+    assert main.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 0
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
     views = ["sheet.png", "highway_helios_16.png", "highway_livox_avia.png"]
     assert names == [*views, "plan_highway.png", "cutouts_highway.png"]
@@ -26,10 +26,10 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
         seen = {colour for _, colour in colours}
         assert (0, 32, 91) in seen, "no box of a vehicle with many points"  # 00205B
         assert (213, 94, 0) in seen, "no crossed-out box of a missed vehicle"  # D55E00
-    assert cli.main(["pictures", str(data), "--frame", "-1", "--out", str(tmp_path / "out")]) == 2
+    assert main.main(["pictures", str(data), "--frame", "-1", "--out", str(tmp_path / "out")]) == 2
     assert "--frame: found -1, allowed 2 to 2" in capsys.readouterr().err
     (data / "helios_16/training/velodyne/000002.bin").unlink()
-    assert cli.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 2
+    assert main.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 2
     assert "found 2, allowed none, as the folder has no frame" in capsys.readouterr().err
 
 

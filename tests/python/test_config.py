@@ -7,7 +7,8 @@ from typing import Literal
 
 import pytest
 
-from pyinfra.config import ConfigError, as_plain, from_plain, read_config, ruled
+from pyinfra.core.config import as_plain, from_plain, read_config, ruled
+from pyinfra.core.errors import ConfigError
 
 
 @dataclass(frozen=True)

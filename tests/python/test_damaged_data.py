@@ -16,19 +16,20 @@ from evaluation_data import (
 )
 from exchange_data import write_recording
 
-from pyinfra import cli, kitti
-from pyinfra.data.data_set import read_data_set, read_lidars
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import frame_numbers, lidar_folders
-from pyinfra.evaluation.evaluate import evaluate
-from pyinfra.evaluation.frame_checks import validate
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import Settings
+from pyinfra.cli import main
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.data_set import read_data_set, read_lidars
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frames import frame_numbers, lidar_folders
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
-from pyinfra.kitti import FormatError
-from pyinfra.training.sources import read_source
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.frame_checks import validate
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import Settings
+from pyinfra.models.training.sources import read_source
 
 DATASET = "name: a\nseed: 1\naggregation: exact\npreset: paper\nversion: 0.1.0\n"
 
@@ -173,7 +174,7 @@ def test_a_hidden_folder_is_no_lidar(data_set: Path) -> None:
     assert lidar_folders(data_set) == [data_set / "near"]
     assert read_data_set(data_set).names == ("near",)
     assert len(read_ground_truth(data_set / "near").neighbours) == 1
-    assert cli.main(["validate", str(data_set)]) == 0
+    assert main.main(["validate", str(data_set)]) == 0
 
 
 def test_a_killed_import_leaves_nothing_that_is_read(
@@ -230,7 +231,7 @@ def test_lidars_of_one_data_set_are_of_one_run(
         with pytest.raises(FormatError, match=f"near/lidar.yaml:{message}"):
             read(data_set)
     assert any(message in f.text for f in validate(data_set / "far") if f.level == "error")
-    assert cli.main(["validate", str(data_set)]) == 1
+    assert main.main(["validate", str(data_set)]) == 1
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pyinfra import cli, kitti
-from pyinfra.data import release
-from pyinfra.data.split import VAL_FROM_S
-from pyinfra.simulator import catalogue
+from pyinfra.cli import main
+from pyinfra.dataset import catalogue, release
+from pyinfra.dataset.split import VAL_FROM_S
+from pyinfra.formats import kitti
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two frames of three scenes and four LiDARs."""
     out = tmp_path_factory.mktemp("data") / "paper"
-    assert cli.main(["dataset", "--frames", "2", "--out", str(out)]) == 0
+    assert main.main(["dataset", "--frames", "2", "--out", str(out)]) == 0
     return out
 
 
@@ -47,14 +47,14 @@ def test_any_number_of_frames_can_be_split() -> None:
 @pytest.mark.parametrize("count", ["1", "5001"])
 def test_wrong_number_of_frames_is_one_line(count: str, tmp_path: Path, capsys) -> None:
     out = tmp_path / "data"
-    assert cli.main(["dataset", "--frames", count, "--out", str(out)]) == 2
+    assert main.main(["dataset", "--frames", count, "--out", str(out)]) == 2
     assert capsys.readouterr().err == (f"pyinfra: --frames: found {count}, allowed 2 to 5000\n")
     assert not out.exists()
 
 
 def test_wrong_preset_is_one_line_and_writes_nothing(tmp_path: Path, capsys) -> None:
     out = tmp_path / "data"
-    assert cli.main(["dataset", "--preset", "best", "--frames", "2", "--out", str(out)]) == 2
+    assert main.main(["dataset", "--preset", "best", "--frames", "2", "--out", str(out)]) == 2
     assert "found no preset 'best', allowed paper, equal, datasheet" in capsys.readouterr().err
     assert not out.exists()
 

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 from benchmark_data import PRICES, cells, draws_of, key_of, values
 
-from pyinfra.benchmark.detection_claims import claims_table
-from pyinfra.benchmark.paper import paper_table
-from pyinfra.data.paper_tables import paper_ap
-from pyinfra.evaluation.draws import difference, slope
-from pyinfra.statistics.compare import Bootstrapped, over_worlds
+from pyinfra.dataset.paper_tables import paper_ap
+from pyinfra.experiments.benchmark.detection_claims import claims_table
+from pyinfra.experiments.benchmark.paper import paper_table
+from pyinfra.metrics.comparison import Bootstrapped, over_worlds
+from pyinfra.metrics.replicates import difference, slope
 
 
 def tables(half: float = 1.0) -> dict[str, pd.DataFrame]:

@@ -13,28 +13,22 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 
 from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E402
 
-from pyinfra import boxes as exact  # noqa: E402
-from pyinfra.data.outlines import in_outline  # noqa: E402
-from pyinfra.data.regions import Region, Road, roads_region  # noqa: E402
-from pyinfra.detectors import Detections  # noqa: E402
-from pyinfra.detectors import network as network_module  # noqa: E402
-from pyinfra.detectors.anchors import (  # noqa: E402
-    AnchorConfig,
-    Anchors,
-    decode,
-    encode,
-    is_backwards,
-)
-from pyinfra.detectors.batch import Area, Sample, make_batch  # noqa: E402
-from pyinfra.detectors.catalogue import DETECTORS  # noqa: E402
-from pyinfra.detectors.centre_head import AxisHead, CentreHead  # noqa: E402
-from pyinfra.detectors.fused import fused  # noqa: E402
-from pyinfra.detectors.network import Network, one_thread  # noqa: E402
-from pyinfra.detectors.pillars import PillarEncoder  # noqa: E402
-from pyinfra.detectors.site import Site, site_of  # noqa: E402
-from pyinfra.kitti import WorldPose  # noqa: E402
-from pyinfra.training import checkpoint  # noqa: E402
-from pyinfra.training.recipe import read_recipe  # noqa: E402
+from pyinfra.core import boxes as exact  # noqa: E402
+from pyinfra.dataset.outlines import in_outline  # noqa: E402
+from pyinfra.dataset.regions import Region, Road, roads_region  # noqa: E402
+from pyinfra.formats.kitti import WorldPose  # noqa: E402
+from pyinfra.models.detectors import Detections  # noqa: E402
+from pyinfra.models.detectors import network as network_module  # noqa: E402
+from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards  # noqa: E402
+from pyinfra.models.detectors.batch import Area, Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.catalogue import DETECTORS  # noqa: E402
+from pyinfra.models.detectors.centre_head import AxisHead, CentreHead  # noqa: E402
+from pyinfra.models.detectors.detection_area import Site, site_of  # noqa: E402
+from pyinfra.models.detectors.fuse_batchnorm import fused  # noqa: E402
+from pyinfra.models.detectors.network import Network, one_thread  # noqa: E402
+from pyinfra.models.detectors.pillars import PillarEncoder  # noqa: E402
+from pyinfra.models.training import checkpoint  # noqa: E402
+from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")

@@ -11,8 +11,9 @@ import pytest
 import site_maps
 import yaml
 
-from pyinfra import cli, kitti
-from pyinfra.exchange.pcd_file import write_pcd
+from pyinfra.cli import main
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import write_pcd
 from scripts import tables
 
 pytest.importorskip("torch", reason="the extra `detectors` is not installed")
@@ -28,7 +29,7 @@ def make_recording(infrasim: Callable[..., object], run_command: Callable[..., l
     """30 frames of a simulation as somebody else's recording."""
     infrasim(*run_command("helios_16", frames="0:30", out=Path("site").resolve()), check=True)
     words = ["--to", "pcd", "--out", "recordings/junction"]
-    assert cli.main(["export", "site/helios_16", *words]) == 0
+    assert main.main(["export", "site/helios_16", *words]) == 0
 
 
 def make_clouds(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
@@ -86,7 +87,9 @@ def test_every_command_of_the_page_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("pyinfra.benchmark.matrix.configs", lambda: tmp_path / "configs")
+    monkeypatch.setattr(
+        "pyinfra.experiments.benchmark.matrix.configs", lambda: tmp_path / "configs"
+    )
     if page.stem in GIVEN:
         GIVEN[page.stem](infrasim, run_command)
     doc_pages.run_page(page, infrasim)
@@ -105,7 +108,7 @@ def test_a_map_becomes_a_recommendation_in_few_commands() -> None:
 
 @pytest.mark.parametrize("page", doc_pages.PAGES, ids=lambda page: page.stem)
 def test_commands_inside_sentences_exist(page: Path, infrasim: Callable[..., object]) -> None:
-    known = {command.name for command in cli.COMMANDS}
+    known = {command.name for command in main.COMMANDS}
     for program, *words in doc_pages.spoken(page):
         if program == "make":
             doc_pages.check_make(words)
@@ -120,7 +123,7 @@ def test_commands_inside_sentences_exist(page: Path, infrasim: Callable[..., obj
 
 
 def help_of(command: str) -> str:
-    parser = cli.make_parser([command])
+    parser = main.make_parser([command])
     (commands,) = (a for a in parser._actions if a.dest != "help" and a.nargs == "A...")
     return str(commands.choices[command].format_help())
 
@@ -173,7 +176,7 @@ def test_the_detector_of_the_page_is_short() -> None:
 
 
 def test_the_configuration_of_the_page_is_one(tmp_path: Path) -> None:
-    from pyinfra.training.recipe import read_recipe
+    from pyinfra.models.training.recipe import read_recipe
 
     (text,) = (b.text for b in doc_pages.blocks(page("own_detector")) if b.kind == "yaml")
     (tmp_path / "own.yaml").write_text(text)

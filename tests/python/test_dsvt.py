@@ -11,11 +11,12 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import SITE, road_sample  # noqa: E402
 from torch import Tensor  # noqa: E402
 
-from pyinfra.config import ConfigError, from_plain  # noqa: E402
-from pyinfra.detectors.batch import Sample, make_batch  # noqa: E402
-from pyinfra.detectors.dsvt import Config, Dsvt, IouHead, SetAttention, Transformer  # noqa: E402
-from pyinfra.detectors.ops.sets import Sets, VoxelWindows, partition, windows_of  # noqa: E402
-from pyinfra.training.recipe import read_recipe  # noqa: E402
+from pyinfra.core.config import from_plain  # noqa: E402
+from pyinfra.core.errors import ConfigError  # noqa: E402
+from pyinfra.models.detectors.batch import Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.dsvt import Config, Dsvt, IouHead, SetAttention, Transformer  # noqa: E402
+from pyinfra.models.ops.sets import Sets, VoxelWindows, partition, windows_of  # noqa: E402
+from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = 36

@@ -20,16 +20,16 @@ from evaluation_data import (
     write_roads,
 )
 
-from pyinfra import cli, kitti
-from pyinfra.commands.evaluate import class_types
-from pyinfra.config import ConfigError
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.frames import frame_numbers
-from pyinfra.evaluation.evaluate import evaluate
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import Settings
-from pyinfra.evaluation.result import Evaluation
-from pyinfra.kitti import FormatError
+from pyinfra.cli import main
+from pyinfra.cli.evaluate import class_types
+from pyinfra.core.errors import ConfigError, FormatError
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import Settings
 
 Found = list[tuple[list[float], float]]
 SETS = ("captured", "common", "all")
@@ -479,7 +479,7 @@ def test_command_writes_tables_and_figures(
     pred = write_predictions(tmp_path / "pred", noisy(frames))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
     options = ["--ground-truth", *SETS, "--iou", "0.5", "0.7", "--protocol", "definition", "kitti"]
-    assert cli.main(["evaluate", *words, *options]) == 0
+    assert main.main(["evaluate", *words, *options]) == 0
     printed = capsys.readouterr()
     assert "vehicle     captured" in printed.out
     table = pd.read_csv(tmp_path / "out/ap.csv")
@@ -504,7 +504,7 @@ def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
     pred = write_predictions(tmp_path / "pred", noisy(frames))
     for out in ("a", "b"):
         words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / out)]
-        assert cli.main(["evaluate", *words]) == 0
+        assert main.main(["evaluate", *words]) == 0
     for file in (tmp_path / "a").iterdir():
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
 
@@ -540,7 +540,7 @@ def test_a_wrong_line_is_named(
     file = pred / "000001.txt"
     file.write_text(spoiled(file.read_text(), change))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
-    assert cli.main(["evaluate", *words]) == 1
+    assert main.main(["evaluate", *words]) == 1
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
@@ -645,7 +645,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
     pred = write_predictions(tmp_path / "pred", perfect(frames))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out"), *options]
     try:
-        code: object = cli.main(["evaluate", *words])
+        code: object = main.main(["evaluate", *words])
     except SystemExit as stop:
         code = stop.code
     error = capsys.readouterr().err
@@ -656,7 +656,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
 
 def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--gt", str(tmp_path), "--pred", str(tmp_path), "--out", str(tmp_path / "out")]
-    assert cli.main(["evaluate", *words]) == 1
+    assert main.main(["evaluate", *words]) == 1
     assert capsys.readouterr().err == (
         f"pyinfra: {tmp_path}: No training/velodyne or training/label_2 in it\n"
     )

@@ -20,8 +20,9 @@ from exchange_data import (
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange import mcap
+from pyinfra.formats import kitti
 
 TYPES = {4: "<u2", 5: "<i4", 7: "<f4"}  # of sensor_msgs/PointField
 
@@ -165,7 +166,7 @@ def test_a_broken_frame_is_named_and_leaves_no_file(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[:-12])
     out = tmp_path / "out"
     out.mkdir()
-    with pytest.raises(kitti.FormatError, match=r"000007\.bin: found 9 records, allowed one"):
+    with pytest.raises(FormatError, match=r"000007\.bin: found 9 records, allowed one"):
         mcap.export(folder, [5, 6, 7], out)
     assert list(out.iterdir()) == []
 

@@ -11,8 +11,9 @@ import pytest
 from exchange_data import BOXES, FRAMES, LIDARS, points, to_world, without, write_recording
 from nuscenes_reader import Database
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange import nuscenes
+from pyinfra.formats import kitti
 
 
 def exported(folder: Path, frames: list[int], out: Path) -> Database:
@@ -99,7 +100,7 @@ def test_a_frame_of_both_lists_is_an_error(tmp_path: Path) -> None:
     (folder / "ImageSets").mkdir()
     for part in ("train", "val"):
         (folder / f"ImageSets/{part}.txt").write_text("000005\n")
-    with pytest.raises(kitti.FormatError, match=r"val\.txt: found frame 5, which train\.txt has"):
+    with pytest.raises(FormatError, match=r"val\.txt: found frame 5, which train\.txt has"):
         nuscenes.export(folder, [5], tmp_path)
 
 
@@ -163,7 +164,7 @@ def test_a_broken_frame_is_named_and_leaves_no_table(tmp_path: Path) -> None:
     kitti.frame_file(folder, "objects", 7).write_text("id\n")
     out = tmp_path / "out"
     out.mkdir()
-    with pytest.raises(kitti.FormatError, match=r"000007\.csv:1: found 'id'"):
+    with pytest.raises(FormatError, match=r"000007\.csv:1: found 'id'"):
         nuscenes.export(folder, [5, 6, 7], out)
     assert list((out / "v1.0-infrasim").iterdir()) == []
 

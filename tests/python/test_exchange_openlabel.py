@@ -21,8 +21,9 @@ from exchange_data import (
     write_recording,
 )
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange import openlabel
+from pyinfra.formats import kitti
 
 
 def exported(folder: Path, frames: list[int], out: Path) -> dict[str, Any]:
@@ -145,7 +146,7 @@ def test_a_broken_frame_is_named_and_leaves_no_labels(tmp_path: Path) -> None:
     kitti.frame_file(folder, "objects", 7).write_text("id\n")
     out = tmp_path / "out"
     out.mkdir()
-    with pytest.raises(kitti.FormatError, match=r"000007\.csv:1: found 'id'"):
+    with pytest.raises(FormatError, match=r"000007\.csv:1: found 'id'"):
         openlabel.export(folder, [5, 6, 7], out)
     assert [path.name for path in out.iterdir()] == ["points"]
 

@@ -7,12 +7,12 @@ import pytest
 from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
 from pypcd4 import Encoding, PointCloud
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.exports import export
 from pyinfra.exchange.formats import reader
-from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import Options
-from pyinfra.kitti import FormatError
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import read_pcd
 
 ALL = ("x", "y", "z", "intensity", "time", "ring", "object_id", "class")
 

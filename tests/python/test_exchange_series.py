@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from exchange_data import BOXES, boxes_of, names_of, objects_of, without, write_recording
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange import mcap, nuscenes, openlabel
 from pyinfra.exchange.series import read_frames, read_series
+from pyinfra.formats import kitti
 
 
 def test_boxes_hold_in_the_middle_of_their_frame(tmp_path: Path) -> None:
@@ -55,7 +56,7 @@ def test_an_id_twice_in_a_frame_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     file = kitti.frame_file(folder, "objects", 5)
     file.write_text(file.read_text().replace("\n8,", "\n3,"))
-    with pytest.raises(kitti.FormatError, match=r"000005\.csv:3: id: found 3 twice, allowed once"):
+    with pytest.raises(FormatError, match=r"000005\.csv:3: id: found 3 twice, allowed once"):
         list(read_frames(read_series(folder), [5]))
 
 
@@ -70,7 +71,7 @@ def test_objects_that_nobody_tracked_are_new_ones_in_every_frame(tmp_path: Path)
 def test_a_description_that_is_no_mapping_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     (tmp_path / "dataset.yaml").write_text("highway\n")
-    with pytest.raises(kitti.FormatError, match=r"dataset\.yaml:1: found no mapping"):
+    with pytest.raises(FormatError, match=r"dataset\.yaml:1: found no mapping"):
         read_series(folder)
 
 
@@ -102,5 +103,5 @@ def test_a_name_that_leads_out_of_the_folder_is_an_error(
     folder = write_recording(tmp_path)
     text = (tmp_path / file).read_text()
     (tmp_path / file).write_text(text.replace(f'"{name}"', '"../x"'))
-    with pytest.raises(kitti.FormatError, match=rf"{file}: name: found '\.\./x', allowed a name"):
+    with pytest.raises(FormatError, match=rf"{file}: name: found '\.\./x', allowed a name"):
         read_series(folder)

@@ -8,8 +8,8 @@ import pytest
 from exchange_data import BOXES, LIDARS, points, write_recording
 from toolbox_readers import grid_of, listed, mmdet3d, openpcdet, openpcdet_config
 
-from pyinfra import kitti
 from pyinfra.exchange.exports import export
+from pyinfra.formats import kitti
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
 UP = np.array([0, 0, 6, 0, 0, 0, 0])  # from the sensor to the road

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from exchange_data import write_recording
 
-from pyinfra import cli, kitti
+from pyinfra.cli import main
 from pyinfra.exchange import formats
+from pyinfra.formats import kitti
 
 
 @pytest.fixture
@@ -25,7 +26,7 @@ def words(pole: Path, out: Path, name: str = "pcd") -> list[str]:
 def test_every_format_is_written_whole(
     name: str, pole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(words(pole, tmp_path / "out", name)) == 0
+    assert main.main(words(pole, tmp_path / "out", name)) == 0
     out, err = capsys.readouterr()
     assert out.startswith(f"{tmp_path / 'out'}: 3 frames, ")
     assert out.endswith(" MB/s\n")
@@ -35,7 +36,7 @@ def test_every_format_is_written_whole(
 
 def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
     def written(out: str, *more: str) -> list[str]:
-        assert cli.main([*words(pole, tmp_path / out), *more]) == 0
+        assert main.main([*words(pole, tmp_path / out), *more]) == 0
         return sorted(path.stem for path in (tmp_path / out / "points").iterdir())
 
     assert written("a", "--frames", "5:7") == ["000005", "000006"]
@@ -62,7 +63,7 @@ def test_wrong_frames(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert cli.main([*words(pole, tmp_path / "out"), *more]) == code
+    assert main.main([*words(pole, tmp_path / "out"), *more]) == code
     err = capsys.readouterr().err
     assert part in err
     assert err.count("\n") == 1
@@ -73,7 +74,7 @@ def test_an_unknown_format_lists_those_there_are(
     pole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
-        cli.main(words(pole, tmp_path / "out", "las"))
+        main.main(words(pole, tmp_path / "out", "las"))
     assert end.value.code == 2
     err = capsys.readouterr().err
     assert "invalid choice: 'las'" in err
@@ -87,11 +88,11 @@ def test_a_missing_or_cut_file_leaves_nothing(
 ) -> None:
     file = kitti.frame_file(pole, part, 6)
     file.write_bytes(b"12345")
-    assert cli.main(words(pole, tmp_path / "out", name)) == 1
+    assert main.main(words(pole, tmp_path / "out", name)) == 1
     assert str(file) in capsys.readouterr().err
     if part == "label_2":
         file.unlink()
-        assert cli.main(words(pole, tmp_path / "out", name)) == 1
+        assert main.main(words(pole, tmp_path / "out", name)) == 1
         assert f"{file}: No such file" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["made_up"]
 
@@ -101,12 +102,12 @@ def test_a_folder_that_is_there_stays_unless_empty(
 ) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    assert cli.main(words(pole, out)) == 0
+    assert main.main(words(pole, out)) == 0
     capsys.readouterr()
-    assert cli.main(words(pole, out)) == 1
+    assert main.main(words(pole, out)) == 1
     assert "out: is there already, allowed a new or an empty folder" in capsys.readouterr().err
     (tmp_path / "file").touch()
-    assert cli.main(words(pole, tmp_path / "file")) == 1
+    assert main.main(words(pole, tmp_path / "file")) == 1
 
 
 def test_a_missing_package_is_one_line_that_names_the_extra(
@@ -115,7 +116,7 @@ def test_a_missing_package_is_one_line_that_names_the_extra(
     monkeypatch.delitem(sys.modules, "pyinfra.exchange.mcap", raising=False)
     monkeypatch.setitem(sys.modules, "mcap_ros2", None)
     monkeypatch.setitem(sys.modules, "mcap_ros2.writer", None)
-    assert cli.main(words(pole, tmp_path / "out", "mcap")) == 1
+    assert main.main(words(pole, tmp_path / "out", "mcap")) == 1
     assert "pip install 'infrasim[exchange]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

@@ -18,8 +18,8 @@ from typing import Any
 
 import pytest
 
-from pyinfra import cli
-from pyinfra.atomic import new_folder, replacing
+from pyinfra.cli import main
+from pyinfra.core.files import new_folder, replacing
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
@@ -199,7 +199,7 @@ def test_a_full_disk_is_named_with_the_file_by_every_command_of_pyinfra(
     with (small_disk / "filling").open("wb") as filling:
         filling.write(bytes(2 * 2**20 - 2 * 4096))  # two pages are left
     words = {"gt": gt, "pred": pred, "data": gt.parent, "out": small_disk}
-    assert cli.main([word.format(**words) for word in COMMANDS[name]]) == 1
+    assert main.main([word.format(**words) for word in COMMANDS[name]]) == 1
     message = capsys.readouterr().err.splitlines()[-1]
     assert re.match(rf"pyinfra: {small_disk}/[\w./-]+: No space left on device", message)
     place = message.split(": ")[1]

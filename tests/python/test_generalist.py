@@ -6,8 +6,8 @@ import pytest
 from safetensors import safe_open
 
 import pyinfra
-from pyinfra import cli
-from pyinfra.training.detect import model_file, shipped
+from pyinfra.cli import main
+from pyinfra.models.inference.detect import model_file, shipped
 
 MODEL = model_file(Path("generalist"))
 LEAST_AP = 70  # of the few frames of the test; it has 98 there, and an untrained network 0
@@ -36,7 +36,7 @@ def test_it_is_small_and_says_what_it_is() -> None:
 
 def test_it_finds_vehicles_of_a_site_that_it_never_saw(frames: Path, tmp_path: Path) -> None:
     words = ["detect", "--model", "generalist", "--data", str(frames), "--split", "all"]
-    assert cli.main([*words, "--out", str(tmp_path)]) == 0
+    assert main.main([*words, "--out", str(tmp_path)]) == 0
     ap = pyinfra.evaluate(frames, tmp_path, split="all").ap.set_index("ground_truth")
     assert ap.ap_fine["captured"] > LEAST_AP
 
@@ -45,7 +45,7 @@ def test_a_lone_cloud_needs_the_height_of_the_sensor(
     frames: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cloud = str(next((frames / "training/velodyne").glob("*.bin")))
-    assert cli.main(["detect", "--model", "generalist", cloud]) == 2
+    assert main.main(["detect", "--model", "generalist", cloud]) == 2
     assert "found no height of the road, allowed one: --height-m" in capsys.readouterr().err
-    assert cli.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0
+    assert main.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 30  # it has some 70 boxes of 45 vehicles

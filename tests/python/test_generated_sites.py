@@ -9,23 +9,29 @@ import pytest
 import yaml
 from conftest import BINARY
 
-from pyinfra import sim
-from pyinfra.cli import main
-from pyinfra.config import ConfigError
-from pyinfra.kitti import read_keys
-from pyinfra.simulator.catalogue import configs, lidar_file
-from pyinfra.sites import generator
-from pyinfra.sites import stream as stream_module
-from pyinfra.sites.catalogue import Sensors, sensors
-from pyinfra.sites.draws import Draws
-from pyinfra.sites.generator import make_site
-from pyinfra.sites.layout import DrawnRoad, Keys, crossing, varied
-from pyinfra.sites.ranges import CLUTTERED, HABITATS, RANGES, STREET
-from pyinfra.sites.stream import SiteSamples, StreamPlan, read_stream, samples_of, site_stream
-from pyinfra.training.recipe import Recipe, read_recipe
-from pyinfra.training.samples import SiteSample
-from pyinfra.training.sources import Stream
-from pyinfra.training.train import train
+from pyinfra.cli.main import main
+from pyinfra.core.errors import ConfigError
+from pyinfra.dataset import simulation
+from pyinfra.dataset.catalogue import configs, lidar_file
+from pyinfra.formats.kitti import read_keys
+from pyinfra.models.training import generated_sites as stream_module
+from pyinfra.models.training.generated_sites import (
+    SiteSamples,
+    StreamPlan,
+    read_stream,
+    samples_of,
+    site_stream,
+)
+from pyinfra.models.training.recipe import Recipe, read_recipe
+from pyinfra.models.training.samples import SiteSample
+from pyinfra.models.training.sources import Stream
+from pyinfra.models.training.train import train
+from pyinfra.scenes.generator import generate
+from pyinfra.scenes.generator.generate import make_site
+from pyinfra.scenes.generator.layout import DrawnRoad, Keys, crossing, varied
+from pyinfra.scenes.generator.lidar_catalogue import Sensors, sensors
+from pyinfra.scenes.generator.random_stream import Draws
+from pyinfra.scenes.generator.ranges import CLUTTERED, HABITATS, RANGES, STREET
 
 MANY = 200
 SITES = [make_site(seed) for seed in range(MANY)]
@@ -119,7 +125,7 @@ def test_cluttered_streets_can_be_and_hold_every_kind_of_furniture(tmp_path: Pat
     bare = replace(CLUTTERED, furniture=replace(CLUTTERED.furniture, sites=0.0))
     trees = buildings = groups = 0
     for seed, site in enumerate(sites):
-        sim.make_world(site)
+        simulation.make_world(site)
         plain = make_site(seed, bare)
         trees += len(site.get("vegetation", [])) - len(plain.get("vegetation", []))
         buildings += len(site["buildings"]) - len(plain.get("buildings", []))
@@ -166,17 +172,17 @@ def test_some_sites_have_many_motorcycles_and_some_many_buses() -> None:
 
 def test_classes_fit_the_lanes_of_their_bends_as_the_simulator_has_it() -> None:
     for name, lane, radius in (("Bus", 3.5, 40.0), ("Truck", 3.0, 25.0), ("Car", 2.8, 12.0)):
-        length, _ = generator.MEAN_SIZE_M[name]
-        assert generator.fits(name, lane, 1e6) == generator.fits(name, lane, np.inf)
-        assert not generator.fits(name, lane, length / 4)
-        assert isinstance(generator.fits(name, lane, radius), bool)
+        length, _ = generate.MEAN_SIZE_M[name]
+        assert generate.fits(name, lane, 1e6) == generate.fits(name, lane, np.inf)
+        assert not generate.fits(name, lane, length / 4)
+        assert isinstance(generate.fits(name, lane, radius), bool)
 
 
 def test_mean_sizes_are_those_of_the_simulator(tmp_path: Path) -> None:
     """A scene of one class has vehicles of that size on average."""
-    for name, (length, width) in generator.MEAN_SIZE_M.items():
+    for name, (length, width) in generate.MEAN_SIZE_M.items():
         keys = parked_only(name)
-        boxes = boxes_of(sim.make_world(keys), keys)
+        boxes = boxes_of(simulation.make_world(keys), keys)
         assert np.abs(boxes[:, 3].mean() - length) < 0.35
         assert np.abs(boxes[:, 4].mean() - width) < 0.1
 
@@ -208,17 +214,17 @@ def parked_only(name: str) -> Keys:
     }
 
 
-def boxes_of(world: sim.World, keys: Keys) -> np.ndarray:
-    lidar = sim.load_lidar(lidar_file("ruby_plus"), "equal")
+def boxes_of(world: simulation.World, keys: Keys) -> np.ndarray:
+    lidar = simulation.load_lidar(lidar_file("ruby_plus"), "equal")
     (sample,) = samples_of(world, keys, lidar, [0])
     return sample.boxes
 
 
 def test_parked_vehicles_are_labelled_as_others_and_stand_still() -> None:
     keys = parked_only("Car")
-    world = sim.make_world(keys)
-    lidar = sim.load_lidar(lidar_file("ruby_plus"), "equal")
-    frames = [objects for _, (frame,) in sim.simulate(world, [lidar], [0, 9])
+    world = simulation.make_world(keys)
+    lidar = simulation.load_lidar(lidar_file("ruby_plus"), "equal")
+    frames = [objects for _, (frame,) in simulation.simulate(world, [lidar], [0, 9])
               for objects in [frame.objects]]  # fmt: skip
     assert len(frames[0]) > 60
     assert (frames[0]["speed"] == 0).all()
@@ -257,7 +263,7 @@ def test_a_site_that_cannot_be_is_drawn_again() -> None:
     found = SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road)
     np.testing.assert_array_equal(found.sample(0).points, usual.sample(0).points)
     refused = 10**12
-    with pytest.raises(sim.ConfigError, match="on a lane"):
+    with pytest.raises(simulation.ConfigError, match="on a lane"):
         SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road).sample(0)
 
 
@@ -321,7 +327,9 @@ def test_narrow_visits_have_narrow_lidars_alone_and_look_along_a_road(tmp_path: 
     for visit in range(9):
         lidars = []
 
-        def noted(world: object, keys: Keys, lidar: sim.Lidar, *rest: object) -> list[object]:
+        def noted(
+            world: object, keys: Keys, lidar: simulation.Lidar, *rest: object
+        ) -> list[object]:
             lidars.append((lidar.name, keys))  # noqa: B023
             return []
 
@@ -356,7 +364,7 @@ def test_lidars_can_be_held_out_by_name() -> None:
 
 
 def test_free_motors_start_where_the_seed_says() -> None:
-    lidar = sim.load_lidar(lidar_file("ruby_plus"), "paper")
+    lidar = simulation.load_lidar(lidar_file("ruby_plus"), "paper")
     free = lidar.with_free_motors()
     first = [free.pattern(0, 1, 1, seed)[0, 0] for seed in (1, 2)]
     locked = [lidar.pattern(0, 1, 1, seed)[0, 0] for seed in (1, 2)]

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra import sim
-from pyinfra.evaluation import ap
+from pyinfra.dataset import simulation
+from pyinfra.metrics import ap
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden"
@@ -41,10 +41,10 @@ def test_resolved_configuration(name: str, infrasim: Callable[..., object]) -> N
 def frame_tables(preset: str) -> dict[str, pd.DataFrame]:
     """The points of one frame of two LiDARs at the curve, after 30 frames."""
     short = {"duration_s": 4, "traffic.warm_up_s": 10}
-    world = sim.load_scene(SCENES / "curve.yaml", preset=preset, set=short)
+    world = simulation.load_scene(SCENES / "curve.yaml", preset=preset, set=short)
     names = ["livox_avia", "helios_16"]
-    lidars = [sim.load_lidar(ROOT / f"configs/lidars/{name}.yaml", preset) for name in names]
-    ((_, frames),) = sim.simulate(world, lidars, [30])
+    lidars = [simulation.load_lidar(ROOT / f"configs/lidars/{name}.yaml", preset) for name in names]
+    ((_, frames),) = simulation.simulate(world, lidars, [30])
     tables = {}
     for name, frame in zip(names, frames, strict=True):
         table = pd.DataFrame(frame.xyz, columns=["x", "y", "z"])

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import yaml
 
-from pyinfra.arrays import FloatArray, Points
-from pyinfra.data.ground import Ground, ground_of, ground_of_boxes, ground_of_roads, level_ground
-from pyinfra.data.regions import Road
-from pyinfra.detectors import Detections
-from pyinfra.detectors.on_road import OnRoad
-from pyinfra.kitti import WorldPose
+from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes, ground_of_roads, level_ground
+from pyinfra.dataset.regions import Road
+from pyinfra.formats.kitti import WorldPose
+from pyinfra.models.detectors import Detections
+from pyinfra.models.detectors.ground_adapter import OnRoad
 
 
 def road(y: float, z: FloatArray) -> Road:

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra.data import paper_tables
-from pyinfra.simulator import catalogue, runs
-from pyinfra.statistics import hit_points
+from pyinfra.dataset import catalogue, paper_tables, runs
+from pyinfra.metrics import hit_points
 
 PAPER = pd.DataFrame(
     {

@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from exchange_data import BOXES, LIDARS, fields_of, points, write_recording
 
-from pyinfra import cli, kitti
-from pyinfra.data.data_set import read_data_set
+from pyinfra.cli import main
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.data_set import read_data_set
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.exports import export
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
+from pyinfra.formats import kitti
 
 LAYOUTS = ("kitti", "openpcdet", "pcd", "nuscenes")
 ABOUT = LidarFacts("pole", "junction")
@@ -267,7 +269,7 @@ def source(tmp_path: Path) -> Path:
 
 
 def fails(words: list[object], capsys: pytest.CaptureFixture[str], code: int, *parts: str) -> None:
-    assert cli.main([str(word) for word in words]) == code
+    assert main.main([str(word) for word in words]) == code
     stderr = capsys.readouterr().err
     assert len(stderr.splitlines()) == 1, stderr
     for part in parts:
@@ -318,7 +320,7 @@ def archive(folder: Path) -> None:
 def test_fields_that_are_not_those_of_the_points_are_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path / "made_up")
     kitti.frame_file(folder, "fields", 6).write_bytes(b"")
-    with pytest.raises(kitti.FormatError, match=r"fields/000006\.bin: found 0 records, allowed 10"):
+    with pytest.raises(FormatError, match=r"fields/000006\.bin: found 0 records, allowed 10"):
         import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
 
 
@@ -486,7 +488,7 @@ def test_a_pickle_format_is_not_among_the_imports(
     source: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
-        cli.main(["import", str(source), "--from", "mmdet3d", "--out", "x"])
+        main.main(["import", str(source), "--from", "mmdet3d", "--out", "x"])
     assert end.value.code == 2
     assert "invalid choice: 'mmdet3d'" in capsys.readouterr().err
 
@@ -495,7 +497,7 @@ def test_a_folder_that_is_there_stays(
     source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
-    assert cli.main([str(word) for word in words]) == 0
+    assert main.main([str(word) for word in words]) == 0
     capsys.readouterr()
     fails(words, capsys, 1, "in/pole: is there already")
     words[-1] = tmp_path / "in/second"
@@ -517,6 +519,6 @@ def test_without_labels_there_is_a_warning(
     shutil.rmtree(source / "labels")
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
     words += ["--upright", "as-is"]  # made-up points have no road
-    assert cli.main([str(word) for word in words]) == 0
+    assert main.main([str(word) for word in words]) == 0
     assert "found no labels" in capsys.readouterr().err
     assert len(objects(tmp_path / "in/pole", 5)) == 0

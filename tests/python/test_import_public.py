@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.imports import import_recording, warnings
-from pyinfra.exchange.pcd_file import write_pcd
 from pyinfra.exchange.recording import Options
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import write_pcd
 
 ABOUT = LidarFacts("pole", "junction")
 LEAN = (math.radians(9), math.radians(-3))  # pitch, roll
@@ -201,7 +202,7 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
     source = dair(motorway, tmp_path / "set")
     file = source / "single-infrastructure-side/label/virtuallidar/000001.json"
     write_json(file, change(json.loads(file.read_text())))
-    with pytest.raises(kitti.FormatError, match=f"000001.json: .*{message}"):
+    with pytest.raises(FormatError, match=f"000001.json: .*{message}"):
         import_recording(source, "dair-v2x", tmp_path / "in/p", ABOUT, Options())
     assert not (tmp_path / "in/p").exists()
 
@@ -229,7 +230,7 @@ def test_wrong_cuboids_are_named(
     source = tumtraf(motorway, tmp_path / "set")
     file = source / f"labels_point_clouds/{LIDAR}/{TUM_TIMES[0]}_{LIDAR}.json"
     file.write_text(content)
-    with pytest.raises(kitti.FormatError, match=f"{file.name}: .*{message}"):
+    with pytest.raises(FormatError, match=f"{file.name}: .*{message}"):
         import_recording(source, "tumtraf", tmp_path / "in/p", ABOUT, Options())
 
 

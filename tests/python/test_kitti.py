@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pyinfra import kitti
-from pyinfra.data.frame_tables import Cameras, read_predictions
-from pyinfra.kitti import FormatError
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frame_tables import Cameras, read_predictions
+from pyinfra.formats import kitti
 
 OLD_HEADER = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
 OLD_VEHICLE = "7,Car,10.5,-2,-5.2,4.5,1.8,1.6,0.25,16.5,12,9,10.7,0.75"

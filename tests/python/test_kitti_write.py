@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pyinfra import kitti
-from pyinfra.kitti import FormatError
+from pyinfra.core.errors import FormatError
+from pyinfra.formats import kitti
 
 # A calibration and a label as the devkit describes them, with KITTI's digits.
 CALIB = """\

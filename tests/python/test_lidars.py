@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra import cli
-from pyinfra.simulator.lidars import catalogue_files, read_catalogue, read_sheet
+from pyinfra.cli import main
+from pyinfra.dataset.lidars import catalogue_files, read_catalogue, read_sheet
 
 MOST_LETTERS = 100
 
 
 def listed(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
-    assert cli.main(["lidars", *map(str, words)]) == 0
+    assert main.main(["lidars", *map(str, words)]) == 0
     return capsys.readouterr().out.splitlines()
 
 
@@ -110,7 +110,7 @@ def test_a_wrong_lidar_is_told_in_one_line(
     file = tmp_path / "mine.yaml"
     if text is not None:
         file.write_text(text)
-    assert cli.main(["lidars", str(file if text else file.with_suffix(""))]) == code
+    assert main.main(["lidars", str(file if text else file.with_suffix(""))]) == code
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1

@@ -11,12 +11,12 @@ onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not inst
 
 from detector_data import SITE, road_sample  # noqa: E402
 
-from pyinfra import cli  # noqa: E402
-from pyinfra.config import as_plain  # noqa: E402
-from pyinfra.detectors.batch import make_batch  # noqa: E402
-from pyinfra.training import checkpoint  # noqa: E402
-from pyinfra.training.recipe import read_recipe  # noqa: E402
-from pyinfra.training.sources import Tier  # noqa: E402
+from pyinfra.cli import main  # noqa: E402
+from pyinfra.core.config import as_plain  # noqa: E402
+from pyinfra.models.detectors.batch import make_batch  # noqa: E402
+from pyinfra.models.training import checkpoint  # noqa: E402
+from pyinfra.models.training.recipe import read_recipe  # noqa: E402
+from pyinfra.models.training.sources import Tier  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -44,7 +44,7 @@ def saved(name: str, folder: Path, steps: int = 0) -> Path:
 @pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar", "generalist"])
 def test_the_file_gives_the_boxes_of_the_network(name: str, tmp_path: Path) -> None:
     run, file = saved(name, tmp_path / "run", 60), tmp_path / "d.onnx"
-    assert cli.main(["onnx", str(run), "--out", str(file)]) == 0
+    assert main.main(["onnx", str(run), "--out", str(file)]) == 0
     session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
     network = checkpoint.load(run / "last.safetensors").network()
     for points in (road_sample(1).points, road_sample(2).points[::3], road_sample(3).points[:1]):
@@ -65,6 +65,6 @@ def test_a_detector_that_is_not_dense_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = saved("dsvt", tmp_path / "run")
-    assert cli.main(["onnx", str(run), "--out", str(tmp_path / "d.onnx")]) == 2
+    assert main.main(["onnx", str(run), "--out", str(tmp_path / "d.onnx")]) == 2
     assert "found dsvt, allowed pointpillars, centerpoint-pillar" in capsys.readouterr().err
     assert not (tmp_path / "d.onnx").exists()

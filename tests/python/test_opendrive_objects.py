@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import site_data
 
-from pyinfra.site.lane_map import MapBody, SiteMap
-from pyinfra.site.map_import import Imported, import_map
-from pyinfra.site.opendrive import read_opendrive
+from pyinfra.scenes.maps.lane_map import MapBody, SiteMap
+from pyinfra.scenes.maps.map_import import Imported, import_map
+from pyinfra.scenes.maps.opendrive import read_opendrive
 
 BEND = '<arc curvature="0.02"/>'  # to the left, about 0, 50
 
@@ -192,7 +192,7 @@ def test_the_network_does_without_what_it_cannot_read(tmp_path: Path) -> None:
 
 def test_a_direct_junction_leads_to_both_of_its_roads(tmp_path: Path) -> None:
     pytest.importorskip("sumo", reason="needs the extra `site`")
-    from pyinfra.site.road_net import read_road_net
+    from pyinfra.scenes.maps.road_net import read_road_net
 
     def link(end: str) -> str:
         return f'<link><{end} elementType="junction" elementId="9"/></link>'

@@ -7,14 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from pyinfra import boxes as exact
-from pyinfra.arrays import FloatArray
-from pyinfra.detectors.ops import boxes, points, sets, sparse
-from pyinfra.detectors.ops.sparse import (
-    SparseConv3d,
-    SparseTensor,
-    SubmanifoldConv3d,
-)
+from pyinfra.core import boxes as exact
+from pyinfra.core.arrays import FloatArray
+from pyinfra.models.ops import boxes, points, sets, sparse
+from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 
 needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
 

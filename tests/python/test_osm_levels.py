@@ -8,11 +8,11 @@ import pytest
 import yaml
 from site_maps import Osm, district_text
 
-from pyinfra.site.map_import import ImportOptions, import_map
-from pyinfra.site.openstreetmap import read_street_map
-from pyinfra.site.osm_levels import CLEARANCE_M, Levels, find_levels
-from pyinfra.site.plan import read_lanes
-from pyinfra.site.ply import read_ply
+from pyinfra.formats.ply import read_ply
+from pyinfra.scenes.maps.map_import import ImportOptions, import_map
+from pyinfra.scenes.maps.openstreetmap import read_street_map
+from pyinfra.scenes.maps.osm_levels import CLEARANCE_M, Levels, find_levels
+from pyinfra.viz.site_plan import read_lanes
 
 pytest.importorskip("sumo", reason="needs the extra `site`")
 

@@ -9,15 +9,17 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from pyinfra import cli, kitti
-from pyinfra.data.ground import ground_of, shape_heights
+from pyinfra.cli import main
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.ground import ground_of, shape_heights
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.frame_times import seconds_of
 from pyinfra.exchange.imports import import_recording, warnings
-from pyinfra.exchange.pcd_file import write_pcd
+from pyinfra.exchange.pose_estimation import UPS
 from pyinfra.exchange.recording import Options
 from pyinfra.exchange.road_plane import find_plane
-from pyinfra.exchange.survey import UPS
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import write_pcd
 
 ABOUT = LidarFacts("pole", "junction")
 HEIGHT_M = 6.0
@@ -126,7 +128,7 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     assert found.without_return == 1
     capsys.readouterr()
     words = ["detect", "--model", "generalist", str(source / "4.pcd"), "--height-m", "6"]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     warned = capsys.readouterr().err
     assert "is left out, as the sensor is the origin" in warned
     assert "the road of the clouds lies" not in warned
@@ -218,7 +220,7 @@ def test_a_shape_that_is_no_number_is_named(site: Path, tmp_path: Path) -> None:
     folder, _ = taken(write(tmp_path / "source", clouds_of(site, "helios_16")))
     file = folder / "lidar.yaml"
     file.write_text(file.read_text() + "road_shape: {level_m: -6, slope_x: steep}\n")
-    with pytest.raises(kitti.FormatError, match=r"lidar\.yaml:\d+: road_shape\.slope_x: found"):
+    with pytest.raises(FormatError, match=r"lidar\.yaml:\d+: road_shape\.slope_x: found"):
         ground_of(folder)
 
 
@@ -260,15 +262,15 @@ def test_a_wrong_height_of_a_lone_cloud_is_said(
         "generalist",
         str(write(tmp_path / "as_is", clouds) / "cloud_0.bin"),
     ]
-    assert cli.main([*words, "--height-m", "6.1"]) == 0
+    assert main.main([*words, "--height-m", "6.1"]) == 0
     assert "warning" not in capsys.readouterr().err
-    assert cli.main([*words, "--height-m", "5.5"]) == 0
+    assert main.main([*words, "--height-m", "5.5"]) == 0
     assert (
         "--height-m says 5.5 m, the road of the clouds lies 6.00 m below" in capsys.readouterr().err
     )
     leaning = with_place(clouds, lean.apply)
     words[-1] = str(write(tmp_path / "leaning", leaning) / "cloud_0.bin")
-    assert cli.main([*words, "--height-m", "6"]) == 0
+    assert main.main([*words, "--height-m", "6"]) == 0
     assert "the sensor leans by 2.0 degrees to the road" in capsys.readouterr().err
 
 
@@ -349,7 +351,7 @@ def outline(tmp_path: Path, corners: str) -> Path:
 
 
 def test_an_outline_goes_with_the_frames(site: Path, tmp_path: Path) -> None:
-    from pyinfra.training.sources import read_source
+    from pyinfra.models.training.sources import read_source
 
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     file = outline(tmp_path, "[[-60, -16], [60, -16], [60, 16], [-60, 16]]")
@@ -491,7 +493,7 @@ def test_boxes_and_a_view_follow_at_once(
         ["pictures", data.parent, "--out", tmp_path / "pictures"],
         ["view", data, "--pred", run / "predictions", "--out", tmp_path / "view.html"],
     ):
-        assert cli.main([str(word) for word in words]) == 0, words
+        assert main.main([str(word) for word in words]) == 0, words
     assert len(list((tmp_path / "pictures").iterdir())) == 2  # of the LiDAR, and the sheet
     printed = capsys.readouterr()
     assert "assumed: the road lies" in printed.out

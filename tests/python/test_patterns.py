@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray
 
 ROOT = Path(__file__).resolve().parents[2]
 LIDARS = ROOT / "configs/lidars"

@@ -9,13 +9,14 @@ import pytest
 from evaluation_data import box, car, label_line, write_lidar, write_roads
 
 import pyinfra
-from pyinfra import cli, kitti
-from pyinfra.commands.evaluate import class_types
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.evaluation.evaluate import class_settings, evaluate
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import OBJECT_CLASSES, Settings, block_seconds
-from pyinfra.evaluation.result import Evaluation
+from pyinfra.cli import main
+from pyinfra.cli.evaluate import class_types
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import class_settings, evaluate
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import OBJECT_CLASSES, Settings, block_seconds
 
 HALF_WIDTH_M = 10.0  # of the road
 FRAMES = 40
@@ -144,21 +145,24 @@ def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     found = [("Pedestrian", box(person), 0.9)]
     gt, pred = scene(tmp_path, [[person, car(40)]] * FRAMES, [found] * FRAMES)
     words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
-    assert cli.main([*words, "--no-figures", "--class", "pedestrian"]) == 0
+    assert main.main([*words, "--no-figures", "--class", "pedestrian"]) == 0
     text = capsys.readouterr().out
     assert "pedestrian  captured       0.25 definition" in text
     assert "pedestrian  captured            definition-centre" in text
-    assert cli.main([*words, "--no-figures", "--class", "pedestrian", "vehicle"]) == 2
+    assert main.main([*words, "--no-figures", "--class", "pedestrian", "vehicle"]) == 2
     assert "allowed vehicles, or people, or both with --iou" in capsys.readouterr().err
     both = ["--class", "pedestrian", "vehicle", "--iou", "0.3"]
-    assert cli.main([*words, "--no-figures", *both]) == 0
+    assert main.main([*words, "--no-figures", *both]) == 0
 
 
 def test_an_unknown_class_and_two_ways_to_say_it_are_refused(tmp_path: Path) -> None:
     gt, pred = scene(tmp_path, [[walker(20, 12)]], [[]])
-    with pytest.raises(ValueError, match="found 'dog', allowed vehicle, pedestrian, cyclist"):
+    with pytest.raises(
+        ValueError,
+        match="object_class: expected a class, got 'dog'; names: cyclist, pedestrian, vehicle",
+    ):
         evaluate(gt, pred, object_class="dog")
-    with pytest.raises(ValueError, match="found settings too"):
+    with pytest.raises(ValueError, match="object_class: expected it or settings, got both"):
         evaluate(gt, pred, Settings(), object_class="cyclist")
 
 

@@ -10,8 +10,9 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
-from pyinfra.detectors.batch import Area, Sample, make_batch  # noqa: E402
-from pyinfra.detectors.pointnet import (  # noqa: E402
+from pyinfra.models.detectors.batch import Area, Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.detection_area import Site  # noqa: E402
+from pyinfra.models.detectors.pointnet import (  # noqa: E402
     Ball,
     Clouds,
     Norm,
@@ -20,7 +21,7 @@ from pyinfra.detectors.pointnet import (  # noqa: E402
     propagated,
     sampled,
 )
-from pyinfra.detectors.pointrcnn import (  # noqa: E402
+from pyinfra.models.detectors.pointrcnn import (  # noqa: E402
     CONTEXT_M,
     Config,
     Drawn,
@@ -38,7 +39,6 @@ from pyinfra.detectors.pointrcnn import (  # noqa: E402
     turned_into,
     turned_out_of,
 )
-from pyinfra.detectors.site import Site  # noqa: E402
 
 SMALL = Config(
     points=1024, levels=(256, 128, 64, 16), width=0.2, rois=16, rois_found=16, roi_points=64

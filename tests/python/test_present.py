@@ -10,9 +10,9 @@ from conftest import Infrasim
 from evaluation_data import box, car, write_lidar, write_predictions, write_roads
 
 import pyinfra
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import Settings
-from pyinfra.kitti import FormatError
+from pyinfra.core.errors import FormatError
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import Settings
 
 OUTLINE = "[{name: near, outline_m: [[-60, -30], [60, -30], [60, 30], [-60, 30]]}]"
 HOUSE = "[{x_m: 20, y_m: 26, length_m: 60, width_m: 4, height_m: 12}]"

@@ -15,8 +15,8 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import road_sample  # noqa: E402
 from test_training import LIDAR  # noqa: E402
 
-from pyinfra import kitti  # noqa: E402
-from pyinfra.detectors import processes  # noqa: E402
+from pyinfra.formats import kitti  # noqa: E402
+from pyinfra.models.detectors import distributed  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -88,13 +88,13 @@ def test_two_processes_learn_what_one_does_and_write_once(tmp_path: Path) -> Non
 def test_a_batch_is_shared_evenly_and_a_device_is_not_given_by_number(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(processes, "count", lambda: 3)
-    processes.check_batch(6)
+    monkeypatch.setattr(distributed, "count", lambda: 3)
+    distributed.check_batch(6)
     with pytest.raises(ValueError, match="batch: found 4, allowed multiples of 3, the processes"):
-        processes.check_batch(4)
+        distributed.check_batch(4)
     monkeypatch.setenv("WORLD_SIZE", "3")
     with (
         pytest.raises(ValueError, match="found cuda:1, allowed cuda with several processes"),
-        processes.joined(torch.device("cuda:1")),
+        distributed.joined(torch.device("cuda:1")),
     ):
         pass

@@ -7,13 +7,13 @@ import pytest
 import yaml
 from conftest import Infrasim
 
-from pyinfra import kitti
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.data.ground import ground_of
-from pyinfra.data.profile import profile_of
-from pyinfra.data.regions import read_roads
-from pyinfra.data.surroundings import read_surroundings
-from pyinfra.kitti import FormatError
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.ground import ground_of
+from pyinfra.dataset.profile import profile_of
+from pyinfra.dataset.regions import read_roads
+from pyinfra.dataset.surroundings import read_surroundings
+from pyinfra.formats import kitti
 
 CREST = """\
 name: crest

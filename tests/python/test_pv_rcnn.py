@@ -11,9 +11,9 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
-from pyinfra.detectors.batch import Batch, Sample, make_batch  # noqa: E402
-from pyinfra.detectors.pointnet import Clouds, neighbours, shuffled  # noqa: E402
-from pyinfra.detectors.pv_rcnn import (  # noqa: E402
+from pyinfra.models.detectors.batch import Batch, Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.pointnet import Clouds, neighbours, shuffled  # noqa: E402
+from pyinfra.models.detectors.pv_rcnn import (  # noqa: E402
     FOREGROUND_IOU,
     RADII,
     Config,
@@ -29,8 +29,8 @@ from pyinfra.detectors.pv_rcnn import (  # noqa: E402
     spread_by_overlap,
     wanted_residuals,
 )
-from pyinfra.training import checkpoint  # noqa: E402
-from pyinfra.training.recipe import read_recipe  # noqa: E402
+from pyinfra.models.training import checkpoint  # noqa: E402
+from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
 CONFIG = Path(__file__).resolve().parents[2] / "configs/detectors/pv-rcnn.yaml"
 

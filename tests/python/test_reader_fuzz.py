@@ -22,19 +22,19 @@ from exchange_data import FRAMES, write_recording
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pyinfra import kitti
-from pyinfra.benchmark.matrix import read_plan
-from pyinfra.benchmark.results import read_results
-from pyinfra.data.data_set import read_data_set
-from pyinfra.data.frame_tables import read_cameras, read_predictions, read_vehicles
-from pyinfra.data.regions import read_roads
-from pyinfra.detectors.background import Background
+from pyinfra.dataset.data_set import read_data_set
+from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
+from pyinfra.dataset.regions import read_roads
+from pyinfra.dataset.runs import read_hits
 from pyinfra.exchange.box_text import read_boxes
 from pyinfra.exchange.formats import exporter, reader
-from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import Options
-from pyinfra.simulator.runs import read_hits
-from pyinfra.training.recipe import read_recipe
+from pyinfra.experiments.benchmark.matrix import read_plan
+from pyinfra.experiments.result_tables import read_results
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import read_pcd
+from pyinfra.models.detectors.background import Background
+from pyinfra.models.training.recipe import read_recipe
 
 SECONDS = float(os.environ.get("FUZZ_SECONDS", "0"))
 EXAMPLES = 200 if SECONDS else 40

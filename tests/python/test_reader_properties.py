@@ -19,13 +19,13 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pyinfra import kitti
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.formats import reader
 from pyinfra.exchange.pcd import points_of
-from pyinfra.exchange.pcd_file import read_pcd
 from pyinfra.exchange.recording import Options
-from pyinfra.kitti import FormatError
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import read_pcd
 
 SECONDS = float(os.environ.get("FUZZ_SECONDS", "0"))
 EXAMPLES = 200 if SECONDS else 40

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from benchmark_data import PRICES, cells, draws_of, values
 
-from pyinfra import cli
-from pyinfra.benchmark.value import KEY
-from pyinfra.statistics.selection import preset_of_answers
+from pyinfra.cli import main
+from pyinfra.experiments.value import KEY
+from pyinfra.metrics.row_selection import preset_of_answers
 
 
 def along_the_road() -> pd.DataFrame:
@@ -56,7 +56,7 @@ def change(file: Path, rows: str, **columns: object) -> None:
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
-    assert cli.main(["recommend", *map(str, words)]) == 0
+    assert main.main(["recommend", *map(str, words)]) == 0
     return capsys.readouterr().out.splitlines()
 
 
@@ -245,7 +245,7 @@ def test_draws_of_another_world_are_an_error(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick_draws.csv", "detector == 'pv-rcnn'", world="another")
-    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     rows = "quick_draws.csv, row 2 and quick_draws.csv, row 6"
     assert f"{rows}: world: found w and another, allowed the same" in capsys.readouterr().err
 
@@ -328,7 +328,7 @@ def test_a_damaged_table_is_named(
     file: str, text: str, message: str, results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (results / file).write_text(text)
-    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     assert f"{results}/{message}" in capsys.readouterr().err
 
 
@@ -338,7 +338,7 @@ def test_a_table_without_its_rows_is_named(
 ) -> None:
     header = (results / f"{file}.csv").read_text().splitlines()[0]
     (results / f"{file}.csv").write_text(f"{header}\n")
-    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     found = "no cells" if file == "quick" else "0 of 16 cells"
     assert f"{results}/{file}.csv: found {found}, allowed" in capsys.readouterr().err
 
@@ -347,23 +347,24 @@ def test_cells_that_all_failed_and_prices_without_a_preset_are_told(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     prices_of_lidars().drop(columns="preset").to_csv(results / "lidars.csv", index=False)
-    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     assert "lidars.csv: found no column preset, allowed a table" in capsys.readouterr().err
     (results / "lidars.csv").unlink()
     change(results / "quick.csv", "seed == 1", ap=None)
-    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     assert "quick.csv: found no finished cell, allowed one or more" in capsys.readouterr().err
 
 
 def test_help_says_of_which_vehicles_the_ap_is(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        cli.main(["recommend", "--help"])
+        main.main(["recommend", "--help"])
     assert "AP of all vehicles, 0 to 100, at least" in " ".join(capsys.readouterr().out.split())
 
 
 def test_an_answer_needs_neither_plots_nor_networks() -> None:
     code = (
-        "import sys, pyinfra.benchmark.recommend; print({'matplotlib', 'torch'} & set(sys.modules))"
+        "import sys, pyinfra.experiments.recommend;"
+        "print({'matplotlib', 'torch'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
@@ -386,7 +387,7 @@ def test_an_answer_needs_neither_plots_nor_networks() -> None:
 def test_wrong_words_say_what_is_allowed(
     words: list[str], message: str, results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["recommend", str(results), *words]) in (1, 2)
+    assert main.main(["recommend", str(results), *words]) in (1, 2)
     assert message in capsys.readouterr().err
 
 
@@ -397,7 +398,7 @@ def test_a_folder_of_several_scenes_asks_for_one(
         table = pd.read_csv(results / f"{file}.csv")
         both = pd.concat([table, table.assign(scene="bridge")])
         both.to_csv(results / f"{file}.csv", index=False)
-    assert cli.main(["recommend", str(results), "--budget", "8000"]) == 2
+    assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     assert "--scene: found none, allowed one of bridge, road" in capsys.readouterr().err
     assert said(capsys, results, "--budget", 8000, "--scene", "bridge")[0].startswith("bridge,")
 

@@ -8,23 +8,23 @@ import pytest
 import report_data
 from report_data import HOSTILE, Read
 
-from pyinfra import cli
-from pyinfra.benchmark.results import read_results
-from pyinfra.report import svg
-from pyinfra.report.material import Material, read_material
-from pyinfra.report.names import read_names
-from pyinfra.report.sections import ladder
-from pyinfra.report.sections.accuracy import paper_ap
-from pyinfra.report.sections.claims import thing_tested
-from pyinfra.report.sections.fidelity import section as fidelity_section
-from pyinfra.report.sections.speed import pareto
-from pyinfra.report.sections.stability import curve
+from pyinfra.cli import main
+from pyinfra.experiments.result_tables import read_results
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.names import read_names
+from pyinfra.viz.report.report_data import Material, read_material
+from pyinfra.viz.report.sections import ladder
+from pyinfra.viz.report.sections.accuracy import paper_ap
+from pyinfra.viz.report.sections.claims import thing_tested
+from pyinfra.viz.report.sections.fidelity import section as fidelity_section
+from pyinfra.viz.report.sections.speed import pareto
+from pyinfra.viz.report.sections.stability import curve
 
 
 def report(results: Path, *words: object) -> Path:
     """Writes the page of a folder beside it."""
     out = results.parent / "report.html"
-    assert cli.main(["report", str(results), *map(str, words), "--out", str(out)]) == 0
+    assert main.main(["report", str(results), *map(str, words), "--out", str(out)]) == 0
     return out
 
 
@@ -178,7 +178,7 @@ def test_a_wrong_table_is_told_in_one_line(
 ) -> None:
     (tmp_path / file).write_text(text)
     out = tmp_path / "report.html"
-    assert cli.main(["report", str(tmp_path), "--out", str(out)]) == 2
+    assert main.main(["report", str(tmp_path), "--out", str(out)]) == 2
     message = capsys.readouterr().err
     assert said in message
     assert message.count("\n") == 1
@@ -200,7 +200,7 @@ def test_wrong_arguments_are_told(
     if words and words[0] != "--tier":
         report_data.write(tmp_path)
     out = tmp_path / "report.html"
-    assert cli.main(["report", str(tmp_path), *words, "--out", str(out)]) == code
+    assert main.main(["report", str(tmp_path), *words, "--out", str(out)]) == code
     assert said in capsys.readouterr().err
     assert not out.exists()
 
@@ -354,7 +354,7 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
         in text
     )
     assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
-    assert cli.main(["report", str(results), "--min-ap", "0.85"]) == 2
+    assert main.main(["report", str(results), "--min-ap", "0.85"]) == 2
     assert "--min-ap: found 0.85, allowed above 1 to 100" in capsys.readouterr().err
 
 

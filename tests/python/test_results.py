@@ -7,9 +7,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pyinfra.benchmark.results import read_results
-from pyinfra.kitti import FormatError
-from pyinfra.kitti.csv_table import read_csv
+from pyinfra.core.errors import FormatError
+from pyinfra.experiments.result_tables import read_results
+from pyinfra.formats.csv_table import read_csv
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars", "quick_claims")

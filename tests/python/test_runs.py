@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra.simulator import catalogue, runs
+from pyinfra.dataset import catalogue, runs
 
 SUMMARY = """\
 lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra.commands import claims
-from pyinfra.statistics import scanning_claims
-from pyinfra.statistics.intervals import Blocks, time_blocks
-from pyinfra.statistics.sightings import Sightings
+from pyinfra.cli import claims
+from pyinfra.metrics import scanning_claims
+from pyinfra.metrics.intervals import Blocks, time_blocks
+from pyinfra.metrics.observations import Sightings
 
 LIDARS = (
     scanning_claims.LINES_16,

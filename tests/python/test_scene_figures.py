@@ -10,14 +10,15 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from pyinfra import cli, kitti
-from pyinfra.data import frames, regions
-from pyinfra.drawing import clouds, pictures
-from pyinfra.drawing import cutouts as cutout_figures
-from pyinfra.drawing import scene as scene_figures
-from pyinfra.drawing.cutouts import DISTANCES_M
-from pyinfra.drawing.scene import Scene
-from pyinfra.simulator import catalogue, runs
+from pyinfra.cli import main
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset import catalogue, frames, regions, runs
+from pyinfra.formats import kitti
+from pyinfra.viz import clouds, frame_pictures
+from pyinfra.viz import cutouts as cutout_figures
+from pyinfra.viz import scene_pictures as scene_figures
+from pyinfra.viz.cutouts import DISTANCES_M
+from pyinfra.viz.scene_pictures import Scene
 
 LIDARS = ("livox_avia", "helios_16")
 
@@ -42,7 +43,7 @@ def lines(scene: Scene) -> list[Line2D]:
 
 @pytest.mark.parametrize("scene", ["highway", "crossroad"])
 def test_pictures_of_a_data_set(data_sets: dict[str, Path], scene: str, tmp_path: Path) -> None:
-    files = pictures.draw_scenes([frames.lidar_folders(data_sets[scene])], 1, tmp_path)
+    files = frame_pictures.draw_scenes([frames.lidar_folders(data_sets[scene])], 1, tmp_path)
     assert [file.name for file in files] == [f"plan_{scene}.png", f"cutouts_{scene}.png"]
     for file in files:
         with Image.open(file) as image:
@@ -166,7 +167,7 @@ def test_without_fields_the_points_are_those_of_the_box(
     for with_fields, without in zip(exact, found, strict=True):
         assert len(without) == pytest.approx(len(with_fields), rel=0.3, abs=3)
         assert (np.abs(without) <= vehicle.box[3:6] / 2 + 0.3).all()
-    files = pictures.draw_scenes([scene.folders], 1, tmp_path / "out")
+    files = frame_pictures.draw_scenes([scene.folders], 1, tmp_path / "out")
     assert all(file.is_file() for file in files)
 
 
@@ -178,9 +179,9 @@ def test_missing_file_is_named(
     folders = frames.lidar_folders(data_set)
     (data_set / missing).unlink()
     with pytest.raises(FileNotFoundError, match=missing):
-        pictures.draw_scenes([folders], 1, tmp_path / "out")
+        frame_pictures.draw_scenes([folders], 1, tmp_path / "out")
     if "/" not in missing:
-        assert cli.main(["pictures", str(data_set), "--out", str(tmp_path / "out")]) == 1
+        assert main.main(["pictures", str(data_set), "--out", str(tmp_path / "out")]) == 1
         assert missing in capsys.readouterr().err
 
 
@@ -190,5 +191,5 @@ def test_scene_without_lanes_is_an_error_with_its_line(
     data_set = shutil.copytree(data_sets["highway"], tmp_path / "highway")
     file = data_set / "dataset.yaml"
     file.write_text(file.read_text().replace("each_way: 4", "each_way: four"))
-    with pytest.raises(kitti.FormatError, match=r"dataset\.yaml:\d+: .*each_way: found 'four'"):
+    with pytest.raises(FormatError, match=r"dataset\.yaml:\d+: .*each_way: found 'four'"):
         read(data_set)

@@ -10,12 +10,12 @@ import pytest
 import yaml
 from conftest import ROOT, Infrasim
 
-from pyinfra import kitti
-from pyinfra.benchmark.frames import hit_row, lidar_row
-from pyinfra.boxes import points_in_box
-from pyinfra.data.data_set import field_of_view_mask, read_data_set
-from pyinfra.data.frame_tables import read_vehicles
-from pyinfra.drawing import scene as scene_figures
+from pyinfra.core.boxes import points_in_box
+from pyinfra.dataset.data_set import field_of_view_mask, read_data_set
+from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.experiments.benchmark.frames import hit_row, lidar_row
+from pyinfra.formats import kitti
+from pyinfra.viz import scene_pictures as scene_figures
 
 LIDAR = ROOT / "configs/lidars/helios_16.yaml"
 SPEED = 15.0
@@ -292,7 +292,7 @@ def test_a_fused_run_goes_on_to_the_same_bytes(runs: Runs, digests: Digests) -> 
 
 
 def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
-    sim = pytest.importorskip("pyinfra.sim", reason="the extension is not built")
+    sim = pytest.importorskip("pyinfra.dataset.simulation", reason="the extension is not built")
     left = runs("out") / "left"
     scene = tmp_path / "out.yaml"
     for k, (frame,) in sim.simulate(scene, [LIDAR], range(2), preset="paper", mount="left"):

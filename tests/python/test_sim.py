@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import BINARY
 
-from pyinfra import sim
+from pyinfra.dataset import simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = ROOT / "configs" / "scenes" / "curve.yaml"
@@ -16,16 +16,18 @@ SHORT = {"duration_s": 2, "traffic.warm_up_s": 5}
 
 
 @pytest.fixture(scope="module")
-def world() -> sim.World:
-    return sim.load_scene(SCENE, seed=3, set=SHORT)
+def world() -> simulation.World:
+    return simulation.load_scene(SCENE, seed=3, set=SHORT)
 
 
-def frames(world: sim.World, numbers: range, threads: int = 2) -> list[list[sim.Frame]]:
-    lidars = [sim.load_lidar(file, "datasheet") for file in LIDARS]
-    return [found for _, found in sim.simulate(world, lidars, numbers, threads=threads)]
+def frames(
+    world: simulation.World, numbers: range, threads: int = 2
+) -> list[list[simulation.Frame]]:
+    lidars = [simulation.load_lidar(file, "datasheet") for file in LIDARS]
+    return [found for _, found in simulation.simulate(world, lidars, numbers, threads=threads)]
 
 
-def test_binding_and_binary_give_equal_bytes(world: sim.World, tmp_path: Path) -> None:
+def test_binding_and_binary_give_equal_bytes(world: simulation.World, tmp_path: Path) -> None:
     command = [BINARY, "run", SCENE, "--lidar", *LIDARS]
     command += ["--frames", "4:7", "--seed", "3", "--fields", "--out", tmp_path / "data"]
     for key, value in SHORT.items():
@@ -35,7 +37,7 @@ def test_binding_and_binary_give_equal_bytes(world: sim.World, tmp_path: Path) -
         for file, frame in zip(LIDARS, found, strict=True):
             training = tmp_path / "data" / file.stem / "training"
             velodyne = (training / "velodyne" / f"{number:06d}.bin").read_bytes()
-            assert sim.points(frame).tobytes() == velodyne
+            assert simulation.points(frame).tobytes() == velodyne
             fields = np.fromfile(
                 training / "fields" / f"{number:06d}.bin",
                 [("time", "<f4"), ("ring", "<u2"), ("class_id", "<u2"), ("object_id", "<i4")],
@@ -44,7 +46,7 @@ def test_binding_and_binary_give_equal_bytes(world: sim.World, tmp_path: Path) -
                 np.testing.assert_array_equal(fields[name], getattr(frame, name))
 
 
-def test_columns_are_views_that_outlive_their_frame(world: sim.World) -> None:
+def test_columns_are_views_that_outlive_their_frame(world: simulation.World) -> None:
     ((frame, _),) = frames(world, range(1))
     first, second = frame.xyz, frame.xyz
     assert first.__array_interface__["data"] == second.__array_interface__["data"]
@@ -55,27 +57,29 @@ def test_columns_are_views_that_outlive_their_frame(world: sim.World) -> None:
     np.testing.assert_array_equal(first, before)
 
 
-def test_frames_come_in_the_order_asked_for(world: sim.World) -> None:
-    lidar = sim.load_lidar(LIDARS[1])
+def test_frames_come_in_the_order_asked_for(world: simulation.World) -> None:
+    lidar = simulation.load_lidar(LIDARS[1])
     numbers = [5, 1, 9, 0]
-    assert [k for k, _ in sim.simulate(world, [lidar], numbers, threads=2)] == numbers
+    assert [k for k, _ in simulation.simulate(world, [lidar], numbers, threads=2)] == numbers
 
 
-def test_objects_count_the_points_of_their_id(world: sim.World) -> None:
+def test_objects_count_the_points_of_their_id(world: simulation.World) -> None:
     ((frame, _),) = frames(world, range(1))
     for row in frame.objects:
         assert row["points"] == np.count_nonzero(frame.object_id == row["id"])
 
 
-def test_labels_hold_when_the_scene_or_the_preset_says(world: sim.World) -> None:
-    paper, datasheet = (sim.load_lidar(LIDARS[1], preset) for preset in ("paper", "datasheet"))
-    assert sim.label_time(world, paper) == "frame"
-    assert sim.label_time(world, datasheet) == "scan"
-    told = sim.load_scene(SCENE, set=SHORT | {"label_time": "frame"})
-    assert sim.label_time(told, datasheet) == "frame"
+def test_labels_hold_when_the_scene_or_the_preset_says(world: simulation.World) -> None:
+    paper, datasheet = (
+        simulation.load_lidar(LIDARS[1], preset) for preset in ("paper", "datasheet")
+    )
+    assert simulation.label_time(world, paper) == "frame"
+    assert simulation.label_time(world, datasheet) == "scan"
+    told = simulation.load_scene(SCENE, set=SHORT | {"label_time": "frame"})
+    assert simulation.label_time(told, datasheet) == "frame"
 
 
-def test_objects_have_the_pose_of_their_scan(world: sim.World) -> None:
+def test_objects_have_the_pose_of_their_scan(world: simulation.World) -> None:
     ((_, spinning),) = frames(world, range(1))
     rows = spinning.objects
     unhit = rows["points"] == 0
@@ -86,94 +90,105 @@ def test_objects_have_the_pose_of_their_scan(world: sim.World) -> None:
     assert way.max() > 0.2
 
 
-def test_a_stream_can_be_left_early(world: sim.World) -> None:
-    lidar = sim.load_lidar(LIDARS[1])
-    stream = sim.simulate(world, [lidar], range(20))
+def test_a_stream_can_be_left_early(world: simulation.World) -> None:
+    lidar = simulation.load_lidar(LIDARS[1])
+    stream = simulation.simulate(world, [lidar], range(20))
     assert next(stream)[0] == 0
     del stream
 
 
 def test_errors_are_those_of_the_binary() -> None:
-    with pytest.raises(sim.ConfigError, match=r"--set lane=3: lane: found an unknown key"):
-        sim.load_scene(SCENE, set={"lane": 3})
+    with pytest.raises(simulation.ConfigError, match=r"--set lane=3: lane: found an unknown key"):
+        simulation.load_scene(SCENE, set={"lane": 3})
     with pytest.raises(ValueError, match="no preset 'nice', allowed paper, equal, datasheet"):
-        sim.load_lidar(LIDARS[0], "nice")
+        simulation.load_lidar(LIDARS[0], "nice")
     with pytest.raises(OSError, match=r"missing\.yaml: can't be read"):
-        sim.load_scene("missing.yaml")
+        simulation.load_scene("missing.yaml")
 
 
-def test_a_frame_beyond_the_scene_is_an_error(world: sim.World) -> None:
-    with pytest.raises(sim.ConfigError, match="found 20, allowed 0 to 19"):
+def test_a_frame_beyond_the_scene_is_an_error(world: simulation.World) -> None:
+    with pytest.raises(simulation.ConfigError, match="found 20, allowed 0 to 19"):
         frames(world, range(20, 21))
 
 
-def test_frames_beyond_every_scene_are_refused_at_once(world: sim.World) -> None:
-    with pytest.raises(sim.ConfigError, match=f"frames: found {world.frames}, allowed 0 to"):
-        sim.simulate(world, LIDARS[:1], range(2**36))
+def test_frames_beyond_every_scene_are_refused_at_once(world: simulation.World) -> None:
+    with pytest.raises(simulation.ConfigError, match=f"frames: found {world.frames}, allowed 0 to"):
+        simulation.simulate(world, LIDARS[:1], range(2**36))
 
 
-def test_a_built_world_takes_no_further_settings(world: sim.World) -> None:
+def test_a_built_world_takes_no_further_settings(world: simulation.World) -> None:
     with pytest.raises(ValueError, match="already built"):
-        sim.simulate(world, [], [0], seed=1)
+        simulation.simulate(world, [], [0], seed=1)
 
 
 def test_weather_that_a_lidar_does_not_feel_is_a_warning() -> None:
     fog = SHORT | {"weather.visibility_m": 30}
-    foggy = sim.load_scene(SCENE, preset="paper", set=fog)
+    foggy = simulation.load_scene(SCENE, preset="paper", set=fog)
     with pytest.warns(UserWarning, match="livox_avia, preset paper: weather: no effect") as found:
-        sim.simulate(foggy, LIDARS[:1], range(1), preset="paper")
+        simulation.simulate(foggy, LIDARS[:1], range(1), preset="paper")
     assert found[0].filename == __file__
-    sim.simulate(sim.load_scene(SCENE, set=fog), LIDARS[:1], range(1), preset="datasheet")
+    simulation.simulate(
+        simulation.load_scene(SCENE, set=fog), LIDARS[:1], range(1), preset="datasheet"
+    )
 
 
-def test_a_scene_holds_the_keys_of_its_preset(world: sim.World) -> None:
-    plain = sim.load_scene(SCENE, preset="paper", set=SHORT)
+def test_a_scene_holds_the_keys_of_its_preset(world: simulation.World) -> None:
+    plain = simulation.load_scene(SCENE, preset="paper", set=SHORT)
     assert "trees_along" in world.dump()
     assert "vegetation: []" in plain.dump()
-    lidar = sim.load_lidar(LIDARS[1], "equal")
-    with pytest.raises(sim.ConfigError, match="found 'equal' in a scene that was read for 'data"):
-        sim.simulate(world, [lidar], range(1))
-    assert next(sim.simulate(plain, [lidar], range(1)))[0] == 0  # neither has keys of its own
-    (_, (frame,)) = next(sim.simulate(world, LIDARS[1:], range(1)))
+    lidar = simulation.load_lidar(LIDARS[1], "equal")
+    with pytest.raises(
+        simulation.ConfigError, match="found 'equal' in a scene that was read for 'data"
+    ):
+        simulation.simulate(world, [lidar], range(1))
+    assert (
+        next(simulation.simulate(plain, [lidar], range(1)))[0] == 0
+    )  # neither has keys of its own
+    (_, (frame,)) = next(simulation.simulate(world, LIDARS[1:], range(1)))
     assert np.count_nonzero(frame.class_id == 4) > 100
 
 
 @pytest.mark.parametrize("threads", [-1, 1025])
-def test_threads_that_can_not_be(world: sim.World, threads: int) -> None:
-    with pytest.raises(sim.ConfigError, match=f"threads: found {threads}, allowed 1 to 1024"):
-        sim.simulate(world, LIDARS, range(1), threads=threads)
+def test_threads_that_can_not_be(world: simulation.World, threads: int) -> None:
+    with pytest.raises(
+        simulation.ConfigError, match=f"threads: found {threads}, allowed 1 to 1024"
+    ):
+        simulation.simulate(world, LIDARS, range(1), threads=threads)
 
 
 def test_scan_pattern_takes_the_step_of_its_range() -> None:
-    every = sim.scan_pattern(LIDARS[1], range(0, 3))
+    every = simulation.scan_pattern(LIDARS[1], range(0, 3))
     first, _, third = np.split(every, 3)
     np.testing.assert_array_equal(
-        sim.scan_pattern(LIDARS[1], range(0, 3, 2)), np.concatenate([first, third])
+        simulation.scan_pattern(LIDARS[1], range(0, 3, 2)), np.concatenate([first, third])
     )
-    assert len(sim.scan_pattern(LIDARS[1], range(0, 3, 2**31 - 1))) == len(first)
+    assert len(simulation.scan_pattern(LIDARS[1], range(0, 3, 2**31 - 1))) == len(first)
 
 
 def test_scan_pattern_runs_on_over_frames() -> None:
-    whole = sim.scan_pattern(LIDARS[0], range(3))
-    np.testing.assert_array_equal(whole[48000:], sim.scan_pattern(LIDARS[0], range(2, 3)))
+    whole = simulation.scan_pattern(LIDARS[0], range(3))
+    np.testing.assert_array_equal(whole[48000:], simulation.scan_pattern(LIDARS[0], range(2, 3)))
     assert whole.shape == (72000, 3)
     assert np.all(np.diff(whole[:, 2]) >= 0)
 
 
 def test_filters_keep_what_the_binary_keeps(tmp_path: Path) -> None:
-    world = sim.load_scene(SCENE, preset="paper", seed=3, set=SHORT)
-    lidar = sim.load_lidar(LIDARS[1], "paper")
-    clouds = [sim.points(frame) for _, (frame,) in sim.simulate(world, [lidar], range(0, 20, 2))]
+    world = simulation.load_scene(SCENE, preset="paper", seed=3, set=SHORT)
+    lidar = simulation.load_lidar(LIDARS[1], "paper")
+    clouds = [
+        simulation.points(frame)
+        for _, (frame,) in simulation.simulate(world, [lidar], range(0, 20, 2))
+    ]
     for i, cloud in enumerate(clouds):
         cloud.tofile(tmp_path / f"{i}.bin")
-    model = sim.learn_background(clouds)
+    model = simulation.learn_background(clouds)
     model.save(str(tmp_path / "model"))
     steps = [
-        sim.CropRange(2, 60),
-        sim.GroundPlane(0.3),
-        sim.BackgroundModel.load(str(tmp_path / "model")),
+        simulation.CropRange(2, 60),
+        simulation.GroundPlane(0.3),
+        simulation.BackgroundModel.load(str(tmp_path / "model")),
     ]
-    found = sim.filtered(clouds[0], *steps)
+    found = simulation.filtered(clouds[0], *steps)
     words = ["--range", "2,60", "--ground-plane", "0.3", "--background"]
     words += [str(tmp_path / f"{i}.bin") for i in range(len(clouds))]
     binary = [BINARY, "filter", tmp_path / "0.bin", *words]
@@ -185,32 +200,32 @@ def test_filters_keep_what_the_binary_keeps(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("step", "rows"),
     [
-        (sim.CropBox((-1, -1, -1), (1, 1, 1)), [0]),
-        (sim.CropPolygon([(4, 1), (6, 1), (6, -1), (4, -1)]), [1]),
-        (sim.CropRange(1, 6), [1]),
-        (sim.CropFieldOfView(azimuth_min_deg=-10, azimuth_max_deg=10), [0, 1]),
-        (sim.GroundHeight(-0.5), [0, 1]),
+        (simulation.CropBox((-1, -1, -1), (1, 1, 1)), [0]),
+        (simulation.CropPolygon([(4, 1), (6, 1), (6, -1), (4, -1)]), [1]),
+        (simulation.CropRange(1, 6), [1]),
+        (simulation.CropFieldOfView(azimuth_min_deg=-10, azimuth_max_deg=10), [0, 1]),
+        (simulation.GroundHeight(-0.5), [0, 1]),
     ],
 )
-def test_each_filter_keeps_its_rows(step: sim.Filter, rows: list[int]) -> None:
+def test_each_filter_keeps_its_rows(step: simulation.Filter, rows: list[int]) -> None:
     points = np.array([[0.5, 0, 0], [5, 0, 0], [0, 9, -1], [np.nan, 0, 0]], np.float32)
-    assert sim.kept_rows(points, [step]).tolist() == rows
+    assert simulation.kept_rows(points, [step]).tolist() == rows
 
 
 def test_wrong_points_and_parameters_are_refused() -> None:
     for points in (np.zeros((3, 3)), np.zeros(3, np.float32), np.zeros((3, 2), np.float32)):
         with pytest.raises(ValueError, match=r"points: found \(3.*allowed \(n, 3\) or \(n, 4\)"):
-            sim.filtered(points, sim.CropRange(0, 1))
+            simulation.filtered(points, simulation.CropRange(0, 1))
     cloud = np.zeros((3, 3), np.float32)
     with pytest.raises(ValueError, match="ground_plane: the distance must be positive"):
-        sim.filtered(cloud, sim.GroundPlane(distance_m=-1))
+        simulation.filtered(cloud, simulation.GroundPlane(distance_m=-1))
     with pytest.raises(ValueError, match="frame"):
-        sim.learn_background([])
+        simulation.learn_background([])
 
 
 def test_background_file_that_is_no_model_is_named(tmp_path: Path) -> None:
     (tmp_path / "model").write_bytes(b"no model")
-    with pytest.raises(sim.ConfigError, match="model"):
-        sim.BackgroundModel.load(str(tmp_path / "model"))
-    with pytest.raises(sim.IoError, match="can't be read"):
-        sim.BackgroundModel.load(str(tmp_path / "none"))
+    with pytest.raises(simulation.ConfigError, match="model"):
+        simulation.BackgroundModel.load(str(tmp_path / "model"))
+    with pytest.raises(simulation.IoError, match="can't be read"):
+        simulation.BackgroundModel.load(str(tmp_path / "none"))

@@ -9,23 +9,24 @@ from conftest import ROOT, Infrasim
 from evaluation_data import write_predictions
 from site_files import OUTLINE, SLOPE, slab, write_site
 
-from pyinfra import kitti
-from pyinfra.benchmark.inputs import named_files
-from pyinfra.benchmark.value import KEY, covered
-from pyinfra.data.data_set import without_region
-from pyinfra.data.ground import ground_of
-from pyinfra.data.outlines import in_any, read_outlines
-from pyinfra.data.regions import Road, locate, read_roads, region_of, roads_region, to_world
-from pyinfra.data.surroundings import read_surroundings
-from pyinfra.drawing.scene import plan, read_scene
-from pyinfra.evaluation.evaluate import evaluate, write
-from pyinfra.evaluation.frame_checks import validate
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.evaluation.judge import Settings
-from pyinfra.evaluation.tables import LANES
-from pyinfra.kitti import FormatError
-from pyinfra.stress import limits
-from pyinfra.stress.worlds import read_base
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.data_set import without_region
+from pyinfra.dataset.ground import ground_of
+from pyinfra.dataset.outlines import in_any, read_outlines
+from pyinfra.dataset.regions import Road, locate, read_roads, region_of, roads_region, to_world
+from pyinfra.dataset.surroundings import read_surroundings
+from pyinfra.experiments.benchmark.inputs import named_files
+from pyinfra.experiments.stress import limits
+from pyinfra.experiments.stress.altered_scenes import read_base
+from pyinfra.experiments.value import KEY, covered
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import evaluate, write
+from pyinfra.metrics.evaluation_tables import LANES
+from pyinfra.metrics.frame_checks import validate
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import Settings
+from pyinfra.viz.evaluation_plots import draw_all
+from pyinfra.viz.scene_pictures import plan, read_scene
 
 LIDAR = "helios_16"
 
@@ -256,7 +257,8 @@ def test_areas_of_lanes_are_cells_and_distance_is_theirs_together(
     assert distance[distance.s == 50].objects.item() == 0
     hqda = found.draws[found.draws.measure == "n_hqda"].value.item()
     assert hqda == 5
-    files = {file.name for file in write(found, tmp_path / "out")}
+    out = tmp_path / "out"
+    files = {file.name for file in [*write(found, out), *draw_all(found, out)]}
     assert {"cells.csv", "areas_plan.svg", "distance_ap.svg"} <= files
 
 

@@ -14,16 +14,16 @@ import pytest
 import site_data
 import yaml
 
-from pyinfra.cli import main
-from pyinfra.site.lane_map import MapError, MapLane, SiteMap
-from pyinfra.site.map_import import ImportOptions, import_map, lanes_table
-from pyinfra.site.mount_guess import guess_pole
-from pyinfra.site.opendrive_geometry import read_reference_line
-from pyinfra.site.openstreetmap import transverse_mercator
-from pyinfra.site.plan import plan, read_lanes
-from pyinfra.site.ply import Triangles, degenerate, read_ply
-from pyinfra.site.sumo import sumo_folder
-from pyinfra.site.surfaces import contains, ears
+from pyinfra.cli.main import main
+from pyinfra.formats.ply import Triangles, degenerate, read_ply
+from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap
+from pyinfra.scenes.maps.map_import import ImportOptions, import_map, lanes_table
+from pyinfra.scenes.maps.mount_guess import guess_pole
+from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
+from pyinfra.scenes.maps.openstreetmap import transverse_mercator
+from pyinfra.scenes.maps.sumo import sumo_folder
+from pyinfra.scenes.maps.surfaces import contains, ears
+from pyinfra.viz.site_plan import plan, read_lanes
 
 pytest.importorskip("sumo", reason="needs the extra `site`")
 

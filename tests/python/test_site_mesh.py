@@ -8,8 +8,8 @@ import pytest
 import yaml
 from conftest import Infrasim
 
-from pyinfra.cli import main
-from pyinfra.site.ply import read_ply
+from pyinfra.cli.main import main
+from pyinfra.formats.ply import read_ply
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra `site`")
 

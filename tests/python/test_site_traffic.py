@@ -12,17 +12,17 @@ pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`"
 
 import traffic_data as data
 
-from pyinfra import cli
-from pyinfra.arrays import FloatArray
-from pyinfra.simulator.launch import binary
-from pyinfra.site.road_net import RoadNet, read_road_net
-from pyinfra.site.site_folder import set_duration
-from pyinfra.site.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, smooth, spread_jumps
-from pyinfra.site.tracks import CLASSES, HEADING, PITCH, FrontPath, Track, lasts_s
-from pyinfra.site.traffic import REACH_M, Traffic, simulate, without_route
-from pyinfra.site.traffic_demand import Demand
-from pyinfra.site.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures, without_overlaps
-from pyinfra.site.trajectory_file import write_trajectories
+from pyinfra.cli import main
+from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset.launch import binary
+from pyinfra.scenes.maps.road_net import RoadNet, read_road_net
+from pyinfra.scenes.maps.site_folder import set_duration
+from pyinfra.scenes.maps.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, smooth, spread_jumps
+from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, FrontPath, Track, lasts_s
+from pyinfra.scenes.maps.traffic import REACH_M, Traffic, simulate, without_route
+from pyinfra.scenes.maps.traffic_demand import Demand
+from pyinfra.scenes.maps.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures, without_overlaps
+from pyinfra.scenes.maps.trajectory_file import write_trajectories
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 60
@@ -140,13 +140,13 @@ def test_trips_without_a_valid_route_are_left_out_and_counted(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     net = data.crossing(folder / "cut")
-    from pyinfra.site import traffic
+    from pyinfra.scenes.maps import traffic
 
     lone = re.sub(r'<connection from="wi" to="no".*?/>', "", net.read_text())
     net.write_text(lone)
     monkeypatch.setattr(traffic, "read_road_net", _with_turn)
     words = ["site", "traffic", str(net.parent), "--seconds", "20", "--vehicles-per-hour", "900"]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     left_out = re.search(r"(\d+) of (\d+) trips left out: no valid route", capsys.readouterr().out)
     assert left_out
     assert 0 < int(left_out[1]) < int(left_out[2])
@@ -185,7 +185,7 @@ def test_impossible_demand_gives_one_line(
     folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
     data.crossing(folder / "asked")
-    assert cli.main(["site", "traffic", str(folder / "asked"), *words]) == cli.WRONG
+    assert main.main(["site", "traffic", str(folder / "asked"), *words]) == main.WRONG
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
@@ -202,7 +202,7 @@ def test_a_broken_network_is_refused_by_name(
     site.mkdir(exist_ok=True)
     (site / "site.yaml").write_text(data.SITE)
     (site / "map.net.xml").write_text(text)
-    assert cli.main(["site", "traffic", str(site)]) == cli.FAILED
+    assert main.main(["site", "traffic", str(site)]) == main.FAILED
     assert "map.net.xml: found" in capsys.readouterr().err
 
 
@@ -211,7 +211,7 @@ def test_the_scene_is_as_long_as_its_traffic(folder: Path) -> None:
     file = net.parent / "site.yaml"
     file.write_text(data.SITE + "duration_s: 500.0  # of ten minutes\nregion_half_length_m: 90\n")
     words = ["site", "traffic", str(net.parent), "--seconds", "12", "--vehicles-per-hour", "900"]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     end = pd.read_csv(net.parent / "trajectories.csv").t.max()
     assert file.read_text() == (
         data.SITE + f"duration_s: {end:g}  # of ten minutes\nregion_half_length_m: 90\n"

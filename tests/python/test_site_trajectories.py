@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 import traffic_data as data
 
-from pyinfra import cli
-from pyinfra.arrays import FloatArray
-from pyinfra.kitti import Labels, frame_file, write_labels
-from pyinfra.site.box_links import link
-from pyinfra.site.openstreetmap import transverse_mercator
+from pyinfra.cli import main
+from pyinfra.core.arrays import FloatArray
+from pyinfra.formats.kitti import Labels, frame_file, write_labels
+from pyinfra.scenes.maps.box_links import link
+from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
 GOOD = data.csv(data.drive())
 FCD = data.fcd(data.drive())
@@ -28,7 +28,7 @@ def site(tmp_path: Path) -> Path:
 
 
 def imported(site: Path, file: Path, *words: str) -> pd.DataFrame:
-    assert cli.main(["site", "trajectories", str(file), "--out", str(site), *words]) == 0
+    assert main.main(["site", "trajectories", str(file), "--out", str(site), *words]) == 0
     return pd.read_csv(site / "trajectories.csv")
 
 
@@ -132,7 +132,7 @@ def test_degrees_are_refused_where_nothing_says_the_place(
         ("boxes.csv", far),
     ):
         (site / "map.net.xml").write_text(net)
-        assert cli.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
+        assert main.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
         assert not (site / "trajectories.csv").exists()
         assert capsys.readouterr().err.count("\n") == 1
 
@@ -203,7 +203,7 @@ def test_without_angles_vehicles_look_where_they_drive(
 @pytest.mark.parametrize("words", ["Car", "a=Lorry", "=", "a=Car,b"])
 def test_a_class_that_is_none_of_ours_is_refused(site: Path, words: str) -> None:
     with pytest.raises(SystemExit):
-        cli.main(["site", "trajectories", "a.xml", "--out", str(site), "--class-of", words])
+        main.main(["site", "trajectories", "a.xml", "--out", str(site), "--class-of", words])
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -305,9 +305,9 @@ def test_a_broken_file_gives_one_line_and_leaves_the_site(
 ) -> None:
     (site / "trajectories.csv").write_text("before")
     (site / name).write_text(text)
-    code = cli.main(["site", "trajectories", str(site / name), "--out", str(site)])
+    code = main.main(["site", "trajectories", str(site / name), "--out", str(site)])
     out, err = capsys.readouterr()
-    assert (code, out, err.count("\n")) == (cli.FAILED, "", 1)
+    assert (code, out, err.count("\n")) == (main.FAILED, "", 1)
     assert err.startswith(f"pyinfra: {site / name}")
     assert said in err
     assert (site / "trajectories.csv").read_text() == "before"
@@ -316,7 +316,7 @@ def test_a_broken_file_gives_one_line_and_leaves_the_site(
 def test_a_million_vehicles_are_refused(
     site: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pyinfra.site import fcd, recorded_boxes
+    from pyinfra.scenes.maps import fcd, recorded_boxes
 
     monkeypatch.setattr(recorded_boxes, "MOST_OBJECTS", 50)
     monkeypatch.setattr(fcd, "MOST_OBJECTS", 50)
@@ -325,7 +325,7 @@ def test_a_million_vehicles_are_refused(
     each = "".join(f'<vehicle id="{i}" x="0" y="0" angle="0"/>' for i in range(60))
     (site / "many.xml").write_text(f'<fcd-export><timestep time="0">{each}</timestep></fcd-export>')
     for name in ("many.csv", "many.xml"):
-        assert cli.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
+        assert main.main(["site", "trajectories", str(site / name), "--out", str(site)]) == 1
         assert "50" in capsys.readouterr().err
 
 

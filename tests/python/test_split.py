@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra import kitti
-from pyinfra.commands import split as command
-from pyinfra.data import split
-from pyinfra.data.data_set import DataSet, Tilt
+from pyinfra.cli import split as command
+from pyinfra.dataset import split
+from pyinfra.dataset.data_set import DataSet, Tilt
+from pyinfra.formats import kitti
 
 
 def data_set(folder: Path, seed: int = 1, frames: range = range(0, 5000, 5)) -> DataSet:

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pyinfra import cli, kitti
-from pyinfra.arrays import FloatArray
-from pyinfra.detectors import Detections
-from pyinfra.training.standing import standing, without_standing
+from pyinfra.cli import main
+from pyinfra.core.arrays import FloatArray
+from pyinfra.formats import kitti
+from pyinfra.models.detectors import Detections
+from pyinfra.models.inference.static_filter import standing, without_standing
 
 
 def test_boxes_stand_that_come_back_at_a_place_where_none_moves() -> None:
@@ -33,7 +34,7 @@ def test_few_seconds_are_a_warning(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["detect", "--model", "generalist", "--data", str(lidar), "--frames", "4"]
-    assert cli.main([*words, "--drop-standing", "--out", str(tmp_path / "found")]) == 0
+    assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "found")]) == 0
     printed = capsys.readouterr()
     assert "boxes left out, as they stand where nothing moves" in printed.out
     assert "is not split" not in printed.err  # it learnt from none of them
@@ -45,7 +46,7 @@ def test_what_stands_goes_without_a_description_of_the_lidar(lidar: Path, tmp_pa
     shutil.copytree(lidar / "training/velodyne", copy / "training/velodyne")
     words = ["detect", "--model", "generalist", "--data", str(copy), "--height-m", "6"]
     words += ["--frames", "3", "--drop-standing", "--out", str(tmp_path / "found")]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert len(list((tmp_path / "found").glob("*.txt"))) == 3
 
 
@@ -88,7 +89,7 @@ def test_clouds_alone_say_nothing_of_what_stands(
     lidar: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cloud = kitti.frame_file(lidar, "velodyne", 0)
-    assert cli.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
+    assert main.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
     assert "--drop-standing: found clouds alone, allowed with --data" in capsys.readouterr().err
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pyinfra import sim
+from pyinfra.dataset import simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 LIDARS = ROOT / "configs/lidars"
@@ -67,17 +67,20 @@ def test_a_layer_gives_the_bytes_of_the_scene_that_it_was_cast_in(
 
 def test_the_stream_of_python_reads_the_layer(folder: Path) -> None:
     short = {"duration_s": 3, "traffic.warm_up_s": 10}
-    lidar = sim.load_lidar(LIDARS / "helios_16.yaml", "datasheet")
+    lidar = simulation.load_lidar(LIDARS / "helios_16.yaml", "datasheet")
     streams = []
     for name in ("curve", "datasheet"):
-        world = sim.load_scene(folder / f"{name}.yaml", set=short)
+        world = simulation.load_scene(folder / f"{name}.yaml", set=short)
         streams.append(
-            [sim.points(f).tobytes() for _, (f,) in sim.simulate(world, [lidar], range(4))]
+            [
+                simulation.points(f).tobytes()
+                for _, (f,) in simulation.simulate(world, [lidar], range(4))
+            ]
         )
     assert streams[0] == streams[1]
-    world = sim.load_scene(folder / "equal.yaml", set=short)
+    world = simulation.load_scene(folder / "equal.yaml", set=short)
     with pytest.raises(ValueError, match=r"equal\.layer: found unit 0: .*max_range_m of 260"):
-        list(sim.simulate(world, [lidar], range(1)))
+        list(simulation.simulate(world, [lidar], range(1)))
 
 
 def test_check_shows_the_key_and_reads_the_file(folder: Path, infrasim: Infrasim) -> None:
@@ -124,7 +127,7 @@ def test_a_layer_is_of_one_mount_and_of_one_scene(
         assert refused.returncode == 2
         assert f"{folder / 'datasheet.layer'}: " in refused.stderr
     with pytest.raises(ValueError, match=r"datasheet\.layer: mounts\.z_m: expected 6"):
-        sim.load_scene(scene, set={"mounts.pole.z_m": 12})
+        simulation.load_scene(scene, set={"mounts.pole.z_m": 12})
     assert not list(out.rglob("*.bin"))
 
 

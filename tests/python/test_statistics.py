@@ -10,18 +10,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra import kitti
-from pyinfra.commands import statistics
-from pyinfra.data.data_set import Tilt, field_of_view_mask, read_data_set
-from pyinfra.statistics import patterns, study
-from pyinfra.statistics import tables as statistics_tables
-from pyinfra.statistics.intervals import Blocks, block_seconds, interval, ratio, time_blocks
-from pyinfra.statistics.sightings import (
-    Sightings,
-    accumulated,
-    ends_of_runs,
-    read_sightings,
-)
+from pyinfra.cli import statistics
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.data_set import Tilt, field_of_view_mask, read_data_set
+from pyinfra.formats import kitti
+from pyinfra.metrics import scan_patterns, scanning_statistics
+from pyinfra.metrics import scanning_tables as statistics_tables
+from pyinfra.metrics.intervals import Blocks, block_seconds, interval, ratio, time_blocks
+from pyinfra.metrics.observations import Sightings, accumulated, ends_of_runs, read_sightings
 
 Infrasim = Callable[..., Any]
 
@@ -284,22 +280,22 @@ def test_a_sensor_that_looks_down_sees_what_is_below() -> None:
     assert field_of_view_mask(lidar(unit()), Tilt(math.radians(20), 0), below)[1].all()
 
 
-def rays(azimuth: list[float], elevation: list[float], time: list[float]) -> patterns.Rays:
-    return patterns.Rays(np.array(azimuth), np.array(elevation), np.array(time))
+def rays(azimuth: list[float], elevation: list[float], time: list[float]) -> scan_patterns.Rays:
+    return scan_patterns.Rays(np.array(azimuth), np.array(elevation), np.array(time))
 
 
 def test_lit_share_counts_cells_between_the_outermost_rays_and_fills_empty_rows() -> None:
     # Cells of 0.28: columns 0 and 3 in row 0, column 1 in row 2; row 1 has the extent of row 0.
     three = rays([0.1, 0.9, 0.3], [0.1, 0.1, 0.6], [0.0, 0.1, 0.2])
-    table = patterns.lit_share(three, (0.05, 0.15, 1.0))
+    table = scan_patterns.lit_share(three, (0.05, 0.15, 1.0))
     assert table.lit_percent.tolist() == pytest.approx([100 / 9, 200 / 9, 300 / 9])
 
 
 def test_density_of_rays_spread_evenly_over_the_sphere_is_the_same_everywhere() -> None:
     random = np.random.default_rng(1)
     z, azimuth = random.uniform(-1, 1, 2_000_000), random.uniform(-180, 180, 2_000_000)
-    even = patterns.Rays(azimuth, np.degrees(np.arcsin(z)), np.zeros(len(z)))
-    table = patterns.angular_density(even, 1.0)
+    even = scan_patterns.Rays(azimuth, np.degrees(np.arcsin(z)), np.zeros(len(z)))
+    table = scan_patterns.angular_density(even, 1.0)
     expected = 2_000_000 / (4 * math.pi * math.degrees(1) ** 2)
     assert table.density[5:].mean() == pytest.approx(expected, rel=0.02)
     assert table[table.axis == "elevation"].density.mean() == pytest.approx(expected, rel=0.02)
@@ -372,7 +368,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
     data = read_data_set(folder)
     assert read_sightings(data, above_road=True).points.tolist() == [[1], [0]]
     for above_road, count in ((False, 2), (True, 1)):
-        tables = study.statistics([folder], above_road=above_road, patterns=False)
+        tables = scanning_statistics.statistics([folder], above_road=above_road, patterns=False)
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
     roads.write_text(roads.read_text() + "m,2,2,0,0.5,0,21\n")
@@ -396,8 +392,8 @@ def test_wrong_trajectories_are_named(tmp_path: Path, old: str, new: str, messag
     file = folder / "trajectories.csv"
     assert old in file.read_text()
     file.write_text(file.read_text().replace(old, new))
-    with pytest.raises(kitti.FormatError, match=rf"trajectories\.csv{message}"):
-        study.speed_table(read_data_set(folder))
+    with pytest.raises(FormatError, match=rf"trajectories\.csv{message}"):
+        scanning_statistics.speed_table(read_data_set(folder))
 
 
 def test_an_id_may_be_high(tmp_path: Path) -> None:
@@ -409,15 +405,15 @@ def test_a_time_at_which_nobody_is_there_has_no_speed(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1)]}})
     file = folder / "trajectories.csv"
     file.write_text(file.read_text() + f"9.1{',' * 10}\n")
-    assert study.speed_table(read_data_set(folder)).samples.sum() == 1
+    assert scanning_statistics.speed_table(read_data_set(folder)).samples.sum() == 1
     file.write_text(file.read_text() + f"9.2,1{',' * 9}-3\n")
-    with pytest.raises(kitti.FormatError, match=":5: speed: found -3"):
-        study.speed_table(read_data_set(folder))
+    with pytest.raises(FormatError, match=":5: speed: found -3"):
+        scanning_statistics.speed_table(read_data_set(folder))
 
 
 def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1)]}})
-    table = study.speed_table(read_data_set(folder))
+    table = scanning_statistics.speed_table(read_data_set(folder))
     assert table.samples.sum() == 1
     assert table[table.from_km_h == 54].samples.tolist() == [1]
 
@@ -438,11 +434,11 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
 
 def test_frames_without_vehicles_give_tables_without_numbers(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [], 1: []}})
-    tables = study.statistics([folder], patterns=False)
+    tables = scanning_statistics.statistics([folder], patterns=False)
     assert tables["points_per_vehicle"].vehicles.sum() == 0
     assert tables["points_per_vehicle"].apv.isna().all()
     drawn = {name: tables[name] for name in ("points_per_vehicle", "quality")}
-    assert len(study.write(drawn, tmp_path / "out")) == 2
+    assert len(scanning_statistics.write(drawn, tmp_path / "out")) == 2
 
 
 def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path: Path) -> None:
@@ -451,15 +447,15 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
     recording = write_folder(tmp_path / "recording", {"a": {0: rows}})
     (recording / "trajectories.csv").unlink()
     with pytest.raises(FileNotFoundError, match=r"trajectories\.csv"):  # a run would have it
-        study.statistics([recording], patterns=False)
+        scanning_statistics.statistics([recording], patterns=False)
     for file in (recording / "dataset.yaml", recording / "a/lidar.yaml"):
         file.write_text(file.read_text().replace("preset: paper", "preset: recorded"))
     assert read_sightings(read_data_set(recording)).ids.tolist() == [1]
-    tables = study.statistics([recording])
+    tables = scanning_statistics.statistics([recording])
     assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
     assert not {"speed", "lit_share", "angular_density"} & set(tables)
     run = write_folder(tmp_path / "run", {"a": {0: rows}})
-    assert "speed" in study.statistics([recording, run], patterns=False)
+    assert "speed" in scanning_statistics.statistics([recording, run], patterns=False)
 
 
 @pytest.mark.slow
@@ -508,13 +504,15 @@ def check_against_objects(folder: Path, table: pd.DataFrame) -> None:
 
 
 def test_the_avia_lights_its_field_as_others_computed_it() -> None:
-    from pyinfra import sim
+    from pyinfra.dataset import simulation
 
     root = Path(__file__).resolve().parents[2]
-    found = sim.scan_pattern(root / "configs/lidars/livox_avia.yaml", range(40))
-    avia = patterns.Rays(np.degrees(found[:, 0]), np.degrees(found[:, 1]), found[:, 2])
-    table = patterns.lit_share(avia, (0.1, 0.2, 0.5, 1.0))
+    found = simulation.scan_pattern(root / "configs/lidars/livox_avia.yaml", range(40))
+    avia = scan_patterns.Rays(np.degrees(found[:, 0]), np.degrees(found[:, 1]), found[:, 2])
+    table = scan_patterns.lit_share(avia, (0.1, 0.2, 0.5, 1.0))
     # Computed by others from the vendor's scan table, with a way of counting that is not stated.
     np.testing.assert_allclose(table.lit_percent, [30, 51, 80, 95], atol=3.5)
-    density = patterns.angular_density(avia).set_index(["axis", "from_deg"]).density["off_axis"]
+    density = (
+        scan_patterns.angular_density(avia).set_index(["axis", "from_deg"]).density["off_axis"]
+    )
     np.testing.assert_allclose(density[[0, 10, 25, 34]], [864, 80, 40, 62], rtol=0.03)

@@ -16,11 +16,12 @@ import pytest
 import yaml
 from detector_data import SITE
 
-from pyinfra import cli, kitti
-from pyinfra.detectors.background import Background
-from pyinfra.simulator.runs import SimulatorError
-from pyinfra.stress import lidar, trials, worlds
-from pyinfra.stress.catalogue import STRESSORS, chosen
+from pyinfra.cli import main
+from pyinfra.dataset.runs import SimulatorError
+from pyinfra.experiments.stress import altered_scenes, lidar, trials
+from pyinfra.experiments.stress.stressors import STRESSORS, chosen
+from pyinfra.formats import kitti
+from pyinfra.models.detectors.background import Background
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES = (0, 20, 40)
@@ -50,8 +51,8 @@ def background(data: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def base(data: Path) -> worlds.Base:
-    return worlds.read_base(data, 60)
+def base(data: Path) -> altered_scenes.Base:
+    return altered_scenes.read_base(data, 60)
 
 
 def bytes_of(folder: Path) -> list[bytes]:
@@ -64,23 +65,23 @@ def scene_of(folder: Path) -> dict[str, object]:
     return found
 
 
-def stress(name: str, dial: float | str, base: worlds.Base, cache: Path) -> Path:
+def stress(name: str, dial: float | str, base: altered_scenes.Base, cache: Path) -> Path:
     world = STRESSORS[name].world
     assert world is not None
-    return worlds.simulated(base, world(base, dial), cache, name)
+    return altered_scenes.simulated(base, world(base, dial), cache, name)
 
 
 # Worlds.
 
 
 def test_a_world_without_a_change_has_the_same_bytes(
-    base: worlds.Base, data: Path, tmp_path: Path
+    base: altered_scenes.Base, data: Path, tmp_path: Path
 ) -> None:
-    folder = worlds.simulated(base, worlds.World(), tmp_path, "same")
+    folder = altered_scenes.simulated(base, altered_scenes.World(), tmp_path, "same")
     assert bytes_of(folder) == bytes_of(data)
 
 
-def test_a_world_is_simulated_once(base: worlds.Base, tmp_path: Path) -> None:
+def test_a_world_is_simulated_once(base: altered_scenes.Base, tmp_path: Path) -> None:
     folder = stress("density", 2.0, base, tmp_path)
     file = kitti.frame_file(folder, "velodyne", 20)
     before = file.stat().st_mtime_ns
@@ -89,7 +90,9 @@ def test_a_world_is_simulated_once(base: worlds.Base, tmp_path: Path) -> None:
     assert stress("density", 3.0, base, tmp_path) != folder
 
 
-def test_density_and_speed_are_times_the_scenes_own(base: worlds.Base, tmp_path: Path) -> None:
+def test_density_and_speed_are_times_the_scenes_own(
+    base: altered_scenes.Base, tmp_path: Path
+) -> None:
     dense = scene_of(stress("density", 2.0, base, tmp_path))["traffic"]
     fast = scene_of(stress("speed", 1.5, base, tmp_path))["traffic"]
     assert dense["vehicles_per_km_lane"] == 24  # type: ignore[index]
@@ -98,7 +101,7 @@ def test_density_and_speed_are_times_the_scenes_own(base: worlds.Base, tmp_path:
 
 
 def test_a_tilted_sensor_sees_other_points_of_the_same_boxes(
-    base: worlds.Base, data: Path, tmp_path: Path
+    base: altered_scenes.Base, data: Path, tmp_path: Path
 ) -> None:
     folder = stress("tilt", 10.0, base, tmp_path)
     assert "T_levelled_sensor: {pitch_deg: 10," in (folder / "lidar.yaml").read_text()
@@ -115,10 +118,13 @@ def test_a_tilted_sensor_sees_other_points_of_the_same_boxes(
     assert nearest[1] < nearest[0]
 
 
-def test_tilt_is_added_to_the_pitch_of_the_mount(base: worlds.Base) -> None:
+def test_tilt_is_added_to_the_pitch_of_the_mount(base: altered_scenes.Base) -> None:
     mounts = {"pole": {"pitch_deg": 10}, "level": {}}
     down = replace(base, scene=base.scene | {"mounts": mounts})
-    assert worlds.tilt(down, 5.0).set == ("mounts.pole.pitch_deg=15", "mounts.level.pitch_deg=5")
+    assert altered_scenes.tilt(down, 5.0).set == (
+        "mounts.pole.pitch_deg=15",
+        "mounts.level.pitch_deg=5",
+    )
 
 
 def seams_of(folder: Path) -> list[float]:
@@ -127,7 +133,7 @@ def seams_of(folder: Path) -> list[float]:
 
 
 def test_a_turned_seam_leaves_the_boxes_of_mid_frame_and_moves_those_of_the_scan(
-    base: worlds.Base, data: Path, tmp_path: Path
+    base: altered_scenes.Base, data: Path, tmp_path: Path
 ) -> None:
     folder = stress("seam", 90.0, base, tmp_path)
     assert (seams_of(data), seams_of(folder)) == ([180], [270])
@@ -141,17 +147,17 @@ def test_a_turned_seam_leaves_the_boxes_of_mid_frame_and_moves_those_of_the_scan
 
 
 def test_draws_of_the_phase_differ_and_each_is_the_same_again(
-    base: worlds.Base, tmp_path: Path
+    base: altered_scenes.Base, tmp_path: Path
 ) -> None:
     seams = [seams_of(stress("phase", f"draw_{n}", base, tmp_path))[0] for n in (1, 2)]
     assert len({180.0, *seams}) == 3
-    assert worlds.phase(base, "draw_1") == worlds.phase(base, "draw_1")
-    turns = worlds.phase(base, "draw_1").turns_deg
-    assert len(set(turns)) == len(turns) == worlds.PHASES  # a unit each
+    assert altered_scenes.phase(base, "draw_1") == altered_scenes.phase(base, "draw_1")
+    turns = altered_scenes.phase(base, "draw_1").turns_deg
+    assert len(set(turns)) == len(turns) == altered_scenes.PHASES  # a unit each
 
 
 def test_labels_of_a_world_hold_when_those_of_the_base_do(
-    base: worlds.Base, tmp_path: Path
+    base: altered_scenes.Base, tmp_path: Path
 ) -> None:
     """Also where another scene would have its own."""
     asked = replace(base, lidar=replace(base.lidar, label_time="scan"))
@@ -168,13 +174,15 @@ def test_a_lidar_of_version_0_2_is_read_with_its_phase() -> None:
     assert locked["pattern"]["spinning"]["phase"] == "locked"
 
 
-def test_all_traffic_is_of_the_class(base: worlds.Base, tmp_path: Path) -> None:
+def test_all_traffic_is_of_the_class(base: altered_scenes.Base, tmp_path: Path) -> None:
     folder = stress("vehicle_class", "Bus", base, tmp_path)
     names = [kitti.read_objects(kitti.frame_file(folder, "objects", k)).names for k in FRAMES]
     assert set(np.concatenate(names)) == {"Bus"}
 
 
-def test_another_lidar_preset_and_scene(base: worlds.Base, data: Path, tmp_path: Path) -> None:
+def test_another_lidar_preset_and_scene(
+    base: altered_scenes.Base, data: Path, tmp_path: Path
+) -> None:
     lidar = stress("unseen_lidar", "livox_avia", base, tmp_path)
     assert kitti.read_lidar(lidar).name == "livox_avia"
     preset = kitti.read_lidar(stress("unseen_preset", "equal", base, tmp_path))
@@ -183,15 +191,15 @@ def test_another_lidar_preset_and_scene(base: worlds.Base, data: Path, tmp_path:
 
 
 def test_frames_that_are_not_evenly_spaced_are_in_one_range() -> None:
-    assert worlds.frame_words([4100, 4120, 4140]) == "4100:4141:20"
-    assert worlds.frame_words([3, 9, 13]) == "3:14:2"
-    assert worlds.frame_words([7]) == "7:8:1"
+    assert altered_scenes.frame_words([4100, 4120, 4140]) == "4100:4141:20"
+    assert altered_scenes.frame_words([3, 9, 13]) == "3:14:2"
+    assert altered_scenes.frame_words([7]) == "7:8:1"
 
 
 def test_at_most_so_many_frames_evenly_spaced(data: Path) -> None:
-    assert worlds.read_base(data, 60).frames == FRAMES
-    assert worlds.read_base(data, 2).frames == (0, 40)
-    assert worlds.read_base(data, 1).frames == (0,)
+    assert altered_scenes.read_base(data, 60).frames == FRAMES
+    assert altered_scenes.read_base(data, 2).frames == (0, 40)
+    assert altered_scenes.read_base(data, 1).frames == (0,)
 
 
 # A LiDAR of one's own.
@@ -257,8 +265,8 @@ def test_a_world_is_cast_with_the_lidar_of_the_frames(
     folder = made(file)
     for table in (tmp_path / "lidars").glob("table.npy"):
         table.rename(folder / table.name)
-    base = worlds.read_base(folder, 60)
-    same = worlds.simulated(base, worlds.World(), tmp_path / "cache", "same")
+    base = altered_scenes.read_base(folder, 60)
+    same = altered_scenes.simulated(base, altered_scenes.World(), tmp_path / "cache", "same")
     assert bytes_of(same) == bytes_of(folder)
     assert len(bytes_of(same)[0]) > 1000
 
@@ -267,9 +275,11 @@ def test_another_lidar_of_the_same_name_is_another_world(
     made: Made, data: Path, tmp_path: Path
 ) -> None:
     cache = tmp_path / "cache"
-    own = worlds.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
+    own = altered_scenes.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
     shipped = replace(own, folder=data)
-    found = [worlds.simulated(b, worlds.World(), cache, "same") for b in (own, shipped)]
+    found = [
+        altered_scenes.simulated(b, altered_scenes.World(), cache, "same") for b in (own, shipped)
+    ]
     assert found[0] != found[1]
 
 
@@ -278,7 +288,7 @@ def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
 ) -> None:
     names = ["fog", "tilt", "unseen_lidar", "unseen_preset"]
     folder, out = made(own_lidar(tmp_path, "mine")), tmp_path / "out"
-    assert cli.main(command(background, folder, out, "--stressors", *names)) == 0
+    assert main.main(command(background, folder, out, "--stressors", *names)) == 0
     error = capsys.readouterr().err
     assert error.startswith("pyinfra: note: left out unseen_preset: ")
     assert "lidar.yaml: name: found 'mine', allowed a LiDAR of the catalogue" in error
@@ -291,13 +301,13 @@ def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
     assert set(pd.read_csv(out / "stress_summary.csv").stressor) == set(names[:3])
 
 
-def reasons(names: list[str], base: worlds.Base) -> dict[str, list[str]]:
+def reasons(names: list[str], base: altered_scenes.Base) -> dict[str, list[str]]:
     return trials.left_out([STRESSORS[name] for name in names], base)
 
 
 def test_a_lidar_without_a_seam_is_left_out_of_seam_and_phase(made: Made, tmp_path: Path) -> None:
     table = lidars_of_all_kinds(tmp_path / "lidars")["table"]
-    base = worlds.read_base(made(table), 60)
+    base = altered_scenes.read_base(made(table), 60)
     (tmp_path / "lidars/table.npy").rename(base.folder / "table.npy")
     ((why, names),) = reasons(["seam", "phase", "tilt"], base).items()
     assert names == ["seam", "phase"]
@@ -305,18 +315,20 @@ def test_a_lidar_without_a_seam_is_left_out_of_seam_and_phase(made: Made, tmp_pa
 
 
 def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) -> None:
-    base = worlds.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
+    base = altered_scenes.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
     ((why, names),) = reasons(["tilt", "unseen_preset", "unseen_lidar"], base).items()
     assert names == ["unseen_preset"]
     assert "lidar.yaml: pattern: found another than in " in why
 
 
-def test_a_shipped_lidar_can_take_every_stressor_but_those_between_poles(base: worlds.Base) -> None:
+def test_a_shipped_lidar_can_take_every_stressor_but_those_between_poles(
+    base: altered_scenes.Base,
+) -> None:
     assert list(trials.left_out(STRESSORS.values(), base).values()) == [["pole_clock", "pole_yaw"]]
 
 
 def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path) -> None:
-    base = worlds.read_base(made(own_lidar(tmp_path, "mine"), preset="rainy"), 60)
+    base = altered_scenes.read_base(made(own_lidar(tmp_path, "mine"), preset="rainy"), 60)
     ((why, names),) = reasons(["tilt", "unseen_lidar"], base).items()
     assert names == ["unseen_lidar"]
     assert "preset: found 'rainy', allowed paper, equal, datasheet" in why
@@ -324,13 +336,13 @@ def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path)
 
 def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: Path) -> None:
     folder = made(lidars_of_all_kinds(tmp_path / "lidars")["table"])
-    base = worlds.read_base(folder, 60)
+    base = altered_scenes.read_base(folder, 60)
     ((why, names),) = reasons(["tilt", "unseen_lidar", "unseen_scene"], base).items()
     assert names == ["tilt", "unseen_scene"]
     assert f"pattern.table.file: found no file {folder / 'table.npy'}, allowed a copy" in why
 
 
-def test_the_first_difference_of_two_lidars_is_named(base: worlds.Base) -> None:
+def test_the_first_difference_of_two_lidars_is_named(base: altered_scenes.Base) -> None:
     own = lidar.read(base.folder / "lidar.yaml")
     assert lidar.difference(own, own) == ""
     assert lidar.difference(own, own | {"price_usd": {"low": 1}}) == ""
@@ -365,9 +377,9 @@ def recorded(infrasim: Callable[..., Any], made: Made, tmp_path: Path) -> Path:
 
 def test_recorded_trajectories_come_from_beside_the_frames(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "scenes/t.csv").unlink()
-    base = worlds.read_base(recorded, 60)
+    base = altered_scenes.read_base(recorded, 60)
     cache = tmp_path / "cache"
-    same = worlds.simulated(base, worlds.World(), cache, "same")
+    same = altered_scenes.simulated(base, altered_scenes.World(), cache, "same")
     assert bytes_of(same) == bytes_of(recorded)
     objects = [
         [kitti.frame_file(place, "objects", k).read_bytes() for k in FRAMES]
@@ -376,20 +388,20 @@ def test_recorded_trajectories_come_from_beside_the_frames(recorded: Path, tmp_p
     assert objects[0] == objects[1]
     file = recorded.parent / "trajectories.csv"
     file.write_text(file.read_text().replace(",Car,", ",Van,"))
-    assert worlds.simulated(base, worlds.World(), cache, "same") != same
+    assert altered_scenes.simulated(base, altered_scenes.World(), cache, "same") != same
 
 
 def test_recorded_trajectories_have_no_density_and_no_speed(
     recorded: Path, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names, out = ["density", "speed", "tilt", "vehicle_class"], tmp_path / "out"
-    assert cli.main(command(background, recorded, out, "--stressors", *names)) == 0
+    assert main.main(command(background, recorded, out, "--stressors", *names)) == 0
     error = capsys.readouterr().err
     assert error.startswith("pyinfra: note: left out density, speed, vehicle_class: ")
     assert "dataset.yaml: traffic: found recorded trajectories, allowed simulated" in error
     assert set(rows(out).stressor) == {"none", "tilt"}
     (recorded.parent / "trajectories.csv").unlink()
-    assert cli.main(command(background, recorded, tmp_path / "2", "--stressors", "tilt")) == 2
+    assert main.main(command(background, recorded, tmp_path / "2", "--stressors", "tilt")) == 2
     assert "trajectories.csv: found no such file, needed to" in capsys.readouterr().err
 
 
@@ -400,10 +412,10 @@ def test_a_wrong_world_is_named_before_the_first_cell_and_the_rest_is_measured(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--stressors", "speed", "--dials", "1.5", "100"]
-    assert cli.main(command(background, data, tmp_path, *words, "--dry-run")) == 1
+    assert main.main(command(background, data, tmp_path, *words, "--dry-run")) == 1
     said = capsys.readouterr()
     assert said.out.splitlines()[:-1] == ["run none 0.0", "run speed 1.5"]
-    assert cli.main(command(background, data, tmp_path, *words)) == 1
+    assert main.main(command(background, data, tmp_path, *words)) == 1
     first, last = capsys.readouterr().err.splitlines()
     assert first.startswith("pyinfra: speed 100.0 failed: infrasim check: --set traffic.speed")
     assert "mean_km_h: found '6200', allowed above 0 to 200" in first
@@ -419,23 +431,23 @@ def test_a_world_that_fails_on_the_way_leaves_the_others_their_rows_and_figures(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    simulated = worlds.simulated
+    simulated = altered_scenes.simulated
 
-    def failing(base: worlds.Base, world: worlds.World, *rest: Any) -> Path:
+    def failing(base: altered_scenes.Base, world: altered_scenes.World, *rest: Any) -> Path:
         if world.scene == "curve":
             raise SimulatorError("infrasim run: disk full", 1)
         return simulated(base, world, *rest)
 
-    monkeypatch.setattr(worlds, "simulated", failing)
+    monkeypatch.setattr(altered_scenes, "simulated", failing)
     words = command(background, data, tmp_path, "--stressors", "unseen_scene", "fog")
-    assert cli.main(words) == 1
+    assert main.main(words) == 1
     error = capsys.readouterr().err.splitlines()
     assert error[0] == "pyinfra: run unseen_scene curve failed: infrasim run: disk full"
     assert set(rows(tmp_path).dial) == {"0", "5", "10", "20", "40", "crossroad"}
     for name in ("stress_summary.csv", "stress_ranking.csv", "stress_highway_paper_helios_16.svg"):
         assert (tmp_path / name).stat().st_size > 50
-    monkeypatch.setattr(worlds, "simulated", simulated)
-    assert cli.main(words) == 0
+    monkeypatch.setattr(altered_scenes, "simulated", simulated)
+    assert main.main(words) == 0
     assert "curve" in set(rows(tmp_path).dial)
 
 
@@ -446,15 +458,15 @@ def test_a_detector_that_fails_without_stress_ends_the_test(
         raise RuntimeError("no memory")
 
     monkeypatch.setattr(trials, "row_of", failing)
-    assert cli.main(command(background, data, tmp_path, "--stressors", "fog")) == 1
+    assert main.main(command(background, data, tmp_path, "--stressors", "fog")) == 1
     assert not (tmp_path / "stress_summary.csv").exists()
 
 
-def test_a_scene_of_the_catalogue_must_be_as_long_as_the_frames(base: worlds.Base) -> None:
+def test_a_scene_of_the_catalogue_must_be_as_long_as_the_frames(base: altered_scenes.Base) -> None:
     late = replace(base, frames=(0, 5000))
-    worlds.check(base, worlds.World(scene="curve"))
+    altered_scenes.check(base, altered_scenes.World(scene="curve"))
     with pytest.raises(ValueError, match=r"curve.yaml: duration_s: found 500, allowed 500.1 or m"):
-        worlds.check(late, worlds.World(scene="curve"))
+        altered_scenes.check(late, altered_scenes.World(scene="curve"))
 
 
 # The command.
@@ -472,7 +484,7 @@ def rows(out: Path) -> pd.DataFrame:
 def whole(background: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A test that nothing disturbed."""
     out = tmp_path_factory.mktemp("whole")
-    assert cli.main(command(background, data, out, "--stressors", *QUICK)) == 0
+    assert main.main(command(background, data, out, "--stressors", *QUICK)) == 0
     return out
 
 
@@ -509,7 +521,7 @@ def test_a_killed_test_goes_on_to_the_same_rows(
     process.wait()
     kept = file.read_text()
     assert len(kept.splitlines()) < 15
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert file.read_text().startswith(kept)
     pd.testing.assert_frame_equal(rows(tmp_path), rows(whole))
 
@@ -519,7 +531,7 @@ def test_a_finished_cell_is_not_computed_again(
 ) -> None:
     before = (whole / "stress.csv").read_bytes()
     monkeypatch.setattr(trials, "row_of", lambda *_: pytest.fail("computed again"))
-    assert cli.main(command(background, data, whole, "--stressors", *QUICK)) == 0
+    assert main.main(command(background, data, whole, "--stressors", *QUICK)) == 0
     assert (whole / "stress.csv").read_bytes() == before
 
 
@@ -534,16 +546,16 @@ def test_another_model_of_the_same_name_is_no_finished_cell(
         command(tmp_path / place / "run", data, tmp_path / "out", "--stressors", "drop_out")
         for place in ("old", "new")
     )
-    assert cli.main(old) == 0
-    assert cli.main(new) == 2
+    assert main.main(old) == 0
+    assert main.main(new) == 2
     assert "none 0 1 3: found a row of another model, other frames" in capsys.readouterr().err
     table = pd.read_csv(tmp_path / "out/stress.csv")
     table.drop(columns="inputs").to_csv(tmp_path / "out/stress.csv", index=False)
-    assert cli.main(new) == 0  # rows of an earlier version are taken for the same
+    assert main.main(new) == 0  # rows of an earlier version are taken for the same
 
 
 def test_a_run_is_named_as_its_folder(
-    background: Path, base: worlds.Base, monkeypatch: pytest.MonkeyPatch
+    background: Path, base: altered_scenes.Base, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(background)
     (trial,) = trials.plan([trials.read_run(Path(), base)], {}, base)
@@ -551,7 +563,7 @@ def test_a_run_is_named_as_its_folder(
 
 
 def test_a_cell_that_another_process_holds_is_left_to_it(
-    background: Path, base: worlds.Base, tmp_path: Path
+    background: Path, base: altered_scenes.Base, tmp_path: Path
 ) -> None:
     run = trials.read_run(background, base)
     (trial,) = trials.plan([run], {}, base)
@@ -568,14 +580,14 @@ def test_chosen_dials_and_a_dry_run(
 ) -> None:
     out = tmp_path / "out"
     words = ["--stressors", "fog", "--dials", "0", "3", "7", "--dry-run"]
-    assert cli.main(command(background, data, out, *words)) == 0
+    assert main.main(command(background, data, out, *words)) == 0
     *listed, last = capsys.readouterr().out.splitlines()
     assert listed == ["run none 0.0", "run fog 3.0", "run fog 7.0"]
     assert last.startswith("3 of 3 trials to do, 3 frames each, ")
     assert not out.exists()
 
 
-def test_runs_of_one_detector_are_dials_of_the_training(base: worlds.Base) -> None:
+def test_runs_of_one_detector_are_dials_of_the_training(base: altered_scenes.Base) -> None:
     first = trials.TrainedRun(Path("a"), "pointpillars", 800, 1)
     fewer = trials.TrainedRun(Path("b"), "pointpillars", 200, 1)
     seed = trials.TrainedRun(Path("c"), "pointpillars", 800, 2)
@@ -593,9 +605,9 @@ def test_runs_of_one_detector_are_dials_of_the_training(base: worlds.Base) -> No
 def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
     """A run of a small PointPillars that learnt nothing."""
     pytest.importorskip("torch", reason="the extra `detectors` is not installed")
-    from pyinfra.config import as_plain
-    from pyinfra.detectors import pointpillars
-    from pyinfra.training import checkpoint
+    from pyinfra.core.config import as_plain
+    from pyinfra.models.detectors import pointpillars
+    from pyinfra.models.training import checkpoint
 
     config = pointpillars.Config()
     network = checkpoint.build("pointpillars", config, SITE)
@@ -612,7 +624,7 @@ def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
 def test_a_smaller_training_is_a_row_of_its_reference(data: Path, tmp_path: Path) -> None:
     runs = [untrained(tmp_path / "a", 800), untrained(tmp_path / "b", 200)]
     words = ["--data", str(data), "--out", str(tmp_path), "--stressors", "training_frames"]
-    assert cli.main(["stress", *map(str, runs), *words]) == 0
+    assert main.main(["stress", *map(str, runs), *words]) == 0
     table = pd.read_csv(tmp_path / "stress.csv")
     columns = ["detector", "run", "stressor", "dial", "trained_frames", "trained_seed"]
     assert table[columns].to_numpy().tolist() == [
@@ -627,11 +639,11 @@ def test_a_run_of_another_lidar_is_one_line(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = untrained(tmp_path / "run", 800, "ruby_plus")
-    assert cli.main(["stress", str(run), "--data", str(data), "--out", str(tmp_path)]) == 2
+    assert main.main(["stress", str(run), "--data", str(data), "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err.endswith("lidar: found ruby_plus, allowed helios_16\n")
 
 
-def test_the_own_lidar_scene_and_preset_are_no_stress(base: worlds.Base) -> None:
+def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base) -> None:
     run = trials.TrainedRun(Path("a"), "background", -1, -1)
     stressors = chosen(["unseen_lidar", "unseen_scene", "unseen_preset"], None)
     dials = {trial.dial for trial in trials.plan([run], stressors, base)}
@@ -659,7 +671,7 @@ def test_wrong_words_are_one_line(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert cli.main(command(background, data, tmp_path / "out", *words)) == 2
+    assert main.main(command(background, data, tmp_path / "out", *words)) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"pyinfra: {message}")
     assert error.count("\n") == 1
@@ -669,12 +681,12 @@ def test_wrong_words_are_one_line(
 def test_wrong_folders_are_one_line(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(command(background, data.parent, tmp_path)) == 2
+    assert main.main(command(background, data.parent, tmp_path)) == 2
     assert "found a data set, allowed a LiDAR of it: helios_16" in capsys.readouterr().err
-    assert cli.main(command(tmp_path, data, tmp_path)) == 1
+    assert main.main(command(tmp_path, data, tmp_path)) == 1
     assert "No last.safetensors or background.npz in it" in capsys.readouterr().err
     (tmp_path / "stress.csv").write_text("a,b\n1,2\n")
-    assert cli.main(command(background, data, tmp_path)) == 2
+    assert main.main(command(background, data, tmp_path)) == 2
     assert "stress.csv:1: found no column detector" in capsys.readouterr().err
 
 
@@ -686,11 +698,11 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     recorded.parent.mkdir()
     recorded.symlink_to(data)
     out = tmp_path / "out"
-    assert cli.main(command(background, recorded, out, "--stressors", "fog")) == 0
-    assert cli.main(command(background, recorded, out, "--stressors", "tilt")) == 2
+    assert main.main(command(background, recorded, out, "--stressors", "fog")) == 0
+    assert main.main(command(background, recorded, out, "--stressors", "tilt")) == 2
     assert "found no dataset.yaml, allowed --stressors of clouds" in capsys.readouterr().err
     (recorded.parent / "dataset.yaml").write_text("name: site\npreset: recorded\n")
-    assert cli.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
+    assert main.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
     said = capsys.readouterr().err
     assert said.startswith("pyinfra: note: left out tilt: ")
     assert "dataset.yaml: found no roads, as of a recording, allowed --stressors of" in said

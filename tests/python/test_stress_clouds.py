@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pyinfra import kitti
-from pyinfra.arrays import Points
-from pyinfra.stress import clouds
-from pyinfra.stress.catalogue import STRESSORS, Stressor
-from pyinfra.training import sensor_faults
+from pyinfra.core.arrays import Points
+from pyinfra.experiments.stress import clouds
+from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
+from pyinfra.formats import kitti
+from pyinfra.models.training import sensor_faults
 
 CLOUD_STRESSORS = [row for row in STRESSORS.values() if row.acts_on == "cloud"]
 

@@ -7,10 +7,10 @@ import pytest
 import yaml
 from conftest import Infrasim
 
-from pyinfra import kitti
-from pyinfra.simulator.catalogue import lidar_file, scene_file
-from pyinfra.stress import trials, worlds
-from pyinfra.stress.catalogue import STRESSORS, chosen
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.experiments.stress import altered_scenes, trials
+from pyinfra.experiments.stress.stressors import STRESSORS, chosen
+from pyinfra.formats import kitti
 
 FRAMES = (0, 20)
 MOUNTS = ("west", "east", "north")
@@ -29,29 +29,29 @@ def data(infrasim: Infrasim, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def base(data: Path) -> worlds.Base:
-    return worlds.read_base(data / "fused/helios_16", 60)
+def base(data: Path) -> altered_scenes.Base:
+    return altered_scenes.read_base(data / "fused/helios_16", 60)
 
 
 def cloud(folder: Path) -> np.ndarray:
     return kitti.read_points(kitti.frame_file(folder, "velodyne", 20))
 
 
-def stressed(name: str, dial: float, base: worlds.Base, cache: Path) -> Path:
+def stressed(name: str, dial: float, base: altered_scenes.Base, cache: Path) -> Path:
     world = STRESSORS[name].world
     assert world is not None
-    return worlds.simulated(base, world(base, dial), cache, name)
+    return altered_scenes.simulated(base, world(base, dial), cache, name)
 
 
 def test_a_fused_world_without_a_change_has_the_same_bytes(
-    base: worlds.Base, tmp_path: Path
+    base: altered_scenes.Base, tmp_path: Path
 ) -> None:
-    folder = worlds.simulated(base, worlds.World(), tmp_path, "same")
+    folder = altered_scenes.simulated(base, altered_scenes.World(), tmp_path, "same")
     assert folder.parent.name == "fused"
     assert cloud(folder).tobytes() == cloud(base.folder).tobytes()
 
 
-def test_clocks_of_poles_come_apart(base: worlds.Base, tmp_path: Path) -> None:
+def test_clocks_of_poles_come_apart(base: altered_scenes.Base, tmp_path: Path) -> None:
     folder = stressed("pole_clock", 50.0, base, tmp_path)
     mounts = yaml.safe_load((folder.parent / "dataset.yaml").read_text())["mounts"]
     late_s = [mounts[name].get("clock_offset_s", 0) for name in MOUNTS]
@@ -59,7 +59,7 @@ def test_clocks_of_poles_come_apart(base: worlds.Base, tmp_path: Path) -> None:
 
 
 def test_poses_of_poles_come_apart_and_vehicles_stay(
-    data: Path, base: worlds.Base, tmp_path: Path
+    data: Path, base: altered_scenes.Base, tmp_path: Path
 ) -> None:
     folder = stressed("pole_yaw", 1.0, base, tmp_path)
     before, after = cloud(base.folder), cloud(folder)
@@ -87,18 +87,18 @@ def test_recorded_vehicles_are_told_by_the_clock_of_the_first(data: Path, tmp_pa
         keys["mounts"][name]["clock_offset_s"] = late_s
     keys["trajectories"] = "cars.csv"
     (fused / "dataset.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
-    mounts = worlds.read_base(fused / "helios_16", 60).mounts
+    mounts = altered_scenes.read_base(fused / "helios_16", 60).mounts
     found = [mounts[name].get("clock_offset_s", 0) for name in MOUNTS]
     np.testing.assert_allclose(found, [0, -0.02, 0.03], atol=1e-12)
 
 
 def test_poles_of_one_mount_cannot_come_apart(data: Path) -> None:
-    one = worlds.read_base(data / "west/helios_16", 60)
+    one = altered_scenes.read_base(data / "west/helios_16", 60)
     with pytest.raises(ValueError, match="found frames of one mount, allowed those of `--fuse`"):
         trials.able(chosen(["pole_clock", "pole_yaw"], None), one)
 
 
-def test_ranges_of_fused_frames_are_from_no_one_place(base: worlds.Base) -> None:
+def test_ranges_of_fused_frames_are_from_no_one_place(base: altered_scenes.Base) -> None:
     stressors = chosen(["rain", "drop_out", "unseen_scene", "pole_yaw"], None)
     left_out = trials.left_out(stressors, base)
     assert list(left_out.values()) == [["rain", "unseen_scene"]]
@@ -111,6 +111,6 @@ def test_fused_frames_without_their_mounts_are_not_simulated_again(
     data: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "fused").symlink_to(data / "fused", target_is_directory=True)
-    base = worlds.read_base(tmp_path / "fused/helios_16", 60)
+    base = altered_scenes.read_base(tmp_path / "fused/helios_16", 60)
     with pytest.raises(ValueError, match=r"west/helios_16/lidar\.yaml: found no such file, needed"):
         trials.able(chosen(["pole_yaw"], None), base)

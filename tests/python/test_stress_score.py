@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 from evaluation_data import box, car, noisy, traffic, write_lidar, write_predictions, write_roads
 
-from pyinfra.detectors import Detections
-from pyinfra.evaluation.evaluate import evaluate
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.stress import figures, score, summary
-from pyinfra.stress.catalogue import STRESSORS
+from pyinfra.experiments.stress import score, summary
+from pyinfra.experiments.stress.stressors import STRESSORS
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.models.detectors import Detections
+from pyinfra.viz import stress_plots
 
 FRAMES = 10
 
@@ -262,12 +263,12 @@ def test_tables_and_figures_of_nothing(tmp_path: Path) -> None:
     ):
         assert rows_.columns.tolist() == columns
         assert len(rows_) == 0
-    assert figures.draw_all(table, tmp_path) == []
+    assert stress_plots.draw_all(table, tmp_path) == []
 
 
 def test_a_figure_keeps_the_dots_of_its_names(tmp_path: Path) -> None:
     table = rows("fog", {"0": 80, "5": 40}).assign(lidar="own.v2")
-    files = figures.draw_all(table, tmp_path)
+    files = stress_plots.draw_all(table, tmp_path)
     assert [file.name.partition("_own")[2] for file in files] == [".v2.svg", ".v2.png"]
     assert all(file.is_file() for file in files)
 
@@ -279,13 +280,13 @@ def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
             rows("unseen_scene", {"own": 90, "curve": 80}).iloc[1:],
         ]
     )
-    figure = figures.stress(table)
+    figure = stress_plots.stress(table)
     assert [ax.get_title() for ax in figure.axes] == ["drop out", "unseen scene"]
     turned = rows("unseen_scene", {"own": 9, "curve": 8, "crossroad": 7}, "b")
-    (ax,) = figures.stress(pd.concat([rows("unseen_scene", {"own": 90}), turned])).axes
+    (ax,) = stress_plots.stress(pd.concat([rows("unseen_scene", {"own": 90}), turned])).axes
     ticks = [text.get_text() for text in ax.get_xticklabels()]
     assert ticks == ["own", "crossroad", "curve"]
-    files = figures.draw_all(table, tmp_path)
+    files = stress_plots.draw_all(table, tmp_path)
     assert [file.name for file in files] == ["stress_s_p_l.svg", "stress_s_p_l.png"]
     assert all(file.stat().st_size > 1000 for file in files)
 

@@ -19,25 +19,23 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 from detector_data import road_sample  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
 
-from pyinfra import cli, kitti  # noqa: E402
-from pyinfra.boxes import points_in_box, points_in_boxes  # noqa: E402
-from pyinfra.config import ConfigError  # noqa: E402
-from pyinfra.data import regions  # noqa: E402
-from pyinfra.data.ground import level_ground  # noqa: E402
-from pyinfra.data.outlines import in_outline  # noqa: E402
-from pyinfra.detectors import Detections, windows  # noqa: E402
-from pyinfra.detectors.batch import Area, Batch, Sample, make_batch  # noqa: E402
-from pyinfra.detectors.network import MIN_SCORE  # noqa: E402
-from pyinfra.exchange import pcd_file  # noqa: E402
-from pyinfra.training import (  # noqa: E402
-    checkpoint,
-    detect,
-    loop,
-    train,
-    validation,
+from pyinfra.cli import main  # noqa: E402
+from pyinfra.core.boxes import points_in_box, points_in_boxes  # noqa: E402
+from pyinfra.core.errors import ConfigError  # noqa: E402
+from pyinfra.dataset import regions  # noqa: E402
+from pyinfra.dataset.ground import level_ground  # noqa: E402
+from pyinfra.dataset.outlines import in_outline  # noqa: E402
+from pyinfra.formats import (  # noqa: E402
+    kitti,
+    pcd_file,
 )
-from pyinfra.training.recipe import Recipe, read_recipe  # noqa: E402
-from pyinfra.training.samples import (  # noqa: E402
+from pyinfra.models.detectors import Detections, windows  # noqa: E402
+from pyinfra.models.detectors.batch import Area, Batch, Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.network import MIN_SCORE  # noqa: E402
+from pyinfra.models.inference import detect  # noqa: E402
+from pyinfra.models.training import checkpoint, loop, train, validation  # noqa: E402
+from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
+from pyinfra.models.training.samples import (  # noqa: E402
     Augmentation,
     Frames,
     SiteSample,
@@ -49,8 +47,8 @@ from pyinfra.training.samples import (  # noqa: E402
     with_pasted,
     with_pose_error,
 )
-from pyinfra.training.sources import Source, read_source, simulated_source  # noqa: E402
-from pyinfra.training.train import common_label_time  # noqa: E402
+from pyinfra.models.training.sources import Source, read_source, simulated_source  # noqa: E402
+from pyinfra.models.training.train import common_label_time  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs/detectors/centerpoint-pillar.yaml"
@@ -195,9 +193,9 @@ def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill
     assert not (without / "best.safetensors").exists()
     cloud = str(kitti.frame_file(lidar_folder, "velodyne", 9))
     assert detect.model_file(whole).name == last
-    assert cli.main(["detect", str(whole), cloud, "--checkpoint", "best"]) == 0
+    assert main.main(["detect", str(whole), cloud, "--checkpoint", "best"]) == 0
     capsys.readouterr()
-    assert cli.main(["detect", str(without), cloud, "--checkpoint", "best"]) == 1
+    assert main.main(["detect", str(without), cloud, "--checkpoint", "best"]) == 1
     assert "without: No best.safetensors or background.npz in it" in capsys.readouterr().err
 
 
@@ -334,17 +332,17 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
 ) -> None:
     words = ["train", str(CONFIG), "--data", str(lidar_folder), "--tier", "smoke"]
     words += ["--budget", "0.07", "--out", str(tmp_path), "--precision"]
-    assert cli.main([*words, "bfloat16"]) == 0
+    assert main.main([*words, "bfloat16"]) == 0
     before = files_of(tmp_path)
     tensors = load_file(tmp_path / "last.safetensors").values()
     assert {t.dtype for t in tensors} <= {torch.float32, torch.int64}
-    assert cli.main([*words, "float32"]) == 2
+    assert main.main([*words, "float32"]) == 2
     message = "run.yaml: precision: found bfloat16, allowed float32 to go on"
     assert message in capsys.readouterr().err
     assert files_of(tmp_path) == before
-    assert cli.main([*words, "bfloat16"]) == 0
+    assert main.main([*words, "bfloat16"]) == 0
     with pytest.raises(SystemExit):
-        cli.main([*words, "float16"])
+        main.main([*words, "float16"])
 
 
 @pytest.mark.parametrize(
@@ -398,7 +396,7 @@ def test_gradients_that_are_no_numbers_never_reach_a_checkpoint(
     def spoilt(network: torch.nn.Module) -> None:
         next(network.parameters()).grad.fill_(float("nan"))  # type: ignore[union-attr]
 
-    monkeypatch.setattr(loop.processes, "average_gradients", spoilt)
+    monkeypatch.setattr(loop.distributed, "average_gradients", spoilt)
     message = "step 0: the norm of the gradients is nan; no checkpoint is there"
     with pytest.raises(loop.TrainingDiverged, match=message):
         run(lidar_folder, tmp_path)
@@ -496,14 +494,14 @@ def test_detect_writes_results_that_evaluate_reads(
     lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["detect", str(trained), "--data", str(lidar_folder), "--out", str(tmp_path / "pred")]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert "4 frames" in capsys.readouterr().out
     names = sorted(file.name for file in (tmp_path / "pred").iterdir())
     assert names == [f"{k:06d}.txt" for k in range(8, FRAMES)]
     for name in names:
         kitti.read_labels(tmp_path / "pred" / name, scores=True)
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
-    assert cli.main(["detect", str(trained), str(cloud)]) == 0
+    assert main.main(["detect", str(trained), str(cloud)]) == 0
     rows = capsys.readouterr().out.splitlines()
     assert rows[0] == "file,class,x,y,z,dx,dy,dz,heading,score"
     labels = kitti.read_labels(tmp_path / "pred/000009.txt", scores=True)
@@ -520,7 +518,7 @@ def test_results_are_in_the_camera_of_the_data(
     camera = dataclasses.replace(own, Tr_velo_to_cam=moved)
     kitti.write_calibration(kitti.frame_file(other, "calib", 9), camera)
     words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     ((found,), _) = detect.detect(
         detect.load_detector(trained), [kitti.frame_file(lidar_folder, "velodyne", 9)], None
     )
@@ -534,7 +532,7 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
     other = shutil.copy(cloud, tmp_path)
     words = ["detect", str(trained), str(cloud), other, "--out", str(tmp_path / "pred")]
-    assert cli.main(words) == 2
+    assert main.main(words) == 2
     assert f"{other}: found the name of {cloud}" in capsys.readouterr().err
     assert not (tmp_path / "pred").exists()
 
@@ -546,9 +544,9 @@ def test_frames_that_may_have_been_learnt_from_are_a_warning(
     shutil.copytree(lidar_folder, whole)
     shutil.rmtree(whole / "ImageSets")
     words = ["detect", str(trained), "--data", str(whole), "--out", str(tmp_path / "pred")]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert "is not split, so all frames are taken" in capsys.readouterr().err
-    assert cli.main([*words, "--split", "all"]) == 0
+    assert main.main([*words, "--split", "all"]) == 0
     assert "is not split" not in capsys.readouterr().err
 
 
@@ -557,14 +555,14 @@ def test_background_says_what_it_has_no_use_for(
 ) -> None:
     words = ["train", str(ROOT / "configs/detectors/background.yaml"), "--data", str(lidar_folder)]
     words += ["--out", str(tmp_path), "--tier", "smoke"]
-    assert cli.main([*words, "--seed", "2", "--budget", "0.5"]) == 0
+    assert main.main([*words, "--seed", "2", "--budget", "0.5"]) == 0
     unused = "pyinfra: note: background: no use for --seed, --budget\n"
     anywhere = (
         f"pyinfra: note: background: {lidar_folder.name}: found no roads.csv and no --region, so "
         "what moves is a vehicle anywhere\n"
     )
     assert capsys.readouterr().err == unused + anywhere
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert capsys.readouterr().err == anywhere
 
 
@@ -586,7 +584,7 @@ def sure(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def rows_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[list[str]]:
     """What `pyinfra detect` prints, but for the names of files."""
-    assert cli.main(["detect", *map(str, words)]) == 0
+    assert main.main(["detect", *map(str, words)]) == 0
     return [row.split(",")[1:] for row in capsys.readouterr().out.splitlines()]
 
 
@@ -625,13 +623,13 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
     sure: Path, lidar_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
-    assert cli.main(["detect", "--model", str(sure), str(cloud)]) == 2
+    assert main.main(["detect", "--model", str(sure), str(cloud)]) == 2
     assert "found no height of the road, allowed one: --height-m" in capsys.readouterr().err
     rows = rows_of(capsys, "--model", sure, cloud, "--height-m", 6)
     assert len(rows) > 1
     lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
     assert lower != rows
-    assert cli.main(["detect", str(sure), str(cloud), "--height-m", "-6"]) == 2
+    assert main.main(["detect", str(sure), str(cloud), "--height-m", "-6"]) == 2
     assert "--height-m: found -6, allowed more than 0" in capsys.readouterr().err
 
 
@@ -661,17 +659,17 @@ def test_results_of_other_frames_and_labels_in_their_place_are_said(
     trained: Path, lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["detect", str(trained), "--data", str(lidar_folder), "--split", "all", "--out"]
-    assert cli.main([*words, str(lidar_folder / "training/label_2")]) == 2
+    assert main.main([*words, str(lidar_folder / "training/label_2")]) == 2
     assert "allowed another folder: labels are there" in capsys.readouterr().err
-    assert cli.main([*words, str(tmp_path), "--frames", "1"]) == 0
+    assert main.main([*words, str(tmp_path), "--frames", "1"]) == 0
     error = capsys.readouterr().err
     assert "no box in any frame: are the sensor's height, its frame" in error
     assert "files of other frames" not in error
     (tmp_path / "000099.txt").touch()
-    assert cli.main([*words, str(tmp_path)]) == 0
+    assert main.main([*words, str(tmp_path)]) == 0
     assert "1 files of other frames were there and stay, as 000099" in capsys.readouterr().err
     words[3] = str(lidar_folder.parent)
-    assert cli.main([*words, str(tmp_path)]) == 2
+    assert main.main([*words, str(tmp_path)]) == 2
     assert "without training/velodyne, allowed a LiDAR's" in capsys.readouterr().err
 
 
@@ -743,10 +741,10 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     shutil.rmtree(other / "ImageSets")  # twelve frames are too few for a split by time
     assert detect.transfer(trained, lidar_folder) == ""
     words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     expected = "LiDAR star (learnt on ring), preset equal (learnt on paper); --allow-transfer"
     assert expected in capsys.readouterr().err
-    assert cli.main([*words, "--allow-transfer"]) == 0
+    assert main.main([*words, "--allow-transfer"]) == 0
     assert "--allow-transfer" not in capsys.readouterr().err
 
 
@@ -774,7 +772,7 @@ def test_wrong_words_are_one_line(
         words = [words[0], str(lidar_folder.parent)]
     given = ["train", str(CONFIG), "--data", str(lidar_folder), "--out", str(tmp_path / "o")]
     try:
-        code = cli.main([*given, *words])
+        code = main.main([*given, *words])
     except SystemExit as end:
         code = int(str(end.code))
     assert code in (1, 2)
@@ -798,7 +796,7 @@ def test_pasted_vehicles_bring_their_points_and_stand_on_nobody() -> None:
     sample, other = road_sample(12, 2), road_sample(13, 6)
     found = with_pasted(sample, other, how, np.random.default_rng(1))
     assert len(sample.boxes) < len(found.boxes) <= 8
-    from pyinfra.boxes import bev_iou
+    from pyinfra.core.boxes import bev_iou
 
     overlap = bev_iou(found.boxes, found.boxes) - np.eye(len(found.boxes))
     assert np.abs(overlap).max() < 1e-9
@@ -970,7 +968,7 @@ def test_a_training_needs_one_kind_of_source(
 ) -> None:
     both = ["--data", str(lidar_folder), "--scene", "s.yaml", "--lidar", "l.yaml"]
     for words in ([], both, ["--scene", "s.yaml"]):
-        assert cli.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
+        assert main.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
         assert "allowed --data, or --scene with --lidar" in capsys.readouterr().err
 
 
@@ -987,7 +985,7 @@ def test_a_scene_with_several_mounts_is_learnt_at_one(
 ) -> None:
     scene, lidar = ROOT / "configs/scenes/crossroad_poles.yaml", ROOT / "configs/lidars"
     words = ["--scene", str(scene), "--lidar", str(lidar / "helios_16.yaml"), "--mount", mount]
-    assert cli.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
+    assert main.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
     assert message in capsys.readouterr().err
 
 

@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra import cli, kitti
-from pyinfra.arrays import FloatArray
-from pyinfra.evaluation.trust import COLUMNS, BoxSeries, Trust, stands, travels, trust
-from pyinfra.training.trust import trust_of
+from pyinfra.cli import main
+from pyinfra.core.arrays import FloatArray
+from pyinfra.formats import kitti
+from pyinfra.metrics.label_free_quality import COLUMNS, BoxSeries, Trust, stands, travels, trust
+from pyinfra.models.inference.label_free_checks import trust_of
 
 FRAMES = 50
 CAR = (4.5, 1.9, 1.6)
@@ -122,7 +123,7 @@ def test_the_command_prints_and_writes_the_table(
 ) -> None:
     pred = predictions(lidar, and_ghosts, tmp_path / "pred")
     words = ["validate", lidar, "--pred", pred, "--unlabelled", "--out", tmp_path / "out"]
-    assert cli.main([str(word) for word in words]) == 0
+    assert main.main([str(word) for word in words]) == 0
     table = pd.read_csv(tmp_path / "out/trust.csv")
     assert tuple(table) == COLUMNS
     assert table.score.tolist() == [0.1, 0.2, 0.3, 0.5, 0.7]
@@ -133,9 +134,9 @@ def test_labelled_frames_are_asked_for_it(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pred = predictions(lidar, good, tmp_path / "pred")
-    assert cli.main(["validate", str(lidar), "--pred", str(pred)]) == 0
+    assert main.main(["validate", str(lidar), "--pred", str(pred)]) == 0
     assert "confirmed_share" not in capsys.readouterr().out
-    assert cli.main(["validate", str(lidar), "--unlabelled"]) == 2
+    assert main.main(["validate", str(lidar), "--unlabelled"]) == 2
     assert "allowed with --pred alone" in capsys.readouterr().err
 
 

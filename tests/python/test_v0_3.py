@@ -15,18 +15,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra import cli, config
-from pyinfra.benchmark import inputs, store
-from pyinfra.benchmark.cell_inputs import recipe_digest
-from pyinfra.benchmark.matrix import read_plan
-from pyinfra.config import as_plain, canonical, from_plain
-from pyinfra.evaluation import draws
-from pyinfra.evaluation.ground_truth import read_ground_truth
-from pyinfra.kitti import frame_file
-from pyinfra.stress import trials, worlds
-from pyinfra.stress.catalogue import NONE
-from pyinfra.training import detect
-from pyinfra.training.recipe import read_recipe
+from pyinfra.cli import main
+from pyinfra.core import config
+from pyinfra.core.config import as_plain, canonical, from_plain
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark import inputs
+from pyinfra.experiments.benchmark.matrix import read_plan
+from pyinfra.experiments.benchmark.provenance import recipe_digest
+from pyinfra.experiments.stress import altered_scenes, trials
+from pyinfra.experiments.stress.stressors import NONE
+from pyinfra.formats.kitti import frame_file
+from pyinfra.metrics import replicates
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import read_recipe
 
 Infrasim = Callable[..., object]
 V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3"
@@ -108,16 +110,16 @@ def test_it_is_validated_evaluated_and_stressed(
     old: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, out = old / "data/turning", old / "found"
-    assert cli.main(["validate", str(folder)]) == 0
+    assert main.main(["validate", str(folder)]) == 0
     run = ["train", str(old / "inputs/untrained.yaml"), "--data", str(folder), "--tier", "smoke"]
-    assert cli.main([*run, "--out", str(old / "model")]) == 0
-    assert cli.main(["detect", str(old / "model"), "--data", str(folder), "--out", str(out)]) == 0
+    assert main.main([*run, "--out", str(old / "model")]) == 0
+    assert main.main(["detect", str(old / "model"), "--data", str(folder), "--out", str(out)]) == 0
     words = ["evaluate", "--gt", str(folder), "--pred", str(out), "--out", str(old / "ap")]
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert "vehicle" in capsys.readouterr().out
-    assert draws.versions_of(read_ground_truth(folder, [15])) == ("3", "0.3.0")
-    base = worlds.read_base(folder, 10)
-    assert worlds.check(base, worlds.tilt(base, 1.0)) is None
+    assert replicates.versions_of(read_ground_truth(folder, [15])) == ("3", "0.3.0")
+    base = altered_scenes.read_base(folder, 10)
+    assert altered_scenes.check(base, altered_scenes.tilt(base, 1.0)) is None
 
 
 # Rows of results
@@ -129,9 +131,9 @@ def test_a_row_of_results_is_resumed_and_nothing_runs_again(
     words = ["benchmark", str(old / "inputs/small.yaml"), "--tier", "smoke", "--jobs", "1"]
     words += ["--out", str(old / "results"), "--work", str(old / "work")]
     before = (old / "results/smoke.csv").read_bytes()
-    assert cli.main([*words, "--dry-run"]) == 0
+    assert main.main([*words, "--dry-run"]) == 0
     assert "stale" not in capsys.readouterr().out
-    assert cli.main(words) == 0
+    assert main.main(words) == 0
     assert (old / "results/smoke.csv").read_bytes() == before
     assert not (old / "work/data").exists()
 
@@ -139,7 +141,7 @@ def test_a_row_of_results_is_resumed_and_nothing_runs_again(
 def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     out = old / "of_now"
     words = ["benchmark", str(old / "inputs/small.yaml"), "--tier", "smoke", "--jobs", "1"]
-    assert cli.main([*words, "--out", str(out), "--work", str(old / "work")]) == 0
+    assert main.main([*words, "--out", str(out), "--work", str(old / "work")]) == 0
     rows = {name: store.read(old / name / "smoke_draws.csv") for name in ("results", "of_now")}
     rows["of_now"] = rows["of_now"].query("ground_truth != 'present'")  # 0.3 had none
     both = pd.concat(rows.values(), ignore_index=True)  # as in a table that is added to
@@ -148,15 +150,15 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     both.loc[both.index >= len(rows["results"]), "version"] = "4.0.0"
     rest = zip(both.index[: len(rows["results"])], both.index[len(rows["results"]) :], strict=True)
     for a, b in rest:
-        found = draws.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
+        found = replicates.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
         assert abs(found.value) < 5  # Background finds its ground otherwise since 0.3
         assert np.isfinite(found.draws).all()
     other = both.loc[0].copy()
     other["version"] = "0.2.0"
-    assert not draws.are_pairs(both.loc[0], other)
+    assert not replicates.are_pairs(both.loc[0], other)
     later = both.iloc[-1].copy()
     later["frames_version"] = "4"
-    assert not draws.are_pairs(both.loc[0], later)
+    assert not replicates.are_pairs(both.loc[0], later)
 
 
 def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3() -> None:
@@ -169,7 +171,7 @@ def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3() -> None
     }
     assert {name: recipe_digest(one) for name, one in recipes.items()} == DIGESTS["recipes"]
     run = trials.TrainedRun(V0_3 / "run", "pointpillars", 2, 1)
-    base = worlds.read_base(V0_3 / "data/turning", 10)
+    base = altered_scenes.read_base(V0_3 / "data/turning", 10)
     trial = trials.Trial(run, run, NONE, NONE.dials[0])
     assert trials.inputs_of(trial, base) == DIGESTS["stress"]
 
@@ -203,7 +205,7 @@ def test_a_training_goes_on_with_its_optimisers_state(old: Path) -> None:
         "--out",
         str(old / "run"),
     ]
-    assert cli.main([*words, "--data", str(old / "data/turning")]) == 0
+    assert main.main([*words, "--data", str(old / "data/turning")]) == 0
     after = load_file(last)
     steps = {key: float(value) for key, value in after.items() if key.endswith(".step")}
     assert set(steps.values()) == {4.0}

@@ -16,10 +16,11 @@ from evaluation_data import (
     write_predictions,
 )
 
-from pyinfra import cli, kitti
-from pyinfra.evaluation.evaluate import evaluate
-from pyinfra.evaluation.frame_checks import validate
-from pyinfra.evaluation.judge import Settings
+from pyinfra.cli import main
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.frame_checks import validate
+from pyinfra.metrics.match_results import Settings
 
 Found = list[list[tuple[list[float], float]]]
 
@@ -220,14 +221,14 @@ def test_frames_without_vehicles_are_valid(tmp_path: Path) -> None:
 def test_command_prints_findings_and_its_exit_code_counts_errors(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 0
+    assert main.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 0
     out = capsys.readouterr().out
     assert "note: z-range: " in out
     assert out.endswith("0 errors, 0 warnings\n")
     (tmp_path / "pred/000001.txt").unlink()
-    assert cli.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 1
+    assert main.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 1
     assert "error: wrong-predictions: " in capsys.readouterr().out
-    assert cli.main(["validate", str(tmp_path / "nowhere")]) == 1
+    assert main.main(["validate", str(tmp_path / "nowhere")]) == 1
     assert capsys.readouterr().err.startswith(f"pyinfra: {tmp_path / 'nowhere'}: No training")
 
 
@@ -235,9 +236,9 @@ def test_command_checks_every_lidar_of_a_data_set(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_lidar(tmp_path / "other", traffic(2))
-    assert cli.main(["validate", str(tmp_path)]) == 0
+    assert main.main(["validate", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert f"{lidar}: " in out
     assert f"{tmp_path / 'other'}: " in out
-    assert cli.main(["validate", str(tmp_path), "--pred", str(tmp_path / "pred")]) == 2
+    assert main.main(["validate", str(tmp_path), "--pred", str(tmp_path / "pred")]) == 2
     assert "allowed one of lidar, other" in capsys.readouterr().err

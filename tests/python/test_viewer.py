@@ -16,13 +16,15 @@ from conftest import Infrasim
 from evaluation_data import car, perfect, write_lidar, write_predictions
 from view_data import blob, view_frame
 
-from pyinfra import cli, kitti
-from pyinfra.viewer.encoding import pack_points
-from pyinfra.viewer.frames import read_view_frames
-from pyinfra.viewer.page import fragment, library, page, write_page
+from pyinfra.cli import main
+from pyinfra.core.errors import FormatError
+from pyinfra.formats import kitti
+from pyinfra.viz.viewer.encoding import pack_points
+from pyinfra.viz.viewer.frames import read_view_frames
+from pyinfra.viz.viewer.page import fragment, library, page, write_page
 
 ROOT = Path(__file__).resolve().parents[2]
-BUNDLE = ROOT / "pyinfra/viewer/viewer.min.js"
+BUNDLE = ROOT / "pyinfra/viz/viewer/viewer.min.js"
 HOSTILE = "</script><script>document.title='taken'</script><!-- \"'&"
 
 
@@ -172,7 +174,7 @@ def test_fields_of_another_cloud_are_refused(tmp_path: Path) -> None:
     file = kitti.frame_file(folder, "fields", 0)
     file.parent.mkdir()
     kitti.write_fields(file, np.zeros(2, kitti.FIELDS))
-    with pytest.raises(kitti.FormatError, match=r"fields/000000.bin: found 2 records, allowed 3"):
+    with pytest.raises(FormatError, match=r"fields/000000.bin: found 2 records, allowed 3"):
         read_view_frames(folder, [0])
 
 
@@ -211,7 +213,7 @@ def test_the_command_writes_one_page_and_says_its_size(
     for name in ("one", "two"):
         lidar_folder(tmp_path / "data" / name, frames=4)
     out = tmp_path / "new/view.html"
-    assert cli.main(["view", str(tmp_path / "data"), "--frames", "1:4:2", "--out", str(out)]) == 0
+    assert main.main(["view", str(tmp_path / "data"), "--frames", "1:4:2", "--out", str(out)]) == 0
     size = out.stat().st_size / 1e6
     assert capsys.readouterr().out == f"{out}: {size:.2f} MB, 2 LiDARs, 2 frames\n"
     data = data_of(out.read_text()[out.read_text().index("<figure") :])
@@ -229,7 +231,7 @@ def test_with_predictions_the_first_frame_that_has_some_is_shown(tmp_path: Path)
     (tmp_path / "data/predictions/000000.txt").unlink()
     pred = str(tmp_path / "data/predictions")
     out = tmp_path / "view.html"
-    assert cli.main(["view", str(folder), "--pred", pred, "--out", str(out)]) == 0
+    assert main.main(["view", str(folder), "--pred", pred, "--out", str(out)]) == 0
     data = data_of(out.read_text()[out.read_text().index("<figure") :])
     assert data["frames"][0]["number"] == 1
     assert len(data["lidars"][0]["frames"][0]["predictions"]) == 1
@@ -240,7 +242,7 @@ def test_a_run_of_the_simulator_has_time_and_objects(
 ) -> None:
     data, out = tmp_path / "data", tmp_path / "view.html"
     infrasim(*run_command("helios_16", "livox_avia", frames="0:2", out=data), "--fields")
-    assert cli.main(["view", str(data), "--frames", "0:2", "--out", str(out)]) == 0
+    assert main.main(["view", str(data), "--frames", "0:2", "--out", str(out)]) == 0
     lidars = data_of(out.read_text()[out.read_text().index("<figure") :])["lidars"]
     assert [lidar["name"] for lidar in lidars] == ["RoboSense Helios 16P", "Livox Avia"]
     for lidar in lidars:
@@ -275,7 +277,7 @@ def test_wrong_words_end_in_one_line_and_no_page(
         lidar_folder(tmp_path / "data" / name)
     data, out = str(tmp_path / "data"), tmp_path / "view.html"
     words = words.replace("DATA", data)
-    assert cli.main(["view", data, *words.split(), "--out", str(out)]) == 2
+    assert main.main(["view", data, *words.split(), "--out", str(out)]) == 2
     said = capsys.readouterr().err.replace(data, "DATA")
     assert error in said
     assert said.count("\n") == 1
@@ -289,7 +291,7 @@ def test_a_folder_in_place_of_the_page_is_named(
     folder, out = lidar_folder(tmp_path / "data/one"), tmp_path / "pages"
     out.mkdir()
     allowed = f"--out: found the folder {out}, allowed the name of a file"
-    assert cli.main(["view", str(folder), *more, "--out", str(out)]) == 2
+    assert main.main(["view", str(folder), *more, "--out", str(out)]) == 2
     assert capsys.readouterr().err == f"pyinfra: {allowed}\n"
     with pytest.raises(ValueError, match="found the folder"):
         write_page({}, "title", out)
@@ -302,15 +304,15 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     folder = lidar_folder(tmp_path / "data/one")
     out = tmp_path / "view.html"
     out.write_text("old")
-    monkeypatch.setattr("pyinfra.viewer.page.LARGEST_MB", 0.5)
-    assert cli.main(["view", str(folder), "--out", str(out)]) == 2
+    monkeypatch.setattr("pyinfra.viz.viewer.page.LARGEST_MB", 0.5)
+    assert main.main(["view", str(folder), "--out", str(out)]) == 2
     assert "MB, allowed 0.5 MB: fewer --frames, one --lidar, or --most" in capsys.readouterr().err
     assert out.read_text() == "old"
     assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
 
 
 def test_a_folder_that_is_none_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert cli.main(["view", str(tmp_path), "--out", str(tmp_path / "view.html")]) == 1
+    assert main.main(["view", str(tmp_path), "--out", str(tmp_path / "view.html")]) == 1
     assert "found no LiDAR folder" in capsys.readouterr().err
 
 
@@ -319,8 +321,8 @@ def test_without_the_extra_a_recording_is_refused_with_its_name(
 ) -> None:
     folder = lidar_folder(tmp_path / "data/one")
     monkeypatch.setitem(sys.modules, "rerun", None)
-    monkeypatch.delitem(sys.modules, "pyinfra.viewer.recording", raising=False)
-    assert cli.main(["view", str(folder), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 1
+    monkeypatch.delitem(sys.modules, "pyinfra.viz.viewer.recording", raising=False)
+    assert main.main(["view", str(folder), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 1
     assert "pip install 'infrasim[rerun]'" in capsys.readouterr().err
     assert not (tmp_path / "a.rrd").exists()
 
@@ -340,9 +342,9 @@ def test_a_recording_has_every_frame_and_opens_for_this_machine_only(
         return subprocess.CompletedProcess(words, 0)
 
     with monkeypatch.context() as patch:
-        patch.setattr("pyinfra.viewer.recording.subprocess.run", start)
+        patch.setattr("pyinfra.viz.viewer.recording.subprocess.run", start)
         words = ["--frames", "0:2", "--pred", pred, "--rerun", "--out", str(out)]
-        assert cli.main(["view", str(folder), *words]) == 0
+        assert main.main(["view", str(folder), *words]) == 0
     assert capsys.readouterr().out.endswith("MB, 1 LiDAR, 2 frames\n")
     assert opened[0][opened[0].index("--bind") + 1] == "127.0.0.1"
     assert opened[0][-1] == str(out)
@@ -360,7 +362,7 @@ def test_road_and_buildings_of_the_data_set_are_in_the_page(
     own = "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 0, base_m: 1}"
     file = data / "dataset.yaml"
     file.write_text(file.read_text().replace("buildings: []", f"buildings: [{own}]"))
-    assert cli.main(["view", str(data), "--out", str(out)]) == 0
+    assert main.main(["view", str(data), "--out", str(out)]) == 0
     around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
     assert around["buildings"] == [[10, 30, 3.5, 20, 8, 5, 0]]
     # The motorway lies along y = 0, with 21 m to either edge.
@@ -374,7 +376,7 @@ def test_all_poles_of_a_fused_set_are_in_the_page(infrasim: Infrasim, tmp_path: 
     words = ["--lidar", "configs/lidars/helios_16.yaml", "--frames", "0:1", "--fuse"]
     assert infrasim("run", "crossroad_poles", *words, "--out", tmp_path / "data").returncode == 0
     out = tmp_path / "view.html"
-    assert cli.main(["view", str(tmp_path / "data/fused"), "--out", str(out)]) == 0
+    assert main.main(["view", str(tmp_path / "data/fused"), "--out", str(out)]) == 0
     around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
     assert around["further_mounts"] == [[25, 10, 6], [10, -25, 6], [-10, 25, 6]]
 
@@ -382,7 +384,7 @@ def test_all_poles_of_a_fused_set_are_in_the_page(infrasim: Infrasim, tmp_path: 
 def test_a_recording_has_neither_road_nor_buildings(tmp_path: Path) -> None:
     folder, out = lidar_folder(tmp_path / "data/one", frames=1), tmp_path / "view.html"
     (tmp_path / "data/dataset.yaml").write_text("name: here\npreset: recorded\n")
-    assert cli.main(["view", str(folder), "--out", str(out)]) == 0
+    assert main.main(["view", str(folder), "--out", str(out)]) == 0
     around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
     kinds = ("edge", "solid", "dashed", "buildings", "further_mounts")
     assert around == {kind: [] for kind in kinds}

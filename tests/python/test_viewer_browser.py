@@ -10,9 +10,9 @@ import pytest
 from browser import Browser, Opened
 from view_data import blob, view_frame
 
-from pyinfra.data.surroundings import read_surroundings
-from pyinfra.kitti import Labels
-from pyinfra.viewer.page import Views, fragment, library, page
+from pyinfra.dataset.surroundings import read_surroundings
+from pyinfra.formats.kitti import Labels
+from pyinfra.viz.viewer.page import Views, fragment, library, page
 
 STAGE = {"light": (0xF6, 0xF7, 0xF9), "dark": (0x10, 0x15, 0x1C)}
 HIT, MISSED, PREDICTED = (0x00, 0x72, 0xB2), (0x7A, 0x85, 0x91), (0xD5, 0x5E, 0x00)

@@ -11,12 +11,12 @@ torch = pytest.importorskip("torch", reason="the extra `detectors` is not instal
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
-from pyinfra.detectors import windows  # noqa: E402
-from pyinfra.detectors.batch import Area, Batch, Windows, make_batch  # noqa: E402
-from pyinfra.detectors.network import Network  # noqa: E402
-from pyinfra.detectors.site import Site  # noqa: E402
-from pyinfra.training import checkpoint  # noqa: E402
-from pyinfra.training.recipe import read_recipe  # noqa: E402
+from pyinfra.models.detectors import windows  # noqa: E402
+from pyinfra.models.detectors.batch import Area, Batch, Windows, make_batch  # noqa: E402
+from pyinfra.models.detectors.detection_area import Site  # noqa: E402
+from pyinfra.models.detectors.network import Network  # noqa: E402
+from pyinfra.models.training import checkpoint  # noqa: E402
+from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 ON_PILLARS = ("pointpillars", "centerpoint-pillar", "dsvt")

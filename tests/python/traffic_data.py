@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.arrays import FloatArray
-from pyinfra.site.sumo import run_tool
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.sumo import run_tool
 
 ARM_M = 400
 FOOT = np.array([[12.0, 12.0]])

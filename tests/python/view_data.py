@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra.kitti import WorldPose
-from pyinfra.viewer.frames import ViewFrame
+from pyinfra.formats.kitti import WorldPose
+from pyinfra.viz.viewer.frames import ViewFrame
 
 SENSOR = WorldPose(0, 0, 6, 0)
 

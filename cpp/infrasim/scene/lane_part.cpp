@@ -89,7 +89,7 @@ bool LanePart::contains(Vec2 point, double beside) const {
   if (point.x < low.x - beside || point.x > high.x + beside || point.y < low.y - beside ||
       point.y > high.y + beside)
     return false;
-  // As pyinfra/data/regions.py has it: on the pieces at the nearest row.
+  // As pyinfra/dataset/regions.py has it: on the pieces at the nearest row.
   const auto nearest = std::ranges::min_element(
       rows, {}, [&](const LaneRow& row) { return dot(point - row.place, point - row.place); });
   const auto last = static_cast<std::ptrdiff_t>(rows.size()) - 2;

@@ -1,0 +1,224 @@
+"""Functions of the public API that need a folder to work in: training, benchmarks, other formats.
+
+The functions that need none live in their packages; `pyinfra/__init__.py` lists both.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.core.names import file_or_name, suggestion
+from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, load_dataset
+
+if TYPE_CHECKING:
+    from pyinfra.models.inference.boxes_table import TrainedDetector
+    from pyinfra.models.training.sources import Tier
+
+StrPath = str | os.PathLike[str]
+Progress = Callable[[str], None]
+
+
+def import_map(
+    file: StrPath,
+    out: StrPath,
+    *,
+    centre: tuple[float, float] | None = None,
+    radius_m: float = 300.0,
+    mount: tuple[float, float, float, float] | None = None,
+) -> Path:
+    """Makes a site folder of an OpenDRIVE map, an OpenStreetMap file or a SUMO network.
+
+    Parameters
+    ----------
+    file : .xodr, .osm, .net.xml; also packed by gzip or bzip2
+    out : folder of the site; the same import that is there already is kept
+    centre : x, y of the map; longitude, latitude of OpenStreetMap; by default the map's middle
+    radius_m : of the part that is taken
+    mount : x, y, z, yaw_deg of the pole in the site's frame; by default a place is guessed
+
+    Returns
+    -------
+    The site's file, which `load_scene` takes
+
+    Raises
+    ------
+    Error : for a map that cannot be read, with file and line where there is one
+    """
+    from pyinfra.scenes.maps.map_import import ImportOptions
+    from pyinfra.scenes.maps.map_import import import_map as run
+
+    if not 10 <= radius_m <= 100_000:
+        raise Error(f"radius_m: expected 10 to 100000, got {radius_m:g}")
+    run(Path(file), Path(out), ImportOptions(centre=centre, radius_m=radius_m, mount=mount))
+    return Path(out) / "site.yaml"
+
+
+def import_recording(
+    source: StrPath,
+    format: str,
+    out: StrPath,
+    *,
+    period_s: float | None = None,
+    height_m: float | None = None,
+) -> RecordedFrames:
+    """Frames of another tool as a LiDAR's folder.
+
+    Parameters
+    ----------
+    source : folder of the recording
+    format : kitti, openpcdet, pcd, bin, nuscenes, dair-v2x, tumtraf or rcooper
+    out : new folder DATA/LIDAR
+    period_s : of a frame; by default as the recording says, else 0.1
+    height_m : of the sensor above the road; by default found in the points
+
+    Raises
+    ------
+    Error : for an unknown format or a recording that cannot be read
+    """
+    from pyinfra.exchange import imports
+    from pyinfra.exchange.data_set import LidarFacts
+    from pyinfra.exchange.formats import IMPORTS
+    from pyinfra.exchange.recording import Options
+
+    _known("format", format, IMPORTS)
+    folder = Path(out).resolve()
+    facts = LidarFacts(
+        name=folder.name, scene=folder.parent.name, period_s=period_s, height_m=height_m
+    )
+    imports.import_recording(Path(source), format, Path(out), facts, Options())
+    loaded = load_dataset(out)
+    assert isinstance(loaded, RecordedFrames)
+    return loaded
+
+
+def export(frames: RecordedFrames | StrPath, format: str, out: StrPath) -> Path:
+    """Writes frames on disk as another tool takes them.
+
+    Parameters
+    ----------
+    frames : of `load_dataset`, or a LiDAR's folder
+    format : openpcdet, mmdet3d, pcd, mcap, nuscenes or openlabel
+    out : new or empty folder
+
+    Raises
+    ------
+    Error : for an unknown format, or frames that are not on disk
+    """
+    from pyinfra.exchange import exports
+    from pyinfra.exchange.formats import EXPORTS
+
+    _known("format", format, EXPORTS)
+    recorded = frames if isinstance(frames, FrameSequence) else load_dataset(frames)
+    if not isinstance(recorded, RecordedFrames):
+        raise Error("frames: expected frames of one LiDAR on disk, as load_dataset gives them")
+    exports.export(recorded.folder, recorded.numbers, format, Path(out))
+    return Path(out)
+
+
+def train(
+    config: StrPath,
+    folders: StrPath | Sequence[StrPath],
+    *,
+    work: StrPath,
+    tier: Tier = "quick",
+    start: StrPath | None = None,
+    seed: int = 1,
+    device: str = "cpu",
+) -> TrainedDetector:
+    """Trains a detector, or resumes a training that was stopped.
+
+    Parameters
+    ----------
+    config : a name (`pointpillars`, `centerpoint-pillar`, `generalist`, ...) or a file
+    folders : LiDAR folders whose train frames are learnt from
+    work : folder of the training: checkpoints and log
+    tier : `smoke` (to try it), `quick` (minutes) or `full`
+    start : a model whose weights the training begins with
+    seed : of weights and samples
+    device : of torch
+
+    Raises
+    ------
+    Error : for an unknown name, a wrong key, or folders without vehicles
+    """
+    from pyinfra.models.inference.boxes_table import load_detector
+    from pyinfra.models.training import train as training
+    from pyinfra.models.training.recipe import read_recipe
+    from pyinfra.models.training.sources import read_source
+
+    several = isinstance(folders, (list, tuple))
+    paths = [Path(f) for f in folders] if several else [Path(folders)]  # type: ignore[arg-type, union-attr]
+    recipe = read_recipe(file_or_name(config, _configs("detectors"), "config"), tier)
+    if start is not None:
+        recipe = recipe.begun_with(Path(start))
+    sources = [read_source(path, tier, classes=recipe.classes) for path in paths]
+    model = training.train(recipe, sources, Path(work), seed=seed, device=device, quiet=True)
+    return load_detector(model, device=device)
+
+
+def benchmark(
+    config: StrPath,
+    out: StrPath,
+    *,
+    work: StrPath,
+    tier: Tier = "quick",
+    scene: StrPath = "",
+    jobs: int = 1,
+    device: str = "cpu",
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Runs every experiment of a benchmark: scene, LiDAR, preset, detector, seed; resumes.
+
+    Parameters
+    ----------
+    config : a name of configs/benchmarks or a file
+    out : folder of the tables
+    work : folder of frames and trainings
+    tier : `smoke`, `quick` or `full`
+    scene : a name or file in place of the scenes of the configuration
+    jobs : experiments at a time
+    device : of torch
+    progress : is told of each step, in one line
+
+    Returns
+    -------
+    A row for each experiment; one that failed has its reason
+
+    Raises
+    ------
+    Error : for an unknown name or a wrong key
+    """
+    from pyinfra.experiments.benchmark.matrix import read_plan
+    from pyinfra.experiments.benchmark.runner import Workspace
+    from pyinfra.experiments.benchmark.runner import benchmark as run
+    from pyinfra.experiments.pool import Pool
+    from pyinfra.experiments.store import read
+
+    if jobs < 1:
+        raise Error(f"jobs: expected 1 or more, got {jobs}")
+    file = file_or_name(config, _configs("benchmarks"), "config")
+    plan = read_plan(file, tier, os.fspath(scene))
+    workspace = Workspace(Path(work), Path(out), tier)
+    pool = Pool("local", jobs, "", gpu=device != "cpu")
+    run(plan, workspace, pool, device=device, say=progress or _quiet)
+    return read(workspace.table("cells"))
+
+
+def _quiet(line: str) -> None:
+    """Says nothing."""
+
+
+def _known(argument: str, word: str, names: Sequence[str]) -> None:
+    if word not in names:
+        raise Error(f"{argument}: expected a name, got '{word}'{suggestion(word, names)}")
+
+
+def _configs(kind: str) -> dict[str, Path]:
+    return {file.stem: file for file in (configs() / kind).glob("*.yaml")}

@@ -1,0 +1,69 @@
+"""`pyinfra benchmark configs/benchmarks/NAME.yaml --tier TIER --out RESULTS`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark.dry_run import outlook
+from pyinfra.experiments.benchmark.matrix import read_plan
+from pyinfra.experiments.benchmark.runner import Workspace, benchmark, time_again
+from pyinfra.experiments.pool import BACKENDS, Pool
+from pyinfra.models.training.sources import TIERS
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Fills a matrix scene x LiDAR x preset x detector x seed: a row a cell, with everything "
+        "needed to repeat it. The same command goes on after a stop."
+    )
+    parser.epilog = (
+        "example: pyinfra benchmark configs/benchmarks/demo.yaml --tier smoke --out out/demo"
+    )
+    parser.add_argument("config", type=Path, help="file of configs/benchmarks")
+    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument("--scene", default="", help="file or name, in place of the plan's scenes")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the tables")
+    parser.add_argument(
+        "--work", type=Path, default=Path("data/benchmark"), help="folder of frames and runs"
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="cells at a time; default: all cores"
+    )
+    parser.add_argument("--backend", choices=BACKENDS, default="local")
+    parser.add_argument("--address", default="", help="of a Ray or Dask cluster that is there")
+    parser.add_argument("--device", default="cpu", help="cpu; cuda: any GPU that is free; cuda:1")
+    parser.add_argument(
+        "--latency", action="store_true", help="time the finished cells again, one at a time"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="print the cells and their time")
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.jobs < 1:
+        raise ValueError(f"--jobs: found {args.jobs}, allowed 1 or more")
+    plan = read_plan(args.config, args.tier, args.scene)
+    workspace = Workspace(args.work, args.out, args.tier)
+    if args.dry_run:
+        print(outlook(plan, workspace, args.jobs))
+        return 0
+    if args.latency:
+        time_again(plan, workspace, device=args.device, say=say)
+        return 0
+    where = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")
+    if where.gpu and where.backend == "local":
+        from pyinfra.models.detectors.network import device_of
+
+        device_of(args.device)
+    benchmark(plan, workspace, where, device=args.device, say=say)
+    table = workspace.finished()
+    done = store.has_each(table, [vars(cell) for cell in plan.cells])
+    print(f"{sum(done)} of {len(plan.cells)} cells in {workspace.table('cells')}")
+    return 0 if all(done) else 1
+
+
+def say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

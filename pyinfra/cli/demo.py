@@ -1,0 +1,69 @@
+"""`pyinfra demo --out DIR`: the paper's hit points, a few frames and their pictures."""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from pyinfra.dataset.catalogue import LIDARS, SCENES, lidar_file, scene_file
+from pyinfra.dataset.runs import SimulatorError, scan_pattern, simulate
+from pyinfra.formats import kitti
+from pyinfra.metrics.hit_points import hit_table, table_text, write_table
+
+ANOTHER_RUN = "holds another run"  # the binary's words for a folder of another configuration
+PATTERN_FRAMES = "0:20"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Rebuilds the paper's table of hit points, simulates a few frames of each scene "
+        "and draws them."
+    )
+    parser.epilog = "example: pyinfra demo --out out/demo --frames 0:3"
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder of the results")
+    parser.add_argument(
+        "--frames",
+        default="0:3",
+        help="frames to write, A:B[:STEP], B excluded; the first is drawn",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    from pyinfra.viz import clouds
+
+    start = time.perf_counter()
+
+    def say(step: str) -> None:
+        print(f"[{time.perf_counter() - start:5.1f} s] {step}", file=sys.stderr, flush=True)
+
+    out: Path = args.out
+    lidars = [lidar_file(name) for name in LIDARS]
+    scenes = [scene_file(name) for name in SCENES]
+    data = [out / "data" / name for name in SCENES]
+    for scene, folder in zip(scenes, data, strict=True):
+        say(f"frames {args.frames} of {scene.stem}")
+        try:
+            simulate(scene, lidars, args.frames, folder)
+        except SimulatorError as error:
+            if ANOTHER_RUN not in str(error):
+                raise
+            advice = f"remove {folder} or choose another --out"
+            raise SimulatorError(f"{error}; {advice}", error.exit_code) from None
+    table = hit_table(scenes, lidars, cache=out / "summaries", say=say)
+    write_table(table, out / "hit_points.csv")
+    print(table_text(table), flush=True)
+
+    say("pictures")
+    data_sets = [[folder / lidar for lidar in LIDARS] for folder in data]
+    frame = int(args.frames.split(":")[0])
+    pictures = clouds.draw_frames(data_sets, frame, out / "pictures")
+    patterns = {
+        kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name), PATTERN_FRAMES)
+        for folder in data_sets[0]
+    }
+    pictures.append(clouds.draw_patterns(patterns, out / "pictures/patterns.png"))
+    say("done")
+    print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
+    for file in pictures:
+        print(f"picture      {file}")
+    return 0

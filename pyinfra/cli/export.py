@@ -1,0 +1,36 @@
+"""`pyinfra export DATA/LIDAR --to FORMAT --out DIR`."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from pyinfra.dataset.frames import frame_numbers, frame_range
+from pyinfra.exchange.exports import export
+from pyinfra.exchange.formats import EXPORTS
+from pyinfra.exchange.rates import Shown, summary
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Writes frames of a LiDAR as another tool takes them."
+    parser.epilog = (
+        "example: pyinfra export data/highway/livox_avia --to openpcdet --out out/openpcdet"
+    )
+    parser.add_argument("data", type=Path, help="folder of a LiDAR")
+    parser.add_argument("--to", choices=EXPORTS, required=True)
+    parser.add_argument("--out", type=Path, required=True, help="new or empty folder")
+    frames = parser.add_mutually_exclusive_group()
+    frames.add_argument("--frames", metavar="A:B[:STEP]", help="B excluded; default: all")
+    frames.add_argument("--split", default="all", help="train or val of ImageSets; default: all")
+
+
+def run(args: argparse.Namespace) -> int:
+    since = time.perf_counter()
+    if args.frames:
+        frames = frame_range(args.frames, args.data)
+    else:
+        frames = frame_numbers(args.data, args.split)
+    export(args.data, Shown(frames), args.to, args.out)
+    print(f"{args.out}: {summary(len(frames), args.out, since)}")
+    return 0

@@ -1,0 +1,124 @@
+"""`pyinfra import SOURCE --from FORMAT --out DATA/LIDAR`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+import time
+from pathlib import Path
+from typing import get_args
+
+from pyinfra.dataset.ground import MOST_HEIGHT_M
+from pyinfra.exchange.data_set import LidarFacts
+from pyinfra.exchange.formats import IMPORTS
+from pyinfra.exchange.imports import Upright, checked, import_recording, warnings
+from pyinfra.exchange.object_types import own_types
+from pyinfra.exchange.rates import summary
+from pyinfra.exchange.recording import Options
+from pyinfra.formats.kitti.lidar import PERIOD_S
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Makes a data set of a recording of your own or of another tool's frames."
+    parser.epilog = (
+        "example: pyinfra import recordings/junction --from pcd --out data/junction/pole_1 "
+        "--period-s 0.1 --price-usd 1500 1500"
+    )
+    parser.add_argument("source", type=Path, help="folder")
+    parser.add_argument("--from", dest="format", choices=IMPORTS, required=True)
+    parser.add_argument("--out", type=Path, required=True, help="new folder DATA/LIDAR")
+    parser.add_argument("--scene", help="name of the place; default: that of DATA")
+    parser.add_argument("--model", help="of the LiDAR; default: the name of its folder")
+    parser.add_argument("--price-usd", type=float, nargs=2, metavar=("LOW", "HIGH"))
+    parser.add_argument("--period-s", type=float, help="of a frame; default: as recorded, else 0.1")
+    parser.add_argument(
+        "--height-m",
+        type=float,
+        help="of the sensor above the road, roughly; default: found, or as vehicles stand",
+    )
+    parser.add_argument(
+        "--tilt-deg",
+        type=float,
+        nargs=2,
+        metavar=("PITCH", "ROLL"),
+        help="how the sensor leans, pitch down positive: points and boxes are turned upright",
+    )
+    parser.add_argument(
+        "--upright",
+        choices=get_args(Upright),
+        default="auto",
+        help="road: turn points to the road's plane; default auto: without labels",
+    )
+    parser.add_argument(
+        "--region",
+        type=Path,
+        metavar="FILE",
+        help="where vehicles can be, `outline_m: [[x, y], ...]`, kept with the frames",
+    )
+    parser.add_argument("--type", nargs="+", default=[], metavar="NAME=TYPE", help="as Lkw=Truck")
+    parser.add_argument("--labels", type=Path, help="folder of them, in place of the usual one")
+    parser.add_argument(
+        "--intensity-max", type=float, help="of the source; default: 1, 255 or 65535, as they are"
+    )
+    parser.add_argument(
+        "--unit-m",
+        type=float,
+        default=1.0,
+        help="of a coordinate; default: 1, or 0.001 if so found",
+    )
+    parser.add_argument(
+        "--columns", type=int, help="float32 of a .bin point; default: found, nuscenes 5"
+    )
+    parser.add_argument("--channel", help="which LiDAR, or sequence of KITTI's tracking")
+
+
+def run(args: argparse.Namespace) -> int:
+    since = time.perf_counter()
+    options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
+    found, labelled = import_recording(
+        args.source,
+        args.format,
+        args.out,
+        facts_of(args),
+        checked(options),
+        upright=args.upright,
+        region=args.region,
+    )
+    for line in found.assumed:
+        print(f"assumed: {line}")
+    for line in warnings(found, labelled, args.height_m):
+        print(f"pyinfra: warning: {args.source}: {line}", file=sys.stderr)
+    kinds = ", ".join(f"{count} {name}" for name, count in found.types.most_common())
+    print(f"{args.out}: {summary(found.frames, args.out, since)}; {kinds or 'no label'}")
+    return 0
+
+
+def facts_of(args: argparse.Namespace) -> LidarFacts:
+    """Raises ValueError for a number that is none."""
+    out = args.out.resolve()
+    price, tilt = args.price_usd, args.tilt_deg
+    if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
+        raise ValueError(f"--out: found LIDAR '{out.name}', allowed letters, digits and _ . -")
+    if price and not 0 <= price[0] <= price[1] < math.inf:
+        raise ValueError(f"--price-usd: found {price}, allowed LOW from 0 and HIGH from LOW on")
+    least, most = PERIOD_S
+    if args.period_s is not None and not least <= args.period_s <= most:
+        raise ValueError(f"--period-s: found {args.period_s:g}, allowed {least:g} to {most:g}")
+    if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
+        raise ValueError(
+            f"--height-m: found {args.height_m:g}, allowed above 0 to {MOST_HEIGHT_M:g}"
+        )
+    if tilt and not all(abs(angle) <= 90 for angle in tilt):
+        raise ValueError(f"--tilt-deg: found {tilt}, allowed -90 to 90")
+    return LidarFacts(
+        name=out.name,
+        scene=args.scene or out.parent.name,
+        model=args.model,
+        price_usd=(price[0], price[1]) if price else None,
+        period_s=args.period_s,
+        height_m=args.height_m,
+        tilt=(math.radians(tilt[0]), math.radians(tilt[1])) if tilt else None,
+        types=own_types(args.type),
+    )

@@ -1,0 +1,110 @@
+"""`pyinfra lidars`: the LiDARs that come with the package, and those of files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.lidars import LidarSheet, catalogue_files, read_catalogue, read_sheet
+
+NOTHING = "-"
+HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
+LEFT = (0, 1, 7, 8)  # columns of text
+LETTERS = {"paper": "p", "equal": "e", "datasheet": "d"}
+ASSUMED = "*"
+ASSUMPTION = f"{ASSUMED} the only range known: how it goes with reflectance and light is assumed"
+PRESETS = "presets: p paper, e equal, d datasheet; in capitals that of the figures"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Lists LiDARs, a row each: lines, width and height of the field of view, range in metres "
+        "at most and of a target of 10 %, price in US dollars with its source, presets."
+    )
+    parser.epilog = "example: pyinfra lidars ruby_plus mine.yaml"
+    parser.add_argument(
+        "lidars",
+        nargs="*",
+        metavar="LIDAR",
+        help="names of the catalogue, or files; default: the whole catalogue",
+    )
+    parser.add_argument(
+        "--preset", default="", help="default: datasheet, if a LiDAR has it, then equal, then paper"
+    )
+    parser.add_argument("--json", action="store_true", help="as JSON, every figure by its name")
+
+
+def run(args: argparse.Namespace) -> int:
+    files = [file_of(word) for word in args.lidars]
+    sheets = [read_sheet(f, args.preset) for f in files] or read_catalogue(args.preset)
+    print(as_json(sheets) if args.json else "\n".join(lines(sheets)))
+    return 0
+
+
+def file_of(word: str) -> Path:
+    """Raises ValueError with the names for a word that is neither a name nor a file."""
+    file = Path(word) if word.endswith(".yaml") else lidar_file(word)
+    if not file.is_file():
+        names = ", ".join(file.stem for file in catalogue_files())
+        raise ValueError(f"LIDAR: found '{word}', allowed a file or {names}")
+    return file
+
+
+def as_json(sheets: Sequence[LidarSheet]) -> str:
+    """A list of objects; what is not known is null."""
+    known = [
+        {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(sheet).items()}
+        for sheet in sheets
+    ]
+    return json.dumps(known, indent=2)
+
+
+def lines(sheets: Sequence[LidarSheet]) -> list[str]:
+    """A table, the sources of the prices, and what could not be resolved."""
+    sources = list(dict.fromkeys(source(sheet) for sheet in sheets if source(sheet)))
+    rows = [HEADS, *(row(sheet, sources) for sheet in sheets)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    table = [
+        " ".join(
+            cell.ljust(width) if place in LEFT else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        ).rstrip()
+        for cells in rows
+    ]
+    notes = [f"[{place}] {text}" for place, text in enumerate(sources, 1)]
+    problems = [f"{sheet.name}: {sheet.problem}" for sheet in sheets if sheet.problem]
+    assumption = [ASSUMPTION] if any(sheet.published_ranges == 1 for sheet in sheets) else []
+    return [*table, "", PRESETS, *assumption, *notes, *problems]
+
+
+def row(sheet: LidarSheet, sources: Sequence[str]) -> tuple[str, ...]:
+    low, high = sheet.price_low_usd, sheet.price_high_usd
+    view = f"{whole(sheet.horizontal_fov_deg)} x {whole(sheet.vertical_fov_deg)}"
+    letters = [LETTERS.get(p, p) for p in sheet.presets]
+    own = LETTERS.get(sheet.preset, sheet.preset)
+    presets = [word.upper() if word == own else word for word in letters]
+    return (
+        sheet.name,
+        sheet.model,
+        str(sheet.lines or NOTHING),
+        view if math.isfinite(sheet.horizontal_fov_deg) else NOTHING,
+        whole(sheet.range_m),
+        whole(sheet.range_at_10_percent_m) + (ASSUMED if sheet.published_ranges == 1 else ""),
+        whole(low) if not low < high else f"{whole(low)}-{whole(high)}",
+        f"[{sources.index(source(sheet)) + 1}]" if source(sheet) else "",
+        " ".join(presets),
+    )
+
+
+def whole(value: float) -> str:
+    return f"{value:.0f}" if math.isfinite(value) else NOTHING
+
+
+def source(sheet: LidarSheet) -> str:
+    """Where a price is from, and of when."""
+    return f"{sheet.price_source}, {sheet.price_date}".strip(", ")

@@ -1,0 +1,131 @@
+"""The `pyinfra` command: one subcommand for each row of COMMANDS.
+
+A command is a module with `add_arguments(parser)`, whose epilog is an example, and
+`run(args) -> exit code`, a thin shell over functions that a notebook can call. It prints its
+results; messages go to stderr. What it raises becomes one line and an exit code here:
+0 done, 1 failed, 2 wrong usage or configuration.
+"""
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+from pyinfra.core.errors import FormatError
+from pyinfra.core.version import __version__
+
+FAILED = 1
+WRONG = 2
+
+
+@dataclass(frozen=True)
+class Command:
+    """A subcommand; its module is imported when it is the one that was asked for."""
+
+    name: str
+    module: str
+    summary: str
+
+
+COMMANDS = (
+    Command("demo", "pyinfra.cli.demo", "the paper's hit points, a few frames and their pictures"),
+    Command(
+        "dataset",
+        "pyinfra.cli.dataset",
+        "three scenes, four LiDARs, split, data card, SHA-256",
+    ),
+    Command("pictures", "pyinfra.cli.pictures", "a frame from above, the scene, vehicles close up"),
+    Command("lidars", "pyinfra.cli.lidars", "the LiDARs there are: lines, view, range, price"),
+    Command("site", "pyinfra.cli.site", "a site out of a map and traffic: lanes, plan"),
+    Command("sites", "pyinfra.cli.sites", "plausible sites by seed, and their plans"),
+    Command("view", "pyinfra.cli.view", "frames in 3-D, as an HTML file without a network"),
+    Command("statistics", "pyinfra.cli.statistics", "hits, points per vehicle, patterns"),
+    Command("claims", "pyinfra.cli.claims", "tests of the paper's claims on data sets"),
+    Command("evaluate", "pyinfra.cli.evaluate", "average precision of predictions, with intervals"),
+    Command("report", "pyinfra.cli.report", "the results as one page that opens from disk"),
+    Command("validate", "pyinfra.cli.validate", "checks of data sets and predictions"),
+    Command("train", "pyinfra.cli.train", "a detector learns from frames"),
+    Command("detect", "pyinfra.cli.detect", "boxes of a trained detector, and its latency"),
+    Command("stress", "pyinfra.cli.stress", "where detectors fail, and what fails first"),
+    Command("onnx", "pyinfra.cli.onnx", "a dense detector as one ONNX file"),
+    Command("benchmark", "pyinfra.cli.benchmark", "accuracy, speed and price, cell by cell"),
+    Command("recommend", "pyinfra.cli.recommend", "which LiDAR and detector for a budget"),
+    Command("export", "pyinfra.cli.export", "frames for other tools"),
+    Command("import", "pyinfra.cli.import_", "other tools' frames as a data set"),
+    Command("split", "pyinfra.cli.split", "which frames train and which test"),
+)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
+
+
+def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser for a command line; only the one asked for, the first word, has its arguments."""
+    parser = _Parser(
+        prog="pyinfra",
+        description="Scanning statistics, detectors, average precision and reports.",
+        epilog="example: pyinfra demo --out out/demo",
+    )
+    parser.add_argument("--version", action="version", version=f"pyinfra {__version__}")
+    parser.add_argument(
+        "--traceback", action="store_true", help="before COMMAND: show where an error comes from"
+    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    asked = next((word for word in words if not word.startswith("-")), None)
+    for command in COMMANDS:
+        sub = commands.add_parser(command.name, help=command.summary)
+        if command.name == asked:
+            module = importlib.import_module(command.module)
+            module.add_arguments(sub)
+            sub.set_defaults(run=module.run)
+    return parser
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Runs a command line, that of the process by default; returns the exit code.
+
+    Raises SystemExit for --help, --version and wrong usage.
+    """
+    words = sys.argv[1:] if words is None else words
+    try:
+        args = make_parser(words).parse_args(words)
+        code = int(args.run(args))
+        sys.stdout.flush()  # a closed pipe shows here
+        return code
+    except BrokenPipeError:  # the reader of a pipe has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except KeyboardInterrupt:
+        print("pyinfra: interrupted; the same command goes on, or begins anew", file=sys.stderr)
+        return 130
+    except (OSError, ValueError, RuntimeError, ImportError) as error:
+        if "--traceback" in words:
+            raise
+        print(f"pyinfra: {message_of(error)}", file=sys.stderr)
+        return exit_code_of(error)
+
+
+def exit_code_of(error: Exception) -> int:
+    """2 for a wrong argument or configuration, 1 for anything else; an error may bring its own."""
+    own = getattr(error, "exit_code", None)
+    if isinstance(own, int):
+        return own
+    if isinstance(error, ValueError) and not isinstance(error, FormatError):
+        return WRONG
+    return FAILED
+
+
+def message_of(error: Exception) -> str:
+    """One line that a terminal shows and does not obey; of a system's error, the path first."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    if isinstance(error, OSError) and error.filename is not None:
+        text = f"{error.filename}: {error.strerror}"
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(escaped)

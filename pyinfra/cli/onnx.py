@@ -1,0 +1,21 @@
+"""`pyinfra onnx RUN --out FILE.onnx`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pyinfra.models.inference.onnx import export
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Writes a dense detector as ONNX, from points to boxes."
+    parser.epilog = "example: pyinfra onnx runs/pillars --out pillars.onnx"
+    parser.add_argument("model", metavar="RUN", type=Path, help="folder of `pyinfra train`")
+    parser.add_argument("--out", type=Path, required=True, help=".onnx file")
+
+
+def run(args: argparse.Namespace) -> int:
+    export(args.model, args.out)
+    print(args.out)
+    return 0

@@ -1,0 +1,65 @@
+"""`pyinfra recommend RESULTS --budget 8000 --min-ap 85 --range 100`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pyinfra.experiments.options import Wish, checked_wish, read_options
+from pyinfra.experiments.recommend import recommend, told
+from pyinfra.metrics.row_selection import COUNTED
+from pyinfra.models.training.sources import TIERS
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Says which LiDAR and detector suit a budget, by a benchmark's tables: those whose "
+        "detector keeps up with the LiDAR, by AP of all vehicles on the road. Brackets behind AP "
+        "are its 95 % interval; behind metres of road, the metres if every window's AP were at "
+        "the low or at the high end of its own."
+    )
+    parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
+    parser.add_argument("results", type=Path, help="folder of `pyinfra benchmark`")
+    parser.add_argument("--budget", type=float, required=True, help="USD for LiDAR and site")
+    parser.add_argument(
+        "--min-ap",
+        type=float,
+        default=Wish.min_ap,
+        help="AP of all vehicles, 0 to 100, at least; also where road counts as covered; "
+        f"default: {Wish.min_ap:g}",
+    )
+    parser.add_argument(
+        "--range",
+        type=float,
+        default=Wish.range_m,
+        help=f"metres of road to either side; default: {Wish.range_m:g}",
+    )
+    parser.add_argument(
+        "--latency",
+        type=float,
+        default=Wish.latency_ms,
+        help=f"milliseconds a frame, median, at most; default: {Wish.latency_ms:g}, real time",
+    )
+    parser.add_argument("--scene", default="", help="which of the scenes, if several were measured")
+    parser.add_argument(
+        "--preset",
+        default="",
+        help="default: that of the report, the nearest to LiDARs one can buy (datasheet, equal, "
+        "paper) that has two LiDARs or more",
+    )
+    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+
+
+def run(args: argparse.Namespace) -> int:
+    wish = checked_wish(args.budget, args.min_ap, args.range, args.latency)
+    options = read_options(args.results, args.tier, args.scene, args.preset, wish)
+    first = options[0]
+    print(
+        f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
+        f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g} of {COUNTED[first.whole]}, "
+        f"{wish.range_m:g} m either way, {wish.latency_ms:g} ms a frame."
+    )
+    if args.tier == "smoke":
+        print("Networks of the smoke tier have hardly learnt: nothing follows from their AP.")
+    print(*told(recommend(options, wish), wish), sep="\n")
+    return 0

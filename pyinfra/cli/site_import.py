@@ -1,0 +1,48 @@
+"""`pyinfra site import FILE --out sites/NAME`: a map of others as a site."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from pyinfra.scenes.maps.map_import import RADIUS_M, ImportOptions, import_map
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.epilog = "example: pyinfra site import town.xodr --out sites/town --radius 400"
+    kinds = ".xodr, .osm, .osm.xml or .net.xml; also packed, .gz or .bz2"
+    parser.add_argument("file", type=Path, help=kinds)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the site")
+    parser.add_argument(
+        "--centre", type=_numbers(2), metavar="X,Y", help="of the site in the map; OSM: lon,lat"
+    )
+    parser.add_argument(
+        "--radius", type=float, default=RADIUS_M, help=f"metres around; default: {RADIUS_M:g}"
+    )
+    parser.add_argument(
+        "--mount", type=_numbers(4), metavar="X,Y,Z,YAW", help="pole in the site, yaw in degrees"
+    )
+
+
+def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    def numbers(text: str) -> tuple[float, ...]:
+        values = tuple(float(word) for word in text.split(","))
+        if len(values) != count or not all(abs(v) < 1e9 for v in values):
+            raise ValueError
+        return values
+
+    return numbers
+
+
+def run(args: argparse.Namespace) -> int:
+    if not 10 <= args.radius <= 100_000:
+        raise ValueError(f"--radius: found {args.radius:g}, allowed 10 to 100000")
+    options = ImportOptions(centre=args.centre, radius_m=args.radius, mount=args.mount)
+    made = import_map(args.file, args.out, options)
+    pole = made.pole
+    print(args.out / "site.yaml" if made.anew else f"{args.out}: the same import is there")
+    print(f"{made.lanes} lanes, {made.triangles} triangles")
+    print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
+    for key in ("guessed", "mended", "not_understood", "network"):
+        if made.record[key]:
+            print(f"{key.replace('_', ' ')}: {len(made.record[key])} (map.yaml)")
+    return 0

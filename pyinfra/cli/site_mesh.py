@@ -1,0 +1,39 @@
+"""`pyinfra site mesh FILE --out SITE`: a surface of others in a site."""
+
+import argparse
+from pathlib import Path
+
+from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlace, import_mesh
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Adds the triangles of a file (.obj, .glb, .gltf, .stl, .ply) to the meshes of a site."
+    )
+    parser.epilog = "example: pyinfra site mesh station.glb --out sites/corner --offset 20,35,0"
+    parser.add_argument("file", type=Path, metavar="FILE")
+    add = parser.add_argument
+    add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
+    add("--material", choices=MATERIALS, default="structure", help="default: structure")
+    add("--up", choices=("y", "z"), default="", help="its upward axis; default: y of glTF, else z")
+    add("--scale", type=float, default=1.0, help="metres of its unit; default: 1")
+    add("--offset", type=_place, default=(0.0, 0.0, 0.0), metavar="X,Y,Z", help="m, added last")
+
+
+def _place(text: str) -> tuple[float, float, float]:
+    values = [float(word) for word in text.split(",")]
+    if len(values) != 3 or not all(abs(v) < 1e9 for v in values):
+        raise ValueError
+    return values[0], values[1], values[2]
+
+
+def run(args: argparse.Namespace) -> int:
+    if not 1e-6 <= args.scale <= 1e6:
+        raise ValueError(f"--scale: found {args.scale:g}, allowed 1e-6 to 1e6")
+    place = MeshPlace(args.scale, args.up, args.offset)
+    mesh = import_mesh(args.file, args.out, args.material, place)
+    low, high = mesh.vertices.min(0), mesh.vertices.max(0)
+    spans = [f"{a} {v:.1f} to {w:.1f}" for a, v, w in zip("xyz", low, high, strict=True)]
+    print(args.out / "meshes" / f"{args.file.stem.lower()}.ply")
+    print(f"{len(mesh.faces)} triangles, {', '.join(spans)} m")
+    return 0

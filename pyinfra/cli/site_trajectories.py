@@ -1,0 +1,92 @@
+"""`pyinfra site trajectories FILE --out SITE`: who moves there, by others."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Takes trajectories of others into a site: SUMO's floating car data (.xml, .gz), a .csv "
+        "of boxes, or the folder of a LiDAR with labels. Resampled to 10 Hz, gaps up to 1 s "
+        "filled, smoothed where they jump; without ids boxes are linked. The scene's duration_s "
+        "becomes the time that they fill. Floating car data in longitude and latitude are "
+        "recognised, and projected as the site's map."
+    )
+    parser.epilog = (
+        "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
+        "--rate-hz 25 --degrees --out sites/corner"
+    )
+    parser.add_argument("file", type=Path, metavar="FILE")
+    add = parser.add_argument
+    add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
+    add("--columns", type=_pairs, default={}, metavar="x=NAME,...", help="a CSV's own names")
+    add(
+        "--class-of",
+        type=_classes,
+        default={},
+        metavar="NAME=Car,...",
+        help="its own classes; =Car: of those without one",
+    )
+    add("--rate-hz", type=float, help="frames a second: time is the column `frame`")
+    add("--world", action="store_true", help="positions are the site's, not those of its map")
+    add("--degrees", action="store_true", help="a CSV's headings are in degrees")
+
+
+def run(args: argparse.Namespace) -> int:
+    import numpy as np
+
+    from pyinfra.core.errors import FormatError
+    from pyinfra.scenes.maps import fcd, recorded_boxes, site_folder
+    from pyinfra.scenes.maps.tracks import lasts_s
+    from pyinfra.scenes.maps.traffic_figures import report_lines
+    from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
+    from pyinfra.scenes.maps.trajectory_import import import_boxes, import_fcd
+
+    if args.rate_hz is not None and not 0.1 <= args.rate_hz <= 10_000:
+        raise ValueError(f"--rate-hz: found {args.rate_hz:g}, allowed 0.1 to 10000")
+    if not args.out.is_dir():
+        raise FileNotFoundError(f"{args.out}: found no folder, allowed that of a site")
+    offset = np.zeros(3) if args.world else site_folder.offset(args.out)
+    has_scene = (args.out / site_folder.SCENE).exists()
+    try:
+        if args.file.suffix.lower() in (".xml", ".gz"):
+            projection = site_folder.projection(args.out)
+            recorded = fcd.read_fcd(args.file)
+            imported = import_fcd(recorded, args.class_of, offset, projection, has_site=has_scene)
+        elif args.file.is_dir():
+            imported = import_boxes(recorded_boxes.read_frames(args.file), np.zeros(3))
+        else:
+            how = recorded_boxes.BoxColumns(args.columns, args.class_of, args.rate_hz, args.degrees)
+            imported = import_boxes(recorded_boxes.read_boxes(args.file, how), offset)
+    except FormatError as error:
+        text = str(error)
+        named = text if text.startswith(str(args.file)) else f"{args.file}: {text}"
+        raise FormatError(named) from error
+    write_trajectories(args.out / NAME, imported.tracks)
+    if has_scene:
+        site_folder.set_duration(args.out, lasts_s(imported.tracks))
+    feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
+    print(*report_lines(args.out / NAME, imported.tracks, feet, imported.notes), sep="\n")
+    return 0
+
+
+def _classes(text: str) -> dict[str, str]:
+    """As _pairs; the first name may be empty, and may hold a `=`. The second is one of ours."""
+    from pyinfra.scenes.maps.tracks import CLASSES
+
+    pairs = dict(part.rpartition("=")[::2] for part in text.split(",") if "=" in part)
+    wrong = sorted(set(pairs.values()) - set(CLASSES))
+    if wrong or len(pairs) != len(text.split(",")):
+        got = wrong[0] if wrong else text
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=CLASS,... with CLASS of {', '.join(CLASSES)}, got '{got[:60]}'"
+        )
+    return pairs
+
+
+def _pairs(text: str) -> dict[str, str]:
+    """`a=b,c=d` as a mapping."""
+    pairs = [part.split("=") for part in text.split(",")]
+    if any(len(pair) != 2 or not all(pair) for pair in pairs):
+        raise argparse.ArgumentTypeError(f"found '{text[:60]}', allowed NAME=OTHER,...")
+    return {pair[0]: pair[1] for pair in pairs}

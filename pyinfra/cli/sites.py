@@ -1,0 +1,45 @@
+"""`pyinfra sites --seed S --count N --out DIR`: generated sites as scene files, and their plans."""
+
+import argparse
+from pathlib import Path
+
+import yaml
+
+from pyinfra.core.files import replacing
+from pyinfra.scenes.generator.generate import make_site
+
+SHEET = "sheet.png"
+MOST_ON_A_SHEET = 48
+DPI = 130
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Writes plausible sites as scene files, one a seed, and a sheet of their plans: what "
+        "training that streams from the simulator is drawn from."
+    )
+    parser.epilog = "example: pyinfra sites --seed 0 --count 24 --out out/sites"
+    parser.add_argument("--seed", type=int, default=0, help="of the first site; default: 0")
+    parser.add_argument("--count", type=int, default=24, help="sites; default: 24")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the files")
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.count < 1:
+        raise ValueError(f"--count: found {args.count}, allowed 1 or more")
+    if args.seed < 0:
+        raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
+    from pyinfra.viz.site_sheet import sheet
+
+    args.out.mkdir(parents=True, exist_ok=True)
+    sites = [make_site(seed) for seed in range(args.seed, args.seed + args.count)]
+    for site in sites:
+        file = args.out / f"{site['name']}.yaml"
+        with replacing(file) as beside:
+            text = yaml.safe_dump(site, sort_keys=False, default_flow_style=None, width=100)
+            beside.write_text(text)
+        print(file)
+    with replacing(args.out / SHEET) as beside:
+        sheet(sites[:MOST_ON_A_SHEET]).savefig(beside, format="png", dpi=DPI)
+    print(args.out / SHEET)
+    return 0

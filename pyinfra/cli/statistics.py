@@ -1,0 +1,52 @@
+"""`pyinfra statistics DATA --out DIR`."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from pyinfra.metrics.scanning_statistics import statistics, write
+from pyinfra.viz import scanning_plots
+
+MOST_FRAMES = 100  # that count as one
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Scanning statistics of data sets, as tables and figures."
+    parser.epilog = "example: pyinfra statistics data/highway data/curve --out out/statistics"
+    parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the tables and figures")
+    parser.add_argument(
+        "--above-road", action="store_true", help="leave out points below road level (need fields)"
+    )
+    parser.add_argument(
+        "--accumulate",
+        type=int,
+        default=1,
+        metavar="N",
+        help="N frames one after another count as one: points of a vehicle add up; default: 1",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    if not 1 <= args.accumulate <= MOST_FRAMES:
+        raise ValueError(f"--accumulate: found {args.accumulate}, allowed 1 to {MOST_FRAMES}")
+    patterns = _extension_is_there()
+    if not patterns:
+        print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)
+    tables = statistics(
+        args.data, above_road=args.above_road, patterns=patterns, accumulate=args.accumulate
+    )
+    files = write(tables, args.out)
+    for name, table in tables.items():
+        scanning_plots.save(scanning_plots.draw(name, table), args.out / name)
+    for file in files:
+        print(file)
+    return 0
+
+
+def _extension_is_there() -> bool:
+    try:
+        from pyinfra.dataset import simulation  # noqa: F401
+    except ImportError:
+        return False
+    return True

@@ -1,0 +1,159 @@
+"""`pyinfra train CONFIG --data DATA/LIDAR... --tier TIER --out RUN`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+from pyinfra.dataset.regions import outline_region
+from pyinfra.models.detectors.catalogue import DETECTORS
+from pyinfra.models.training.accumulation import Accumulation, LabelAt
+from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
+from pyinfra.models.training.sources import TIERS, Source, Stream, read_source, simulated_source
+from pyinfra.models.training.train import OF_NETWORKS, train
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Trains a detector on frames; the same command goes on after a stop."
+    parser.epilog = (
+        "example: pyinfra train configs/detectors/pointpillars.yaml "
+        "--data data/highway/ruby_plus --tier quick --out runs/pillars"
+    )
+    parser.add_argument("config", type=Path, help="file of configs/detectors")
+    parser.add_argument("--data", nargs="+", type=Path, default=[], help="folders of LiDARs")
+    parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
+    parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
+    parser.add_argument("--mount", default="", help="with --scene: which of several")
+    parser.add_argument(
+        "--sites", type=Path, metavar="FILE", help="in place of --data: file of configs/streams"
+    )
+    parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
+    parser.add_argument(
+        "--region",
+        type=Path,
+        metavar="FILE",
+        help="of background: where vehicles can be, `outline_m: [[x, y], ...]`; default: the roads",
+    )
+    parser.add_argument(
+        "--from",
+        dest="start",
+        type=Path,
+        metavar="RUN",
+        help="begin with a trained network's weights: a folder, a file, or one of the package; "
+        "default: the recipe's start",
+    )
+    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument(
+        "--accumulate",
+        type=int,
+        default=1,
+        metavar="N",
+        help="of a network: stack so many frames into one cloud; default: 1",
+    )
+    parser.add_argument(
+        "--label-at",
+        choices=get_args(LabelAt),
+        default="newest",
+        help="of the stacked frames, the one whose vehicles are found; default: newest",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
+    parser.add_argument("--device", default=OF_NETWORKS["device"], help="cpu, cuda, cuda:1, ...")
+    parser.add_argument(
+        "--precision",
+        choices=get_args(Precision),
+        default=OF_NETWORKS["precision"],
+        help="of the layers; default: float32",
+    )
+    parser.add_argument(
+        "--budget",
+        type=float,
+        default=OF_NETWORKS["budget"],
+        help="share of the tier's steps, the schedule with it",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    if not 0 < args.budget <= 100:
+        raise ValueError(f"--budget: found {args.budget:g}, allowed above 0 to 100")
+    if args.seed < 0:
+        raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
+    recipe = read_recipe(args.config, args.tier)
+    if DETECTORS[recipe.detector].learnt:
+        recipe = recipe.for_budget(args.budget)
+        recipe = recipe.begun_with(args.start) if args.start is not None else recipe
+    elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
+        words = ", ".join(f"--{key}" for key in given).replace("--start", "--from")
+        print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
+    sources = _sources(args, recipe)
+    if not isinstance(sources, Stream):
+        sources = _with_region(args, recipe, sources)
+        for warning in filter(None, (source.read_warning() for source in sources)):
+            print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
+    how = {name: getattr(args, name) for name in ("seed", "device", "precision")}
+    model = train(recipe, sources, args.out, **how)
+    if os.environ.get("RANK", "0") == "0":  # of several processes, the first
+        print(model)
+    return 0
+
+
+def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]) -> list[Source]:
+    """The sources with the region that was asked for; says if one that needs it has none."""
+    if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
+        if args.region is not None:
+            raise ValueError(
+                "--region: found a file, allowed for background with network.within_region"
+            )
+        return sources
+    if args.region is not None:
+        region = outline_region(args.region)
+        return [replace(source, region=region) for source in sources]
+    for source in sources:
+        if source.region is None:
+            print(
+                f"pyinfra: note: {recipe.detector}: {source.lidar}: found no roads.csv and no "
+                "--region, so what moves is a vehicle anywhere",
+                file=sys.stderr,
+            )
+    return sources
+
+
+def check_mount(mount: str, scene: Path | None) -> None:
+    """Raises ValueError for one that cannot be streamed."""
+    if mount and scene is None:
+        raise ValueError(f"--mount: found '{mount}' without --scene, allowed with it")
+    if mount == "fused":
+        raise ValueError(
+            "--mount: found 'fused', allowed one mount's name: fused frames are learnt from disk, "
+            "`infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
+        )
+
+
+def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
+    kinds = [bool(args.data), args.scene is not None, args.sites is not None]
+    if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
+        raise ValueError(
+            "found no or two sources, allowed --data, or --scene with --lidar, or --sites"
+        )
+    check_mount(args.mount, args.scene)
+    accumulation = Accumulation(args.accumulate, args.label_at)
+    if args.sites is not None:
+        if accumulation.frames > 1:
+            raise ValueError(
+                f"--accumulate: found {accumulation.frames} with --sites, allowed 1: streams give "
+                "single frames"
+            )
+        from pyinfra.models.training.generated_sites import read_stream
+
+        return read_stream(args.sites, recipe.classes)
+    if args.scene is None:
+        return [
+            read_source(folder, args.tier, accumulation, recipe.classes) for folder in args.data
+        ]
+    how = {"preset": args.preset, "mount": args.mount}
+    how |= {"accumulation": accumulation, "classes": recipe.classes}
+    return [simulated_source(args.scene, args.lidar, args.tier, **how)]

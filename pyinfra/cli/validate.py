@@ -1,0 +1,67 @@
+"""`pyinfra validate DATA/LIDAR [--pred DIR [--unlabelled]]`."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.files import write
+from pyinfra.dataset.frames import has_labels
+from pyinfra.metrics.frame_checks import folders_with_frames, validate
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Checks frames, and predictions of them; names the usual causes of AP 0."
+    parser.epilog = (
+        "example: pyinfra validate data/highway/livox_avia --pred runs/pillars/predictions"
+    )
+    parser.add_argument("data", type=Path, help="folder of a LiDAR, or a data set without --pred")
+    parser.add_argument("--pred", type=Path, help="folder of NNNNNN.txt or NNNNNN.csv")
+    parser.add_argument("--split", help="frames to be predicted; default val if there is one")
+    parser.add_argument("--allow-missing", action="store_true", help="of prediction files")
+    parser.add_argument(
+        "--unlabelled",
+        action="store_true",
+        help="say how far to believe --pred without a look at labels; default where there are none",
+    )
+    parser.add_argument("--out", type=Path, help="folder for trust.csv, of unlabelled frames")
+
+
+def run(args: argparse.Namespace) -> int:
+    folders = folders_with_frames(args.data)
+    if args.pred is not None and len(folders) > 1:
+        names = ", ".join(folder.name for folder in folders)
+        raise ValueError(f"{args.data}: found several LiDARs with --pred, allowed one of {names}")
+    found = [
+        finding
+        for folder in folders
+        for finding in validate(folder, args.pred, args.split, allow_missing=args.allow_missing)
+    ]
+    for finding in found:
+        print(finding)
+    if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
+        _trust(folders[0], args)
+    elif args.unlabelled or args.out is not None:
+        raise ValueError(
+            "--unlabelled, --out: found no --pred or labels, allowed with --pred alone"
+        )
+    errors = sum(finding.level == "error" for finding in found)
+    warnings = sum(finding.level == "warning" for finding in found)
+    print(f"{args.data}: {errors} errors, {warnings} warnings")
+    return 1 if errors else 0
+
+
+def _trust(folder: Path, args: argparse.Namespace) -> None:
+    """Prints and writes how far to believe the predictions."""
+    from pyinfra.models.inference.label_free_checks import trust_of
+
+    rows = trust_of(folder, args.pred, args.split, allow_missing=args.allow_missing)
+    table = pd.DataFrame([asdict(row) for row in rows])
+    print(f"{folder}: {table.frames[0]} frames; shares of boxes by the least score (no label used)")
+    print(table.drop(columns="frames").to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    if args.out is not None:
+        args.out.mkdir(parents=True, exist_ok=True)
+        write(args.out / "trust.csv", table.to_csv(index=False, float_format="%.6g"))

@@ -1,0 +1,76 @@
+"""Eyes on data: `pyinfra view DATA --frames 0:50:5 --out view.html`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pyinfra.dataset.surroundings import read_surroundings
+from pyinfra.viz.viewer.page import check_file, write_page
+from pyinfra.viz.viewer.selection import (
+    chosen_folders,
+    chosen_frames,
+    prediction_folders,
+    read_views,
+    title_of,
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "An interactive 3-D view of one frame or several, of one LiDAR or several that see one "
+        "world, as one HTML file that needs no network."
+    )
+    parser.epilog = "example: pyinfra view data/highway --frames 0:50:5 --out out/view.html"
+    parser.add_argument(
+        "data", nargs="+", type=Path, help="data set of `infrasim run`, or folder of a LiDAR"
+    )
+    parser.add_argument("--lidar", nargs="+", metavar="NAME", help="only these LiDARs")
+    frames = parser.add_mutually_exclusive_group()
+    frames.add_argument(
+        "--frame", type=int, help="by default the first, or the first with predictions"
+    )
+    frames.add_argument("--frames", metavar="A:B[:STEP]", help="those of A to B - 1 that exist")
+    parser.add_argument(
+        "--pred",
+        nargs="+",
+        default=[],
+        metavar="DIR",
+        help="predictions as NNNNNN.txt or .csv; LIDAR=DIR for each of several LiDARs",
+    )
+    parser.add_argument(
+        "--most-points", type=int, metavar="N", help="thin frames with more; the page says so"
+    )
+    parser.add_argument(
+        "--rerun",
+        action="store_true",
+        help="write a recording (.rrd) for Rerun instead and open it (extra `rerun`); Rerun's "
+        "program reports its use to its makers until `rerun analytics disable`",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="the file to write")
+
+
+def run(args: argparse.Namespace) -> int:
+    if args.most_points is not None and args.most_points < 1:
+        raise ValueError(f"--most-points: found {args.most_points}, allowed 1 or more")
+    check_file(args.out)
+    folders = chosen_folders(args.data, args.lidar)
+    predictions = prediction_folders(args.pred, folders)
+    words = str(args.frame) if args.frame is not None else args.frames
+    frames = chosen_frames(folders[0], words, predictions.get(folders[0]))
+    views = read_views(folders, frames, predictions)
+    if args.rerun:
+        from pyinfra.viz.viewer import recording
+
+        size = recording.write(views, args.out)
+    else:
+        around = read_surroundings(folders[0].resolve().parent)
+        title = title_of(folders, frames)
+        size = write_page(views, title, args.out, args.most_points, around)
+    count = (
+        f"{len(views)} LiDAR{'s'[: len(views) > 1]}, {len(frames)} frame{'s'[: len(frames) > 1]}"
+    )
+    print(f"{args.out}: {size / 1e6:.2f} MB, {count}")
+    if args.rerun:
+        recording.open_viewer(args.out)
+    return 0

@@ -1,0 +1,1 @@
+"""Arrays, boxes, files that appear whole, the reader of configurations."""

@@ -1,0 +1,186 @@
+"""Rotated boxes: footprints, overlap, exact, in float64; the points of the vehicles in them.
+
+A box is `x y z dx dy dz heading`: geometric centre, length width height, yaw about +z; metres and
+radians. Two sets of boxes are compared in one frame, whichever it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
+
+# Of an overlap, relative to the size of the boxes: what is below it counts as nothing.
+_ROUNDING = 1e-14
+CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # of a usual car; of a truck or bus
+AROUND_M = 0.05  # points this far outside a box belong to its vehicle
+_CHUNK = 8192  # pairs at a time: the temporaries stay in the cache
+
+# Corners of the unit box, counter-clockwise from front right.
+_CORNERS = np.array([[0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]])
+
+
+def footprints(boxes: FloatArray) -> FloatArray:
+    """Corners in plan, counter-clockwise, of boxes (k, 7): (k, 4, 2)."""
+    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+    ahead = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
+    left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2
+    corners = [ahead + left, left - ahead, -ahead - left, ahead - left]
+    return boxes[:, None, :2] + np.stack(corners, axis=1)
+
+
+def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Intersection over union of the boxes' footprints.
+
+    a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
+    A pair with no overlap gives exactly 0.
+    """
+    return _all_pairs(a, b, pair_bev_iou)
+
+
+def iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Intersection over union of the boxes' volumes.
+
+    a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
+    A pair with no overlap gives exactly 0.
+    """
+    return _all_pairs(a, b, pair_iou_3d)
+
+
+def bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Area that the footprints share, in square metres: (n, 7) and (m, 7) to (n, m)."""
+    return _all_pairs(a, b, pair_bev_overlap)
+
+
+def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -> BoolArray:
+    """Which points (n, 3 or more) belong to the vehicle of a box (7,): (n,).
+
+    They lie at most so far outside its sides and top, and at least so far above its bottom, because
+    the road that it stands on is not the vehicle.
+    """
+    x, y, z = (points[:, i] - points.dtype.type(box[i]) for i in range(3))
+    cos, sin = points.dtype.type(np.cos(box[6])), points.dtype.type(np.sin(box[6]))
+    inside = np.abs(cos * x + sin * y) <= box[3] / 2 + around_m
+    inside &= np.abs(cos * y - sin * x) <= box[4] / 2 + around_m
+    inside &= (z >= around_m - box[5] / 2) & (z <= box[5] / 2 + around_m)
+    return np.asarray(inside)
+
+
+def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
+    """How many points (n, 3 or more) belong to the vehicle of each box (k, 7): (k,)."""
+    x = np.ascontiguousarray(points[:, 0])
+    counts = np.zeros(len(boxes), dtype=np.int64)
+    for i, box in enumerate(boxes):
+        reach = x.dtype.type(np.hypot(box[3], box[4]) / 2 + 2 * AROUND_M)
+        near = np.flatnonzero(np.abs(x - x.dtype.type(box[0])) <= reach)
+        counts[i] = np.count_nonzero(points_in_box(points[near], box))
+    return counts
+
+
+def pair_bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
+    """As `bev_iou`, of row i of a with row i of b: (n, 7) and (n, 7) to (n,)."""
+    overlap = pair_bev_overlap(a, b)
+    return _ratio(overlap, a[:, 3] * a[:, 4] + b[:, 3] * b[:, 4] - overlap)
+
+
+def pair_iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
+    """As `iou_3d`, of row i of a with row i of b: (n, 7) and (n, 7) to (n,)."""
+    # In coordinates around a's centre, where sums lose nothing.
+    between = b[:, 2] - a[:, 2]
+    top = np.minimum(a[:, 5] / 2, between + b[:, 5] / 2)
+    bottom = np.maximum(-a[:, 5] / 2, between - b[:, 5] / 2)
+    shared = pair_bev_overlap(a, b) * np.maximum(top - bottom, 0)
+    volumes = a[:, 3] * a[:, 4] * a[:, 5] + b[:, 3] * b[:, 4] * b[:, 5]
+    return _ratio(shared, volumes - shared)
+
+
+def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Area that the footprints of row i of a and row i of b share: (n, 7) and (n, 7) to (n,).
+
+    Green's theorem along the edges of b, in the frame of a: the integral of dx dy over what is in
+    both is that of clip(x) dy along the parts of b's border that lie in a's band of y. Nothing is
+    sorted and no case is special, so boxes that are equal or only touch are as exact as others.
+    """
+    _check(a)
+    _check(b)
+    area = np.zeros(len(a))
+    near = np.flatnonzero(centres_within_reach(a, b))
+    for start in range(0, len(near), _CHUNK):
+        part = near[start : start + _CHUNK]
+        area[part] = _overlap(a[part], b[part])
+    return area
+
+
+def centres_within_reach(a: FloatArray, b: FloatArray) -> BoolArray:
+    """False where the footprints cannot touch, by the circles around them. Rows broadcast."""
+    apart = (a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2
+    reach = _half_diagonal(a) + _half_diagonal(b)
+    return np.asarray(apart <= reach * reach)
+
+
+def _half_diagonal(a: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(a[..., 3] ** 2 + a[..., 4] ** 2) / 2)
+
+
+def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:
+    length, width = a[:, 3, None], a[:, 4, None]
+    x, y = _corners_seen_from(a, b)
+    x_step, y_step = np.roll(x, -1, axis=1) - x, np.roll(y, -1, axis=1) - y
+    from_y = np.clip(y, -width / 2, width / 2)
+    to_y = np.roll(from_y, -1, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        enters = np.where(y_step == 0, 0, (from_y - y) / y_step)
+        leaves = np.where(y_step == 0, 0, (to_y - y) / y_step)
+    mean_x = _mean_clipped(x + enters * x_step, x + leaves * x_step, length / 2)
+    area = (mean_x * (to_y - from_y)).sum(1)
+    smaller = np.minimum(a[:, 3] * a[:, 4], b[:, 3] * b[:, 4])
+    size = np.maximum(a[:, 3:5], b[:, 3:5]).max(1)
+    area[area <= _ROUNDING * size * size] = 0  # boxes that only touch
+    return np.asarray(np.minimum(area, smaller))
+
+
+def _corners_seen_from(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """x and y (n, 4) of b's corners in a's frame."""
+    cos, sin = np.cos(a[:, 6]), np.sin(a[:, 6])
+    dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+    x, y = (cos * dx + sin * dy)[:, None], (cos * dy - sin * dx)[:, None]
+    turn = b[:, 6] - a[:, 6]
+    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    ahead, left = b[:, 3, None] * _CORNERS[:, 0], b[:, 4, None] * _CORNERS[:, 1]
+    return x + cos * ahead - sin * left, y + sin * ahead + cos * left
+
+
+def _mean_clipped(start: FloatArray, end: FloatArray, limit: FloatArray) -> FloatArray:
+    """Mean of clip(x, -limit, limit) for x from start to end."""
+    first, last = np.minimum(start, end), np.maximum(start, end)
+    low, high = np.clip(first, -limit, limit), np.clip(last, -limit, limit)
+    below = np.minimum(last, -limit) - np.minimum(first, -limit)
+    above = np.maximum(last, limit) - np.maximum(first, limit)
+    moment = limit * (above - below) + (high - low) * (high + low) / 2
+    span = last - first
+    return np.asarray(np.divide(moment, span, out=low, where=span > 0))
+
+
+def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
+    """part / whole, and 0 where the whole is nothing."""
+    return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 0))
+
+
+def _all_pairs(
+    a: FloatArray, b: FloatArray, measure: Callable[[FloatArray, FloatArray], FloatArray]
+) -> FloatArray:
+    _check(a)
+    _check(b)
+    result = np.zeros((len(a), len(b)))
+    i, j = np.nonzero(centres_within_reach(a[:, None], b[None]))
+    result[i, j] = measure(a[i], b[j])
+    return result
+
+
+def _check(boxes: FloatArray) -> None:
+    if boxes.ndim != 2 or boxes.shape[1] != 7:
+        raise ValueError(f"boxes: found shape {boxes.shape}, allowed (n, 7)")
+    if not np.isfinite(boxes).all() or (boxes[:, 3:6] < 0).any():
+        raise ValueError("boxes: found a value that is not finite or a negative size")

@@ -1,0 +1,268 @@
+"""Configurations that only Python reads: YAML files as frozen dataclasses.
+
+A key is a field of the class, its default the field's, its range the field's `rule`. Unknown and
+repeated keys, wrong types and values out of range are errors that name file, line and key.
+"""
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import yaml
+from yaml.constructor import SafeConstructor
+
+from pyinfra.core.errors import ConfigError
+
+T = TypeVar("T")
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times faster where it is
+_MOST_LEVELS = 100  # of a file's nesting; libyaml's own recursion ends in a crash
+NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # that PyYAML lets through
+_MOST_LETTERS = 60  # of a value in a message
+
+
+# What runs and rows of results are told by is made of the keys as version 0.3 named them, so that a
+# key may get another name, or come with a default, and old runs and rows stay what they are. Keys
+# of now, as `key` or `Class.key`, and their names in 0.3, which are read as well:
+RENAMED: dict[str, str] = {}
+# Keys that came later: with their default they are no part of what a run or a row is told by.
+LATER: frozenset[str] = frozenset(
+    (
+        "Learning.rare_windows",
+        "Learning.balance",
+        "Augmentation.shadows",
+        "Augmentation.height_std_m",
+        "Augmentation.level_std_deg",
+    )
+)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a value, or each value of a list, may be."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    check: Callable[[Path, str], object] | None = None  # of the file and a text; raises ValueError
+    once: bool = False  # no value of a list may come again
+
+
+def ruled(
+    default: Any = dataclasses.MISSING,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    once: bool = False,
+) -> Any:
+    """A field with a range; required if it has no default."""
+    return field(default=default, metadata={"rule": Rule(low, high, once=once)})
+
+
+def checked(
+    check: Callable[[Path, str], object],
+    default: Any = dataclasses.MISSING,
+    *,
+    once: bool = False,
+) -> Any:
+    """A field whose texts must pass a check; see Rule. Required if it has no default."""
+    return field(default=default, metadata={"rule": Rule(check=check, once=once)})
+
+
+def read_config(file: Path, kind: type[T]) -> T:
+    """The file as a `kind`. Raises ConfigError, and FileNotFoundError."""
+    try:
+        node = compose(file.read_text(encoding="utf-8"))
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise ConfigError(f"{file}:{line}: is not YAML: {error.problem}") from None
+    except yaml.YAMLError as error:  # a character that YAML has not
+        raise ConfigError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{file}: found byte {error.start} that is not UTF-8") from None
+    return _struct(_Place(str(file), node, ""), kind)
+
+
+def compose(text: str) -> Any:
+    """The root node of a YAML text, None of an empty one. Raises yaml.YAMLError."""
+    level = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        level += isinstance(event, yaml.CollectionStartEvent)
+        level -= isinstance(event, yaml.CollectionEndEvent)
+        if level > _MOST_LEVELS:
+            what = f"found more than {_MOST_LEVELS} levels"
+            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)
+    return yaml.compose(text, Loader=_LOADER)
+
+
+def as_plain(value: Any) -> Any:
+    """A dataclass as dicts and lists, which `yaml.safe_dump` writes and `from_plain` reads."""
+    if dataclasses.is_dataclass(value):
+        return {f.name: as_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, (tuple, list)):
+        return [as_plain(item) for item in value]
+    return value
+
+
+def canonical(value: Any) -> Any:
+    """As `as_plain`, by the keys of version 0.3: what a run or a row of results is told by."""
+    if isinstance(value, (tuple, list)):
+        return [canonical(item) for item in value]
+    if not dataclasses.is_dataclass(value):
+        return value
+    kind = type(value)
+    own = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    default = {f.name: _default(f) for f in dataclasses.fields(value)}
+    return {
+        _name_in_0_3(kind, name): canonical(item)
+        for name, item in own.items()
+        if not (LATER & {name, f"{kind.__name__}.{name}"} and item == default[name])
+    }
+
+
+def _name_in_0_3(kind: type, key: str) -> str:
+    return RENAMED.get(f"{kind.__name__}.{key}", RENAMED.get(key, key))
+
+
+def _default(field: "dataclasses.Field[Any]") -> Any:
+    factory: Any = field.default_factory
+    return field.default if factory is dataclasses.MISSING else factory()
+
+
+def from_plain(plain: object, kind: type[T], name: str) -> T:
+    """The inverse of as_plain, checked as a file is; `name` stands for the file in messages."""
+    node = compose(yaml.safe_dump(plain))
+    return _struct(_Place(name, node, ""), kind)
+
+
+@dataclass(frozen=True)
+class _Place:
+    file: str
+    node: Any
+    key: str
+
+    def fail(self, what: str) -> NoReturn:
+        line = self.node.start_mark.line + 1 if self.node is not None else 1
+        raise ConfigError(f"{self.file}:{line}: {self.key or '(document)'}: {what}")
+
+    def at(self, key: str, node: Any) -> "_Place":
+        return _Place(self.file, node, f"{self.key}.{key}" if self.key else key)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a file whose class is known once the rest is read."""
+
+    place: _Place | None = None  # None: it is left out
+
+    def read(self, kind: type[T]) -> T:
+        """Raises ConfigError with file, line and key."""
+        return kind() if self.place is None else _struct(self.place, kind)
+
+
+def _struct(place: _Place, kind: type[T]) -> T:
+    if not isinstance(place.node, yaml.MappingNode):
+        place.fail("found no mapping, allowed a mapping")
+    fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    hints = typing.get_type_hints(kind)
+    places: dict[str, _Place] = {}
+    now = {_name_in_0_3(kind, name): name for name in fields}
+    for key_node, node in place.node.value:
+        key = _shown(key_node).strip("'")
+        key = now.get(key, key)
+        here = place.at(key, node)
+        if key not in fields:
+            here.fail(f"found an unknown key, allowed {', '.join(fields)}")
+        if key in places:
+            here.fail("found twice, allowed once")
+        places[key] = here
+    for name, f in fields.items():
+        required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+        if required and name not in places:
+            place.at(name, place.node).fail("found nothing, required")
+    rules = {name: f.metadata.get("rule", Rule()) for name, f in fields.items()}
+    values = {key: _value(here, hints[key], rules[key]) for key, here in places.items()}
+    try:
+        return kind(**values)
+    except ValueError as error:  # a check between keys
+        place.fail(str(error))
+
+
+def _value(place: _Place, hint: Any, rule: Rule) -> Any:
+    if hint is Any:
+        return _loaded(place, "a value")
+    if hint is Part:
+        return Part(place)
+    if dataclasses.is_dataclass(hint):
+        return _struct(place, typing.cast(type[Any], hint))
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        if isinstance(place.node, yaml.ScalarNode) and place.node.tag.endswith(":null"):
+            return None
+        return _value(place, next(a for a in arguments if a is not type(None)), rule)
+    if origin is typing.Literal:
+        return _word(place, arguments)
+    if origin is tuple:
+        return _items(place, arguments, rule)
+    return _scalar(place, hint, rule)
+
+
+def _items(place: _Place, arguments: tuple[Any, ...], rule: Rule) -> tuple[Any, ...]:
+    if not isinstance(place.node, yaml.SequenceNode):
+        place.fail("found no list, allowed a list")
+    nodes = place.node.value
+    if arguments[-1] is not Ellipsis and len(nodes) != len(arguments):
+        place.fail(f"found {len(nodes)} values, allowed {len(arguments)}")
+    places = [place.at(str(i), node) for i, node in enumerate(nodes)]
+    values = [_value(here, arguments[0], rule) for here in places]
+    if rule.once:
+        first: dict[Any, int] = {}
+        for i, value in enumerate(values):
+            if first.setdefault(value, i) != i:
+                places[i].fail(f"found {_shown(nodes[i])} twice, allowed once")
+    return tuple(values)
+
+
+def _word(place: _Place, allowed: tuple[Any, ...]) -> Any:
+    if not isinstance(place.node, yaml.ScalarNode) or place.node.value not in allowed:
+        place.fail(f"found {_shown(place.node)}, allowed {', '.join(map(str, allowed))}")
+    return place.node.value
+
+
+def _scalar(place: _Place, kind: type[Any], rule: Rule) -> Any:
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+    value: Any = _loaded(place, names[kind])
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if type(value) is not kind and not (kind is float and is_whole):
+        place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
+    if kind in (int, float) and not rule.low <= value <= rule.high:
+        found = _shown(place.node).strip("'").lstrip(".")
+        place.fail(f"found {found}, allowed {rule.low:g} to {rule.high:g}")
+    if kind is str and rule.check is not None:
+        try:
+            rule.check(Path(place.file), value)
+        except ValueError as error:
+            place.fail(str(error))
+    try:
+        return float(value) if kind is float else value
+    except OverflowError:
+        place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
+
+
+def _loaded(place: _Place, allowed: str) -> Any:
+    """What YAML takes a node for."""
+    try:
+        return SafeConstructor().construct_document(place.node)
+    except (yaml.YAMLError, *NO_VALUE):  # as in 2001-02-30, `!!int x`, `!!int` or `!!bool x`
+        place.fail(f"found {_shown(place.node)}, allowed {allowed}")
+
+
+def _shown(node: Any) -> str:
+    if not isinstance(node, yaml.ScalarNode):
+        return "a collection"
+    text = str(node.value)
+    return f"'{text}'" if len(text) <= _MOST_LETTERS else f"'{text[:_MOST_LETTERS]}...'"

@@ -1,0 +1,51 @@
+"""Names of what comes with the package, and suggestions for a name that is none of them."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from pyinfra.core.errors import Error
+
+OBJECT_NAMES = {  # class_id of the simulator: type as in KITTI's label files
+    10: "Car",
+    11: "Van",
+    12: "Truck",
+    13: "Bus",
+    14: "Motorcycle",
+    15: "Pedestrian",
+    16: "Cyclist",
+}
+
+
+def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument: str) -> Path:
+    """The file of a name that comes with the package, or the file itself.
+
+    Parameters
+    ----------
+    word : a path, or a key of `files`
+    files : file of each name
+    argument : what the caller's argument is called, for the message
+
+    Raises
+    ------
+    Error : if it is neither; the message suggests the nearest names
+    """
+    text = os.fspath(word)
+    if text in files:
+        return files[text]
+    path = Path(text)
+    if path.is_file():
+        return path
+    raise Error(f"{argument}: expected a file or a name, got '{text}'{suggestion(text, files)}")
+
+
+def suggestion(word: str, names: Iterable[str]) -> str:
+    """`; did you mean 'highway'?`, or all names where none is near."""
+    names = sorted(names)
+    near = difflib.get_close_matches(word, names, n=3, cutoff=0.6)
+    if near:
+        return "; did you mean " + " or ".join(f"'{name}'" for name in near) + "?"
+    return f"; names: {', '.join(names)}" if names else ""

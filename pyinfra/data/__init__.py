@@ -1,1 +1,0 @@
-"""Tables over many frames of a data set, and its roads."""

@@ -1,0 +1,222 @@
+"""A data set that `infrasim run` wrote: what was simulated, its LiDARs and what they can see."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frames import data_set_of, lidars_in
+from pyinfra.dataset.outlines import OUTLINES_FILE
+from pyinfra.dataset.regions import read_roads
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti import Tilt
+
+MIN_VISIBILITY = 0.2
+FULL_CIRCLE_DEG = 359.0
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A folder that `infrasim run` wrote: what was simulated, its LiDARs and its frames."""
+
+    folder: Path
+    scene: str
+    preset: str
+    aggregation: str
+    seed: int
+    version: str
+    lidars: tuple[kitti.Lidar, ...]  # by name
+    tilts: tuple[Tilt, ...]  # one per LiDAR
+    frames: tuple[int, ...]  # ascending, the same for every LiDAR
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(lidar.name for lidar in self.lidars)
+
+    @property
+    def label_time(self) -> kitti.LabelTime:
+        return self.lidars[0].label_time
+
+    @property
+    def period_s(self) -> float:
+        return self.lidars[0].period_s
+
+    def lidar_folder(self, name: str) -> Path:
+        return self.folder / name
+
+
+def read_data_set(folder: Path) -> DataSet:
+    """What a data set holds, without its frames' contents.
+
+    Raises FileNotFoundError if it is none, FormatError for a wrong file, and ValueError if
+    it has no LiDAR or no frame, or if the LiDARs have different frames.
+    """
+    if not (folder / "dataset.yaml").is_file():
+        raise FileNotFoundError(2, "No dataset.yaml in it, as `infrasim run` writes", str(folder))
+    top = kitti.read_yaml(folder / "dataset.yaml")
+    folders = lidars_in(folder)
+    if not folders:
+        raise ValueError(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
+    lidars, tilts = zip(*read_lidars(folder), strict=True)
+    frames = [tuple(kitti.frames(own)) for own in folders]
+    for lidar, own in zip(folders, frames, strict=True):
+        if own != frames[0]:
+            raise ValueError(
+                f"{folder}: {lidar.name} has {len(own)} frames and {folders[0].name} "
+                f"has {len(frames[0])}, or others; allowed the same frames for every LiDAR"
+            )
+    if not frames[0]:
+        raise ValueError(f"{folder}: found no frame, allowed one or more")
+    preset = top.at("preset")
+    if preset.text() != lidars[0].preset:
+        preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
+    own_time, label_time = top.maybe("label_time"), lidars[0].label_time
+    if own_time is not None and own_time.text() != label_time:
+        own_time.fail(f"found '{own_time.text()}', allowed '{label_time}' of the LiDARs")
+    return DataSet(
+        folder=folder,
+        scene=top.at("name").text(),
+        preset=preset.text(),
+        aggregation=top.at("aggregation").text(),
+        seed=top.at("seed").whole(2**64 - 1),
+        version=top.at("version").text(),
+        lidars=lidars,
+        tilts=tilts,
+        frames=frames[0],
+    )
+
+
+def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
+    """The LiDARs of a data set and how they lean, by the names of their folders.
+
+    Raises FormatError with file and line, also for a LiDAR of another preset, period or label time
+    than the first, for one whose folder has another name, by which files are looked for, and for a
+    folder with frames but without lidar.yaml.
+    """
+    for frames in sorted(folder.glob("[!.]*/training/velodyne")):
+        if not (file := frames.parents[1] / "lidar.yaml").is_file():
+            raise FormatError(f"{file}: missing, needed of each LiDAR of a data set")
+    folders = lidars_in(folder)
+    found = tuple((kitti.read_lidar(own), kitti.read_tilt(own)) for own in folders)
+    for own, (lidar, _) in zip(folders, found, strict=True):
+        first, top = found[0][0], kitti.read_yaml(own / "lidar.yaml")
+        allowed = {
+            "name": own.name,
+            "preset": first.preset,
+            "period_s": first.period_s,
+            "label_time": first.label_time,
+        }
+        for key, value in allowed.items():
+            if getattr(lidar, key) != value:
+                why = "that of the folder" if key == "name" else f"as in {folders[0]}"
+                node = top.maybe(key)  # up to version 0.2 there was no label_time
+                found_key = "" if node else f"{key} "
+                (node or top).fail(
+                    f"found {found_key}{getattr(lidar, key)}, allowed {value}, {why}"
+                )
+    return found
+
+
+def is_of_lanes(data_set: Path) -> bool:
+    """Whether the roads of a data set are lanes of a file. Raises FormatError."""
+    about = data_set / "dataset.yaml"
+    return about.is_file() and kitti.read_yaml(about).maybe("lanes") is not None
+
+
+def without_region(lidar_folder: Path) -> str | None:
+    """What is wrong with the frames of a simulation whose roads.csv is missing, in words.
+
+    The roads say which vehicles are in the region; a recording has none.
+    """
+    file = lidar_folder / "lidar.yaml"
+    data_set = data_set_of(lidar_folder)
+    about, roads = data_set / "dataset.yaml", data_set / "roads.csv"
+    if not file.is_file():
+        if not about.is_file():
+            return None
+        return f"{file}: missing, so no region is known, although there is a dataset.yaml: copy it"
+    if roads.is_file():
+        return _without_outlines(data_set)
+    preset = kitti.read_yaml(file).at("preset")
+    if preset.text() == kitti.RECORDED:
+        return None
+    return (
+        f"{preset.place()}: found '{preset.text()}', of a simulation, but no {roads}: every "
+        "vehicle in reach counts, also beyond the region, and AP is another; copy the file too"
+    )
+
+
+def _without_outlines(data_set: Path) -> str | None:
+    """What is wrong if outlines narrow the region of a scene, and their file is missing."""
+    about, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
+    named = kitti.read_yaml(about).maybe("regions") if about.is_file() else None
+    if named is None or file.is_file():
+        return None
+    return f"{named.place()}: found outlines of the region, but no {file}: copy the file too"
+
+
+def field_of_view_mask(
+    lidar: kitti.Lidar, tilt: Tilt, centre: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Which points a LiDAR can see at all, by any of its units.
+
+    centre: (n, 3) levelled frame; returns (n,) inside the angles, and (n,) inside the angles and
+    range (slant, from the unit's sensor) of one unit.
+    """
+    angles = np.zeros(len(centre), dtype=np.bool_)
+    ranges = np.zeros(len(centre), dtype=np.bool_)
+    for unit in lidar.field_of_view:
+        if at := unit.at:
+            own = (centre - (at.x, at.y, at.z)) @ _rotation(at.yaw, at.pitch, at.roll)
+        else:
+            own = centre @ _rotation(0, tilt.pitch, tilt.roll)
+        slant = np.linalg.norm(own, axis=1)
+        turned = own @ _rotation(unit.yaw, unit.pitch, 0)
+        azimuth = np.arctan2(turned[:, 1], turned[:, 0])
+        elevation = np.arctan2(turned[:, 2], np.hypot(turned[:, 0], turned[:, 1]))
+        low, high = unit.azimuth
+        turn = (azimuth - low) % (2 * math.pi)
+        inside = turn <= (high - low)
+        if high - low >= math.radians(FULL_CIRCLE_DEG):
+            inside = np.ones(len(centre), dtype=np.bool_)
+        inside &= (elevation >= unit.elevation[0]) & (elevation <= unit.elevation[1])
+        angles |= inside
+        ranges |= inside & (slant >= unit.range_m[0]) & (slant <= unit.range_m[1])
+    return angles, ranges
+
+
+def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
+    """z of the roads in the levelled frame, metres. Raises ValueError if they are not level."""
+    file = data.folder / "roads.csv"
+    z = np.concatenate([road.z for road in read_roads(file)])
+    if np.ptp(z) > 0.01:
+        raise ValueError(f"{file}: found roads from z = {z.min():g} to {z.max():g}, allowed level")
+    return float(z.mean()) - lidar.T_world_levelled.z
+
+
+def read_owners(folder: Path, frame: int, count: int) -> IntArray:
+    """object_id of each of the `count` returns of a frame, -1 for background: (count,).
+
+    Raises FileNotFoundError without `fields`, and FormatError if there are more or less of them.
+    """
+    file = kitti.frame_file(folder, "fields", frame)
+    owner = kitti.read_fields(file)["object_id"].astype(np.int64)
+    if len(owner) != count:
+        raise FormatError(
+            f"{file}: found {len(owner)} records, allowed one for each of {count} points"
+        )
+    return owner
+
+
+def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
+    """Yaw about z, then pitch about the new y, then roll about the new x: (3, 3)."""
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)

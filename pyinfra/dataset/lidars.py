@@ -1,0 +1,140 @@
+"""Sheets of LiDARs: price, lines, field of view, range, as the simulator resolves their files."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pyinfra.dataset import catalogue
+from pyinfra.dataset.runs import SimulatorError, infrasim
+from pyinfra.formats import kitti
+
+NEAREST_TO_BUY = ("datasheet", "equal", "paper")  # of the presets, the first that a LiDAR has
+
+
+@dataclass(frozen=True)
+class LidarSheet:
+    """A LiDAR under one preset; NaN and nothing where it could not be resolved."""
+
+    name: str
+    model: str
+    presets: tuple[str, ...]
+    preset: str  # that the figures below are of
+    price_low_usd: float
+    price_high_usd: float
+    price_source: str
+    price_date: str
+    lines: int | None = None  # None of a pattern without lines, and of a bundle
+    horizontal_fov_deg: float = math.nan
+    vertical_fov_deg: float = math.nan
+    range_m: float = math.nan  # at most
+    range_at_10_percent_m: float = math.nan  # of a target of 10 %, where a preset has it
+    published_ranges: int = 0  # by reflectance and light, that of 10 % included; 1 is an assumption
+    problem: str = ""  # why it could not be resolved
+
+
+def catalogue_files() -> list[Path]:
+    """Files of all LiDARs that come with the package."""
+    return sorted((catalogue.configs() / "lidars").glob("*.yaml"))
+
+
+def presets_of(file: Path) -> tuple[str, ...]:
+    """Names of a LiDAR's presets; of a bundle, those of its first unit."""
+    presets: tuple[str, ...] = _plain(file)["presets"]
+    return presets
+
+
+def read_sheet(file: Path, preset: str = "") -> LidarSheet:
+    """A LiDAR's sheet, by default of the preset that is nearest to LiDARs one can buy.
+
+    Raises SimulatorError if it cannot be resolved, FileNotFoundError without a file.
+    """
+    infrasim("check", file)  # says where a file is wrong
+    plain = _plain(file)
+    chosen = preset or _preset_of(plain["presets"])
+    found = yaml.safe_load(infrasim("check", file, *(["--preset", chosen] if chosen else [])))
+    units = _field_of_view(file, chosen)
+    widths = [math.degrees(unit.azimuth[1] - unit.azimuth[0]) for unit in units]
+    return LidarSheet(
+        **plain,
+        preset=chosen,
+        lines=_lines(found),
+        horizontal_fov_deg=min(360.0, sum(widths)),
+        vertical_fov_deg=max(math.degrees(u.elevation[1] - u.elevation[0]) for u in units),
+        range_m=max(unit.range_m[1] for unit in units),
+        range_at_10_percent_m=float(_detection(found).get("range_at_10_percent_m", math.nan)),
+        published_ranges=_published_ranges(_detection(found)),
+    )
+
+
+def read_catalogue(preset: str = "") -> list[LidarSheet]:
+    """All sheets; a LiDAR that cannot be resolved, as one whose table is not here, says why."""
+    return [_read_or_say(file, preset) for file in catalogue_files()]
+
+
+def _read_or_say(file: Path, preset: str) -> LidarSheet:
+    try:
+        return read_sheet(file, preset)
+    except SimulatorError as error:
+        plain = _plain(file)
+        return LidarSheet(
+            **plain, preset=preset or _preset_of(plain["presets"]), problem=str(error)
+        )
+
+
+def _plain(file: Path) -> dict[str, Any]:
+    """What a file says of itself, before any preset."""
+    top = yaml.safe_load(file.read_text(encoding="utf-8"))
+    units = [
+        _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit
+    ]
+    price = top.get("price_usd") or {
+        "low": sum(unit["price_low_usd"] for unit in units),
+        "high": sum(unit["price_high_usd"] for unit in units),
+        "source": "sum of the units",
+    }
+    return {
+        "name": top["name"],
+        "model": top.get("model", top["name"]),
+        "presets": tuple(top.get("presets", units[0]["presets"] if units else ())),
+        "price_low_usd": price["low"],
+        "price_high_usd": price["high"],
+        "price_source": price.get("source", ""),
+        "price_date": str(price.get("date", "")),
+    }
+
+
+def _preset_of(presets: Sequence[str]) -> str:
+    return next((name for name in NEAREST_TO_BUY if name in presets), "".join(presets[:1]))
+
+
+def _field_of_view(file: Path, preset: str) -> tuple[kitti.FieldOfView, ...]:
+    """As a run writes it, of each unit."""
+    words = ["--preset", preset] if preset else []
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "data"
+        scene = catalogue.scene_file(catalogue.FLAT)
+        infrasim("run", scene, "--lidar", file, *words, "--frames", "0:1", "--out", out)
+        (own,) = out.glob("*/lidar.yaml")
+        return kitti.read_lidar(own.parent).field_of_view
+
+
+def _lines(resolved: dict[str, Any]) -> int | None:
+    channels = resolved.get("pattern", {}).get("spinning", {}).get("channels", {})
+    return channels.get("count") or len(channels.get("table", ())) or None
+
+
+def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
+    """Of the first unit; empty where every hit is a point."""
+    found = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
+    return dict(found)
+
+
+def _published_ranges(detection: dict[str, Any]) -> int:
+    return 1 + len(detection.get("further_ranges", ())) if detection else 0

@@ -1,0 +1,93 @@
+"""Outlines in plan: which places lie in them, and those that narrow a data set's region.
+
+`regions.csv` has the corners of each in the world frame, in order; the last is joined to the first.
+Without the file, the region is wherever roads or lanes are.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.text_table import NamedRows, between, lines_of
+
+OUTLINE_COLUMNS = ["region", "x", "y"]
+OUTLINES_FILE = "regions.csv"
+_RULES = (between(["x", "y"], -1e6, 1e6),)
+
+
+def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
+    """Those of a data set, each (m, 2), world; none without the file.
+
+    Raises FormatError with file and line.
+    """
+    file = data_set / OUTLINES_FILE
+    if not file.is_file():
+        return ()
+    try:
+        rows = list(csv.reader(lines_of(file, whole=True)))
+    except csv.Error as error:
+        raise FormatError(f"{file}: {error}") from None
+    if not rows or rows[0] != OUTLINE_COLUMNS:
+        found = ",".join(rows[0]) if rows else ""
+        raise FormatError(f"{file}:1: found '{found}', allowed '{','.join(OUTLINE_COLUMNS)}'")
+    table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], OUTLINE_COLUMNS, "region")
+    table.check(_RULES)
+    if len(rows) == 1:
+        raise FormatError(f"{file}:1: found no region, allowed one or more")
+    names = dict.fromkeys(table.names.tolist())
+    outlines = {name: table.values[table.names == name] for name in names}
+    for name, corners in outlines.items():
+        if len(corners) < 3:
+            found = f"found {len(corners)} corners"
+            raise FormatError(f"{file}: region {name}: {found}, allowed 3 or more")
+    return tuple(outlines.values())
+
+
+def outlines_of(scene: Mapping[str, Any]) -> tuple[FloatArray, ...]:
+    """Those of a scene's keys."""
+    return tuple(np.array(own["outline_m"], np.float64) for own in scene.get("regions", ()))
+
+
+def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
+    """Two sides of an outline (m, 2) that cross each other; side i begins at corner i."""
+
+    def left_of(i: int, k: int) -> float:
+        """On which side of the line of side i corner k lies."""
+        along, to = outline[(i + 1) % len(outline)] - outline[i], outline[k] - outline[i]
+        return float(along[0] * to[1] - along[1] * to[0])
+
+    for a, b in itertools.combinations(range(len(outline)), 2):
+        ahead = (a + 1) % len(outline), (b + 1) % len(outline)
+        if left_of(a, b) * left_of(a, ahead[1]) < 0 and left_of(b, a) * left_of(b, ahead[0]) < 0:
+            return a, b
+    return None
+
+
+def in_any(outlines: Sequence[FloatArray], points: FloatArray, margin_m: float) -> BoolArray:
+    """Which points (n, 2 or more) lie in one of the outlines or as near; all if there are none."""
+    inside = np.full(len(points), len(outlines) == 0)
+    for outline in outlines:
+        inside |= in_outline(outline, points, margin_m)
+    return inside
+
+
+def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> BoolArray:
+    """Which points (n, 2 or more) lie in an outline (m, 2), by the even-odd rule, or as near."""
+    inside = np.zeros(len(points), np.bool_)
+    near = np.zeros(len(points), np.bool_)
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        (x, y), (ahead, up) = (points[:, :2] - start).T, end - start
+        crosses = (y < 0) != (y < up)
+        if up != 0:  # else it crosses no line along x
+            inside ^= crosses & (x < y / up * ahead)
+        along = np.clip((x * ahead + y * up) / max(ahead**2 + up**2, 1e-12), 0, 1)
+        near |= np.hypot(x - along * ahead, y - along * up) <= margin_m
+    return inside | near

@@ -1,0 +1,49 @@
+"""How a scene rises along one direction, as `dataset.yaml` has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.formats.yaml_file import YamlNode
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Straight from point to point, level beyond; parabolas of `curve_m` round what changes."""
+
+    start: FloatArray  # x, y where stations begin, metres
+    heading: float  # that they run in, radians
+    points: FloatArray  # (n, 2) station and rise
+    curve_m: float
+
+    def rise_m(self, xy: FloatArray) -> FloatArray:
+        """At places (..., 2) of the world."""
+        axis = np.array([np.cos(self.heading), np.sin(self.heading)])
+        beyond = ((xy - self.start) @ axis)[..., None] - self.points[:, 0]
+        steps = np.diff(self.points, axis=0)
+        changes = np.diff(steps[:, 1] / steps[:, 0], prepend=0, append=0)
+        on_curve = np.clip(beyond + self.curve_m / 2, 0, self.curve_m)
+        after = np.maximum(beyond - self.curve_m / 2, 0)
+        lifted = (on_curve**2 / (2 * self.curve_m) + after) @ changes
+        return np.asarray(self.points[0, 1] + lifted)
+
+
+def profile_of(node: YamlNode) -> Profile:
+    """Raises FormatError with file, line and key."""
+    points = [_station_and_rise(pair) for pair in node.at("points_m").items()]
+    return Profile(
+        start=np.array([node.at("x_m").number(), node.at("y_m").number()]),
+        heading=float(np.radians(node.at("heading_deg").number())),
+        points=np.array(points),
+        curve_m=node.at("vertical_curve_m").number(),
+    )
+
+
+def _station_and_rise(node: YamlNode) -> list[float]:
+    pair = [number.number() for number in node.items()]
+    if len(pair) != 2:
+        node.fail(f"found {len(pair)} numbers, allowed 2: station and rise")
+    return pair

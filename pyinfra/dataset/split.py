@@ -1,0 +1,110 @@
+"""ImageSets of a data set: `pyinfra split DATA`.
+
+Which frames train and which test (`val`). By time is the default, because neighbouring frames show
+the same vehicles: a random split leaks them from train to test. See docs/conventions.md, "Split".
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pyinfra.core.files import replacing
+from pyinfra.dataset.data_set import DataSet
+
+By = Literal["time", "seed", "random"]
+TRAIN_UNTIL_S = 400.0
+VAL_FROM_S = 410.0
+VAL_SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class Split:
+    """Frames of the two lists, ascending."""
+
+    train: tuple[int, ...]
+    val: tuple[int, ...]
+
+
+def by_time(
+    frames: Sequence[int],
+    period_s: float,
+    train_until_s: float = TRAIN_UNTIL_S,
+    val_from_s: float = VAL_FROM_S,
+) -> Split:
+    """Frames that start before train_until_s, and those that start at val_from_s or later.
+
+    Raises ValueError if the two overlap or one is empty.
+    """
+    if val_from_s < train_until_s:
+        raise ValueError(f"found val from {val_from_s:g} s, allowed {train_until_s:g} s or later")
+    starts = [round(frame * period_s, 6) for frame in frames]
+    pairs = list(zip(frames, starts, strict=True))
+    split = Split(
+        train=tuple(frame for frame, start in pairs if start < train_until_s),
+        val=tuple(frame for frame, start in pairs if start >= val_from_s),
+    )
+    if not split.train or not split.val:
+        raise ValueError(
+            f"found frames from {min(starts, default=0):g} to {max(starts, default=0):g} s, "
+            f"allowed some before {train_until_s:g} s and some from {val_from_s:g} s on "
+            "(`pyinfra split` sets both)"
+        )
+    return split
+
+
+def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) -> Split:
+    """A seeded share of the frames as val, the rest as train; rounded, at least one of each.
+
+    Raises ValueError for fewer than two frames or a share outside (0, 1).
+    """
+    if len(frames) < 2 or not 0 < val_share < 1:
+        raise ValueError(f"found {len(frames)} frames and a share of {val_share:g}, allowed 2, 0-1")
+    count = min(max(round(val_share * len(frames)), 1), len(frames) - 1)
+    val = np.random.default_rng(seed).choice(np.array(frames), count, replace=False)
+    chosen = set(val.tolist())
+    return Split(
+        train=tuple(frame for frame in frames if frame not in chosen),
+        val=tuple(sorted(chosen)),
+    )
+
+
+def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
+    """All frames of one data set train, all of the other are val; one split for each.
+
+    Raises ValueError if they are not the same scene, preset, label time and LiDARs with another
+    seed.
+    """
+    for key in ("scene", "preset", "label_time", "names"):
+        a, b = getattr(train, key), getattr(val, key)
+        if a != b:
+            raise ValueError(f"{val.folder}: {key}: found {b}, allowed {a} as in {train.folder}")
+    if train.seed == val.seed:
+        raise ValueError(f"{val.folder}: found seed {val.seed} in both, allowed another seed")
+    return Split(train.frames, ()), Split((), val.frames)
+
+
+def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = False) -> list[Path]:
+    """ImageSets/train.txt and val.txt of every LiDAR: six digits a line; returns the files.
+
+    grown: a file may have a part of its frames, as before more were simulated.
+    Raises FileExistsError, and writes none, if a file has other frames, unless forced.
+    """
+    files = {
+        data.lidar_folder(name) / "ImageSets" / f"{part}.txt": "".join(
+            f"{frame:06d}\n" for frame in getattr(split, part)
+        )
+        for name, part in itertools.product(data.names, ("train", "val"))
+    }
+    for file, text in files.items():
+        old = file.read_text(encoding="utf-8") if file.exists() and not force else text
+        if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
+            raise FileExistsError(f"{file}: found another split, allowed none without --force")
+    for file, text in files.items():
+        file.parent.mkdir(exist_ok=True)
+        with replacing(file) as beside:
+            beside.write_text(text, encoding="utf-8")
+    return list(files)

@@ -1,0 +1,116 @@
+"""What stands around a sensor for good: roads with their lanes, and buildings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, Floats
+from pyinfra.dataset import regions
+from pyinfra.dataset.profile import profile_of
+from pyinfra.dataset.regions import Road
+from pyinfra.formats import kitti
+from pyinfra.formats.yaml_file import YamlNode
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """Lanes of a road, as `dataset.yaml` has them."""
+
+    each_way: int
+    width_m: float
+    median_m: float
+    one_way: bool = False
+
+    def lines(self) -> dict[float, bool]:
+        """Metres to the left of the centreline at which a line lies, and whether it is solid."""
+        solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
+        if self.one_way:
+            middle = self.each_way / 2
+            return {(i - middle) * self.width_m: s for i, s in enumerate(solid)}
+        aside = [self.median_m / 2 + i * self.width_m for i in range(self.each_way + 1)]
+        one_side = dict(zip(aside, solid, strict=True))
+        return {-a: s for a, s in reversed(one_side.items())} | one_side
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """World frame, metres, radians; roads are those of the evaluation region."""
+
+    roads: tuple[Road, ...]
+    lanes: dict[str, Lanes]  # by road; a recording has none
+    buildings: FloatArray  # (k, 7) boxes
+    further_mounts: FloatArray  # (k, 3) of a fused set, after the first, in whose frame it is
+
+
+@dataclass(frozen=True, eq=False)
+class RoadLine:
+    """A line along a road: its edge, or one that is painted on it."""
+
+    kind: Literal["edge", "solid", "dashed"]
+    xyz: FloatArray  # (n, 3) world; NaN where another road crosses
+
+
+def read_surroundings(data_set: Path) -> Surroundings:
+    """Those of a data set; a recording without roads and buildings has none.
+
+    Raises OSError, and FormatError with file and line.
+    """
+    file, roads = data_set / "dataset.yaml", data_set / "roads.csv"
+    if not file.is_file():
+        return Surroundings((), {}, np.zeros((0, 7)), np.zeros((0, 3)))
+    top = kitti.read_yaml(file)
+    lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
+    buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
+    mounts = [_position(mount) for mount in top.values("mounts")]
+    if (profile := top.maybe("profile")) is not None:
+        buildings[:, 2] += profile_of(profile).rise_m(buildings[:, :2])
+    return Surroundings(
+        roads=tuple(regions.read_roads(roads)) if lanes or roads.is_file() else (),
+        lanes=lanes,
+        buildings=buildings,
+        further_mounts=np.array(mounts[1:]).reshape(-1, 3),
+    )
+
+
+def _position(node: YamlNode) -> list[float]:
+    return [node.at(key).number() for key in ("x_m", "y_m", "z_m")]
+
+
+def _lanes(node: YamlNode) -> Lanes:
+    return Lanes(
+        each_way=int(node.at("each_way").number()),
+        width_m=node.at("width_m").number(),
+        median_m=node.at("median_m").number(),
+        one_way=(one_way := node.maybe("one_way")) is not None and one_way.text() == "true",
+    )
+
+
+def _building(node: YamlNode) -> list[float]:
+    """As a box x y z dx dy dz heading."""
+    keys = ("x_m", "y_m", "base_m", "length_m", "width_m", "height_m", "heading_deg")
+    x, y, base, length, width, height, heading = (node.at(key).number() for key in keys)
+    return [x, y, base + height / 2, length, width, height, np.radians(heading)]
+
+
+def road_lines(around: Surroundings) -> Iterator[RoadLine]:
+    """Edges and lane lines of every road."""
+    for road in around.roads:
+        lanes = around.lanes.get(road.name)
+        painted = lanes.lines() if lanes else {}
+        for side in (-1, 1):
+            yield RoadLine("edge", _aside(around, road, side * road.half_width))
+        for left_m, solid in painted.items():
+            yield RoadLine("solid" if solid else "dashed", _aside(around, road, left_m))
+
+
+def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:
+    """A line to the left of a road's centreline, but not where another road crosses."""
+    line = regions.offset_curve(road.xy, road.heading, left_m)
+    others = [other for other in around.roads if other is not road]
+    line[regions.locate(line, others).inside] = np.nan
+    return np.column_stack([line, road.z])

@@ -1,0 +1,78 @@
+"""Every object of a data set's world at mid-frame, whether or not a LiDAR reaches it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frame_tables import Vehicles
+from pyinfra.dataset.regions import to_levelled
+from pyinfra.formats.kitti import WorldPose
+from pyinfra.formats.text_table import is_whole
+
+INSTANT_S = 0.1  # between two rows; frame k lies between rows k and k + 1
+_NUMBERS = ["x", "y", "z", "dx", "dy", "dz", "heading"]
+
+
+def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehicles:
+    """The objects of trajectories.csv at the middle of some frames, ascending.
+
+    pose: of the levelled LiDAR frame that boxes are in. Points are 0, and visibility is -1: what a
+    LiDAR sees of them is not known here. Raises FormatError.
+    """
+    rows = read_rows(file, ["t", "id", "class", *_NUMBERS])
+    instant = np.round(rows.t.to_numpy() / INSTANT_S).astype(np.int64)
+    index = pd.Series(np.arange(len(frames)), index=np.array(frames, dtype=np.int64))
+    before = rows.assign(frame=index.reindex(instant).to_numpy()).dropna(subset="frame")
+    after = rows.assign(frame=index.reindex(instant - 1).to_numpy()).dropna(subset="frame")
+    pairs = before.merge(after, on=["frame", "id"], suffixes=("", "_after"))
+    pairs = pairs.sort_values(["frame", "id"], kind="stable")
+    first = pairs[_NUMBERS].to_numpy(np.float64)
+    last = pairs[[f"{name}_after" for name in _NUMBERS]].to_numpy(np.float64)
+    boxes = (first + last) / 2
+    turned = (last[:, 6] - first[:, 6] + np.pi) % (2 * np.pi) - np.pi
+    boxes[:, 6] = (first[:, 6] + turned / 2 - pose.yaw + np.pi) % (2 * np.pi) - np.pi
+    boxes[:, :2] = to_levelled(boxes[:, :2], pose)
+    boxes[:, 2] -= pose.z
+    return Vehicles(
+        frame=pairs.frame.to_numpy(np.int64),
+        ids=pairs.id.to_numpy(np.int64),
+        names=pairs["class"].to_numpy(dtype=np.str_),
+        boxes=boxes,
+        mid_frame=boxes,
+        points=np.zeros(len(pairs), np.int64),
+        visibility=np.full(len(pairs), -1.0),
+    )
+
+
+def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """Some columns of trajectories.csv, `class` as text; the index is the row's place in the file.
+
+    Rows that say that nobody is there at an instant are left out. Raises FormatError with line.
+    """
+    data = file.read_bytes()
+    _check_lines(file, data)
+    numbers = {name: np.float64 for name in columns if name != "class"}
+    try:
+        rows = pd.read_csv(io.BytesIO(data), usecols=list(columns), dtype=numbers)
+    except ValueError as error:  # a word, other columns, not UTF-8, nothing
+        raise FormatError(f"{file}: {error}") from None
+    return rows[rows[[name for name in columns if name != "t"]].notna().any(axis=1)]
+
+
+def _check_lines(file: Path, data: bytes) -> None:
+    """Raises FormatError unless all lines are whole and have as many columns as the first."""
+    if not is_whole(data[-1:]):
+        raise FormatError(f"{file}: found no end of the last line: is it cut short?")
+    signs = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(signs == ord("\n"))
+    commas = np.diff(np.searchsorted(np.flatnonzero(signs == ord(",")), ends), prepend=0)
+    wrong = np.flatnonzero(commas != commas[0])
+    if len(wrong) > 0:
+        line, found, expected = wrong[0] + 1, commas[wrong[0]] + 1, commas[0] + 1
+        raise FormatError(f"{file}:{line}: expected {expected} columns, got {found}")

@@ -1,1 +1,0 @@
-"""Pictures of frames, scenes and vehicles."""

@@ -1,1 +1,0 @@
-"""From predictions and ground truth to average precision, with intervals."""

@@ -1,0 +1,339 @@
+"""What the clouds of a recording are, where the user and the format do not say it.
+
+Some frames are looked at before all are written: units, which axis is up, how the sensor leans, how
+high it stands above the road. What follows from it is said in words, `assumed`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.core.arrays import FloatArray, Floats, Points
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.ground import SHAPE_REACH_M
+from pyinfra.dataset.regions import Region
+from pyinfra.exchange.data_set import LidarFacts, levelled
+from pyinfra.exchange.recording import Options, RecordedFrame, Recording
+from pyinfra.exchange.road_plane import FIT_M, HEIGHTS_M, RoadPlane, find_plane
+from pyinfra.exchange.road_shape import shape_of
+
+Read = Callable[[Path, Options], Recording]
+
+FRAMES = 30  # looked at, spread over all
+MOST_POINTS = 40_000  # of each
+# Whatever the unit, these let a cloud pass the reader's ranges.
+WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
+MILLIMETRES = "coordinates are millimetres: divided by 1000"
+INTENSITIES_MAX = (1.0, 255.0, 65535.0)
+FARTHEST_MEDIAN_M = 400.0  # of a roadside sensor's returns; in mm it is NEAREST_MEDIAN_MM or more
+NEAREST_MEDIAN_MM = 2000.0
+UPS: dict[str, list[list[int]]] = {  # rows: x, y and z of the upright frame in that of the source
+    "z up": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "z down": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    "y up": [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
+    "y down": [[0, 0, 1], [-1, 0, 0], [0, -1, 0]],
+    "x up": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
+    "x down": [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
+}
+SURE_SHARE = 0.3  # of the ground near the sensor: z is up without a look at other axes
+LEAST_SHARE = 0.15  # on the best plane; less is no road
+LOWEST_M = 1.0  # of a sensor above the road: below, the clouds stand at road level
+AS_GIVEN_M = 0.5  # a height may be off by so much,
+AS_GIVEN_SHARE = 0.15  # or by this share of it
+GIVEN_TILT_DEG = 10.0  # of the road in a frame that the user says is level
+WORTH_DEG = 0.05  # of tilt; less is left
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """How a recording is read and turned, and what was assumed for it."""
+
+    options: Options
+    turn: FloatArray  # (3, 3) from the source's axes to upright ones
+    lift_m: float  # added to z
+    about: LidarFacts
+    plane: RoadPlane | None
+    assumed: tuple[str, ...]
+    back_m: FloatArray = field(default_factory=lambda: np.zeros(3))  # taken off places, before all
+
+
+def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, road: bool) -> Survey:
+    """Looks at some frames. road: units, axes and the road are looked for, else intensities alone.
+
+    Raises ValueError for clouds whose unit or height cannot be told, with what the user can say.
+    """
+    recording = read(source, _wide(options))
+    clouds = _clouds(recording)
+    origin = recording.origin() if road and recording.origin is not None else None
+    if origin is not None:
+        clouds = [cloud - [*origin, 0] for cloud in clouds]
+    unit = _unit(source, clouds, options) if road else 1.0
+    highest = options.intensity_max or usual_intensity_max(_brightest(clouds))
+    assumed = []
+    if unit != options.unit_m:
+        assumed.append(MILLIMETRES)
+    if highest != 1 and options.intensity_max is None:
+        assumed.append(f"intensities reach {_brightest(clouds):.6g}: divided by {highest:g}")
+    result = Survey(
+        replace(options, intensity_max=highest, unit_m=unit),
+        np.eye(3),
+        0.0,
+        about,
+        None,
+        tuple(assumed),
+    )
+    if not road:
+        return result
+    result = _with_road(source, result, [cloud[:, :3] * unit for cloud in clouds])
+    if origin is None or result.plane is None:
+        return result
+    said = "the sensor is the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
+    back_m = origin * unit
+    return replace(result, back_m=back_m, assumed=(*result.assumed, said.format(*back_m)))
+
+
+def turned(recording: Recording, found: Survey) -> Recording:
+    """The recording in upright axes, at the height where the sensor is the origin."""
+    up = [0.0, 0.0, found.lift_m]
+    shift = up - found.turn @ found.back_m
+    if np.array_equal(found.turn, np.eye(3)) and not shift.any():
+        return recording
+    read = recording.read
+
+    def frame(i: int) -> RecordedFrame:
+        own = levelled(read(i), found.turn)
+        there = own.points[:, :3].any(axis=1)  # 0 0 0 stands for no return
+        own.points[there, :3] += shift.astype(np.float32)
+        own.boxes.boxes[:, :3] += shift
+        return own
+
+    return replace(recording, read=frame)
+
+
+def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
+    """The road of clouds with z up, but for a tilt; None if little of the ground lies on one."""
+    plane = find_plane([cloud[:: 1 + len(cloud) // MOST_POINTS] for cloud in clouds])
+    return None if plane is None or plane.share < LEAST_SHARE else plane
+
+
+def check_region(file: Path, region: Region, recording: Recording, found: Survey) -> None:
+    """Raises ValueError if no looked-at frame has a return inside an outline."""
+    tilt = Rotation.from_euler("ZYX", [0, *(found.about.tilt or (0.0, 0.0))]).as_matrix()
+    chosen = _spread(recording)
+    reach = 0.0
+    for i in chosen:
+        xyz = recording.read(i).points[:, :3].astype(np.float64) @ tilt.T
+        xyz = xyz[np.isfinite(xyz).all(axis=1)]
+        if region.holds(xyz, 0.0).any():
+            return
+        reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
+    raise ValueError(
+        f"{file}: outline_m: found no return inside in {len(chosen)} frames, allowed a place that "
+        f"the sensor sees: metres from the sensor, x and y within {reach:.0f}"
+    )
+
+
+def _wide(options: Options) -> Options:
+    return replace(options, unit_m=WIDE.unit_m, intensity_max=WIDE.intensity_max)
+
+
+def _spread(recording: Recording) -> list[int]:
+    count = len(recording.names)
+    return sorted({i * count // FRAMES for i in range(FRAMES)})
+
+
+def _clouds(recording: Recording) -> list[Floats]:
+    """Points (k, 4) of some frames as the source has them; wrong frames are left to the reader."""
+    clouds: list[Floats] = []
+    for i in _spread(recording):
+        try:
+            points = recording.read(i).points
+        except FormatError:
+            continue
+        points = points[:: 1 + len(points) // MOST_POINTS]
+        points = points[np.isfinite(points[:, :3]).all(axis=1) & points[:, :3].any(axis=1)]
+        scale = [1 / WIDE.unit_m] * 3 + [WIDE.intensity_max or 1]
+        clouds.append(points.astype(np.float64) * scale)
+    return clouds
+
+
+def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
+    """Metres of one unit of the source."""
+    if options.unit_m != 1 or sum(map(len, clouds)) == 0:
+        return options.unit_m
+    slant = np.linalg.norm(np.concatenate([cloud[:, :3] for cloud in clouds]), axis=1)
+    middle = float(np.median(slant))
+    if middle <= FARTHEST_MEDIAN_M:
+        return 1.0
+    if middle >= NEAREST_MEDIAN_MM:
+        return 1e-3
+    raise ValueError(
+        f"{source}: found returns {middle:.0f} from the sensor (median), allowed up to "
+        f"{FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} on (millimetres): --unit-m "
+        "says what one is"
+    )
+
+
+def _brightest(clouds: Sequence[Floats]) -> float:
+    """The highest finite intensity, or 0."""
+    values = [cloud[np.isfinite(cloud[:, 3]), 3] for cloud in clouds]
+    return max((float(own.max(initial=0)) for own in values), default=0.0)
+
+
+def usual_intensity_max(brightest: float) -> float:
+    """The least usual highest intensity that holds the brightest one of some clouds."""
+    brightest *= 1 - 1e-6  # it was divided and multiplied again
+    return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
+
+
+def _with_road(source: Path, found: Survey, clouds: Sequence[Floats]) -> Survey:
+    about = found.about
+    if about.tilt:
+        leaning = Rotation.from_euler("ZYX", [0, *about.tilt]).as_matrix()
+        plane = find_plane([c @ leaning.T for c in clouds], HEIGHTS_M, GIVEN_TILT_DEG)
+        up = "z up"
+    else:
+        up, plane = _upright(clouds)
+    if plane is None or plane.share < LEAST_SHARE:
+        if about.height_m is None and not any(map(len, clouds)):
+            return found
+        _check_millimetres(source, found, "no road was found")
+        said = (
+            "no road was found: points are turned as --tilt-deg says and no more"
+            if about.tilt
+            else "no road was found: points stay as they are, z up; in metres around the sensor?"
+        )
+        height = "" if about.height_m is not None else ", and the sensor's height is not known"
+        return replace(found, assumed=(*found.assumed, said + height))
+    turn = np.array(UPS[up], dtype=np.float64)
+    assumed = list(found.assumed)
+    if up != "z up":
+        assumed.append(
+            f"{up}: turned so that z is up (x, y, z are now {_axes(turn)} of the source)"
+        )
+    if plane.height_m < LOWEST_M:
+        return _from_road_level(source, replace(found, turn=turn, assumed=tuple(assumed)), plane)
+    upright = [c @ turn.T for c in clouds]
+    plane = _as_given(source, about, upright, plane)
+    return _shaped(_level(replace(found, turn=turn, assumed=tuple(assumed)), plane), upright)
+
+
+def _shaped(found: Survey, clouds: Sequence[Floats]) -> Survey:
+    """With what is known of a road that is no plane. clouds: upright but for the tilt."""
+    about = found.about
+    lean = Rotation.from_euler("ZYX", [0, *(about.tilt or (0.0, 0.0))]).as_matrix()
+    shape = shape_of([cloud @ lean.T for cloud in clouds], about.height_m or 0.0)
+    if shape is None:
+        return found
+    said = (
+        "the road is no plane: its heights are followed where vehicles drive, "
+        f"{SHAPE_REACH_M:g} m around the sensor and straight on from there"
+    )
+    return replace(found, about=replace(about, shape=shape), assumed=(*found.assumed, said))
+
+
+def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:
+    """Which axis is up, and the road's plane then."""
+    best_up, best = "z up", find_plane(clouds)
+    if best is not None and best.share >= SURE_SHARE and best.height_m >= LOWEST_M:
+        return best_up, best
+    few, best = clouds[::3], None
+    for up, rows in UPS.items():
+        turn = np.array(rows, dtype=np.float64)
+        plane = find_plane([cloud @ turn.T for cloud in few], crowned=False)
+        if plane is not None and _better(plane, best):
+            best_up, best = up, plane
+    return best_up, find_plane([cloud @ np.array(UPS[best_up]).T for cloud in clouds])
+
+
+def _better(plane: RoadPlane, best: RoadPlane | None) -> bool:
+    """At road level both ways up have the same plane, and what stands is above it."""
+    if best is None:
+        return True
+    if max(plane.height_m, best.height_m) < LOWEST_M and abs(plane.share - best.share) < 0.1:
+        return plane.above > best.above + 0.1
+    return plane.score > 1.3 * best.score
+
+
+def _axes(turn: FloatArray) -> str:
+    names = []
+    for row in turn:
+        axis = int(np.abs(row).argmax())
+        names.append(("-" if row[axis] < 0 else "") + "xyz"[axis])
+    return ", ".join(names)
+
+
+def _from_road_level(source: Path, found: Survey, plane: RoadPlane) -> Survey:
+    """Clouds whose origin lies on the road: moved down by the height that the user says."""
+    height = found.about.height_m
+    below = f"the road lies {plane.height_m:.2f} m below the origin"
+    _check_millimetres(source, found, below)
+    if height is None or height < LOWEST_M:
+        raise ValueError(
+            f"{source}: found the road {plane.height_m:.2f} m below the origin, allowed "
+            f"{LOWEST_M:g} m or more: are points in the road's frame? --height-m says how high "
+            "above it the sensor stands, and moves them down"
+        )
+    said = (
+        f"{below}, points are in the road's frame: "
+        f"moved down by {height - plane.height_m:.2f} m, as --height-m says"
+    )
+    return replace(
+        found, lift_m=plane.height_m - height, plane=plane, assumed=(*found.assumed, said)
+    )
+
+
+def _check_millimetres(source: Path, found: Survey, why: str) -> None:
+    """Raises ValueError if a unit was guessed, and what follows is no sensor above a road."""
+    if MILLIMETRES in found.assumed:
+        raise ValueError(
+            f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
+            "around the sensor: --unit-m says what one is"
+        )
+
+
+def _as_given(
+    source: Path, about: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
+) -> RoadPlane:
+    """The plane about the height that the user says. Raises ValueError if there is none."""
+    if about.height_m is None:
+        return plane
+    off = max(AS_GIVEN_M, AS_GIVEN_SHARE * about.height_m)
+    near = (about.height_m - off, about.height_m + off)
+    if near[0] <= plane.height_m <= near[1]:
+        return plane
+    other = find_plane(clouds, near) if not about.tilt else None
+    if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
+        raise ValueError(
+            f"{source}: --height-m: found {about.height_m:g}, allowed {plane.height_m:.2f} within "
+            f"{off:.2g} m: there the road lies; leave the option out to take it"
+        )
+    return other
+
+
+def _level(found: Survey, plane: RoadPlane) -> Survey:
+    about = found.about
+    pitch, roll = (math.degrees(angle) for angle in plane.tilt)
+    share = f"{100 * plane.share:.0f} % of the ground near the sensor lies on it"
+    if not math.isnan(plane.moved_share):
+        share += f", {100 * plane.moved_share:.0f} % of that under traffic"
+    said = [
+        f"the road lies {plane.height_m:.2f} m below the sensor: {share}, "
+        f"{100 * plane.residual_m:.0f} cm off (root mean square within {FIT_M:g} m)"
+    ]
+    if plane.crown:
+        said.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
+    lean = f"pitch {pitch:.2f} and roll {roll:.2f} degrees"
+    if about.tilt:
+        said.append(f"--tilt-deg is taken as it is; the road leans by {lean} there")
+    elif math.hypot(pitch, roll) >= WORTH_DEG:
+        said.append(f"the sensor leans by {lean} to the road, which is taken to be level")
+    tilt = about.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
+    facts = replace(about, height_m=round(plane.height_m, 3), tilt=tilt)
+    return replace(found, about=facts, plane=plane, assumed=(*found.assumed, *said))

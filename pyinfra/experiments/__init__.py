@@ -1,0 +1,1 @@
+"""Benchmarks and stress tests, their tables, and the recommendation."""

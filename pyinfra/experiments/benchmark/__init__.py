@@ -1,0 +1,1 @@
+"""Many experiments: scene, LiDAR, preset, detector and seed."""

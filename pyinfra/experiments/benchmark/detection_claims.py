@@ -1,0 +1,204 @@
+"""The paper's claims about detection, tested on a benchmark's tables.
+
+The rules stand in docs/conventions.md, "Claims about detection".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+
+import pandas as pd
+
+from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.replicates import check_pair, difference, drawn
+from pyinfra.metrics.row_selection import first_seed, first_stress
+from pyinfra.metrics.scanning_claims import (
+    ABOVE_0,
+    ABOVE_1,
+    AVIA,
+    LINES_16,
+    LINES_64,
+    LINES_128,
+    SPINNING,
+    Row,
+    verdict,
+)
+
+DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
+PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
+BUNDLE = "bundle_5_livox_avia"
+TRUTHS = ("captured", "common")  # a claim about LiDARs can have another sign under the other
+AT_MOST_5 = (-math.inf, 5.0)
+STEEPEST_DEG = 20.0
+COLUMNS = "scene preset claim statement value low high verdict version".split(" ")
+# The figure of a LiDAR, detector, ground truth and measure; None if the table has none.
+Figures = Callable[[str, str, str, str], Bootstrapped | None]
+
+
+def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """One row a claim and case, for every scene and preset of `cells`.
+
+    tables: `cells`, `draws` and `value` of a benchmark, and `stress_draws` where there is one. A
+    case whose cells are not all there, or keep no draws, has no row.
+    """
+    kept = {name: rows for name, rows in tables.items() if len(rows)}
+    kept["cells"] = kept["cells"].dropna(subset=["ap"])  # of a seed that failed another stands in
+    kept |= {name: first_seed(kept[name]) for name in ("cells", "draws", "value") if name in kept}
+    rows: list[dict[str, object]] = []
+    for (scene, preset), own in kept["cells"].groupby(["scene", "preset"], sort=False):
+        here = {
+            name: t[(t.scene == scene) & (t.preset == preset)]
+            for name, t in kept.items()
+            if name in ("draws", "value")
+        }
+        versions = " ".join(dict.fromkeys(own.version.astype(str)))
+        case = {"scene": scene, "preset": preset, "version": versions}
+        rows.extend(asdict(row) | case for row in claims(here))
+    rows.extend(tilt(kept.get("stress_draws", pd.DataFrame())))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
+    """The claims of one scene under one preset."""
+    of = figures_of(tables.get("draws", pd.DataFrame()))
+    for detector in DETECTORS:
+        for truth in TRUTHS:
+            yield from across_lidars(of, detector, truth)
+        yield from areas(of, detector)
+        yield from gentle(of, detector)
+        yield from value(of, tables.get("value", pd.DataFrame()), detector)
+    for lidar in (LINES_128, AVIA, LINES_64, LINES_16):
+        yield from across_detectors(of, lidar)
+
+
+def figures_of(draws: pd.DataFrame) -> Figures:
+    """Raises ValueError when asked, if the rows are not all of the same blocks."""
+    if draws.empty:
+        return lambda *_: None
+    rows = {
+        (str(row.lidar), str(row.detector), str(row.ground_truth), str(row.measure)): row
+        for _, row in draws.iterrows()
+    }
+    first = draws.iloc[0]
+
+    def of(*key: str) -> Bootstrapped | None:
+        row = rows.get((key[0], key[1], key[2], key[3]))
+        if row is None:
+            return None
+        check_pair(row, first, ("tier",))
+        return drawn(row)
+
+    return of
+
+
+def tested(claim: str, text: str, found: Bootstrapped, inside: tuple[float, float]) -> Row:
+    one = found.measured()
+    return Row(claim, text, one.value, one.low, one.high, verdict(one.low, one.high, inside))
+
+
+def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
+    """comparable and 64-below."""
+    lidars = (LINES_128, AVIA, LINES_64)
+    wide, avia, narrow = (of(name, detector, truth, "ap_fine") for name in lidars)
+    case = f"{detector}, {truth}"
+    if wide and avia:
+        text = f"{case}: AP of the Avia less that of 128 lines within 3"
+        yield tested("comparable", text, avia.less(wide), (-3.0, 3.0))
+    if wide and avia and narrow:
+        least = min(wide, avia, key=lambda f: f.value)
+        text = f"{case}: the smaller AP of Avia and 128 lines less that of 64 lines above 0"
+        yield tested("64-below", text, least.less(narrow), ABOVE_0)
+
+
+def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
+    """algorithms and similar."""
+    every = {name: of(lidar, name, "captured", "ap_fine") for name in (*PUBLISHED, "pointrcnn")}
+    known = {name: one for name, one in every.items() if one is not None}
+    found = {name: known[name] for name in PUBLISHED if name in known}
+    if len(found) < len(PUBLISHED):
+        return
+    order = sorted(found, key=lambda name: found[name].value)
+    best, worst = found[order[-1]], found[order[0]]
+    if "pointrcnn" in known:
+        text = f"{lidar}: AP of the best ({order[-1]}) less that of PointRCNN 20 or more"
+        yield tested("algorithms", text, best.less(known["pointrcnn"]), (20.0, math.inf))
+    for name in ("pv-rcnn", "pointpillars"):
+        if name != order[-1]:
+            text = f"{lidar}: AP of the best ({order[-1]}) less that of {name} 5 or less"
+            yield tested("algorithms", text, best.less(found[name]), AT_MOST_5)
+    text = f"{lidar}: AP of the best ({order[-1]}) less the lowest ({order[0]}) 5 or less"
+    yield tested("similar", text, best.less(worst), AT_MOST_5)
+
+
+def areas(of: Figures, detector: str) -> Iterator[Row]:
+    """Share and number of high-quality areas, over all roads."""
+    avia, wide = (of(name, detector, "captured", "p_hqda") for name in (AVIA, LINES_128))
+    if avia and wide:
+        text = f"{detector}: share of high-quality areas of the Avia less that of 128 lines within"
+        yield tested("areas", f"{text} 10", avia.less(wide), (-10.0, 10.0))
+    avia, wide = (of(name, detector, "captured", "n_hqda") for name in (AVIA, LINES_128))
+    if avia and wide:
+        text = f"{detector}: number of high-quality areas of 128 lines less that of the Avia"
+        yield tested("areas", f"{text} above 0", wide.less(avia), ABOVE_0)
+
+
+def gentle(of: Figures, detector: str) -> Iterator[Row]:
+    """How much more slowly AP falls off for the Avia than for the best spinning LiDAR."""
+    avia = of(AVIA, detector, "captured", "ap_slope")
+    others = [of(name, detector, "captured", "ap_slope") for name in SPINNING]
+    known = [one for one in others if one is not None]
+    if avia and len(known) == len(SPINNING):
+        best = max(known, key=lambda f: f.value)
+        text = f"{detector}: AP per 10 m of the Avia less the highest of the spinning LiDARs"
+        yield tested("gentle", f"{text} above 0", avia.less(best), ABOVE_0)
+
+
+def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
+    """AP and areas per dollar of the Avia, single and as a bundle, over the best of the others."""
+    if table.empty:
+        return
+    usd = table[table.detector == detector].set_index("lidar").price_usd
+    for first, words in ((AVIA, "the Avia"), (BUNDLE, "five Avias")):
+        rivals = (first, *SPINNING)
+        if not set(rivals) <= set(usd.index):
+            continue
+        for what, truth, measure in (
+            ("AP", "captured", "ap_fine"),
+            ("high-quality areas", "all", "n_hqda"),
+        ):
+            bought = {name: of(name, detector, truth, measure) for name in rivals}
+            known = {name: one for name, one in bought.items() if one is not None}
+            if len(known) == len(rivals):
+                yield from per_dollar(f"{detector}: {what} per dollar of {words}", known, usd)
+
+
+def per_dollar(text: str, bought: dict[str, Bootstrapped], usd: pd.Series) -> Iterator[Row]:
+    """The first per dollar over the best of the others; nothing if these have nothing."""
+    first, *others = ((name, figure.times(1000 / usd[name])) for name, figure in bought.items())
+    best, most = max(others, key=lambda pair: pair[1].value)
+    if most.value > 0:
+        text = f"{text} over the best of the others ({best}) above 1"
+        yield tested("value", text, first[1].over(most), ABOVE_1)
+
+
+def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
+    """The best tilt of the Avia against none, of every detector."""
+    if stress.empty:
+        return []
+    rows = []
+    own = first_stress(stress[stress.lidar == AVIA])
+    own = own[own.stressor.isin(["none", "tilt"]) & own.value.notna()]
+    own = own.assign(dial=pd.to_numeric(own.dial))
+    for key, curve in own.groupby(["scene", "preset", "detector"], sort=False):
+        level = curve[curve.stressor == "none"]
+        tilted = curve[(curve.stressor == "tilt") & curve.dial.between(0, STEEPEST_DEG)]
+        if level.empty or tilted.empty:
+            continue
+        best = difference(tilted.loc[tilted.value.idxmax()], level.iloc[0])
+        text = f"{key[2]}: highest AP with a tilt of up to 20 deg less AP with none 2 or less"
+        row = tested("tilt", text, best, (-math.inf, 2.0))
+        case = {"scene": key[0], "preset": key[1], "version": curve.version.iloc[-1]}
+        rows.append(asdict(row) | case)
+    return rows

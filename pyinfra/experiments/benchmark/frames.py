@@ -1,0 +1,153 @@
+"""The data sets of a benchmark: simulated in shards, split by time, counted."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.dataset import split
+from pyinfra.dataset.data_set import read_data_set
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.benchmark.inputs import has_several_mounts
+from pyinfra.experiments.benchmark.matrix import Cell, Parts, Plan, range_of
+from pyinfra.experiments.value import MOUNTS
+from pyinfra.formats import kitti
+from pyinfra.metrics.observations import blocks_of, read_sightings
+from pyinfra.metrics.scanning_statistics import vehicle_tables
+
+POINT_BYTES = 16
+STATISTICS = ("points_per_vehicle", "quality")
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Frames of one data set that one process simulates."""
+
+    folder: Path
+    scene: Path
+    lidars: tuple[Path, ...]
+    preset: str
+    frames: str  # A:B:STEP
+
+
+def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
+    """Every data set of the plan in so many parts, each of neighbouring frames."""
+    return [
+        Shard(
+            folder=work / "data" / world,
+            scene=plan.files["scenes", cells[0].scene],
+            lidars=tuple(plan.files["lidars", name] for name in lidars_of(cells)),
+            preset=cells[0].preset,
+            frames=frames,
+        )
+        for world, cells in plan.worlds().items()
+        for frames in parts_of(plan.frames, parts)
+    ]
+
+
+def lidars_of(cells: Sequence[Cell]) -> list[str]:
+    """Their LiDARs, each once."""
+    return list(dict.fromkeys(cell.lidar for cell in cells))
+
+
+def parts_of(frames: str, parts: int) -> list[str]:
+    """A:B[:STEP] cut into at most so many ranges; together they hold the same frames."""
+    numbers = range_of(frames)
+    cuts = [len(numbers) * i // parts for i in range(parts + 1)]
+    pieces = [numbers[a:b] for a, b in itertools.pairwise(cuts) if a < b]
+    return [f"{p[0]}:{p[-1] + 1}:{numbers.step}" for p in pieces]
+
+
+def warnings(plan: Plan) -> list[str]:
+    """What a user should know of the frames before they are simulated, of each LiDAR once.
+
+    Nothing without the extension.
+    """
+    try:
+        from pyinfra.dataset import simulation
+    except ImportError:
+        return []
+    chosen = range_of(plan.frames)
+    units = dict.fromkeys((plan.files["lidars", cell.lidar], cell.preset) for cell in plan.cells)
+    ends = (chosen.start, chosen.stop, chosen.step)
+    lines = [simulation.load_lidar(*unit).period_warnings(*ends) for unit in units]
+    return list(dict.fromkeys(itertools.chain(*lines)))
+
+
+def simulate(shard: Shard) -> None:
+    """Frames that are there stay as they are. Raises SimulatorError."""
+    words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]
+    words += ["--fuse"] if has_several_mounts(shard.scene) else []
+    infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
+
+
+def split_by_time(folder: Path, parts: Parts) -> None:
+    """Raises FileExistsError if the data set is split in another way."""
+    data = read_data_set(folder)
+    found = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
+    split.write(data, found)
+
+
+def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
+    """Tables of a data set and all LiDARs in it, its cells' or not.
+
+    They are `lidars`, those of STATISTICS, and last `hits`, which marks the end.
+    """
+    key = {"scene": cells[0].scene, "preset": cells[0].preset}
+    data = read_data_set(folder)
+    vehicles = read_sightings(data)
+    tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in vehicles.lidars])}
+    found = vehicle_tables(vehicles, blocks_of(data, vehicles))
+    for name in STATISTICS:
+        rows = found[name]
+        tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)
+    on_vehicles = zip(vehicles.lidars, vehicles.points.sum(axis=0), strict=True)
+    hits = [key | hit_row(folder / name, points) for name, points in on_vehicles]
+    return tables | {"hits": pd.DataFrame(hits)}
+
+
+def lidar_row(folder: Path) -> dict[str, object]:
+    """Price, field of view and range of a LiDAR, as the run resolved them; of one mount's."""
+    mounts = mount_names(folder)
+    folder = folder.parents[1] / mounts[0] / folder.name if mounts else folder
+    lidar, top = kitti.read_lidar(folder), kitti.read_yaml(folder / "lidar.yaml")
+    units = lidar.field_of_view
+    price = top.at("price_usd") if len(units) == 1 else None
+    widths = [unit.azimuth[1] - unit.azimuth[0] for unit in units]
+    heights = [unit.elevation[1] - unit.elevation[0] for unit in units]
+    return {
+        "lidar": lidar.name,
+        "preset": lidar.preset,
+        "model": lidar.model,
+        "units": len(units),
+        "price_low_usd": lidar.price_usd[0],
+        "price_high_usd": lidar.price_usd[1],
+        "price_source": price.at("source").text() if price else "sum of the units",
+        "price_date": price.at("date").text() if price else "",
+        "horizontal_fov_deg": min(360.0, math.degrees(sum(widths))),
+        "vertical_fov_deg": math.degrees(max(heights)),
+        "range_m": max(unit.range_m[1] for unit in units),
+    }
+
+
+def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
+    """Points per frame, and those of them on vehicles, of all frames together."""
+    frames, mounts = kitti.frames(folder), mount_names(folder)
+    sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in frames]
+    return {
+        "lidar": folder.name,
+        "frames": len(frames),
+        "hits_per_frame": sum(sizes) / POINT_BYTES / len(frames),
+        "vehicle_points_per_frame": on_vehicles / len(frames),
+    } | ({MOUNTS: len(mounts)} if mounts else {})
+
+
+def mount_names(folder: Path) -> list[str]:
+    """Of a fused LiDAR's folder; else none."""
+    names: list[str] = kitti.read_keys(folder / "lidar.yaml").get("mounts", [])
+    return names

@@ -1,0 +1,135 @@
+"""One cell: train, detect, evaluate, time."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import read_csv
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.ground_truth import SETS
+from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import Recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
+
+Tables = dict[str, pd.DataFrame]
+SETTINGS = Settings(ground_truths=SETS)
+MEASURED = (
+    *AP_COLUMNS,
+    *("objects", "objects_all", "objects_present", "train_seconds"),
+    *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
+)
+
+
+def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
+    """The rows of a cell: `cells`, `areas`, `draws`, and `distance` without `common`.
+
+    folder: the LiDAR's, split; run: where the model goes.
+    A training that was stopped goes on. Raises what training, detecting and evaluating raise, and
+    ValueError if no vehicle counts.
+    """
+    seconds = trained(cell, recipe, folder, run, device)
+    times = detected(run, folder, device)
+    evaluation = evaluate(folder, run / "predictions", SETTINGS)
+    check_counted(evaluation)
+    windows = evaluation.distance_ap
+    return {
+        "areas": keyed(cell, evaluation.areas),
+        "distance": keyed(cell, windows[windows.ground_truth != "common"]),
+        "draws": keyed(cell, evaluation.draws),
+        "cells": pd.DataFrame([row(cell, evaluation, seconds, times)]),
+    }
+
+
+def check_counted(evaluation: Evaluation) -> None:
+    """Raises ValueError if no vehicle counts, as then the cell has no AP."""
+    rows = evaluation.ap[evaluation.ap.ground_truth == "captured"]
+    if not rows.objects.sum():
+        raise ValueError(
+            f"found no vehicle with a point in the {len(evaluation.truth.frames)} test frames, "
+            "allowed one or more: AP is undefined"
+        )
+
+
+def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
+    """CPU seconds of the training: of every step of the model, in whichever go it was done."""
+    before = time.process_time()
+    source = read_source(folder, cell.tier, classes=recipe.classes)
+    train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
+    log = run / "log.csv"
+    if log.exists():
+        return float(read_csv(log).cpu_seconds.sum())
+    return time.process_time() - before
+
+
+def detected(run: Path, folder: Path, device: str, *, every: int = 1) -> FloatArray:
+    """Milliseconds of each `every`-th test frame, points to boxes; writes the predictions."""
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)[::every]]
+    detector = detect.detector_at(run, folder, device=device)
+    detect.detect(detector, files[:5], None)  # the first calls are slower
+    return detect.detect(detector, files, run / "predictions")[1]
+
+
+def latency_columns(times: FloatArray) -> dict[str, object]:
+    p50, p95 = np.percentile(times, (50, 95))
+    return {
+        "latency_p50_ms": round(p50, 2),
+        "latency_p95_ms": round(p95, 2),
+        "latency_version": __version__,
+        "latency_machine": machine(),
+    }
+
+
+def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -> dict[str, object]:
+    found = evaluation.ap.set_index("ground_truth")
+    return {
+        **asdict(cell),
+        **{
+            f"{name}{end}": found[f"ap{end}"][which]
+            for which, name in AP_OF.items()
+            for end in AP_ENDS
+        },
+        "objects": int(found.objects["captured"]),
+        "objects_all": int(found.objects["all"]),
+        "objects_present": int(found.objects["present"]),
+        "block_s": found.block_s["captured"],
+        "train_seconds": round(seconds, 1),
+        **latency_columns(times),
+        **provenance(),
+        "findings": " ".join(dict.fromkeys(finding.name for finding in evaluation.findings)),
+    }
+
+
+def failed(cell: Cell, error: BaseException) -> Tables:
+    """The row of a cell that failed, with its reason in one line."""
+    reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
+    nothing = dict.fromkeys(MEASURED, np.nan)
+    row = {**asdict(cell), **nothing, **provenance(), "reason": reason}
+    return {"cells": pd.DataFrame([row])}
+
+
+def provenance() -> dict[str, object]:
+    return {
+        "command": "pyinfra benchmark",
+        "version": __version__,
+        "machine": machine(),
+    }
+
+
+def keyed(cell: Cell, rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows of an evaluation's table, named by their cell."""
+    own = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)
+    return pd.concat([pd.DataFrame([asdict(cell)] * len(own)), own], axis=1)

@@ -1,0 +1,48 @@
+"""The draws of a benchmark's cells: which of them cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import pandas as pd
+
+from pyinfra.experiments.value import KEY
+from pyinfra.metrics.replicates import difference
+
+Key: TypeAlias = "Mapping[str, object] | pd.Series"  # with the columns of KEY
+MEASURE = "ap_fine"
+
+
+@dataclass(frozen=True, eq=False)
+class CellDraws:
+    """A table of draws, one row for each cell, ground truth and measure."""
+
+    rows: pd.DataFrame
+
+    def row(self, cell: Key, ground_truth: str) -> pd.Series | None:
+        """Of fine AP; None if the table has none, as those of earlier versions."""
+        if self.rows.empty:
+            return None
+        here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == MEASURE)
+        for name in KEY:
+            here &= self.rows[name].astype(str) == str(cell[name])
+        found = self.rows[here]
+        return None if found.empty else found.iloc[0]
+
+    def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
+        """Which of the others, by their place, cannot be told from the best by fine AP.
+
+        One without draws is not among them: nothing is known of it. Raises ValueError for cells
+        whose draws are not of the same blocks.
+        """
+        own = self.row(best, ground_truth)
+        rows = [self.row(other, ground_truth) for other in others]
+        return [
+            i
+            for i, row in enumerate(rows)
+            if own is not None
+            and row is not None
+            and not difference(own, row, ("tier",)).measured().is_told
+        ]

@@ -1,0 +1,263 @@
+"""The way of a benchmark: simulate, describe the data sets, fill the cells, put prices to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.errors import ConfigError
+from pyinfra.core.files import held
+from pyinfra.experiments import pool, store
+from pyinfra.experiments.benchmark import frames, inputs, measure
+from pyinfra.experiments.benchmark.detection_claims import claims_table
+from pyinfra.experiments.benchmark.matrix import Cell, Plan
+from pyinfra.experiments.benchmark.paper import paper_table
+from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
+from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.pool import Say, silent
+from pyinfra.experiments.value import KEY, mounts_of, value_table
+from pyinfra.models.training.recipe import read_recipe
+
+KEYS = {  # of the rows of each table
+    "cells": KEY,
+    "areas": KEY,
+    "distance": KEY,
+    "draws": KEY,
+    "value": KEY,
+    "lidars": ["lidar", "preset"],
+    "hits": ["scene", "preset", "lidar"],
+    "claims": ["scene", "preset"],
+    "paper": ["scene", "preset"],
+    **{name: ["scene", "preset"] for name in frames.STATISTICS},
+}
+READ = ("cells", "areas", "distance", "lidars", "hits")
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where a benchmark works, and where its tables are."""
+
+    work: Path
+    results: Path
+    tier: str
+
+    def data(self, world: str) -> Path:
+        """The data set of a world; of several mounts the fused one."""
+        folder = self.work / "data" / world
+        fused = folder / "fused"
+        return fused if (fused / "dataset.yaml").is_file() else folder
+
+    def table(self, name: str) -> Path:
+        """`TIER.csv` has the cells, `TIER_areas.csv` their areas; LiDARs know no tier."""
+        file = {"lidars": "lidars", "cells": self.tier}.get(name, f"{self.tier}_{name}")
+        return self.results / f"{file}.csv"
+
+    def put(self, tables: dict[str, pd.DataFrame]) -> None:
+        for name, rows in tables.items():
+            store.put(self.table(name), rows, KEYS[name])
+
+    def finished(self) -> pd.DataFrame:
+        """The rows of cells that did not fail."""
+        table = store.read(self.table("cells"))
+        return table[table.ap.notna()] if len(table) else table
+
+    def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
+        table = store.read(self.table("cells"))
+        known = store.has_each(table, [vars(cell) for cell in cells])
+        return [cell for cell, there in zip(cells, known, strict=True) if not there]
+
+
+def benchmark(
+    plan: Plan,
+    workspace: Workspace,
+    where: pool.Pool,
+    *,
+    device: str = "cpu",
+    say: Say = silent,
+) -> None:
+    """Fills the tables; cells with a row are left out, those that failed are tried again.
+
+    say: is told of each step and cell; it is sent to the pool's processes.
+    Raises SimulatorError if a data set cannot be made, ConfigError if the tables are of other
+    inputs; a cell that fails is a row with its reason.
+    """
+    inputs.resolved.cache_clear()
+    inputs.check_names(plan)
+    digests = inputs.digests(plan)
+    inputs.check_frames(workspace.table("hits"), digests)
+    check_cells(workspace.table("cells"), plan, say)
+    inputs.check_lidars(workspace.table("hits"), plan, workspace.data)
+    check_costs(workspace, plan)
+    forget_failed(workspace, plan)
+    left = workspace.without_row(plan.cells)
+    if left:
+        simulate_worlds(plan, workspace, where, say)
+        pool.run(
+            partial(fill, plan=plan, workspace=workspace, digests=digests, device=device, say=say),
+            left,
+            where,
+            left=workspace.without_row,
+            lost=lambda cell, error: workspace.put(measure.failed(cell, error)),
+            say=say,
+        )
+    conclude(workspace, plan)
+
+
+def check_costs(workspace: Workspace, plan: Plan) -> None:
+    """Raises ConfigError if the prices of the table are with other costs of the site."""
+    table = store.read(workspace.table("value"))
+    for mounts, rows in table.groupby(mounts_of(table)) if len(table) else ():
+        allowed = plan.costs.of_mounts(mounts).site_usd
+        found = sorted(set(rows.site_usd) - {allowed})
+        if found:
+            raise ConfigError(
+                f"{workspace.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
+                f"{allowed:g} as in this benchmark, or another --out"
+            )
+
+
+def forget_failed(workspace: Workspace, plan: Plan) -> None:
+    """Takes the rows of failed cells of the plan out of the table."""
+    file = workspace.table("cells")
+    table = store.read(file)
+    if "reason" not in table:
+        return
+    wanted = store.among(table, pd.DataFrame([asdict(cell) for cell in plan.cells]), KEY)
+    rows = table[table.reason.notna() & wanted]
+    if len(rows):
+        store.drop(file, rows, KEY)
+
+
+def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say = silent) -> None:
+    """All data sets of the plan, split, and their tables."""
+    for world, cells in plan.worlds().items():
+        for name in frames.lidars_of(cells):
+            for file in lidar_files(workspace.work / "data" / world, name):
+                inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
+    digests = inputs.digests(plan)
+    shards = frames.shards(plan, workspace.work, where.jobs)
+    say(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards")
+    for line in frames.warnings(plan):
+        say(f"pyinfra: warning: {line}")
+    pool.call_all(frames.simulate, shards, replace(where, gpu=False))
+    for world, cells in plan.worlds().items():
+        frames.split_by_time(workspace.data(world), plan.parts)
+        if not is_described(workspace, cells):
+            tables = frames.described(workspace.data(world), cells)
+            tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF, how="left")
+            workspace.put(tables)
+
+
+def lidar_files(folder: Path, name: str) -> list[Path]:
+    """Every `lidar.yaml` of a LiDAR: of the data set, or of each mount's and of the fused one."""
+    files = (folder / name / "lidar.yaml", *folder.glob(f"*/{name}/lidar.yaml"))
+    return [file for file in files if file.is_file()]
+
+
+def is_described(workspace: Workspace, cells: Sequence[Cell]) -> bool:
+    """Whether every LiDAR of the cells of one data set has its row of hits."""
+    hits = store.read(workspace.table("hits"))
+    wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
+    return all(store.has_each(hits, wanted))
+
+
+def fill(
+    cell: Cell,
+    plan: Plan,
+    workspace: Workspace,
+    digests: pd.DataFrame,
+    device: str,
+    say: Say = silent,
+) -> None:
+    """The rows of one cell, unless another process is at it; an exception becomes its reason."""
+    run = workspace.work / "runs" / cell.name
+    with held(run.with_name(f"{run.name}.lock"), wait=False) as ours:
+        if not ours or not workspace.without_row([cell]):
+            return
+        file, folder = (
+            plan.files["detectors", cell.detector],
+            workspace.data(cell.world) / cell.lidar,
+        )
+        try:
+            recipe = read_recipe(file, cell.tier)
+            own_inputs = inputs_of(cell, recipe, digests)
+            claim_run(run, own_inputs)
+            with own_gpu(device, workspace.work) as own:
+                found = measure.tables(cell, recipe, folder, run, device=own)
+            found["cells"] = found["cells"].assign(**own_inputs)
+        except Exception as error:  # whatever it is, the other cells go on
+            found = measure.failed(cell, error)
+        workspace.put(found)
+        conclude(workspace, plan)
+    say(progress(cell, found["cells"].iloc[0]))
+
+
+def progress(cell: Cell, row: pd.Series) -> str:
+    if pd.notna(row.get("reason")):
+        return f"{cell.title}: failed: {row.reason}"
+    ap = f"AP {row.ap_fine:.1f} [{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
+    found = f"; {row.findings}" if row.findings else ""
+    return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
+
+
+def time_again(plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent) -> None:
+    """Measures the latency of every finished cell whose run is here, one after the other.
+
+    Raises FileNotFoundError if there is none.
+    """
+    check_cells(workspace.table("cells"), plan, say)
+    digests = inputs.digests(plan)
+    runs, table = workspace.work / "runs", workspace.finished()
+    known = store.has_each(table, [vars(cell) for cell in plan.cells])
+    finished = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
+    here = [cell for cell in finished if (runs / cell.name).is_dir()]
+    if not here:
+        raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
+    for cell in here:
+        recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
+        claim_run(runs / cell.name, inputs_of(cell, recipe, digests))
+        times = measure.detected(runs / cell.name, workspace.data(cell.world) / cell.lidar, device)
+        columns = measure.latency_columns(times)
+        put_latency(cell, workspace, columns)
+        say(f"{cell.title}: {columns['latency_p50_ms']} ms")
+
+
+def put_latency(cell: Cell, workspace: Workspace, columns: Mapping[str, object]) -> None:
+    """Puts a latency in place of that of the cell's row, if the cell is finished."""
+    table = workspace.finished()
+    rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
+    if len(rows):
+        workspace.put({"cells": rows.assign(**columns)})
+
+
+def conclude(workspace: Workspace, plan: Plan) -> None:
+    """Works out prices and claims again, if there is a finished cell; after each, so they fit.
+
+    The smoke tier shows that all works, and its networks have hardly learnt: it tests no claim.
+    """
+    with held(workspace.results / "locks/conclude", wait=True):
+        _conclude(workspace, plan)
+
+
+def _conclude(workspace: Workspace, plan: Plan) -> None:
+    tables = {name: store.read(workspace.table(name)) for name in READ}
+    if not all(len(table) for table in tables.values()):
+        return
+    tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
+    workspace.put({"lidars": tables["lidars"]})
+    tables["value"] = value_table(tables, plan.costs)
+    tables["draws"] = store.read(workspace.table("draws"))
+    tables["stress_draws"] = store.read(workspace.results / "stress_draws.csv")
+    workspace.put({"value": tables["value"]})
+    if workspace.tier == "smoke":
+        return
+    for name, rows in (
+        ("claims", claims_table(tables)),
+        ("paper", paper_table(tables["cells"])),
+    ):
+        if len(rows):
+            workspace.put({name: rows})

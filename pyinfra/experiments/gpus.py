@@ -1,0 +1,42 @@
+"""GPUs as a resource: a cell has one to itself."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pyinfra.core.files import held
+
+POLL_S = 1.0
+
+
+@contextmanager
+def own_gpu(device: str, folder: Path) -> Iterator[str]:
+    """`cuda` becomes a GPU of this machine that no other cell has; any other device stays.
+
+    Waits until one is free. folder: of the locks, of all processes that share the GPUs.
+    """
+    names = visible() if device == "cuda" else []
+    if not names:
+        yield device
+        return
+    while True:
+        for i, name in enumerate(names):
+            with held(folder / f"gpu_{platform.node()}_{name}.lock", wait=False) as ours:
+                if ours:
+                    yield f"cuda:{i}"
+                    return
+        time.sleep(POLL_S)
+
+
+def visible() -> list[str]:
+    """Names of the GPUs that this process may use, in torch's order; empty without any."""
+    import torch
+
+    count = torch.cuda.device_count()
+    told = os.environ.get("CUDA_VISIBLE_DEVICES", "")
+    return told.split(",")[:count] if told else [str(i) for i in range(count)]

@@ -1,0 +1,229 @@
+"""The options of a benchmark: its finished cells, each with its price and the road it covers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.experiments.benchmark.replicates import CellDraws
+from pyinfra.experiments.result_tables import Results, read_results
+from pyinfra.experiments.value import KEY, MOUNTS, REGION_M, SITE_ITEMS, covered, mounts_of
+from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
+from pyinfra.metrics.replicates import difference
+from pyinfra.metrics.row_selection import hidden_share, preset_of_answers, with_whole
+
+FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a site asks for."""
+
+    budget_usd: float = math.inf  # of LiDAR and site
+    min_ap: float = HIGH_QUALITY  # 0 to 100, of the whole road; also where road counts as covered
+    range_m: float = REGION_M  # of road, to either side of the sensor
+    latency_ms: float = FRAME_MS  # of a frame, median, at most
+
+
+def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: float) -> Wish:
+    """Raises ValueError for a number that makes no sense, by its option of the command line."""
+    for key, value, least, top in (
+        ("--budget", budget_usd, 0, math.inf),
+        ("--min-ap", min_ap, 1, 100),
+        ("--range", range_m, 0, REGION_M),
+        ("--latency", latency_ms, 0, math.inf),
+    ):
+        if not least < value <= top:
+            text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
+            share = key == "--min-ap" and 0 < value <= 1
+            raise ValueError(f"{text}; AP is 0 to 100, not a share" if share else text)
+    return Wish(budget_usd, min_ap, range_m, latency_ms)
+
+
+@dataclass(frozen=True)
+class Option:
+    """A finished cell.
+
+    Prices are those of LiDAR and site. Road counts as covered where the AP of the whole road's
+    vehicles in a window is above what is asked; the ends of `covered_m` take every window's AP at
+    the same end of its interval, and a window without an interval counts at the high end only.
+    """
+
+    scene: str
+    preset: str
+    lidar: str
+    detector: str
+    ap_whole: Measured  # fine AP, 0 to 100, of the whole road's vehicles
+    ap_visible: Measured  # of those that the mount can see
+    hidden: float  # share that it cannot; NaN if the table does not say
+    ap: Measured  # of the vehicles that the LiDAR captured
+    price_usd: float  # middle of low and high
+    price_low_usd: float
+    price_high_usd: float
+    site_usd: float  # what of the price is not the LiDARs'
+    site_items: Mapping[str, float]  # what it is the sum of; nothing if the table does not say
+    covered_m: Measured
+    road_m: float  # that was evaluated, within the range that is asked
+    latency_ms: float  # of a frame on one core, median; NaN if it was not measured
+    latency_p95_ms: float
+    machine: str  # on which latency was measured; empty if the table does not say
+    draws: pd.Series | None  # of ap_whole; None of an earlier version
+    whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
+    mounts: int = 1  # LiDARs, whose frames are fused
+
+    @property
+    def name(self) -> str:
+        return f"{self.lidar} with {self.detector}"
+
+    def less(self, other: Option) -> Measured:
+        """AP of the whole road, this one less the other, paired.
+
+        Without an interval if one keeps no draws. Raises ValueError for draws that are not of the
+        same blocks.
+        """
+        if self.draws is None or other.draws is None:
+            return Measured(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
+        return difference(self.draws, other.draws).measured()
+
+
+def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
+    """As `options_of`, of the tables of a folder. Raises FileNotFoundError without a table."""
+    return options_of(read_tables(folder, tier), scene, preset, wish)
+
+
+def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
+    """The finished cells of a scene, lowest seed, by AP of all vehicles, then price.
+
+    preset: by default that of the report's answers. Raises ValueError for a wrong table, a scene or
+    preset that was not measured, or if a table has not all cells.
+    """
+    done = found.done()
+    if done.empty:
+        raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
+    scene, preset = chosen(done, scene, preset)
+    cells = done[(done.scene == scene) & (done.preset == preset)]
+    cells = with_whole(cells).assign(hidden=hidden_share(cells))
+    truth = str(cells.whole.iloc[0])
+    table = joined(cells, prices(found), file_of(found, "value"))
+    distance = found.table("distance")
+    here = distance[(distance.scene == scene) & (distance.preset == preset)]
+    table = joined(table, road(here, wish, truth), file_of(found, "distance"))
+    draws = CellDraws(found.table("draws"))
+    options = [option(row, draws) for _, row in table.iterrows()]
+    return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
+
+
+def read_tables(folder: Path, tier: str) -> Results:
+    """As `read_results`, but three tables have to be there, and LiDARs' prices have a preset."""
+    for suffix in ("", "_value", "_distance"):
+        file = folder / f"{tier}{suffix}.csv"
+        if not file.is_file():
+            raise FileNotFoundError(2, "No such table; `pyinfra benchmark` writes it", str(file))
+    found = read_results(folder, tier)
+    lidars = found.table("lidars")
+    if len(lidars) and "preset" not in lidars:
+        raise ValueError(
+            f"{file_of(found, 'lidars')}: found no column preset, "
+            "allowed a table of `pyinfra benchmark`"
+        )
+    return found
+
+
+def file_of(results: Results, table: str) -> Path:
+    return results.folder / results.file(table)
+
+
+def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
+    """The scene and preset that are meant. Raises ValueError if they are not in the table."""
+    scenes = sorted(set(done.scene))
+    if scene not in scenes:
+        if scene or len(scenes) != 1:
+            text = f"found '{scene}', allowed" if scene else "found none, allowed one of"
+            raise ValueError(f"--scene: {text} {', '.join(scenes)}")
+        (scene,) = scenes
+    here = done[done.scene == scene]
+    presets = sorted(set(here.preset))
+    if preset and preset not in presets:
+        raise ValueError(f"--preset: found '{preset}', allowed {', '.join(presets)}")
+    return scene, preset or preset_of_answers(here)
+
+
+def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
+    """Every cell with its columns of another table, that of a file, which the error names."""
+    table = cells.merge(more, on=KEY)
+    if len(table) < len(cells):
+        raise ValueError(
+            f"{file}: found {len(table)} of {len(cells)} cells, allowed all; "
+            "`pyinfra benchmark` once more writes it"
+        )
+    return table
+
+
+def prices(results: Results) -> pd.DataFrame:
+    """By cell price_usd, price_low_usd and price_high_usd, all of LiDAR and site, and the site's.
+
+    Without a row in the table of LiDARs low and high are the price itself.
+    """
+    columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
+    value = results.table("value").dropna(subset="price_usd")
+    value = value[columns].assign(**{MOUNTS: mounts_of(value)})
+    lidars = results.table("lidars")
+    if lidars.empty:
+        return value.assign(price_low_usd=value.price_usd, price_high_usd=value.price_usd)
+    ends = ["price_low_usd", "price_high_usd"]
+    value = value.merge(lidars[["lidar", "preset", *ends]], on=["lidar", "preset"], how="left")
+    found = {end: value[end] * value[MOUNTS] + value.site_usd for end in ends}
+    return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in found.items()})
+
+
+def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
+    """By cell covered_m, low_m and high_m, the ends of what is covered, and road_m.
+
+    distance: windows of the cells of one scene, with columns ap, ap_low and ap_high.
+    """
+    values = {
+        "covered_m": distance.ap,
+        "low_m": distance.ap_low,
+        "high_m": distance.ap_high.fillna(math.inf),
+        "road_m": math.inf,
+    }
+    metres = [
+        covered(distance.assign(ap=ap), wish.min_ap, wish.range_m, truth)
+        .set_index(KEY)
+        .covered_m.rename(name)
+        for name, ap in values.items()
+    ]
+    return pd.concat(metres, axis=1).reset_index()
+
+
+def option(row: pd.Series, draws: CellDraws) -> Option:
+    return Option(
+        scene=row.scene,
+        preset=row.preset,
+        lidar=row.lidar,
+        detector=row.detector,
+        ap_whole=Measured(row.ap_whole_fine, row.ap_whole_fine_low, row.ap_whole_fine_high),
+        ap_visible=Measured(row.ap_all_fine, row.ap_all_fine_low, row.ap_all_fine_high),
+        hidden=row.hidden,
+        ap=Measured(row.ap_fine, row.ap_fine_low, row.ap_fine_high),
+        price_usd=row.price_usd,
+        price_low_usd=row.price_low_usd,
+        price_high_usd=row.price_high_usd,
+        site_usd=row.site_usd,
+        site_items={item: row[item] for item in SITE_ITEMS if math.isfinite(row[item])},
+        covered_m=Measured(row.covered_m, row.low_m, row.high_m),
+        road_m=row.road_m,
+        latency_ms=row.latency_p50_ms,
+        latency_p95_ms=row.latency_p95_ms,
+        machine=str(row.get("latency_machine", "")),
+        draws=draws.row(row, row.whole),
+        whole=row.whole,
+        mounts=int(row[MOUNTS]),
+    )

@@ -1,0 +1,254 @@
+"""`pyinfra recommend RESULTS --budget 8000 --min-ap 85 --range 100`: an answer in words.
+
+Every figure is of the tables of `pyinfra benchmark` in RESULTS. Options are compared by every
+vehicle of the region, seen or not (ground truth `present`); of tables of version 0.3, which have
+none, by those that the mount can see. Road counts as covered where their AP in a window of 20 m is
+above what is asked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from pyinfra.experiments.options import Option, Wish
+from pyinfra.experiments.value import SITE_ITEMS
+from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.row_selection import COUNTED
+
+MOST = 5  # options that are told in full
+NEAREST = 3  # of those that fall short, if none meets the wish
+
+
+@dataclass(frozen=True)
+class Shortfall:
+    """A limit that an option breaks."""
+
+    reason: str
+    relax: str  # the words of a command line that would let it in; nothing if none do
+    share: float  # of the limit, by which it is broken
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What to take, or what is nearest to it, best first; and what is to be known about it."""
+
+    meets: bool  # or the options named are the nearest to a wish that none meets
+    named: Sequence[Option]
+    remarks: Sequence[str]
+
+
+def recommend(options: Sequence[Option], wish: Wish) -> Answer:
+    """options: one or more, of one scene and preset, best first."""
+    good = [option for option in options if not shortfalls(option, wish)]
+    if not good:
+        near = nearest(options, wish)
+        rest = [option for option in options if option not in near]
+        return Answer(False, near, [*about(options), *left_out(rest, wish)])
+    named, more = good[:MOST], good[MOST:]
+    remarks = [*about(options), *doubts(named, wish), *left_out(options, wish)]
+    if more:
+        meet = "meets" if len(more) == 1 else "meet"
+        remarks.insert(0, f"And {len(more)} more that {meet} this: {names(more)}.")
+    return Answer(True, named, remarks)
+
+
+def told(answer: Answer, wish: Wish) -> Iterator[str]:
+    """An answer line by line."""
+    if not answer.meets:
+        near = " The nearest, and what to relax:" if answer.named else ""
+        yield f"No option meets this.{near}"
+    for place, option in enumerate(answer.named, 1):
+        relaxed = "" if answer.meets else f"; meets it with {relaxation(option, wish)}"
+        yield f"{place}. {sentence(option, wish)}{relaxed}"
+    yield from answer.remarks
+
+
+def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
+    """Why an option does not meet the wish; nothing if it does. What is not known does not meet."""
+    found = []
+    if option.price_usd > wish.budget_usd:
+        over = option.price_usd / wish.budget_usd - 1
+        relax = f"--budget {math.ceil(option.price_usd)}"
+        found.append(Shortfall(f"costs {price(option, wish)}", relax, over))
+    ap, counted = option.ap_whole.value, COUNTED[option.whole]
+    if not ap >= wish.min_ap:
+        relax = f"--min-ap {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
+        reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
+        found.append(Shortfall(reason, relax, 1 - ap / wish.min_ap))
+    if not option.latency_ms <= wish.latency_ms:
+        known = math.isfinite(option.latency_ms)
+        relax = f"--latency {math.ceil(option.latency_ms)}" if known else ""
+        reason = f"{option.latency_ms:.0f} ms a frame" if known else "no latency was measured"
+        found.append(Shortfall(reason, relax, option.latency_ms / wish.latency_ms - 1))
+    return found
+
+
+def nearest(options: Iterable[Option], wish: Wish) -> list[Option]:
+    """Those that break limits by the least share in sum; none that nothing would let in."""
+    broken = [(shortfalls(option, wish), option) for option in options]
+    can = [(own, option) for own, option in broken if all(one.relax for one in own)]
+    can.sort(key=lambda pair: sum(one.share for one in pair[0]))
+    return [option for _, option in can[:NEAREST]]
+
+
+def relaxation(option: Option, wish: Wish) -> str:
+    """The words of a command line that would let an option in."""
+    return " ".join(one.relax for one in shortfalls(option, wish))
+
+
+def sentence(option: Option, wish: Wish) -> str:
+    visible = ""
+    if option.whole == "present":
+        hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
+        visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
+    return (
+        f"{option.name}: AP of {COUNTED[option.whole]} {with_interval(option.ap_whole)}, {visible}"
+        f"of the vehicles it captures {with_interval(option.ap)}; {price(option, wish)}; "
+        f"{covered_road(option, wish)}{option.latency_ms:.0f} ms a frame"
+    )
+
+
+def covered_road(option: Option, wish: Wish) -> str:
+    """Nothing of a site of lanes, which has no windows along a road."""
+    road = option.covered_m
+    if math.isnan(option.road_m):
+        return ""
+    return (
+        f"AP above {wish.min_ap:g} of {COUNTED[option.whole]} on {road.value:.0f} "
+        f"[{road.low:.0f} to {road.high:.0f}] of {option.road_m:.0f} m of road; "
+    )
+
+
+def price(option: Option, wish: Wish) -> str:
+    """With the range of prices, if there is one, and whether a price too high may be within it."""
+    text = f"{option.price_usd:,.0f} USD"
+    own = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
+    lidar = f"{own} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
+    span, may = "", ""
+    if option.price_low_usd != option.price_high_usd:
+        span = price_range(option)
+        within = option.price_low_usd <= wish.budget_usd < option.price_usd
+        may = ": may be within the budget" if within else ""
+    said = "; ".join(word for word in (f"{span}{may}", lidar) if word)
+    return f"{text} ({said})" if said else text
+
+
+def price_range(option: Option) -> str:
+    return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
+
+
+def about(options: Sequence[Option]) -> Iterator[str]:
+    """What prices and latencies are of, the same for every option."""
+    if options[0].whole == "all":
+        yield (
+            "These results were measured without ground truth `present`: vehicles that the mount "
+            "cannot see are not counted; `pyinfra benchmark` of this version counts them."
+        )
+    yield from about_costs(options[0])
+    machines = ", ".join(sorted({option.machine for option in options} - {""}))
+    where = f"one core of {machines}" if machines else "one core"
+    yield f"Latency is of {where}; `pyinfra benchmark --latency` measures yours."
+
+
+def about_costs(option: Option) -> Iterator[str]:
+    """What the prices hold beside the LiDAR, the same for every option, and what they do not."""
+    if not option.site_usd:
+        items = ", ".join(map(item_name, SITE_ITEMS))
+        lidars = f"{option.mounts} LiDARs, a mount each," if option.mounts > 1 else "LiDARs alone"
+        yield f"Prices are of {lidars}: {items} are missing (`costs` of the benchmark)."
+        return
+    mounts = f" with {option.mounts} mounts" if option.mounts > 1 else ""
+    text = f"In every price are {option.site_usd:,.0f} USD of the site{mounts}"
+    if not option.site_items:
+        yield f"{text}; this table does not say for what."
+        return
+    paid = [f"{item_name(i)} {usd:,.0f}" for i, usd in option.site_items.items() if usd]
+    free = [item_name(item) for item in SITE_ITEMS if not option.site_items.get(item)]
+    missing = f"; missing: {', '.join(free)} (`costs` of the benchmark)" if free else ""
+    yield f"{text}: {', '.join(paid)}{missing}."
+
+
+def item_name(column: str) -> str:
+    """computer_usd: computer."""
+    return column.removesuffix("_usd")
+
+
+def with_interval(ap: Measured) -> str:
+    if not ap.is_known:
+        return f"{ap.value:.1f} (no interval)"
+    return f"{ap.value:.1f} [{ap.low:.1f}, {ap.high:.1f}]"
+
+
+def names(options: Iterable[Option]) -> str:
+    return ", ".join(option.name for option in options)
+
+
+def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+    """What the data does not decide about the options that are named."""
+    first, *others = named
+    yield from doubts_of_order(first, others)
+    yield from doubts_of_ap(named, wish)
+    yield from doubts_of_price(named, wish)
+    yield from doubts_of_latency(named, wish)
+    if first.covered_m.value < first.road_m:
+        more = "several LiDARs, a higher budget or a lower AP might"
+        yield f"The first does not cover the whole of the road; {more}."
+
+
+def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
+    """Which others may be as good as the first."""
+    apart = [(o, first.less(o)) for o in others]
+    equal = [o for o, found in apart if found.is_known and not found.is_told]
+    if equal:
+        text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
+        yield f"{text} (the 95 % intervals include 0); {cheapest([first, *equal])}."
+    unknown = [o for o, found in apart if not found.is_known]
+    if unknown:
+        text = f"Whether {first.name} is better than {names(unknown)} is not known: no interval of "
+        yield f"{text}the difference (too short a test, or a table of an earlier version)."
+
+
+def cheapest(options: Sequence[Option]) -> str:
+    least = min(option.price_usd for option in options)
+    found = [option for option in options if option.price_usd == least]
+    if len(found) == len(options):
+        return f"each costs {least:,.0f} USD"
+    verb = "is" if len(found) == 1 else "are"
+    return f"the cheapest of these {verb} {names(found)} ({least:,.0f} USD)"
+
+
+def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+    """Which may miss the AP that is asked."""
+    unsure = f"Not sure to reach AP {wish.min_ap:g} of {COUNTED[named[0].whole]}"
+    below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < wish.min_ap]
+    if below:
+        yield f"{unsure}: {names(below)}: the interval begins below it."
+    unknown = [o for o in named if not o.ap_whole.is_known]
+    if unknown:
+        yield f"{unsure}: {names(unknown)}: without an interval."
+
+
+def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+    """Which may cost more than the budget; those of one range of prices in one sentence."""
+    dear = [option for option in named if option.price_high_usd > wish.budget_usd]
+    for span in dict.fromkeys(map(price_range, dear)):
+        own = names(option for option in dear if price_range(option) == span)
+        yield f"{own} may cost more than the budget: {span} USD."
+
+
+def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+    """Which are too late in more than one frame of twenty."""
+    late = [option for option in named if option.latency_p95_ms > wish.latency_ms]
+    if late:
+        text = f"Above {wish.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
+        yield f"{text}; the median is below."
+
+
+def left_out(options: Iterable[Option], wish: Wish) -> Iterator[str]:
+    """The options that fall short, with the reasons."""
+    for option in options:
+        found = shortfalls(option, wish)
+        if found:
+            yield f"Left out: {option.name}: {', '.join(one.reason for one in found)}."

@@ -1,0 +1,299 @@
+"""The tables of a folder of results, as the report reads them.
+
+A table that is not there is one without rows; a column that is needed and not there, or a number
+that is none or out of its range, or a row twice, is an error that names file, row and column.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import FormatError
+from pyinfra.experiments.value import SITE_ITEMS
+from pyinfra.formats.csv_table import numbers, read_words
+from pyinfra.metrics.row_selection import AP_COLUMNS, CELL, first_seed, with_fine, with_whole
+from pyinfra.models.training.sources import TIERS
+
+
+@dataclass(frozen=True, eq=False)
+class TableFile:
+    """A CSV file beside the page: one of the results as it stands, or a table made from them."""
+
+    name: str
+    content: Path | pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Kind:
+    """The file of a table, {tier} standing for the tier, and the columns that are needed.
+
+    later: numbers that tables of earlier versions lack; they are NaN there.
+    """
+
+    file: str
+    texts: tuple[str, ...]
+    numbers: tuple[str, ...]
+    key: tuple[str, ...]  # columns that are not all the same in two rows; none: any rows
+    later: tuple[str, ...]
+
+
+def _kind(file: str, texts: str, numbers: str, key: str = "", later: str = "") -> Kind:
+    return Kind(file, *(tuple(words.split()) for words in (texts, numbers, key, later)))
+
+
+_SHARE = (0.0, 100.0)
+_FROM_ZERO = (0.0, sys.float_info.max)
+_FINITE = (-sys.float_info.max, sys.float_info.max)
+_ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
+# What a column of numbers may hold, in whichever table; the others: 0 or more.
+RANGES = {
+    **dict.fromkeys((*AP_COLUMNS, "outside_box_percent"), _SHARE),
+    **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
+    **dict.fromkeys("value low high".split(), _ANY),
+    **dict.fromkeys("s change_percent".split(), _FINITE),
+    "rank_correlation": (-1.0, 1.0),
+    "mean_difference": (-100.0, 100.0),
+    "units": (1.0, 1e6),
+}
+ENDS = (  # of intervals
+    *((name, f"{name.removesuffix('_low')}_high") for name in AP_COLUMNS if name.endswith("_low")),
+    ("p_low", "p_high"),
+    ("ci_low", "ci_high"),
+    ("low", "high"),
+    ("price_low_usd", "price_high_usd"),
+    ("from_m", "to_m"),
+)
+
+
+_CELL = " ".join((*CELL, "seed"))
+KINDS = {
+    "cells": _kind(
+        "{tier}.csv",
+        f"{_CELL} command version",
+        "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
+        _CELL,
+        f"{' '.join(AP_COLUMNS)} objects_all objects_present",
+    ),
+    "draws": _kind(
+        "{tier}_draws.csv",
+        f"{_CELL} ground_truth measure world version label_time",
+        "value blocks frames block_s draws draws_seed",
+        f"{_CELL} ground_truth measure",
+    ),
+    "areas": _kind(
+        "{tier}_areas.csv",
+        f"{_CELL} ground_truth road",
+        "n_tda n_hqda p_hqda p_low p_high undecided objects",
+        f"{_CELL} ground_truth road",
+    ),
+    "distance": _kind(
+        "{tier}_distance.csv",
+        f"{_CELL} ground_truth road quality",
+        "s ap ap_low ap_high objects predictions",
+        f"{_CELL} ground_truth road s",
+    ),
+    "hits": _kind(
+        "{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame", "scene lidar preset"
+    ),
+    "points": _kind(
+        "{tier}_points_per_vehicle.csv",
+        "scene preset set lidar",
+        "from_m to_m vehicles apv ci_low ci_high",
+        "scene preset set lidar from_m",
+    ),
+    "value": _kind(
+        "{tier}_value.csv",
+        f"{_CELL} pareto dominated_by",
+        "price_usd site_usd ap ap_all "
+        "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
+        _CELL,
+        f"{' '.join(SITE_ITEMS)} ap_all_fine ap_whole ap_whole_fine",
+    ),
+    "lidars": _kind(
+        "lidars.csv",
+        "lidar price_source price_date",
+        "units price_low_usd price_high_usd",
+        "lidar preset",
+    ),
+    "claims": _kind("claims.csv", "claim preset statement verdict", "value low high"),
+    "ap_claims": _kind(
+        "{tier}_claims.csv",
+        "scene preset claim statement verdict",
+        "value low high",
+        "scene preset claim statement",
+    ),
+    "paper": _kind(
+        "{tier}_paper.csv",
+        "scene preset",
+        "cells rank_correlation mean_difference",
+        "scene preset",
+    ),
+    "stress": _kind(
+        "stress.csv",
+        "detector run lidar preset scene stressor dial unit seed frames",
+        "ap ap_low ap_high",
+        "detector run lidar preset scene stressor dial seed frames",
+        "ap_fine ap_fine_low ap_fine_high",
+    ),
+    "stress_ranking": _kind("stress_ranking.csv", "", ""),
+    "stress_summary": _kind("stress_summary.csv", "", ""),
+    "fidelity": _kind(
+        "fidelity.csv",
+        "detail lidar distance_m",
+        "points_per_vehicle change_percent relative_time",
+    ),
+    "aggregation": _kind(
+        "aggregation.csv",
+        "aggregation lidar",
+        "points_per_vehicle outside_box_percent ms_per_frame_set",
+    ),
+    "ladder": _kind(
+        "ladder.csv",
+        "detail aggregation frames lidar",
+        "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
+        later="ap_fine ap_fine_low ap_fine_high value blocks block_s draws draws_seed",
+    ),
+    "beam": _kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
+    "speed": _kind("speed.csv", "what unit", "value"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """The tables of a folder by name; their column `origin` says in which row of which file."""
+
+    folder: Path
+    tier: str
+    tables: dict[str, pd.DataFrame]
+
+    def table(self, name: str) -> pd.DataFrame:
+        """The rows, none if the file is not there."""
+        return self.tables[name]
+
+    def done(self) -> pd.DataFrame:
+        """The cells that have an AP, of the lowest seed of each."""
+        cells = self.tables["cells"]
+        return first_seed(cells[cells.ap.notna()])
+
+    def file(self, name: str) -> str:
+        return KINDS[name].file.format(tier=self.tier)
+
+    def sources(self) -> list[TableFile]:
+        """All tables that have rows."""
+        return [self.source(name) for name, table in self.tables.items() if len(table) > 0]
+
+    def source(self, name: str) -> TableFile:
+        return TableFile(self.file(name), self.folder / self.file(name))
+
+
+def read_results(folder: Path, tier: str | None = None) -> Results:
+    """All tables of a folder; by default of the tier with the most finished cells.
+
+    Raises FileNotFoundError for a folder that is not there, and ValueError for a wrong table, a
+    tier without cells and a folder without any table.
+    """
+    if not folder.is_dir():
+        raise FileNotFoundError(2, "found no folder of results", str(folder))
+    chosen = tier if tier is not None else _richest(folder)
+    tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in KINDS.items()}
+    if tier is not None and tables["cells"].empty:
+        raise ValueError(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
+    if all(table.empty for table in tables.values()):
+        raise ValueError(f"{folder}: found no table of results, allowed one or more")
+    tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
+    tables |= {name: with_fine(tables[name]) for name in ("stress", "ladder")}
+    return Results(folder, chosen, tables)
+
+
+def _richest(folder: Path) -> str:
+    """The tier with the most finished cells; `quick` if there is none."""
+    counts = {
+        tier: int(_read(folder / f"{tier}.csv", KINDS["cells"]).ap.notna().sum()) for tier in TIERS
+    }
+    best = max(reversed(TIERS), key=lambda tier: counts[tier])
+    return best if counts[best] > 0 else "quick"
+
+
+def _with_reasons(cells: pd.DataFrame) -> pd.DataFrame:
+    """With a column `reason`, which says of every cell without an AP that it has none."""
+    given = cells["reason"] if "reason" in cells else pd.Series("", index=cells.index, dtype=str)
+    silent = cells.ap.isna() & (given == "")
+    return cells.assign(reason=given.mask(silent, "no AP was measured, no reason was given"))
+
+
+def _read(file: Path, kind: Kind) -> pd.DataFrame:
+    if not file.is_file():
+        return _empty(kind)
+    try:
+        return _checked(file, kind)
+    except FormatError as error:  # a folder of no results was named
+        raise ValueError(str(error)) from None
+
+
+def _checked(file: Path, kind: Kind) -> pd.DataFrame:
+    columns = [*kind.texts, *kind.numbers]
+    table = read_words(file)
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise ValueError(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
+    origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
+    there = [*kind.numbers, *(name for name in kind.later if name in table)]
+    values = {name: _in_range(file, table[name]) for name in there}
+    _check_order(file, values)
+    _check_key(file, table, kind.key)
+    return table.assign(origin=origin, **dict.fromkeys(kind.later, np.nan) | values)
+
+
+def _empty(kind: Kind) -> pd.DataFrame:
+    texts = {name: pd.Series(dtype=str) for name in (*kind.texts, "origin")}
+    values = {name: pd.Series(dtype=np.float64) for name in (*kind.numbers, *kind.later)}
+    return pd.DataFrame(texts | values)
+
+
+def _in_range(file: Path, column: pd.Series) -> pd.Series:
+    """A column as numbers, NaN where a cell is empty."""
+    low, high = RANGES.get(str(column.name), _FROM_ZERO)
+    values = numbers(file, column).astype(np.float64)
+    wrong = values.notna() & ~values.between(low, high)
+    if wrong.any():
+        row = wrong.idxmax()
+        allowed = f"{low:g} to {high:g}" if high < _FROM_ZERO[1] else "a finite number"
+        allowed = "0 or more" if (low, high) == _FROM_ZERO else allowed
+        raise ValueError(f"{file}:{row + 2}: {column.name}: found {column[row]}, allowed {allowed}")
+    return values
+
+
+def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
+    for low, high in ENDS:
+        if low not in values or high not in values:
+            continue
+        wrong = values[low] > values[high]
+        if wrong.any():
+            row = wrong.idxmax()
+            raise ValueError(
+                f"{file}:{row + 2}: {low}: found {values[low][row]:g} above {high}, "
+                f"{values[high][row]:g}; allowed up to it"
+            )
+
+
+def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
+    """Raises ValueError for a row without a name, and for one that comes twice."""
+    here = [name for name in key if name in table]  # tables of earlier versions lack some
+    for name in here:
+        empty = table[name] == ""
+        if empty.any():
+            raise ValueError(f"{file}:{empty.idxmax() + 2}: {name}: found nothing, allowed a name")
+    twice = table.duplicated(here) if here else table.index < 0
+    if twice.any():
+        row = int(np.flatnonzero(twice)[0])
+        first = int(np.flatnonzero((table[here] == table.loc[row, here]).all(axis=1))[0])
+        raise ValueError(
+            f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: found in row {first + 2} too, "
+            "allowed once"
+        )

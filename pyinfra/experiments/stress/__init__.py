@@ -1,0 +1,1 @@
+"""Detectors under faults of growing severity."""

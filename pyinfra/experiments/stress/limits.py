@@ -1,0 +1,102 @@
+"""What a stressor of worlds needs of a data set; each function says why it lacks it, or nothing."""
+
+from __future__ import annotations
+
+import yaml
+
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.runs import SimulatorError, infrasim
+from pyinfra.experiments.stress import lidar
+from pyinfra.experiments.stress.altered_scenes import Base
+from pyinfra.metrics.row_selection import PRESETS
+
+CLOUDS_ALONE = "allowed --stressors of clouds alone"
+
+
+def scene(base: Base) -> str:
+    """The scene of a simulated data set, and the vehicles recorded for it."""
+    place = base.folder.parent
+    if not base.scene:
+        return f"{place}: found no dataset.yaml, {CLOUDS_ALONE}"
+    if "roads" not in base.scene:
+        return f"{place / 'dataset.yaml'}: found no roads, as of a recording, {CLOUDS_ALONE}"
+    for key in ("static_layers", "lanes", "meshes"):
+        if base.scene.get(key):
+            found = f"{place / 'dataset.yaml'}: {key}: found files that a run does not copy"
+            return f"{found}, {CLOUDS_ALONE}"
+    recorded = base.trajectories
+    if recorded is not None and not recorded.is_file():
+        return f"{recorded}: found no such file, needed to simulate again"
+    return ""
+
+
+def rays(base: Base) -> str:
+    """Where the rays of its LiDAR go."""
+    file = base.lidar_file
+    if not file.is_file():
+        return f"{file}: found no such file, needed to simulate the fused frames again"
+    config = lidar.read(file)
+    if not lidar.units_of(config):
+        return f"{file}: found no pattern, as of a recording, {CLOUDS_ALONE}"
+    for table in lidar.table_files(config, file.parent):
+        if not table.is_file():
+            return f"{file}: pattern.table.file: found no file {table}, allowed a copy of it there"
+    return ""
+
+
+def seam(base: Base) -> str:
+    """A unit that spins."""
+    file = base.lidar_file
+    return (
+        ""
+        if lidar.spins(lidar.read(file))
+        else f"{file}: pattern: found none that spins, needed for a seam"
+    )
+
+
+def traffic(base: Base) -> str:
+    """Vehicles that are simulated."""
+    if not base.scene.get("traffic"):
+        file = base.folder.parent / "dataset.yaml"
+        return f"{file}: traffic: found recorded trajectories, allowed simulated traffic"
+    return ""
+
+
+def several_mounts(base: Base) -> str:
+    """Frames of several mounts, fused."""
+    if not base.is_fused:
+        return f"{base.folder.parent}: found frames of one mount, allowed those of `--fuse`"
+    return ""
+
+
+def one_mount(base: Base) -> str:
+    """Frames whose points are all from one place."""
+    if base.is_fused:
+        found = f"found fused frames of {', '.join(base.mounts)}"
+        return f"{base.folder.parent}: {found}, allowed those of one mount"
+    return ""
+
+
+def known_preset(base: Base) -> str:
+    """A preset that the LiDARs of the catalogue have."""
+    found = base.lidar.preset
+    if found not in PRESETS:
+        allowed = f"{', '.join(PRESETS)}, which the catalogue has"
+        return f"{base.folder / lidar.FILE}: preset: found '{found}', allowed {allowed}"
+    return ""
+
+
+def catalogue(base: Base) -> str:
+    """A LiDAR of the catalogue: what another's presets say, its frames do not tell."""
+    file = base.lidar_file
+    shipped = lidar_file(base.lidar.name)
+    if not shipped.is_file():
+        return f"{file}: name: found '{base.lidar.name}', allowed a LiDAR of the catalogue"
+    try:
+        text = infrasim("check", shipped, "--preset", base.lidar.preset)
+    except SimulatorError as error:
+        return str(error)
+    key = lidar.difference(lidar.read(file), yaml.safe_load(text))
+    if key:
+        return f"{file}: {key}: found another than in {shipped}, allowed a LiDAR of the catalogue"
+    return ""

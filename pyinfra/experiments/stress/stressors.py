@@ -1,0 +1,191 @@
+"""The stressors, a row each: name, unit, dials from none to breaking, and what they do."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.core.arrays import Points
+from pyinfra.dataset.catalogue import LIDARS, SCENES
+from pyinfra.experiments.stress import altered_scenes, clouds, limits
+from pyinfra.experiments.stress.altered_scenes import Base, World
+from pyinfra.metrics.row_selection import PRESETS
+from pyinfra.models.training import sensor_faults
+
+Dial = float | str
+OWN = "own"  # no stress, where a dial is a name
+CloudChange = Callable[[Points, float, sensor_faults.Draws], Points]
+WorldChange = Callable[[Base, Dial], World]
+Need = Callable[[Base], str]  # why a base lacks it, or nothing
+
+
+@dataclass(frozen=True)
+class Stressor:
+    """One way to disturb a detector; without a change it compares runs."""
+
+    name: str
+    unit: str  # `name` if the dials are names
+    dials: tuple[Dial, ...]  # the first one is none
+    cloud: CloudChange | None = None
+    world: WorldChange | None = None
+    needs: tuple[Need, ...] = ()
+    each_frame: bool = True  # other draws for each frame
+
+    @property
+    def named(self) -> bool:
+        return self.unit == "name"
+
+    @property
+    def acts_on(self) -> str:
+        if self.cloud:
+            return "cloud"
+        return "world" if self.world else "training"
+
+    def lacks(self, base: Base) -> str:
+        """Why it cannot act on a base, or nothing."""
+        return next((why for need in self.needs if (why := need(base))), "")
+
+    def apply(self, points: Points, dial: float, seed: int, frame: int) -> Points:
+        """A cloud (n, 4) under a dial of a stressor of clouds; the same one without stress."""
+        assert self.cloud is not None
+        if dial == self.dials[0]:
+            return points
+        key = (seed, zlib.crc32(self.name.encode()), *([frame] if self.each_frame else []))
+        return self.cloud(points, dial, np.random.default_rng(key))
+
+    def parse(self, words: list[str]) -> tuple[Dial, ...]:
+        """Dials from words; the one without stress is left out. Raises ValueError."""
+        if self.named:
+            unknown = [word for word in words if word not in self.dials]
+            if unknown:
+                allowed = ", ".join(map(str, self.dials[1:]))
+                raise ValueError(f"--dials: found '{unknown[0]}', allowed {allowed}")
+            return tuple(word for word in words if word != OWN)
+        return tuple(v for v in map(_dial, words) if v != self.dials[0])
+
+
+def _dial(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise ValueError(f"--dials: found '{word}', allowed a number from 0 on")
+    return value
+
+
+WORLD = (limits.scene, limits.rays)
+TRAFFIC = (*WORLD, limits.traffic)
+SEAM = (*WORLD, limits.seam)
+POLES = (limits.several_mounts, *WORLD)
+ALONE = (limits.one_mount,)  # ranges and directions of a fused cloud are from no one place
+NONE = Stressor("none", "", (0.0,))
+STRESSORS = {
+    row.name: row
+    for row in (
+        Stressor("drop_out", "share", (0.0, 0.5, 0.75, 0.9, 0.97), sensor_faults.drop_out),
+        Stressor("rain", "mm/h", (0.0, 10.0, 50.0, 100.0, 200.0), clouds.rain, needs=ALONE),
+        Stressor("fog", "1/km", (0.0, 5.0, 10.0, 20.0, 40.0), clouds.fog, needs=ALONE),
+        Stressor(
+            "range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), sensor_faults.range_noise, needs=ALONE
+        ),
+        Stressor("height_error", "m", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.height_error),
+        Stressor("roll_error", "deg", (0.0, 0.5, 1.0, 2.0, 4.0), clouds.roll_error),
+        Stressor("pitch_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.pitch_error),
+        Stressor("yaw_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.yaw_error),
+        Stressor(
+            "lost_lines",
+            "share",
+            (0.0, 0.5, 0.75, 0.9, 0.97),
+            sensor_faults.lost_lines,
+            needs=ALONE,
+            each_frame=False,
+        ),
+        Stressor(
+            "blocked_sector",
+            "deg",
+            (0.0, 10.0, 20.0, 40.0, 80.0),
+            clouds.blocked_sector,
+            needs=ALONE,
+        ),
+        # The motorway of the catalogue holds no more than four times its own.
+        Stressor("density", "times", (1.0, 2.0, 4.0), world=altered_scenes.density, needs=TRAFFIC),
+        Stressor(
+            "speed", "times", (1.0, 1.25, 1.5, 2.0), world=altered_scenes.speed, needs=TRAFFIC
+        ),
+        Stressor(
+            "tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=altered_scenes.tilt, needs=WORLD
+        ),
+        Stressor(
+            "seam",
+            "deg",
+            (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0),
+            world=altered_scenes.seam,
+            needs=SEAM,
+        ),
+        Stressor(
+            "phase",
+            "name",
+            (OWN, "draw_1", "draw_2", "draw_3", "draw_4"),
+            world=altered_scenes.phase,
+            needs=SEAM,
+        ),
+        Stressor(
+            "unseen_lidar",
+            "name",
+            (OWN, *LIDARS),
+            world=altered_scenes.other_lidar,
+            needs=(limits.scene, limits.known_preset),
+        ),
+        Stressor(
+            "unseen_scene",
+            "name",
+            (OWN, *SCENES),
+            world=altered_scenes.other_scene,
+            needs=(*ALONE, *WORLD),
+        ),
+        Stressor(
+            "unseen_preset",
+            "name",
+            (OWN, *PRESETS),
+            world=altered_scenes.other_preset,
+            needs=(limits.scene, limits.catalogue),
+        ),
+        Stressor(
+            "vehicle_class",
+            "name",
+            (OWN, "Truck", "Bus", "Motorcycle"),
+            world=altered_scenes.one_class,
+            needs=TRAFFIC,
+        ),
+        Stressor(
+            "pole_clock",
+            "ms",
+            (0.0, 10.0, 20.0, 50.0, 100.0),
+            world=altered_scenes.pole_clock,
+            needs=POLES,
+        ),
+        Stressor(
+            "pole_yaw", "deg", (0.0, 0.1, 0.2, 0.5, 1.0), world=altered_scenes.pole_yaw, needs=POLES
+        ),
+        # Their dials are what the runs were trained with.
+        Stressor("training_frames", "frames", ()),
+        Stressor("training_seed", "name", (OWN,)),
+    )
+}
+
+
+def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:
+    """The stressors by their names, with the dials that stress. Raises ValueError."""
+    unknown = [name for name in names if name not in STRESSORS]
+    if unknown:
+        raise ValueError(f"--stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
+    found = [STRESSORS[name] for name in dict.fromkeys(names)]
+    if words is None:
+        return {stressor: stressor.dials[1:] for stressor in found}
+    if len(found) != 1 or found[0].acts_on == "training":
+        raise ValueError("--dials: found it without one stressor of clouds or worlds, allowed one")
+    return {found[0]: found[0].parse(words)}

@@ -1,0 +1,165 @@
+"""What the rows of a stress test come to: where each curve falls, what fails first, a ranking."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.experiments.stress.score import ERRORS
+from pyinfra.experiments.stress.stressors import NONE, OWN, STRESSORS, Stressor
+from pyinfra.metrics.row_selection import with_fine
+
+CURVE = "detector run lidar preset scene seed frames".split()  # and the stressor
+FALL = 10.0  # AP
+LEAST_SHARE = 0.2  # of the fall, for an error to be named
+BEYOND = "beyond"
+COLUMNS = [
+    *CURVE,
+    *"stressor unit dials ap_none ap_least dial_least falls_by_10 falls_to_half".split(),
+    *"fails_first largest_blame share_of_fall gentleness".split(),
+]
+GROUP = "lidar preset scene seed frames".split()  # within which detectors are ranked
+RANKING = [*GROUP, "rank", "detector", "run", "gentleness", "stressors"]
+
+
+def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.DataFrame]]:
+    """The rows of each curve from none on, in the order of the dials; `at` is their place.
+
+    Curves without an AP for no stress, and those with nothing else, are left out.
+    """
+    for key, rows in with_fine(table).groupby(CURVE, sort=False):
+        base = rows[rows.stressor == NONE.name]
+        for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
+            if base.ap_fine.notna().sum() == 1 and name in STRESSORS:
+                stressor = STRESSORS[str(name)]
+                own = base.assign(dial=_own_dial(stressor, base), stressor=name)
+                curve = pd.concat([own, part], ignore_index=True)
+                yield dict(zip(CURVE, key, strict=True)), stressor, _ordered(curve, stressor)
+
+
+def _own_dial(stressor: Stressor, base: pd.DataFrame) -> str:
+    if stressor.name == "training_frames":
+        return f"{base.trained_frames.iloc[0]:g}"
+    return f"{stressor.dials[0]:g}" if not stressor.named else OWN
+
+
+def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
+    if stressor.named:
+        known = list(map(str, stressor.dials))
+        order = [*known, *(dial for dial in curve.dial if dial not in known)]
+        at = curve.dial.map(order.index).astype(np.float64)
+        return curve.assign(at=at).sort_values("at", ignore_index=True)
+    curve = curve.assign(at=curve.dial.astype(float))
+    # Fewer frames are the stronger dial.
+    return curve.sort_values("at", ascending=stressor.name != "training_frames", ignore_index=True)
+
+
+def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
+    """Where straight lines between the dials first reach a level from above; inf if never."""
+    known = ~np.isnan(ap)
+    at, ap = at[known], ap[known]
+    if len(ap) > 0 and ap[0] <= level:
+        return float(at[0])
+    for i in range(1, len(ap)):
+        if ap[i] <= level:
+            share = (ap[i - 1] - level) / (ap[i - 1] - ap[i])
+            return float(at[i - 1] + share * (at[i] - at[i - 1]))
+    return math.inf
+
+
+def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
+    """The dial at which AP is down to a level, or the names with no more than that."""
+    if stressor.named:
+        return " ".join(curve.dial[curve.ap_fine <= level]) or BEYOND
+    at = crossing(curve["at"].to_numpy(), curve.ap_fine.to_numpy(float), level)
+    return f"{at:.3g}" if math.isfinite(at) else BEYOND
+
+
+def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
+    """What fails first, the error with the largest blame, and its share of the fall.
+
+    At the first dial with a fall of 10 or more. What fails first is `mixed` if no error has a fifth
+    of the fall; nothing if there is no such fall.
+    """
+    base = curve.iloc[0]
+    down = curve[curve.ap_fine <= base.ap_fine - FALL]
+    if len(down) == 0:
+        return "", "", math.nan
+    row = down.iloc[0]
+    blame = {
+        e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap_fine - row.ap_fine)
+        for e in ERRORS
+    }
+    worst = max(blame, key=lambda error: blame[error])
+    return (worst if blame[worst] >= LEAST_SHARE else "mixed"), worst, float(blame[worst])
+
+
+def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
+    """Mean of AP / AP(none) over the dials, stretched to 0 to 1; nan for an undefined AP, or 0."""
+    if curve.ap_fine.iloc[0] == 0:
+        return math.nan
+    ratio = curve.ap_fine.to_numpy(float) / curve.ap_fine.iloc[0]
+    if stressor.named:
+        return float(ratio[1:].mean())
+    at = curve["at"].to_numpy(float)
+    return float(np.trapezoid(ratio, (at - at[0]) / (at[-1] - at[0])))
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """A row for each curve."""
+    rows = []
+    for key, stressor, curve in curves(table):
+        base, worst = curve.ap_fine.iloc[0], curve.loc[curve.ap_fine.idxmin()]
+        failure, worst_error, share = first_failure(curve)
+        rows.append(
+            {
+                **key,
+                "stressor": stressor.name,
+                "unit": stressor.unit,
+                "dials": len(curve),
+                "ap_none": base,
+                "ap_least": worst.ap_fine,
+                "dial_least": worst.dial,
+                "falls_by_10": fallen(curve, stressor, base - FALL),
+                "falls_to_half": fallen(curve, stressor, base / 2),
+                "fails_first": failure,
+                "largest_blame": worst_error,
+                "share_of_fall": share,
+                "gentleness": gentleness(curve, stressor),
+            }
+        )
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def ranking(table: pd.DataFrame) -> pd.DataFrame:
+    """Detectors of each LiDAR by their mean gentleness, over what all of them went through.
+
+    Nothing for a LiDAR without such a stressor, or a detector whose AP without stress is 0.
+    """
+    training = [name for name, stressor in STRESSORS.items() if stressor.acts_on == "training"]
+    rows = summary(table)
+    rows["dials"] = [" ".join(curve.dial) for _, _, curve in curves(table)]
+    rows = rows[~rows.stressor.isin(training)].dropna(subset="gentleness")
+    found = []
+    for key, part in rows.groupby(GROUP, sort=False):
+        by_run = part.pivot(
+            index=["detector", "run"], columns="stressor", values=["gentleness", "dials"]
+        )
+        whole = by_run["dials"].notna().all() & (by_run["dials"].nunique() == 1)
+        common = by_run["gentleness"].loc[:, _names(whole)].astype(float)
+        if common.shape[1] == 0:
+            continue
+        mean = common.mean(axis=1).sort_values(ascending=False)
+        for rank, ((detector, run), value) in enumerate(mean.items(), start=1):
+            row = {"rank": rank, "detector": detector, "run": run, "gentleness": value}
+            names = dict(zip(GROUP, key, strict=True))
+            found.append({**names, **row, "stressors": common.shape[1]})
+    return pd.DataFrame(found, columns=RANKING)
+
+
+def _names(chosen: pd.Series) -> Sequence[str]:
+    return [str(name) for name, yes in chosen.items() if yes]

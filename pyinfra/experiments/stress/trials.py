@@ -1,0 +1,278 @@
+"""The trials of a stress test, run by dial, and the table of those that are done."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.files import held
+from pyinfra.core.version import __version__, machine
+from pyinfra.experiments import store
+from pyinfra.experiments.stress import altered_scenes, score
+from pyinfra.experiments.stress.altered_scenes import Base
+from pyinfra.experiments.stress.stressors import NONE, OWN, Dial, Stressor
+from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import WORDS, read_csv
+from pyinfra.formats.kitti import VEHICLE_TYPES
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.models.detectors import Detector
+from pyinfra.models.inference.detect import detect, detector_at, model_file
+
+# What a row is of; a trial with such a row is not computed again.
+KEY = "detector run lidar preset scene stressor dial seed frames".split()
+COLUMNS = (
+    *KEY,
+    "unit",
+    "trained_frames",
+    "trained_seed",
+    *score.COLUMNS,
+    "inputs",
+    "command",
+    "version",
+    "machine",
+)
+WORLD_S = 4.0  # to simulate one; for the estimate alone
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A trained detector and what its folder says of it; frames and seed are -1 if unknown."""
+
+    folder: Path
+    detector: str
+    frames: int
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return self.folder.resolve().name
+
+    def model(self, frames: Path) -> Detector:
+        """Where the frames of a LiDAR's folder were taken."""
+        return detector_at(self.folder, frames)
+
+    @cached_property
+    def digest(self) -> str:
+        return hashlib.sha256(model_file(self.folder).read_bytes()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run under one dial; of a stressor of training, `run` is the one to compare."""
+
+    reference: TrainedRun
+    run: TrainedRun
+    stressor: Stressor
+    dial: Dial
+
+    @property
+    def at(self) -> tuple[str, Dial]:
+        return self.stressor.name, self.dial
+
+    @property
+    def title(self) -> str:
+        return f"{self.run.name} {self.stressor.name} {self.dial}"
+
+
+def read_run(folder: Path, base: Base) -> TrainedRun:
+    """Raises FileNotFoundError, and ValueError for a model of another LiDAR."""
+    if model_file(folder).suffix == ".npz":
+        return TrainedRun(folder, "background", -1, -1)
+    from pyinfra.models.training import checkpoint
+
+    about = checkpoint.load(model_file(folder)).about
+    if not about.anywhere and base.lidar.name not in about.lidar.split():
+        raise ValueError(f"{folder}: lidar: found {about.lidar}, allowed {base.lidar.name}")
+    description = folder / "run.yaml"
+    said = kitti.read_keys(description) if description.is_file() else {}
+    return TrainedRun(folder, about.detector, int(said.get("frames", -1)), about.seed)
+
+
+def plan(
+    runs: Sequence[TrainedRun], stressors: dict[Stressor, tuple[Dial, ...]], base: Base
+) -> list[Trial]:
+    """Every trial: first without stress, then stressor by stressor, so that early rows compare.
+
+    The first run of a detector is stressed; its others are dials of the training's stressors.
+    Raises ValueError for runs that differ from the first in more than one of them, or in none.
+    """
+    first: dict[str, TrainedRun] = {}
+    for run in runs:
+        first.setdefault(run.detector, run)
+    trials = [Trial(run, run, NONE, NONE.dials[0]) for run in first.values()]
+    others = [(first[run.detector], run) for run in runs if first[run.detector] is not run]
+    trained = [(a, b, *_difference(a, b)) for a, b in others]
+    for stressor, dials in stressors.items():
+        own = {OWN, base.lidar.name, base.lidar.preset, base.scene_name}
+        if stressor.acts_on == "training":
+            trials += [
+                Trial(a, b, stressor, dial) for a, b, name, dial in trained if name == stressor.name
+            ]
+        for dial in dials:
+            if not (stressor.named and dial in own):
+                trials += [Trial(run, run, stressor, dial) for run in first.values()]
+    return trials
+
+
+def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
+    """The stressor of training, and its dial, that leads from run a to run b."""
+    if (a.frames == b.frames) == (a.seed == b.seed):
+        raise ValueError(
+            f"{b.folder}: found {b.frames} frames and seed {b.seed}, allowed another number of "
+            f"frames or another seed than {a.folder}, which has {a.frames} and {a.seed}"
+        )
+    return (
+        ("training_frames", float(b.frames)) if a.seed == b.seed else ("training_seed", str(b.seed))
+    )
+
+
+def key_of(trial: Trial, base: Base, seed: int) -> dict[str, str]:
+    run = trial.reference
+    names = (run.detector, run.name, base.lidar.name, base.lidar.preset, base.scene_name)
+    dial = trial.dial if isinstance(trial.dial, str) else f"{trial.dial:g}"
+    values = (*names, trial.stressor.name, dial, str(seed), str(len(base.frames)))
+    return dict(zip(KEY, values, strict=True))
+
+
+def inputs_of(trial: Trial, base: Base) -> str:
+    """A digest of what a row depends on beside its key: models, frames, scene and LiDAR."""
+    parts = [trial.reference.digest, trial.run.digest, str(base.frames), base.identity]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+def row_of(
+    trial: Trial, base: Base, cache: Path, seed: int
+) -> tuple[dict[str, object], pd.DataFrame]:
+    """Detects and scores: a row, and its draws. Raises what simulating and detecting raise."""
+    stressor, dial, folder = trial.stressor, trial.dial, base.folder
+    key = key_of(trial, base, seed)
+    if stressor.world:
+        name = f"{base.scene_name}_{stressor.name}_{key['dial']}"
+        folder = altered_scenes.simulated(base, stressor.world(base, dial), cache, name)
+    found, model = [], trial.run.model(folder)
+    for k in base.frames:
+        points = kitti.read_points(kitti.frame_file(folder, "velodyne", k))
+        if stressor.cloud:
+            points = stressor.apply(points, float(dial), seed, k)
+        found.append(model.predict(points))
+    extra = [dial] if stressor.name == "vehicle_class" and dial not in VEHICLE_TYPES else []
+    types = (*VEHICLE_TYPES, *map(str, extra))
+    chosen = "" if stressor is NONE else f" --stressors {stressor.name} --dials {key['dial']}"
+    scores, draws = score.scored(read_ground_truth(folder, base.frames), found, types)
+    row = {
+        **key,
+        "unit": stressor.unit,
+        "trained_frames": trial.run.frames,
+        "trained_seed": trial.run.seed,
+        **scores,
+        "inputs": inputs_of(trial, base),
+        "command": f"pyinfra stress{chosen} --seed {seed} --frames {len(base.frames)}",
+        "version": __version__,
+        "machine": machine(),
+    }
+    return row, pd.concat([pd.DataFrame([key] * len(draws)), draws.drop(columns="frames")], axis=1)
+
+
+def read(file: Path) -> pd.DataFrame:
+    """The rows that are there; keys are text. Raises ValueError for another table."""
+    if not file.is_file():
+        return pd.DataFrame(columns=list(COLUMNS))
+    table = read_csv(file, WORDS.union(KEY))
+    if "inputs" not in table:  # of an earlier version
+        table["inputs"] = None
+    missing = [name for name in COLUMNS if name not in table and "fine" not in name]
+    if missing:
+        raise ValueError(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
+    return table.fillna({"unit": ""})
+
+
+def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
+    """The row of a trial that has none, unless another process is at it; whether one was added."""
+    file, key = out / "stress.csv", key_of(trial, base, seed)
+    with held(out / "locks" / "_".join(key.values()), wait=False) as ours:
+        if not ours or store.has(read(file), key):
+            return False
+        row, draws = row_of(trial, base, out / "worlds", seed)
+        store.put(out / "stress_draws.csv", draws, KEY)
+        store.put(file, pd.DataFrame([row], columns=list(COLUMNS)), KEY)
+    return True
+
+
+def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
+    """Fills a trial; returns what went wrong.
+
+    Raises what a trial without stress raises: nothing compares without it.
+    """
+    try:
+        fill(trial, base, out, seed)
+    except (OSError, ValueError, RuntimeError) as error:
+        if trial.stressor is NONE:
+            raise
+        return error
+    return None
+
+
+def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterator[Trial]:
+    """The trials without a row. Raises ValueError for a row of the same names, and other inputs."""
+    file = out / "stress.csv"
+    table = read(file)
+    for trial in trials:
+        key = key_of(trial, base, seed)
+        rows = table[store.among(table, pd.DataFrame([key]), KEY)]
+        if len(rows) == 0:
+            yield trial
+        elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
+            raise ValueError(
+                f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
+                "another data set of these names, allowed the same, or another --out"
+            )
+
+
+def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
+    """Names of the stressors that cannot act on a base, by the reason."""
+    reasons: dict[str, list[str]] = {}
+    for stressor in stressors:
+        if why := stressor.lacks(base):
+            reasons.setdefault(why, []).append(stressor.name)
+    return reasons
+
+
+def able(
+    stressors: dict[Stressor, tuple[Dial, ...]], base: Base
+) -> dict[Stressor, tuple[Dial, ...]]:
+    """Those that can act on a base. Raises ValueError if none can."""
+    reasons = left_out(stressors, base)
+    names = {name for each in reasons.values() for name in each}
+    if len(names) == len(stressors):
+        raise ValueError("; ".join(reasons))
+    return {stressor: dials for stressor, dials in stressors.items() if stressor.name not in names}
+
+
+def wrong_worlds(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Dial], Exception]:
+    """What is wrong with the worlds of trials, by Trial.at; nothing is simulated."""
+    wrong: dict[tuple[str, Dial], Exception] = {}
+    for trial in {trial.at: trial for trial in trials if trial.stressor.world}.values():
+        assert trial.stressor.world is not None
+        try:
+            altered_scenes.check(base, trial.stressor.world(base, trial.dial))
+        except (OSError, ValueError, RuntimeError) as error:
+            wrong[trial.at] = error
+    return wrong
+
+
+def seconds_of(trials: Sequence[Trial], base: Base) -> float:
+    """How long trials may take: detection as on two frames now, and a simulation for each world."""
+    files = [kitti.frame_file(base.folder, "velodyne", k) for k in base.frames[:2]]
+    per_run = {}
+    for run in {trial.run.folder: trial.run for trial in trials}.values():
+        start = time.perf_counter()
+        detect(run.model(base.folder), files, None)
+        per_run[run.folder] = (time.perf_counter() - start) / len(files)
+    new = {(c.stressor.name, c.dial) for c in trials if c.stressor.world}
+    return len(new) * WORLD_S + len(base.frames) * sum(per_run[c.run.folder] for c in trials)

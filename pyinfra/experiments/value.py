@@ -1,0 +1,155 @@
+"""Price against performance: what a dollar buys, and which options another one beats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.config import ruled
+from pyinfra.dataset.regions import WINDOW_M, WINDOW_STEP_M
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
+from pyinfra.metrics.row_selection import CELL, each_road_once, with_fine, with_whole
+
+KEY = [*CELL, "seed"]
+RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
+REGION_M = 100.0
+MOUNTS = "mounts"  # column of scenes with several, whose frames are fused
+SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What a site costs beside its LiDARs: assumptions of the user, nothing by default."""
+
+    pole_usd: float = ruled(0.0, 0, 1e7)  # of each mount's
+    installation_usd: float = ruled(0.0, 0, 1e7)  # of each mount: work and permits
+    computer_usd: float = ruled(0.0, 0, 1e7)  # that runs the detector
+    power_w: float = ruled(0.0, 0, 1e5)  # of LiDAR and computer, all day
+    usd_per_kwh: float = ruled(0.0, 0, 100)  # price of energy
+    years: float = ruled(0.0, 0, 100)  # of energy that are counted
+
+    def of_mounts(self, mounts: int) -> Costs:
+        """Of a site with so many: a pole and an installation each."""
+        each = {"pole_usd": self.pole_usd, "installation_usd": self.installation_usd}
+        return replace(self, **{name: mounts * usd for name, usd in each.items()})
+
+    @property
+    def energy_usd(self) -> float:
+        return self.power_w / 1000 * 24 * 365.25 * self.years * self.usd_per_kwh
+
+    @property
+    def site_usd(self) -> float:
+        return sum(self.items().values())
+
+    def items(self) -> dict[str, float]:
+        """What site_usd is the sum of, by column of the table."""
+        return {name: getattr(self, name) for name in SITE_ITEMS}
+
+
+def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
+    """One row a finished cell.
+
+    tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
+    middle of the LiDAR's low and high, times the scene's mounts, and the site's costs; areas and
+    metres are those of the whole road (`with_whole`), the same for every LiDAR. An option is
+    dominated if another one of the same scene, preset, tier and seed costs no more and finds no
+    less of it, by its fine AP, and is better in one.
+    """
+    cells = with_whole(with_fine(tables["cells"].dropna(subset=["ap"])))
+    truth = "all" if cells.empty else str(cells.whole.iloc[0])
+    cells = cells[[*KEY, "ap", "ap_all", "ap_all_fine", "ap_whole", "ap_whole_fine"]]
+    price = tables["lidars"].assign(lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2)[
+        ["lidar", "preset", "lidar_usd"]
+    ]
+    areas = each_road_once(tables["areas"])
+    areas = areas[areas.ground_truth == truth].groupby(KEY, as_index=False)[["n_hqda"]].sum()
+    of_hits = [name for name in ("vehicle_points_per_frame", MOUNTS) if name in tables["hits"]]
+    hits = tables["hits"][["scene", "preset", "lidar", *of_hits]]
+    t = cells.merge(price, on=["lidar", "preset"])
+    t = of_mounts(t, mounts_of(t.merge(hits, how="left")), costs)
+    road = covered(tables["distance"], truth=truth)
+    t = t.merge(areas, on=KEY, how="left").merge(road, on=KEY, how="left")
+    t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
+    usd = t.lidar_usd + t.site_usd
+    t.insert(len(KEY), "price_usd", usd)
+    t["ap_per_1000_usd"] = 1000 * t.ap / usd
+    t["ap_all_per_1000_usd"] = 1000 * t.ap_all / usd
+    t["usd_per_hq_area"] = (usd / t.n_hqda).replace(np.inf, np.nan)
+    t["usd_per_m_road"] = (usd / t.covered_m).replace(np.inf, np.nan)
+    t["points_per_1000_usd"] = 1000 * t.vehicle_points_per_frame / usd
+    t["dominated_by"] = (
+        pd.concat(
+            [rivals.apply(best_rival, axis=1, rivals=rivals) for _, rivals in t.groupby(RIVALS)]
+        )
+        if len(t)
+        else ""
+    )
+    t.insert(len(t.columns) - 1, "pareto", t.dominated_by == "")
+    return t
+
+
+def of_mounts(table: pd.DataFrame, mounts: pd.Series, costs: Costs) -> pd.DataFrame:
+    """With the LiDARs' and the site's costs of each row's mounts."""
+    table["lidar_usd"] *= mounts
+    sites = [costs.of_mounts(n) for n in mounts]
+    items = {item: [site.items()[item] for site in sites] for item in SITE_ITEMS}
+    return table.assign(site_usd=[site.site_usd for site in sites], **items)
+
+
+def mounts_of(table: pd.DataFrame) -> pd.Series:
+    """How many LiDARs a row's frames are of; one where the table does not say."""
+    if MOUNTS not in table:
+        return pd.Series(1, index=table.index)
+    return pd.to_numeric(table[MOUNTS]).fillna(1).astype(int)
+
+
+def covered(
+    distance: pd.DataFrame,
+    above: float = HIGH_QUALITY,
+    within_m: float = REGION_M,
+    truth: str = "all",
+) -> pd.DataFrame:
+    """Metres of road inside windows whose AP of a ground truth is above 85: column covered_m.
+
+    A road goes from the middle of its first window to that of its last one: nothing beyond was
+    evaluated, though half of these windows lies there.
+    within_m: how far along the road, to both sides, from the foot of the sensor. NaN of a
+    site of lanes, which has no windows along a road.
+    """
+    at_once = distance.road == LANES  # whose metres of s are no metres of road
+    lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
+    distance = distance[~at_once]
+    windows = distance[distance.ground_truth == truth]
+    ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
+    good = windows[windows.ap > above]
+    steps = round(WINDOW_M / WINDOW_STEP_M)
+    pieces = pd.concat(
+        [
+            good[[*KEY, "road"]].assign(piece=good.s + WINDOW_STEP_M * (i - steps / 2))
+            for i in range(steps)
+        ]
+    ).drop_duplicates()
+    pieces = pieces.merge(ends, on=[*KEY, "road"])
+    begin = pieces.piece.clip(lower=pieces.begin.clip(lower=-within_m))
+    end = (pieces.piece + WINDOW_STEP_M).clip(upper=pieces.end.clip(upper=within_m))
+    pieces["covered_m"] = (end - begin).clip(lower=0)
+    every = distance[KEY].drop_duplicates()
+    metres = pieces.groupby(KEY).covered_m.sum()
+    found = every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
+    return found if lanes.empty else pd.concat([found, lanes], ignore_index=True)
+
+
+def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
+    """The option that dominates this one with the highest AP; nothing if there is none."""
+    as_cheap, cheaper = (rivals.price_usd <= option.price_usd, rivals.price_usd < option.price_usd)
+    as_good, better = (
+        rivals.ap_whole_fine >= option.ap_whole_fine,
+        rivals.ap_whole_fine > option.ap_whole_fine,
+    )
+    found = rivals[as_cheap & as_good & (cheaper | better)]
+    if found.empty:
+        return ""
+    best = found.loc[found.ap_whole_fine.idxmax()]
+    return f"{best.lidar} {best.detector}"

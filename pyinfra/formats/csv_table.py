@@ -1,0 +1,68 @@
+"""CSV files whose words stay words: a LiDAR may be called `007`, `NA`, `1e5` or `null`."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import FormatError
+
+# Columns of text, in every table that the project writes; all others hold numbers.
+WORDS = frozenset(
+    (
+        "scene lidar preset detector tier run stressor dial unit ground_truth measure world "
+        "label_time road set quality aggregation detail source what claim statement verdict "
+        "dominated_by pareto model "
+        "price_source price_date inputs recipe findings reason command commit version "
+        "frames_version "
+        "latency_version latency_machine machine"
+    ).split()
+)
+
+
+def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
+    """The columns `words` as text, the others as numbers; NaN where a cell is empty.
+
+    Raises FileNotFoundError, and FormatError with file, line and column.
+    """
+    table = read_words(file)
+    found = {
+        name: column.where(column != "", np.nan) if name in words else numbers(file, column)
+        for name, column in table.items()
+    }
+    return pd.DataFrame(found, index=table.index, columns=table.columns)
+
+
+def read_words(file: Path) -> pd.DataFrame:
+    """Every cell as text. Raises FileNotFoundError, and FormatError with file and line."""
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as stream:  # as spreadsheets write
+            rows = list(csv.reader(stream, strict=True))
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise FormatError(f"{file}: is no table: {error}") from None
+    header = rows[0] if rows else []
+    for line, row in enumerate(rows, start=1):
+        if len(row) != len(header) or not row:
+            raise FormatError(f"{file}:{line}: found {len(row)} columns, allowed {len(header)}")
+    twice = [name for i, name in enumerate(header) if name in header[:i]]
+    if twice or not rows:
+        what = f"column {twice[0]} twice, allowed once" if twice else "no columns, allowed some"
+        raise FormatError(f"{file}:1: found {what}")
+    return pd.DataFrame(rows[1:], columns=header, dtype=str)
+
+
+def numbers(file: Path, column: pd.Series) -> pd.Series:
+    """A column of text as numbers, NaN where a cell is empty or says so."""
+    values = pd.to_numeric(column.where(column != "", "nan"), errors="coerce")
+    empty = values.isna()
+    wrong = empty & (column != "") & (column.str.lower() != "nan") if empty.any() else empty
+    if wrong.any():
+        row = wrong.idxmax()
+        raise FormatError(
+            f"{file}:{row + 2}: {column.name}: found '{column[row]}', allowed a number or nothing"
+        )
+    return values

@@ -1,0 +1,160 @@
+"""KITTI's camera frame: x right, y down, z forward, a box's place the middle of its bottom.
+
+Labels stand in the rectified frame of camera 0. A simulated LiDAR's camera stands at the sensor and
+looks along x; a real one is given by its `calib` file. The conventions are the devkit's (readme of
+the KITTI object benchmark, Geiger et al., CVPR 2012).
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.text_table import lines_of
+
+SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {
+    "R0_rect": (3, 3),
+    "Tr_velo_to_cam": (3, 4),
+    "Tr_imu_to_velo": (3, 4),
+}
+# The same matrices in KITTI's tracking benchmark, whose lines may lack the colon, and in that of
+# odometry, whose Tr is from the LiDAR to the rectified camera.
+OTHER_NAMES = {
+    "R_rect": "R0_rect",
+    "Tr_velo_cam": "Tr_velo_to_cam",
+    "Tr_imu_velo": "Tr_imu_to_velo",
+    "Tr": "Tr_velo_to_cam",
+}
+NOT_NEEDED = ("Tr_cam_to_road", "calib_time")  # of KITTI's road benchmark and raw data
+_NOT_A_ROTATION = 0.01  # KITTI's matrices have 7 digits
+_MOST = 1e6  # of a matrix: pixels or metres
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The seven matrices of a calib file; those that boxes do not need may be assumed."""
+
+    P: FloatArray  # (4, 3, 4) projections of the cameras, pixels
+    R0_rect: FloatArray  # (3, 3)
+    Tr_velo_to_cam: FloatArray  # (3, 4)
+    Tr_imu_to_velo: FloatArray  # (3, 4)
+
+    @property
+    def T_camera_lidar(self) -> FloatArray:
+        """(4, 4): from the LiDAR to the rectified camera."""
+        out = np.eye(4)
+        out[:3] = self.R0_rect @ self.Tr_velo_to_cam
+        return out
+
+
+def simulated() -> Calibration:
+    """What `infrasim run` writes: a camera of 1200 x 360 pixels at the sensor, looking along x."""
+    projection = [[700, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]
+    return Calibration(
+        P=np.array([projection] * 4, dtype=np.float64),
+        R0_rect=np.eye(3),
+        Tr_velo_to_cam=np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0]], dtype=np.float64),
+        Tr_imu_to_velo=np.eye(3, 4),
+    )
+
+
+def read_calibration(file: Path) -> Calibration:
+    """The matrices of a calib file of KITTI's object, tracking or odometry benchmark.
+
+    A projection that is not there is that of another camera, as boxes do not need it; without an
+    IMU, Tr_imu_to_velo is the identity. Raises FormatError with file and line.
+    """
+    found: dict[str, FloatArray] = {}
+    rectified = False  # whether the transform from the LiDAR has the rectification in it
+    for number, line in enumerate(lines_of(file), start=1):
+        if not line.strip():
+            continue
+        place, (word, rest) = f"{file}:{number}", _key(line)
+        if word in NOT_NEEDED:
+            continue
+        name = OTHER_NAMES.get(word, word)
+        if name not in SHAPES:
+            raise FormatError(
+                f"{place}: found '{line[:40]}', allowed {', '.join([*SHAPES, *OTHER_NAMES])}"
+            )
+        if name in found:
+            raise FormatError(f"{place}: {name}: found twice, allowed once")
+        found[name] = _matrix(place, name, rest)
+        rectified = rectified or word == "Tr"
+    if rectified:
+        found.setdefault("R0_rect", np.eye(3))
+    found.setdefault("Tr_imu_to_velo", np.eye(3, 4))
+    projections = [found[f"P{i}"] for i in (2, 0, 1, 3) if f"P{i}" in found]
+    missing = [] if projections else ["P2"]
+    missing += [name for name in ("R0_rect", "Tr_velo_to_cam") if name not in found]
+    if missing:
+        raise FormatError(f"{file}: found no {', '.join(missing)}, needed")
+    out = Calibration(
+        np.stack([found.get(f"P{i}", projections[0]) for i in range(4)]),
+        found["R0_rect"],
+        found["Tr_velo_to_cam"],
+        found["Tr_imu_to_velo"],
+    )
+    rotation = out.T_camera_lidar[:3, :3]
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if off > _NOT_A_ROTATION or np.linalg.det(rotation) < 0:
+        raise FormatError(f"{file}: R0_rect Tr_velo_to_cam: found no rotation, allowed a rotation")
+    return out
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """The text of a calib file, in the devkit's order."""
+    matrices = {f"P{i}": calibration.P[i] for i in range(4)}
+    matrices |= {name: getattr(calibration, name) for name in list(SHAPES)[4:]}
+    return "".join(
+        f"{name}: {' '.join(f'{value:.15g}' for value in matrix.ravel())}\n"
+        for name, matrix in matrices.items()
+    )
+
+
+def boxes_from_camera(values: FloatArray, calibration: Calibration) -> FloatArray:
+    """h w l x y z rotation_y (k, 7) of label files as boxes (k, 7) x y z dx dy dz heading."""
+    h, w, l, x, y, z, rotation_y = values.T  # noqa: E741
+    T_lidar_camera = np.linalg.inv(calibration.T_camera_lidar)
+    middle = np.stack([x, y - h / 2, z], axis=1)
+    centre = middle @ T_lidar_camera[:3, :3].T + T_lidar_camera[:3, 3]
+    ahead = np.stack([np.cos(rotation_y), np.zeros_like(x), -np.sin(rotation_y)], axis=1)
+    ahead = ahead @ T_lidar_camera[:3, :3].T
+    heading = np.arctan2(ahead[:, 1], ahead[:, 0])
+    return np.column_stack([centre, l, w, h, heading])
+
+
+def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
+    """The inverse of boxes_from_camera; exact where the camera's y points straight down."""
+    T_camera_lidar = calibration.T_camera_lidar
+    middle = boxes[:, :3] @ T_camera_lidar[:3, :3].T + T_camera_lidar[:3, 3]
+    heading = boxes[:, 6]
+    ahead = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=1)
+    ahead = ahead @ T_camera_lidar[:3, :3].T
+    rotation_y = np.arctan2(-ahead[:, 2], ahead[:, 0])
+    dx, dy, dz = boxes[:, 3], boxes[:, 4], boxes[:, 5]
+    x, y, z = middle.T
+    return np.column_stack([dz, dy, dx, x, y + dz / 2, z, rotation_y])
+
+
+def _key(line: str) -> tuple[str, str]:
+    """The name of a line, with a colon or none behind it, and the rest."""
+    name, _, rest = line.strip().partition(":" if ":" in line else " ")
+    return name.strip(), rest
+
+
+def _matrix(place: str, name: str, text: str) -> FloatArray:
+    shape = SHAPES[name]
+    try:
+        values = np.array(text.split(), dtype=np.float64)
+    except ValueError:
+        raise FormatError(f"{place}: {name}: found a word, allowed numbers") from None
+    if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
+        raise FormatError(
+            f"{place}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones "
+            f"to {_MOST:g}"
+        )
+    return values.reshape(shape)

@@ -1,0 +1,210 @@
+"""Readers of the parts of a frame. All results are in the levelled LiDAR frame."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyinfra.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, Records
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.kitti.camera import Calibration, boxes_from_camera, simulated
+from pyinfra.formats.kitti.layout import (
+    FARTHEST_M,
+    FIELDS,
+    FRAME_COLUMNS,
+    LABEL_COLUMNS,
+    OBJECT_COLUMNS,
+    PITCH_COLUMN,
+    SCAN_COLUMNS,
+    Labels,
+    Objects,
+)
+from pyinfra.formats.text_table import (
+    MOST_RADIANS,
+    RADIANS,
+    ColumnRule,
+    NamedRows,
+    between,
+    lines_of,
+)
+
+_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # of a side of a box
+_MOST = 2**31 - 1  # of an id and of points
+_ROUNDED_M = 0.05  # of a distance
+_LONGEST_FRAME_S = 60.0
+_EARLIEST_S = -0.2  # by the first clock of several, whose frames begin up to 0.1 s off each way
+_COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
+_MIDDLE_S = "0.05"  # of a frame of version 0.2
+
+
+def _size(v: FloatArray) -> BoolArray:
+    return np.asarray((v > _SHORTEST_M) & (v <= _LONGEST_M))
+
+
+def _place(columns: str) -> ColumnRule:
+    return between(columns.split(), -FARTHEST_M, FARTHEST_M)
+
+
+def _sides(columns: str) -> ColumnRule:
+    return ColumnRule(tuple(columns.split()), _size, f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}")
+
+
+def _angle(column: str) -> ColumnRule:
+    return ColumnRule((column,), lambda v: np.abs(v) <= MOST_RADIANS, RADIANS)
+
+
+OBJECT_NUMBERS = tuple(name for name in OBJECT_COLUMNS if name != "class")
+BOX_RULES = (_place("x y z"), _sides("dx dy dz"), _angle("heading"))
+OBJECT_RULES = (
+    *BOX_RULES,
+    between(["speed"], 0, 1000),
+    _place("scan_x scan_y scan_z"),
+    _angle("scan_heading"),
+    between(["scan_time_s"], _EARLIEST_S, _LONGEST_FRAME_S),
+    between(["id", "points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
+    ColumnRule(
+        _COUNTS_IN_BOXES, lambda v, points: v <= points, "at most the points", beside=("points",)
+    ),
+    ColumnRule(
+        ("distance",),
+        lambda v, x, y: np.abs(v - np.hypot(x, y)) <= _ROUNDED_M,
+        "the distance of x and y",
+        beside=("x", "y"),
+    ),
+    ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
+)
+LABEL_RULES = (_sides("h w l"), _place("x y z"), _angle("rotation_y"))
+# A detector may be wild: of what it says only the sizes must be some.
+RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
+
+
+def read_points(file: Path) -> Float32Array:
+    """Returns of one frame: (n, 4) float32, x y z intensity, intensity in [0, 1].
+
+    Raises FormatError if the file is cut short, or a value is not finite or beyond 10 km.
+    """
+    points = _records(file, np.dtype(("<f4", 4)), "x y z intensity, float32")
+    bad = np.flatnonzero(~(np.abs(points) <= FARTHEST_M).all(axis=1))
+    if len(bad) > 0:
+        raise FormatError(
+            f"{file}: point {bad[0]}: found {points[bad[0]]}, "
+            f"allowed finite values from {-FARTHEST_M:g} to {FARTHEST_M:g}"
+        )
+    return points
+
+
+def read_fields(file: Path) -> Records:
+    """What else is known of each return, in the order of velodyne: (n,) records of FIELDS.
+
+    time_s: since the start of the frame; ring: 0 at the lowest elevation; class: of the object or
+    of the background's material; object_id: -1 for background.
+    Raises FormatError if the file is cut short.
+    """
+    return _records(file, FIELDS, "time_s ring class object_id")
+
+
+PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
+
+
+def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
+    """The cells of OBJECT_COLUMNS of each line; None if the header is none of an objects file.
+
+    Up to version 0.2 there was no scan: it is then as if it had been at mid-frame. A pitch, which
+    the boxes of labels do not have, is left out.
+    """
+    rows = [line.split(",") for line in lines]
+    if header == PITCHED_HEADER:
+        return [r[:-1] for r in rows]
+    if header == ",".join(OBJECT_COLUMNS):
+        return rows
+    if header != ",".join(FRAME_COLUMNS):
+        return None
+    whole = len(FRAME_COLUMNS)
+    return [[*r, *r[2:5], r[8], _MIDDLE_S, r[11]] if len(r) == whole else r for r in rows]
+
+
+def read_objects(file: Path) -> Objects:
+    """The vehicles of one frame; a frame without vehicles gives k = 0.
+
+    Raises FormatError with file and line.
+    """
+    lines = lines_of(file, whole=True)
+    header = lines[0] if lines else ""
+    rows = object_rows(header, lines[1:])
+    if rows is None:
+        raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(OBJECT_COLUMNS)}'")
+    table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
+    table.check(OBJECT_RULES)
+    ids, first = np.unique(table["id"], return_index=True)
+    if len(ids) < len(rows):
+        again = min(set(range(len(rows))) - set(first.tolist()))
+        table.fail(again, f"id: found {table['id'][again]:.0f} twice", "once a frame")
+    pitch = _pitch(file, lines) if header == PITCHED_HEADER else None
+    boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)
+    scan = np.stack([table[c] for c in SCAN_COLUMNS[:4]], axis=1)
+    return Objects(
+        ids=table["id"].astype(np.int64),
+        names=table.names,
+        boxes=boxes,
+        speed=table["speed"],
+        points=table["points"].astype(np.int64),
+        points_in_box=table["points_in_box"].astype(np.int64),
+        distance=table["distance"],
+        visibility=table["visibility"],
+        scan_boxes=scan_boxes(boxes, scan),
+        scan_time_s=table["scan_time_s"],
+        points_in_scan_box=table["points_in_scan_box"].astype(np.int64),
+        pitch=pitch,
+    )
+
+
+def _pitch(file: Path, lines: Sequence[str]) -> FloatArray:
+    """(k,) of the last cells of the rows."""
+    cells = [["row", line.rsplit(",", 1)[-1]] for line in lines[1:]]
+    table = NamedRows(file, range(2, 1 + len(lines)), cells, ["row", PITCH_COLUMN], "row")
+    table.check((_angle(PITCH_COLUMN),))
+    return table[PITCH_COLUMN]
+
+
+def scan_boxes(boxes: FloatArray, scan: FloatArray) -> FloatArray:
+    """Boxes (k, 7) of mid-frame at the poses x y z heading (k, 4) of their scan."""
+    return np.column_stack([scan[:, :3], boxes[:, 3:6], scan[:, 3]])
+
+
+def read_labels(
+    file: Path,
+    *,
+    scores: bool = False,
+    calibration: Calibration | None = None,
+    dont_care: bool = False,
+) -> Labels:
+    """The boxes of a label file, or with `scores` of a prediction file, in the LiDAR frame.
+
+    calibration: of the frame's camera; that of a simulated LiDAR by default. DontCare regions are
+    left out unless asked for; blank lines are no boxes, and an empty file gives k = 0.
+    Raises FormatError with file and line, also for scores in a label file and none in predictions,
+    and for a rotation_y of a label that must be in degrees.
+    """
+    columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
+    rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
+    table = NamedRows(file, list(rows), list(rows.values()), columns, "type")
+    known = table.names != "DontCare"
+    table.check(RESULT_RULES if scores else LABEL_RULES, known)
+    keep = known | dont_care
+    values = table.values[keep]
+    return Labels(
+        names=table.names[keep],
+        boxes=boxes_from_camera(values[:, 7:14], calibration or simulated()),
+        scores=values[:, 14] if scores else None,
+        image=values[:, :7],
+    )
+
+
+def _records(file: Path, record: np.dtype[Any], what: str) -> AnyArray:
+    size = file.stat().st_size
+    if size % record.itemsize != 0:
+        raise FormatError(
+            f"{file}: found {size} bytes, allowed a multiple of {record.itemsize} ({what})"
+        )
+    return np.fromfile(file, dtype=record)

@@ -1,0 +1,149 @@
+"""Writers of the layout. A file is written beside its place and renamed: it is whole or not there.
+
+What a reader of this package gives is written back as it was: text to its decimals, clouds byte for
+byte.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, Points, Records
+from pyinfra.core.files import write
+from pyinfra.formats.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
+from pyinfra.formats.kitti.layout import (
+    FARTHEST_M,
+    FIELDS,
+    OBJECT_COLUMNS,
+    Labels,
+    Objects,
+    Part,
+    frame_file,
+)
+from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
+from pyinfra.formats.text_table import rules_hold
+
+_IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in height
+
+
+def write_points(file: Path, points: Points) -> None:
+    """points: (n, 4) float32, x y z intensity, within 10 km. Raises ValueError for others."""
+    if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
+        raise ValueError(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
+    if not (np.abs(points) <= FARTHEST_M).all():
+        raise ValueError("points: found values that are not finite or beyond 10 km")
+    write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
+
+
+def write_fields(file: Path, fields: Records) -> None:
+    """fields: (n,) records of FIELDS. Raises ValueError for another type."""
+    if fields.dtype != FIELDS or fields.ndim != 1:
+        raise ValueError(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
+    write(file, fields.tobytes())
+
+
+def write_objects(file: Path, objects: Objects) -> None:
+    """With a last column for the pitch if there is one.
+
+    Raises ValueError for numbers that read_objects does not take.
+    """
+    o = objects
+    pitch = o.pitch
+    pose = o.scan_boxes[:, [0, 1, 2, 6]]
+    values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
+    values += [pose, o.scan_time_s, o.points_in_scan_box]
+    if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
+        raise ValueError("objects: found values out of range")
+    if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
+        raise ValueError("objects: found a pitch beyond a whole turn, or that is no number")
+    if len(np.unique(o.ids)) < len(o):
+        raise ValueError("objects: found an id twice, allowed once a frame")
+    lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
+    for i in range(len(o)):
+        numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
+        numbers += [f"{o.boxes[i, 6]:.6f}", f"{o.speed[i]:.4f}"]
+        counts = [str(o.points[i]), str(o.points_in_box[i])]
+        last = [
+            f"{o.distance[i]:.4f}",
+            f"{o.visibility[i]:.4f}",
+            *(f"{v:.4f}" for v in pose[i, :3]),
+        ]
+        last += [f"{pose[i, 3]:.6f}", f"{o.scan_time_s[i]:.6f}", str(o.points_in_scan_box[i])]
+        last += [f"{pitch[i]:.6f}"] if pitch is not None else []
+        lines.append(",".join([str(o.ids[i]), str(o.names[i]), *numbers, *counts, *last]))
+    _replace_lines(file, lines)
+
+
+def write_labels(file: Path, labels: Labels, calibration: Calibration | None = None) -> None:
+    """Labels, or with scores predictions, in the frame of the calibration's camera.
+
+    calibration: that of a simulated LiDAR by default. Truncation, occlusion, alpha and the box in
+    the image are those the labels bring, else 0, 0, the angle of the place, and 50 x 50 pixels.
+    Raises ValueError for numbers that are not finite.
+    """
+    camera = boxes_to_camera(labels.boxes, calibration or simulated())
+    image = _image_columns(camera) if labels.image is None else labels.image
+    scores = np.empty((len(labels), 0)) if labels.scores is None else labels.scores[:, None]
+    known = labels.names != "DontCare"
+    _check(np.column_stack([camera, image, scores]), labels.boxes[known])
+    lines = []
+    for name, i, c, s in zip(labels.names, image, camera, scores, strict=True):
+        words = [f"{i[0]:.2f}", f"{i[1]:.0f}", f"{i[2]:.6f}", *(f"{v:.2f}" for v in i[3:])]
+        words += [*(f"{v:.4f}" for v in c[:6]), f"{c[6]:.6f}", *(f"{v:.6f}" for v in s)]
+        lines.append(" ".join([str(name), *words]))
+    _replace_lines(file, lines)
+
+
+def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
+    """calibration: that of a simulated LiDAR by default."""
+    write(file, calibration_text(calibration or simulated()).encode())
+
+
+def write_frame(
+    lidar_folder: Path,
+    frame: int,
+    points: Points,
+    labels: Labels,
+    *,
+    objects: Objects | None = None,
+    fields: Records | None = None,
+    calibration: Calibration | None = None,
+) -> None:
+    """All parts of a frame, the cloud last: a frame exists if and only if its .bin does.
+
+    Makes the folders that are missing. Raises ValueError as the writers of the parts do.
+    """
+
+    def place(part: Part) -> Path:
+        file = frame_file(lidar_folder, part, frame)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        return file
+
+    write_labels(place("label_2"), labels, calibration)
+    write_calibration(place("calib"), calibration)
+    if objects is not None:
+        write_objects(place("objects"), objects)
+    if fields is not None:
+        write_fields(place("fields"), fields)
+    write_points(place("velodyne"), points)
+
+
+def _image_columns(camera: FloatArray) -> FloatArray:
+    """truncated occluded alpha x1 y1 x2 y2 of boxes that no image shows."""
+    x, z, rotation_y = camera[:, 3], camera[:, 5], camera[:, 6]
+    alpha = rotation_y - np.arctan2(x, z)
+    alpha = (alpha + np.pi) % (2 * np.pi) - np.pi
+    zero = np.zeros_like(alpha)
+    return np.column_stack([zero, zero, alpha, np.tile(_IMAGE_BOX, (len(alpha), 1))])
+
+
+def _check(values: FloatArray, boxes: FloatArray) -> None:
+    if not np.isfinite(values).all():
+        raise ValueError("found values that are not finite")
+    if (boxes[:, 3:6] <= 0).any():
+        raise ValueError("boxes: found a size of 0 or less, allowed more than 0")
+
+
+def _replace_lines(file: Path, lines: Iterable[str]) -> None:
+    write(file, "".join(f"{line}\n" for line in lines))

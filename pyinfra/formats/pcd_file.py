@@ -1,0 +1,256 @@
+"""The PCD file format, version 0.7: a header of text, then the points.
+
+After its public description (Point Cloud Library, "The PCD file format").
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, NoReturn
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.core.arrays import AnyArray, FloatArray, Records
+from pyinfra.core.errors import FormatError, missing
+from pyinfra.core.files import write
+from pyinfra.formats.kitti.layout import FARTHEST_M
+
+TYPES = {"F4": "<f4", "F8": "<f8"} | {
+    f"{t}{n}": f"<{t.lower()}{n}" for t in "IU" for n in (1, 2, 4, 8)
+}
+LETTERS = {"f": "F", "i": "I", "u": "U"}
+NEEDED = ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA")
+KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
+MOST_LINES = 50  # of a header
+MOST_POINTS = 999_999_999
+MOST_LZF = 90  # LZF makes of 3 bytes at most 264
+QUATERNION = (0.9, 1.1)  # its length; rounded
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """The pose of the sensor in the frame of the place: VIEWPOINT x y z, quaternion w x y z."""
+
+    shift: FloatArray  # (3,), in the unit of the points
+    turn: FloatArray  # (3, 3), from the frame of the points as they are stored
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the shift would move points farther than clouds reach, as one on Earth does."""
+        return bool(np.abs(self.shift).max() >= FARTHEST_M)
+
+    @property
+    def applied_shift(self) -> FloatArray:
+        return np.zeros(3) if self.is_far else self.shift
+
+    @property
+    def angle_deg(self) -> float:
+        return float(np.degrees(Rotation.from_matrix(self.turn).magnitude()))
+
+    @property
+    def is_identity(self) -> bool:
+        return not self.shift.any() and np.array_equal(self.turn, np.eye(3))
+
+    def apply(self, columns: list[AnyArray], *, shifted: bool = True) -> list[AnyArray]:
+        """x, y, z (n,) in the frame of the place; 0 0 0 stands for no return and stays."""
+        stored = np.stack([column.astype(np.float64) for column in columns], axis=1)
+        with np.errstate(invalid="ignore"):  # not finite: no return
+            moved = stored @ self.turn.T + (self.applied_shift if shifted else 0)
+        moved[~stored.any(axis=1)] = 0
+        return list(moved.T)
+
+
+@dataclass(frozen=True)
+class Header:
+    """Of a file; fields have their names in small letters, but for those that differ in that."""
+
+    file: Path
+    record: np.dtype[np.void]
+    points: int
+    data: str
+    viewpoint: Viewpoint
+
+
+def write_pcd(file: Path, records: Records) -> None:
+    """records: (n,) with one number per field, in binary; the viewpoint is the origin."""
+    names = records.dtype.names or ()
+    types = [records.dtype[name] for name in names]
+    header = [
+        "# .PCD v0.7 - Point Cloud Data file format",
+        "VERSION 0.7",
+        f"FIELDS {' '.join(names)}",
+        f"SIZE {' '.join(str(t.itemsize) for t in types)}",
+        f"TYPE {' '.join(LETTERS[t.kind] for t in types)}",
+        f"COUNT {' '.join('1' for _ in types)}",
+        f"WIDTH {len(records)}",
+        "HEIGHT 1",
+        "VIEWPOINT 0 0 0 1 0 0 0",
+        f"POINTS {len(records)}",
+        "DATA binary",
+    ]
+    # Not by tofile, which does not see that a disk is full when it closes the file.
+    write(file, "".join(f"{line}\n" for line in header).encode() + records.tobytes())
+
+
+def read_pcd(file: Path) -> Records:
+    """(n,) records with the fields of the file, ascii, binary or compressed, as they are stored.
+
+    Names are in small letters, see Header. Raises FormatError with the line of the header,
+    ImportError for a compressed file without the extra `exchange`.
+    """
+    with file.open("rb") as stream:
+        header = _read_header(file, stream)
+        ways = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}
+        if header.data not in ways:
+            _fail(file, f"DATA: found '{header.data}', allowed {', '.join(ways)}")
+        return ways[header.data](header, stream)
+
+
+def read_header(file: Path) -> Header:
+    """Raises FormatError with the line of the header."""
+    with file.open("rb") as stream:
+        return _read_header(file, stream)
+
+
+def _read_header(file: Path, stream: BinaryIO) -> Header:
+    words: dict[str, list[str]] = {}
+    lines: dict[str, int] = {}
+    for number in range(1, MOST_LINES + 1):
+        line = stream.readline(10_000)
+        key, *rest = line.decode("ascii", "replace").split() or [""]
+        if line and (not key or key.startswith("#")):
+            continue
+        if key not in KEYS or not rest:
+            _fail(file, f"found '{key[:20]}', allowed {', '.join(KEYS)} and a value", number)
+        words[key], lines[key] = rest, number
+        if key == "DATA":
+            break
+    absent = [key for key in NEEDED if key not in words]
+    if absent:
+        _fail(file, f"found no {', '.join(absent)} in the header, needed")
+    words.setdefault("COUNT", ["1"] * len(words["FIELDS"]))
+    return Header(
+        file,
+        _record(file, words),
+        _count(file, "POINTS", words),
+        words["DATA"][0],
+        _viewpoint(file, words.get("VIEWPOINT", []), lines.get("VIEWPOINT")),
+    )
+
+
+def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
+    if not words:
+        return Viewpoint(np.zeros(3), np.eye(3))
+    try:
+        values = np.array(words, dtype=np.float64)
+    except ValueError:
+        values = np.empty(0)
+    if values.shape != (7,) or not np.isfinite(values).all():
+        got = " ".join(words)[:60]
+        _fail(file, f"VIEWPOINT: expected 7 finite numbers, got '{got}'", line)
+    shift, (w, x, y, z) = values[:3], values[3:]
+    length = float(np.linalg.norm(values[3:]))
+    if length == 0:  # of writers that know no turn
+        return Viewpoint(shift, np.eye(3))
+    if not QUATERNION[0] <= length <= QUATERNION[1]:
+        _fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
+    upright = (w, x, y, z) == (w, 0, 0, 0)
+    return Viewpoint(shift, np.eye(3) if upright else Rotation.from_quat([x, y, z, w]).as_matrix())
+
+
+def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
+    names, sizes, letters, counts = (words[key] for key in ("FIELDS", "SIZE", "TYPE", "COUNT"))
+    if not len(names) == len(sizes) == len(letters) == len(counts):
+        _fail(file, "FIELDS, SIZE, TYPE, COUNT: found different lengths, allowed the same")
+    small = Counter(name.lower() for name in names)
+    names = [name.lower() if small[name.lower()] == 1 else name for name in names]
+    fields = []
+    for i, (name, size, letter, count) in enumerate(
+        zip(names, sizes, letters, counts, strict=True)
+    ):
+        if letter + size not in TYPES:
+            _fail(file, f"{name}: found TYPE {letter} SIZE {size}, allowed {', '.join(TYPES)}")
+        if not count.isdecimal() or len(count) > 5 or not 1 <= int(count) <= 10_000:
+            _fail(file, f"{name}: found COUNT {count[:20]}, allowed 1 to 10000")
+        shape = () if count == "1" else (int(count),)
+        fields.append((f"_{i}" if name == "_" else name, TYPES[letter + size], shape))
+    try:
+        return np.dtype(fields)
+    except ValueError as error:
+        _fail(file, f"FIELDS: {error}")
+
+
+def _count(file: Path, key: str, words: dict[str, list[str]]) -> int:
+    if not words[key][0].isdecimal() or len(words[key][0]) > len(str(MOST_POINTS)):
+        found = words[key][0][:20]
+        _fail(file, f"{key}: found '{found}', allowed a whole number from 0 to {MOST_POINTS}")
+    return int(words[key][0])
+
+
+def _ascii(header: Header, stream: BinaryIO) -> Records:
+    lines = stream.read().decode("ascii", "replace").splitlines()
+    lines = [line for line in lines if line.strip()]
+    if len(lines) != header.points:
+        _fail(header.file, f"found {len(lines)} points, allowed {header.points}")
+    if not lines:
+        return np.empty(0, dtype=header.record)
+    try:
+        return np.atleast_1d(np.loadtxt(io.StringIO("\n".join(lines)), dtype=header.record))
+    except ValueError as error:
+        _fail(header.file, f"points: {error}")
+
+
+def _binary(header: Header, stream: BinaryIO) -> Records:
+    size = header.points * header.record.itemsize
+    data = stream.read()
+    if len(data) < size:
+        _fail(header.file, f"found {len(data)} bytes of points, allowed {size}: is it cut short?")
+    _check_end(header, len(data), size)
+    return np.frombuffer(data, dtype=header.record, count=header.points)
+
+
+def _check_end(header: Header, got: int, expected: int) -> None:
+    """More than the header says is of a wrong header, or of two files in one."""
+    if got > expected:
+        what = f"expected {expected} bytes of points, got {got}"
+        _fail(header.file, f"{what}: do FIELDS, SIZE, COUNT and POINTS fit?")
+
+
+def _compressed(header: Header, stream: BinaryIO) -> Records:
+    """One field after another, all of it by LZF."""
+    try:
+        import lzf
+    except ImportError:
+        raise missing("python-neo-lzf", "exchange") from None
+    size = header.points * header.record.itemsize
+    lengths, data = stream.read(8), stream.read()
+    if size == 0:
+        _check_end(header, len(data), 0)
+        return np.empty(0, dtype=header.record)
+    packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
+    if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
+        found = f"{len(data)} of {packed} packed bytes for {unpacked}"
+        _fail(header.file, f"found {found}, allowed all of them for {size}: is it cut short?")
+    _check_end(header, len(data), packed)
+    try:
+        plain = lzf.decompress(data[:packed], size)
+    except ValueError:
+        plain = None
+    if plain is None or len(plain) != size:
+        _fail(header.file, "points: found no LZF data, allowed what DATA binary_compressed says")
+    out = np.empty(header.points, dtype=header.record)
+    start = 0
+    for name in header.record.names or ():
+        column = out[name]
+        out[name] = np.frombuffer(plain, column.dtype, column.size, start).reshape(column.shape)
+        start += column.nbytes
+    return out
+
+
+def _fail(file: Path, what: str, line: int | None = None) -> NoReturn:
+    raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")

@@ -1,0 +1,124 @@
+"""Rows of words and numbers whose errors name file, line and column."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, NameArray
+from pyinfra.core.errors import FormatError
+
+MOST_RADIANS = 2 * math.pi + 0.01  # rounded; an angle beyond it is in degrees
+RADIANS = "-2 pi to 2 pi, in radians"
+
+
+@dataclass(frozen=True)
+class ColumnRule:
+    """What each of some columns may hold."""
+
+    columns: tuple[str, ...]
+    holds: Callable[..., BoolArray]  # of the column, and of those that it depends on; elementwise
+    allowed: str  # in words
+    beside: tuple[str, ...] = ()  # what it depends on
+
+
+def between(columns: Sequence[str], low: float, high: float, *, whole: bool = False) -> ColumnRule:
+    """Numbers from low to high."""
+
+    def holds(v: FloatArray) -> BoolArray:
+        inside = (v >= low) & (v <= high)
+        return np.asarray(inside & (v == np.floor(v)) if whole else inside)
+
+    kind = "a whole number from " if whole else ""
+    return ColumnRule(tuple(columns), holds, f"{kind}{low:.10g} to {high:.10g}")
+
+
+def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[ColumnRule]) -> bool:
+    """Whether the rows (n, columns) keep all rules."""
+    column = {name: values[:, i] for i, name in enumerate(columns)}
+    return all(
+        bool(rule.holds(column[name], *(column[b] for b in rule.beside)).all())
+        for rule in rules
+        for name in rule.columns
+    )
+
+
+def lines_of(file: Path, *, whole: bool = False) -> list[str]:
+    """Lines without the byte order mark of spreadsheet programs.
+
+    whole: of a file that a run wrote, so that a last line without an end is a file cut short.
+    Raises FormatError, also if the text is not UTF-8.
+    """
+    data = file.read_bytes()
+    try:
+        lines = data.decode().removeprefix("\ufeff").splitlines()
+    except UnicodeDecodeError as error:
+        raise FormatError(f"{file}: found byte {error.start} that is not UTF-8") from None
+    if whole and not is_whole(data):
+        raise FormatError(f"{file}:{len(lines)}: found no end of the line: is it cut short?")
+    return lines
+
+
+def is_whole(data: bytes) -> bool:
+    """Whether a text is nothing or ends with the end of a line."""
+    return not data or data.endswith(b"\n")
+
+
+class NamedRows:
+    """Rows of numbers with one column of names; errors name file, line and column.
+
+    lines: where the rows stand in the file.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        lines: Sequence[int],
+        rows: Sequence[Sequence[str]],
+        columns: Sequence[str],
+        name_column: str,
+    ) -> None:
+        self.file, self.lines = file, lines
+        self.columns = [c for c in columns if c != name_column]
+        at = columns.index(name_column)
+        for i, row in enumerate(rows):
+            if len(row) != len(columns):
+                self.fail(i, f"found {len(row)} columns", f"{len(columns)}: {' '.join(columns)}")
+            if not row[at]:
+                self.fail(i, f"{name_column}: found nothing", "a name")
+        self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
+        cells = [[*row[:at], *row[at + 1 :]] for row in rows]
+        try:
+            values = np.array(cells, dtype=np.float64).reshape(len(rows), len(self.columns))
+        except ValueError:
+            self._fail_at_word(cells)
+        self.values: FloatArray = values
+        self.check([ColumnRule(tuple(self.columns), np.isfinite, "a finite number")])
+
+    def __getitem__(self, column: str) -> FloatArray:
+        return self.values[:, self.columns.index(column)]
+
+    def check(self, rules: Sequence[ColumnRule], rows: BoolArray | None = None) -> None:
+        """rows: (n,), those that the rules are for; all by default."""
+        for rule in rules:
+            for column in rule.columns:
+                holds = rule.holds(self[column], *(self[name] for name in rule.beside))
+                bad = np.flatnonzero(~holds if rows is None else ~holds & rows)
+                if len(bad) > 0:
+                    found = f"{column}: found {self[column][bad[0]]:g}"
+                    self.fail(int(bad[0]), found, rule.allowed)
+
+    def fail(self, row: int, found: str, allowed: str) -> NoReturn:
+        raise FormatError(f"{self.file}:{self.lines[row]}: {found}, allowed {allowed}")
+
+    def _fail_at_word(self, cells: Sequence[Sequence[str]]) -> NoReturn:
+        for i, row in enumerate(cells):
+            for column, cell in zip(self.columns, row, strict=True):
+                try:
+                    float(cell)
+                except ValueError:
+                    self.fail(i, f"{column}: found '{cell}'", "a number")
+        raise AssertionError(cells)

@@ -1,0 +1,129 @@
+"""YAML files whose errors name file, line and key."""
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from pyinfra.core.config import NO_VALUE, compose
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.text_table import lines_of
+
+
+def read_yaml(file: Path) -> "YamlNode":
+    """The root of a YAML file. Raises FormatError with file and line."""
+    return YamlNode(file, _parsed(file, compose), "")
+
+
+def parse_yaml(text: str, name: str) -> "YamlNode":
+    """The root of a YAML text; name stands for its file in messages. Raises FormatError."""
+    return YamlNode(Path(name), compose(text), "")
+
+
+def read_keys(file: Path) -> dict[str, Any]:
+    """All keys and values of a YAML file. Raises FormatError with file and line."""
+    _parsed(file, compose)  # knows more of what is wrong
+    found = _parsed(file, yaml.safe_load)
+    if not isinstance(found, dict):
+        raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
+    return found
+
+
+def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
+    """Whatever PyYAML raises is a FormatError that starts with the file."""
+    try:
+        return parse("\n".join(lines_of(file)))
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
+    except FormatError:
+        raise
+    except (yaml.YAMLError, *NO_VALUE) as error:  # a character that YAML has not, 2025-13-45
+        raise FormatError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
+
+
+class YamlNode:
+    """A node of a YAML file that knows its place; errors name file, line and key."""
+
+    def __init__(self, file: Path, node: yaml.Node | None, key: str) -> None:
+        self.file, self.node, self.key = file, node, key
+
+    def at(self, key: str) -> "YamlNode":
+        path = f"{self.key}.{key}" if self.key else key
+        if not isinstance(self.node, yaml.MappingNode):
+            self.fail(f"found no mapping, allowed one with {key}")
+        found = [node for name, node in self.node.value if name.value == key]
+        if not found:
+            self.fail(f"found no key '{key}', it is needed")
+        if len(found) > 1:
+            YamlNode(self.file, found[1], path).fail("found twice, allowed once")
+        return YamlNode(self.file, found[0], path)
+
+    def items(self) -> "list[YamlNode]":
+        if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
+            self.fail("found no list, allowed one with an entry or more")
+        return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
+
+    def maybe(self, key: str) -> "YamlNode | None":
+        """What a key has, if it is there."""
+        node = self.node
+        names = [name.value for name, _ in node.value] if isinstance(node, yaml.MappingNode) else []
+        return self.at(key) if key in names else None
+
+    def entries(self, key: str) -> "list[YamlNode]":
+        """The entries of a list; none if it is empty or not there."""
+        found = self.maybe(key)
+        return found.items() if found and found.node and found.node.value else []
+
+    def values(self, key: str) -> "list[YamlNode]":
+        """What a map has, in the order of the file; none if it is not there."""
+        found = self.maybe(key)
+        if found is None:
+            return []
+        if not isinstance(found.node, yaml.MappingNode):
+            found.fail("found no mapping, allowed one")
+        return [YamlNode(self.file, node, f"{found.key}.{k.value}") for k, node in found.node.value]
+
+    def text(self) -> str:
+        if not isinstance(self.node, yaml.ScalarNode):
+            self.fail("found a collection, allowed one value")
+        return str(self.node.value)
+
+    def number(
+        self, low: float = -math.inf, high: float = math.inf, *, or_nan: bool = False
+    ) -> float:
+        """A finite number from low to high; or_nan: or .nan, which says that it is not known."""
+        text = self.text()
+        try:
+            value = float(text.replace(".inf", "inf").replace(".nan", "nan"))
+        except ValueError:
+            self.fail(f"found '{text}', allowed a number")
+        if or_nan and math.isnan(value):
+            return value
+        if not (math.isfinite(value) and low <= value <= high):
+            self.fail(f"found {text}, allowed {low:g} to {high:g}")
+        return value
+
+    def whole(self, high: int) -> int:
+        """A whole number from 0 to high."""
+        text = self.text()
+        if not re.fullmatch(r"[0-9]{1,20}", text) or int(text) > high:
+            self.fail(f"found '{text[:40]}', allowed a whole number from 0 to {high}")
+        return int(text)
+
+    def interval(self, low: float, high: float) -> tuple[float, float]:
+        values = [item.number(low, high) for item in self.items()]
+        if len(values) != 2 or values[0] > values[1]:
+            self.fail(f"found {values}, allowed two numbers in ascending order")
+        return values[0], values[1]
+
+    def fail(self, what: str) -> NoReturn:
+        raise FormatError(f"{self.place()}: {what}")
+
+    def place(self) -> str:
+        """`file:line: key`, without the key at the root."""
+        line = self.node.start_mark.line + 1 if self.node is not None else 1
+        return f"{self.file}:{line}" + (f": {self.key}" if self.key else "")

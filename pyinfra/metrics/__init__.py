@@ -1,0 +1,1 @@
+"""Matching, average precision, points per vehicle, intervals and comparisons."""

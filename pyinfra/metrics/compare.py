@@ -1,0 +1,62 @@
+"""The paired difference of two evaluations, with its interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pyinfra.core.errors import Error
+from pyinfra.metrics.comparison import Measured, over_worlds
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.replicates import difference
+
+
+def compare(
+    a: Evaluation | Sequence[Evaluation],
+    b: Evaluation | Sequence[Evaluation],
+    *,
+    ground_truth: str | None = None,
+) -> Measured:
+    """AP (R1000) of the first less that of the second, paired.
+
+    Parameters
+    ----------
+    a, b : evaluations of the same frames and objects, such as of two detectors, or of two LiDARs
+        in one scene; or lists of as many evaluations, one per seed, in the same order
+    ground_truth : `captured`, `all`, ...; by default the first that both have
+
+    Returns
+    -------
+    value, low, high : the difference and its 95 % interval. Of single evaluations the interval is
+        a bootstrap over blocks of time; of lists, Student's t over the seeds' differences. The
+        difference is significant if the interval excludes 0.
+
+    Raises
+    ------
+    Error : for evaluations of different frames, label times or objects, or lists of two lengths
+    """
+    if isinstance(a, Evaluation) and isinstance(b, Evaluation):
+        return _difference(a, b, ground_truth)
+    if isinstance(a, Evaluation) or isinstance(b, Evaluation):
+        raise Error("compare: expected two evaluations or two lists, got one of each")
+    if len(a) != len(b) or len(a) < 2:
+        raise Error(
+            f"compare: expected two lists of one length from 2 on, got {len(a)} and {len(b)}"
+        )
+    pairs = zip(a, b, strict=True)
+    return over_worlds([_difference(x, y, ground_truth).value for x, y in pairs])
+
+
+def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Measured:
+    names = [set(one.ap.ground_truth) for one in (a, b)]
+    common = [name for name in a.ap.ground_truth if name in names[1]]
+    which = ground_truth or (common[0] if common else "")
+    if which not in common:
+        raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{which}'")
+    rows = []
+    for one in (a, b):
+        table = one.draws[(one.draws.ground_truth == which) & (one.draws.measure == "ap_fine")]
+        rows.append(table.iloc[0])
+    try:
+        return difference(*rows).measured()
+    except ValueError as error:
+        raise Error(f"compare: {error}") from None

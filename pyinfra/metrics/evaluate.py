@@ -1,0 +1,224 @@
+"""Average precision of predictions: `pyinfra evaluate --gt DATA/LIDAR --pred DIR --out DIR`.
+
+Any detector of any toolbox: predictions are KITTI result files or CSV in the LiDAR frame. What
+counts and what is ignored stands in pyinfra.evaluation, AP in pyinfra.ap, the rest in
+docs/conventions.md, "Evaluation".
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.core.files import replacing
+from pyinfra.core.names import suggestion
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, load_dataset
+from pyinfra.dataset.frame_tables import Cameras, read_cameras, read_predictions
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluation_result import Evaluation, evaluate_tables
+from pyinfra.metrics.ground_truth import ground_truth_of, read_ground_truth
+from pyinfra.metrics.ground_truth_checks import ground_truth_findings
+from pyinfra.metrics.match_results import (
+    OBJECT_CLASSES,
+    Judgement,
+    Settings,
+    are_people,
+    contest,
+    judge,
+)
+from pyinfra.metrics.matching import PERSON_IOU
+from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_files
+from pyinfra.metrics.prediction_table import predictions_of
+
+
+def evaluate(
+    gt: FrameSequence | str | os.PathLike[str],
+    pred: pd.DataFrame | str | os.PathLike[str],
+    settings: Settings | None = None,
+    *,
+    object_class: str | None = None,
+    frames: Sequence[int] | None = None,
+    split: str | None = None,
+    allow_missing: bool = False,
+) -> Evaluation:
+    """Average precision of predictions, with intervals.
+
+    Parameters
+    ----------
+    gt : frames in memory (`simulate`, `load_dataset`), or a LiDAR's folder
+    pred : a table with the columns frame, type, x y z dx dy dz heading, score (levelled LiDAR
+        frame, metres, radians), or a folder of KITTI results or CSV files
+    settings : classes, ground truths, thresholds; by default vehicles at BEV IoU 0.5
+    object_class : `vehicle` (default), `pedestrian`, `cyclist` or another name of OBJECT_CLASSES,
+        in place of settings
+    frames : the numbers to evaluate; by default all frames in memory, or those of the split
+    split : of a folder, the frames of ImageSets/SPLIT.txt; by default `val` if there is one
+    allow_missing : a frame without a prediction file counts as one without boxes
+
+    Returns
+    -------
+    Tables: `result.ap`, `result.by_distance`, `result.matches`, `result.distance_ap` (along the
+    roads), `result.areas`, `result.errors`, `result.pr_curve`, and `result.findings`.
+
+    Raises
+    ------
+    Error : for a table with a missing column, a value out of range or another frame; for settings
+        that do not fit
+    FormatError : for a file, with its line
+    FileNotFoundError : for a folder without frames or predictions
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 500, 100))
+    >>> perfect = frames.labels.assign(score=1.0)
+    >>> float(pi.evaluate(frames, perfect).ap.ap_fine.iloc[0])
+    100.0
+    """
+    if settings and object_class:
+        raise Error("object_class: expected it or settings, got both")
+    if isinstance(gt, FrameSequence):
+        return _evaluate_memory(gt, pred, settings, object_class, frames)
+    if isinstance(pred, pd.DataFrame):
+        recorded = load_dataset(gt)
+        if isinstance(recorded, dict):
+            raise Error(f"gt: expected a LiDAR's folder, got a data set of {', '.join(recorded)}")
+        chosen = frame_numbers(Path(gt), split) if frames is None else sorted(frames)
+        return _evaluate_memory(recorded.of(chosen), pred, settings, object_class, None)
+    return _evaluate_files(
+        Path(gt),
+        Path(pred),
+        settings or default_settings(Path(gt), object_class or "vehicle"),
+        frames=frames,
+        split=split,
+        allow_missing=allow_missing,
+    )
+
+
+def _evaluate_memory(
+    gt: FrameSequence,
+    pred: pd.DataFrame | str | os.PathLike[str],
+    settings: Settings | None,
+    object_class: str | None,
+    frames: Sequence[int] | None,
+) -> Evaluation:
+    if frames is not None:
+        gt = gt.of(_known(frames, gt.numbers))
+    truth = ground_truth_of(gt)
+    if isinstance(pred, pd.DataFrame):
+        predictions = predictions_of(pred, gt.numbers)
+        files: tuple[Path | None, ...] = tuple(Path(f"frame {k}") for k in gt.numbers)
+        findings: list[Finding] = []
+    else:
+        read = find_files(Path(pred), list(gt.numbers), list(gt.numbers))
+        cameras = Cameras((kitti.simulated(),), np.zeros(len(gt), dtype=np.int64))
+        if isinstance(gt, RecordedFrames):
+            cameras = read_cameras(gt.folder, gt.numbers)
+        predictions, files = read_predictions(read.files, cameras), read.files
+        findings = list(read.findings)
+    if settings is None:
+        settings = settings_of(object_class or "vehicle", has_objects=truth.has_objects)
+    if "common" in settings.ground_truths and len(truth.neighbours) < 2:
+        raise Error("ground_truths: expected frames of several LiDARs for `common`, got one LiDAR")
+    types = settings.types
+    of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
+    findings += check_predictions(predictions, files, of_types, types, settings.min_score)
+    return evaluate_tables(truth, predictions, settings, findings)
+
+
+def _known(frames: Sequence[int], numbers: Sequence[int]) -> list[int]:
+    other = sorted(set(frames) - set(numbers))
+    if other:
+        raise Error(f"frames: expected some of the {len(numbers)} frames, got {other[0]}")
+    return sorted(frames)
+
+
+def _evaluate_files(
+    gt: Path,
+    pred: Path,
+    settings: Settings,
+    *,
+    frames: Sequence[int] | None,
+    split: str | None,
+    allow_missing: bool,
+) -> Evaluation:
+    known = frame_numbers(gt, "all")
+    chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
+    found = find_files(pred, chosen, known, allow_missing=allow_missing)
+    truth = read_ground_truth(gt, chosen, beyond_range=True)
+    predictions = read_predictions(found.files, read_cameras(gt, chosen))
+    types = settings.types
+    findings = list(ground_truth_findings(gt, chosen, truth.vehicles, types))
+    of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
+    findings += [
+        *found.findings,
+        *check_predictions(predictions, found.files, of_types, types, settings.min_score),
+    ]
+    return evaluate_tables(truth, predictions, settings, findings)
+
+
+def judged(
+    gt: Path,
+    pred: Path,
+    settings: Settings,
+    *,
+    frames: Sequence[int] | None = None,
+    split: str | None = None,
+) -> list[Judgement]:
+    """What became of each prediction, for each ground truth of the settings.
+
+    By footprints, of the first class and IoU; frames, split and errors are as of `evaluate`.
+    """
+    frames = frame_numbers(gt, split) if frames is None else sorted(frames)
+    truth = read_ground_truth(gt, frames, beyond_range=True)
+    files = find_files(pred, frames, frame_numbers(gt, "all")).files
+    predictions = read_predictions(files, read_cameras(gt, frames))
+    one = contest(truth, predictions, next(iter(settings.classes)), settings, "bev")
+    took = one.match(settings.ious[0], strict=False)
+    return [judge(one, which, took, settings.min_points) for which in settings.ground_truths]
+
+
+def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
+    """Those of a class; `all` can only be told with objects."""
+    return settings_of(object_class, has_objects=(gt / "training/objects").is_dir())
+
+
+def settings_of(object_class: str, *, has_objects: bool) -> Settings:
+    """Those of a class. Raises Error for an unknown one."""
+    if object_class not in OBJECT_CLASSES:
+        near = suggestion(object_class, OBJECT_CLASSES)
+        raise Error(f"object_class: expected a class, got '{object_class}'{near}")
+    settings = class_settings({object_class: OBJECT_CLASSES[object_class]})
+    return settings if has_objects else replace(settings, ground_truths=("captured",))
+
+
+def class_settings(classes: Mapping[str, tuple[str, ...]], *, own_iou: bool = False) -> Settings:
+    """Of vehicles or of people, who are found from another IoU on, or by their centres.
+
+    own_iou: an IoU takes the place of these. Raises ValueError for both together without one.
+    """
+    of_people = [are_people(types) for types in classes.values()]
+    if not any(of_people) or (own_iou and not all(of_people)):
+        return Settings(classes=classes)
+    if not all(of_people):
+        names = ", ".join(classes)
+        raise ValueError(f"--class: found {names}, allowed vehicles, or people, or both with --iou")
+    return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
+
+
+def write(evaluation: Evaluation, out: Path) -> list[Path]:
+    """Writes the tables as CSV; returns the files."""
+    out.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, table in evaluation.tables().items():
+        files.append(out / f"{name}.csv")
+        with replacing(files[-1]) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
+    return files

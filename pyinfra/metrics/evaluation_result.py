@@ -1,0 +1,213 @@
+"""The tables of an evaluation put together, and what is amiss with its results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frame_tables import Predictions
+from pyinfra.metrics.evaluation_tables import (
+    AP_COLUMNS,
+    EVERYWHERE,
+    ap_row,
+    area_table,
+    cell_table,
+    cut_first_ap,
+    distance_table,
+    error_table,
+    false_positive_table,
+    pr_table,
+)
+from pyinfra.metrics.ground_truth import GroundTruth
+from pyinfra.metrics.intervals import MIN_BLOCKS
+from pyinfra.metrics.match_results import (
+    Contest,
+    Judgement,
+    Settings,
+    are_people,
+    blocks_of,
+    contest,
+    judge,
+)
+from pyinfra.metrics.match_tables import match_table, ring_rows
+from pyinfra.metrics.matching import CENTRE_M, Metric, threshold_of
+from pyinfra.metrics.prediction_checks import Finding
+from pyinfra.metrics.replicates import draw_rows, figures, same_of
+
+KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The tables of one LiDAR's predictions, named as their files, and what was found amiss."""
+
+    truth: GroundTruth
+    ap: pd.DataFrame
+    pr_curve: pd.DataFrame
+    distance_ap: pd.DataFrame
+    areas: pd.DataFrame
+    errors: pd.DataFrame
+    false_positives: pd.DataFrame
+    draws: pd.DataFrame
+    findings: tuple[Finding, ...]
+    cells: pd.DataFrame | None = None  # of a site of lanes, whose areas they are
+    predictions: Predictions | None = None
+    settings: Settings | None = None
+
+    @cached_property
+    def by_distance(self) -> pd.DataFrame:
+        """AP (R1000) of the vehicles of each ring of 20 m around the sensor, per ground truth.
+
+        Columns: ground_truth, distance_m (middle of the ring, horizontal), ap_r1000,
+        ap_r1000_low and ap_r1000_high (95 % interval), objects, predictions.
+        """
+        rows = []
+        for which, result in self._results.items():
+            rows += [{"ground_truth": which, **row} for row in ring_rows(result)]
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def matches(self) -> pd.DataFrame:
+        """What became of each prediction and object, by the first ground truth and threshold.
+
+        Columns: frame, outcome (`true positive`, `false positive`, `missed`, `ignored`), type,
+        x y z dx dy dz heading, score (NaN of a missed object), object_id (-1 without one).
+        """
+        return match_table(next(iter(self._results.values())))
+
+    @cached_property
+    def _results(self) -> dict[str, Judgement]:
+        if self.predictions is None or self.settings is None:
+            raise Error("result: expected one of evaluate(), got tables without predictions")
+        first, metric = next(iter(self.settings.classes)), self.settings.metrics[0]
+        one = contest(self.truth, self.predictions, first, self.settings, metric)
+        took = one.match(threshold_of(metric, self.settings.ious[0]), strict=False)
+        return {
+            which: judge(one, which, took, self.settings.min_points)
+            for which in self.settings.ground_truths
+        }
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        names = "ap pr_curve distance_ap areas errors false_positives draws".split()
+        tables = {name: getattr(self, name) for name in names}
+        return tables if self.cells is None else {**tables, "cells": self.cells}
+
+
+def evaluate_tables(
+    truth: GroundTruth,
+    predictions: Predictions,
+    settings: Settings,
+    findings: Sequence[Finding] = (),
+) -> Evaluation:
+    """Evaluates predictions that were read; predictions.frame counts along truth.frames."""
+    contests = {
+        (name, metric): contest(truth, predictions, name, settings, metric)
+        for name in settings.classes
+        for metric in settings.metrics
+    }
+    table = pd.DataFrame(_ap_rows(contests, settings), columns=AP_COLUMNS)
+    first = next(iter(contests.values()))
+    parts = _primary_tables(first, settings)
+    parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
+    found = (*findings, *_warnings(table, truth, settings))
+    return Evaluation(
+        truth=truth,
+        ap=table,
+        findings=found,
+        predictions=predictions,
+        settings=settings,
+        **parts,
+    )
+
+
+def _ap_rows(
+    contests: dict[tuple[str, Metric], Contest], settings: Settings
+) -> list[dict[str, object]]:
+    """The primary row first, then by class, metric, ground truth, threshold and protocol."""
+    rows = []
+    for (name, metric), one in contests.items():
+        ious = settings.ious_of(metric)
+        took = {
+            (iou, strict): one.match(threshold_of(metric, iou), strict=strict)
+            for iou in ious
+            for strict in {protocol == "kitti" for protocol in settings.protocols}
+        }
+        for which in settings.ground_truths:
+            for iou in ious:
+                for protocol in settings.protocols:
+                    matched = took[iou, protocol == "kitti"]
+                    judgement = judge(one, which, matched, settings.min_points)
+                    row = ap_row(judgement, iou, protocol)
+                    rows.append({"class": name, "ground_truth": which, **row})
+    return rows
+
+
+def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]:
+    """The other tables: first class, metric and threshold, by the definition, each ground truth."""
+    enough = threshold_of(one.metric, settings.ious[0])
+    took = one.match(enough, strict=False)
+    same = same_of(one.truth, one.blocks, settings.seed)
+    tables: dict[str, list[pd.DataFrame]] = {}
+    for which in settings.ground_truths:
+        judgement = judge(one, which, took, settings.min_points)
+        distance, draws = distance_table(judgement, settings.min_objects)
+        if settings.cut_first:
+            windows = one.truth.windows()
+            cut = cut_first_ap(one, which, enough, settings.min_points, windows)
+            distance["ap_cut_first"] = cut
+            distance["difference"] = distance.ap_cut_first - distance.ap
+        areas = (distance, draws)
+        own = {"pr_curve": pr_table(judgement), "distance_ap": distance}
+        if one.truth.of_lanes:
+            areas = cell_table(judgement, settings.min_objects)
+            own["cells"] = areas[0].copy()
+            areas[0].insert(0, "road", EVERYWHERE)
+        kept = draw_rows(same, which, figures(judgement, (distance, draws), areas))
+        own |= {
+            "areas": area_table(judgement, *areas),
+            "errors": error_table(judgement),
+            "false_positives": false_positive_table(judgement, enough, strict=False),
+        }
+        for name, rows in own.items():
+            rows.insert(0, "ground_truth", which)
+            tables.setdefault(name, []).append(rows)
+        tables.setdefault("draws", []).append(kept)
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+
+
+def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.DataFrame:
+    rows.insert(0, "lidar", truth.name)
+    rows.insert(1, "class", next(iter(settings.classes)))
+    rows.insert(3, "iou", settings.ious_of(settings.metrics[0])[0])
+    return rows
+
+
+def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
+    """Warnings about the results themselves."""
+    found = []
+    blocks = blocks_of(truth, settings)
+    if len(blocks.draws) == 0:
+        text = (
+            f"found {blocks.count:.1f} blocks of {blocks.block_s:g} s, as long as a vehicle stays, "
+            f"allowed {MIN_BLOCKS:g} or more: no intervals"
+        )
+        found.append(("few-blocks", text))
+    for name, row in zip(table["class"], table.itertuples(), strict=True):
+        kind = name if are_people(settings.classes[name]) else "vehicle"
+        near = f"centres within {CENTRE_M:g} m" if math.isnan(row.iou) else f"IoU {row.iou:g}"
+        what = f"{row.ground_truth}, {near}, {row.protocol}"
+        if math.isnan(row.ap):
+            found.append(("no-objects", f"{what}: no {kind} to be found, so AP is undefined"))
+        elif row.ap == 0:
+            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
+            found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
+        elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
+            cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
+            text = f"{what}: {row.objects} vehicles: the devkit's AP cannot pass {cap:g}"
+            found.append(("kitti-cap", text))
+    return [Finding("warning", name, text) for name, text in found]

@@ -1,0 +1,267 @@
+"""Tables of an evaluation. AP and shares are 0 to 100; low and high end the 95 % interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
+from pyinfra.dataset.regions import EVERY_ROAD, Window
+from pyinfra.metrics import ap
+from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.ground_truth import Set
+from pyinfra.metrics.match_results import (
+    CAUSES,
+    Contest,
+    Judgement,
+    Protocol,
+    causes,
+    judge,
+    precision,
+)
+
+EVERYWHERE = "all"  # in place of a road
+LANES = "(lanes)"  # stands for all of them at once, in place of a road; no road is named so
+HIGH_QUALITY = 85.0  # an area above this AP is of high quality
+PR_RECALLS = 100
+AP_COLUMNS = (
+    "class ground_truth iou protocol ap ap_low ap_high ap_fine ap_fine_low ap_fine_high "
+    "objects predictions frames block_s"
+).split()
+# Of an area: high or low with its whole interval, else undecided; few: not enough objects.
+QUALITIES = ("high", "undecided", "low", "few")
+
+
+def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, Any]:
+    """AP over all frames, without the columns that name the class and the ground truth."""
+    ranking = judgement.ranking()
+    value, low, high = _ap_with_interval(judgement, ranking, protocol)[:3]
+    metric = judgement.contest.metric
+    return {
+        "iou": iou,
+        "protocol": protocol if metric == "bev" else f"{protocol}-{metric}",
+        "ap": value,
+        "ap_low": low,
+        "ap_high": high,
+        **fine_columns(judgement, fine_ap(judgement)),
+        "objects": judgement.objects,
+        "predictions": len(ranking.slot),
+        "frames": len(judgement.contest.truth.frames),
+        "block_s": judgement.contest.blocks.block_s,
+    }
+
+
+def fine_ap(judgement: Judgement) -> Bootstrapped:
+    """AP at 1,000 recalls over all frames, and in each draw."""
+    ranking = judgement.ranking()
+    value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
+    draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
+    return Bootstrapped(value, draws, judgement.contest.blocks.count)
+
+
+def fine_columns(judgement: Judgement, fine: Bootstrapped) -> dict[str, float]:
+    """Columns of a fine AP with the ends of its interval, which are 0 to 100."""
+    low, high = judgement.interval(fine.value, fine.draws, judgement.ranking().objects)
+    return {"ap_fine": fine.value, "ap_fine_low": float(low), "ap_fine_high": float(high)}
+
+
+def pr_table(judgement: Judgement) -> pd.DataFrame:
+    """Highest precision at or beyond the recalls 0.01 .. 1, 0 where they are not reached.
+
+    score: of the operating point at which the recall is reached.
+    """
+    ranking = judgement.ranking()
+    recalls = np.arange(1, PR_RECALLS + 1)
+    value = ap.precision_at_recalls(ranking, PR_RECALLS)[0]
+    draws = ap.precision_at_recalls(ranking, PR_RECALLS, weights=judgement.weights)
+    low, high = judgement.interval(100 * value, 100 * draws, ranking.objects)
+    needed = -(-recalls * judgement.objects // PR_RECALLS)
+    at = np.searchsorted(ranking.hits_upto, needed)
+    score = np.append(ranking.scores, np.nan)[at]
+    ends = {"precision_low": low / 100, "precision_high": high / 100}
+    columns = {"precision": value, **ends, "score": score}
+    return pd.DataFrame({"recall": recalls / PR_RECALLS, **columns})
+
+
+def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
+    """AP of each window by the definition, and its draws (windows, draws)."""
+    truth = judgement.contest.truth
+    names = dict(enumerate(road.name for road in truth.roads)) or {0: "distance"}
+    names[EVERY_ROAD] = LANES
+    windows = {w: {"road": names[w.road], "s": w.middle} for w in truth.windows()}
+    return _ap_of(judgement, windows, min_objects)
+
+
+def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
+    """The same of each cell, where these are the areas; x and y of its middle."""
+    cells = {cell: {"x": cell.x, "y": cell.y} for cell in judgement.contest.truth.cells()}
+    return _ap_of(judgement, cells, min_objects)
+
+
+def _ap_of(
+    judgement: Judgement, parts: Mapping[Any, dict[str, Any]], min_objects: int
+) -> tuple[pd.DataFrame, FloatArray]:
+    """A row and the draws of each window or cell; parts: the columns that name it."""
+    rows, draws = [], []
+    for part, named in parts.items():
+        ranking = judgement.ranking(part)
+        value, low, high, drawn = _ap_with_interval(judgement, ranking, "definition")
+        row = {
+            **named,
+            "ap": value,
+            "ap_low": low,
+            "ap_high": high,
+            "objects": int(ranking.objects.sum()),
+            "predictions": len(ranking.slot),
+        }
+        row["quality"] = area_quality(row, min_objects)
+        rows.append(row)
+        draws.append(drawn)
+    return pd.DataFrame(rows), np.array(draws)
+
+
+def cut_first_ap(
+    contest: Contest, which: Set, iou: float, min_points: int, windows: Sequence[Window]
+) -> list[float]:
+    """AP of each window when what lies outside is cut away before matching."""
+    values = []
+    for window in windows:
+        took = contest.match(iou, strict=False, within=window)
+        alone = judge(contest, which, took, min_points)
+        values.append(float(ap.average_precision(alone.ranking(window))[0]))
+    return values
+
+
+def area_quality(row: dict[str, Any], min_objects: int) -> str:
+    """Which of QUALITIES an area has."""
+    if row["objects"] < min_objects:
+        return "few"
+    if math.isnan(row["ap_low"]) or row["ap_low"] <= HIGH_QUALITY < row["ap_high"]:
+        return "undecided"
+    return "high" if row["ap"] > HIGH_QUALITY else "low"
+
+
+def area_table(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
+    """High-quality areas of each road, and of all roads (road `all`) if there are several.
+
+    n_tda: areas with enough objects; n_hqda: those of them with an AP above 85, decided or not;
+    undecided: those of them whose interval holds 85, or that have none.
+    """
+    names = list(dict.fromkeys(distance.road))
+    groups = [(EVERYWHERE, np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
+    groups += [(name, (distance.road == name).to_numpy()) for name in names]
+    return pd.DataFrame(
+        [{"road": name, **_areas(judgement, distance[at], draws[at])} for name, at in groups]
+    )
+
+
+def _areas(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
+    counts = (distance.quality != "few").to_numpy()
+    total = int(counts.sum())
+    high = int((distance.ap[counts] > HIGH_QUALITY).sum())
+    share = 100 * high / total if total > 0 else math.nan
+    objects = judgement.per_slot(judgement.contest.vehicles.frame[judgement.counted])
+    low, top = judgement.interval(share, high_quality_share(distance, draws), objects)
+    return {
+        "n_tda": total,
+        "n_hqda": high,
+        "p_hqda": share,
+        "p_low": float(low),
+        "p_high": float(top),
+        "undecided": int((distance.quality == "undecided").sum()),
+        "objects": int(distance.objects.sum()),
+    }
+
+
+def high_quality_share(distance: pd.DataFrame, draws: FloatArray) -> FloatArray:
+    """Of the areas with an interval, in each draw: percent; NaN where none has an AP."""
+    shown = ((distance.quality != "few") & distance.ap_low.notna()).to_numpy()
+    defined = (~np.isnan(draws[shown])).sum(0)
+    return _ratio(100.0 * (draws[shown] > HIGH_QUALITY).sum(0), defined)
+
+
+def error_table(judgement: Judgement) -> pd.DataFrame:
+    """Errors of the boxes that hit, prediction less vehicle, in the vehicle's own directions.
+
+    ahead, left, up: of the centre; heading: to the nearer of the two ways along the vehicle;
+    reversed: share of boxes that point the other way. The interval is that of mean_absolute.
+    """
+    contest = judgement.contest
+    p = contest.predictions.boxes[judgement.hit]
+    v = contest.vehicles.boxes[judgement.took[judgement.hit]]
+    dx, dy = p[:, 0] - v[:, 0], p[:, 1] - v[:, 1]
+    cos, sin = np.cos(v[:, 6]), np.sin(v[:, 6])
+    turn = np.degrees(p[:, 6] - v[:, 6])
+    away = (turn + 180) % 360 - 180
+    errors = {
+        "horizontal": ("m", np.hypot(dx, dy)),
+        "ahead": ("m", cos * dx + sin * dy),
+        "left": ("m", cos * dy - sin * dx),
+        "up": ("m", p[:, 2] - v[:, 2]),
+        "length": ("m", p[:, 3] - v[:, 3]),
+        "width": ("m", p[:, 4] - v[:, 4]),
+        "height": ("m", p[:, 5] - v[:, 5]),
+        "heading": ("deg", (turn + 90) % 180 - 90),
+        "reversed": ("percent", 100.0 * (np.abs(away) > 90)),
+    }
+    slot = contest.blocks.slot[contest.predictions.frame[judgement.hit]]
+    return pd.DataFrame(
+        [
+            {"error": name, "unit": unit, **_error(judgement, values, slot)}
+            for name, (unit, values) in errors.items()
+        ]
+    )
+
+
+def _error(judgement: Judgement, values: FloatArray, slot: IntArray) -> dict[str, Any]:
+    weights = judgement.weights
+    absolute = np.abs(values)
+    sums = np.bincount(slot, absolute, minlength=weights.shape[1])
+    counts = np.bincount(slot, minlength=weights.shape[1])
+    some = len(values) > 0
+    mean = float(absolute.mean()) if some else math.nan
+    drawn = _ratio(weights @ sums, weights @ counts)
+    low, high = judgement.interval(mean, drawn, counts, most=math.inf)
+    return {
+        "mean": values.mean() if some else math.nan,
+        "mean_absolute": mean,
+        "low": float(low),
+        "high": float(high),
+        "absolute_95_percent": np.percentile(absolute, 95) if some else math.nan,
+        "objects": len(values),
+    }
+
+
+def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> pd.DataFrame:
+    """Wrong predictions by cause; share: of the wrong ones, in percent."""
+    names = causes(judgement, iou, strict=strict)
+    contest, weights = judgement.contest, judgement.weights
+    slot = contest.blocks.slot[contest.predictions.frame[judgement.wrong]]
+    total = np.bincount(slot, minlength=weights.shape[1])
+    rows = []
+    for cause in CAUSES:
+        own = np.bincount(slot[names == cause], minlength=weights.shape[1])
+        count = int(own.sum())
+        share = 100 * count / len(names) if len(names) > 0 else math.nan
+        drawn = 100 * _ratio(weights @ own, weights @ total)
+        low, high = map(float, judgement.interval(share, drawn, total))
+        rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
+def _ratio(above: AnyArray, below: AnyArray) -> FloatArray:
+    out = np.full(above.shape, np.nan)
+    return np.asarray(np.divide(above, below, out=out, where=below > 0))
+
+
+def _ap_with_interval(
+    judgement: Judgement, ranking: ap.Ranking, protocol: Protocol
+) -> tuple[float, float, float, FloatArray]:
+    value = float(precision(ranking, protocol, None)[0])
+    draws = precision(ranking, protocol, judgement.weights)
+    low, high = judgement.interval(value, draws, ranking.objects)
+    return value, float(low), float(high), draws

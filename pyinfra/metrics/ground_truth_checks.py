@@ -1,0 +1,26 @@
+"""What may be wrong with the ground truth although every file can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from pyinfra.dataset.data_set import without_region
+from pyinfra.dataset.frame_tables import Vehicles, other_types
+from pyinfra.metrics.prediction_checks import Finding
+
+
+def ground_truth_findings(
+    lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
+) -> Iterator[Finding]:
+    """Warnings about vehicles that count nowhere, and about a region that is missing.
+
+    frames: those that `vehicles.frame` counts along; types: the names that are evaluated.
+    """
+    if len(vehicles) == 0:
+        text = f"{lidar_folder}: found no label in {len(frames)} frames, so there is no AP; "
+        yield Finding("warning", "no-labels", text + "`pyinfra validate --pred` asks what moves")
+    if other := other_types(lidar_folder, frames, vehicles, types):
+        yield Finding("warning", "other-types", other)
+    if missing := without_region(lidar_folder):
+        yield Finding("warning", "no-roads", missing)

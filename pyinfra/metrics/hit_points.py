@@ -1,0 +1,103 @@
+"""Hit points per frame beside the paper's, and beside those of flat ground.
+
+The paper's figures are its means over 5,000 frames; here every 25th of them is simulated. Beside
+each scene stands what the same LiDAR hits on flat ground without vehicles, so that a reader sees
+what the site's geometry did.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.files import replacing
+from pyinfra.dataset.catalogue import FLAT, scene_file
+from pyinfra.dataset.paper_tables import paper_hits
+from pyinfra.dataset.runs import FRAMES, hits_per_frame
+
+Say = Callable[[str], object]
+
+
+def compare(simulated: pd.DataFrame, flat: pd.Series, paper: pd.DataFrame) -> pd.DataFrame:
+    """One row for each row of `simulated`, in its order.
+
+    simulated, paper: columns lidar, scene, hits; flat: hits by LiDAR.
+    Columns scene, lidar, paper, simulated, error, flat, flat_error; an error is hits / paper - 1,
+    nothing (NaN) where the paper has no figure.
+    """
+    table = simulated.rename(columns={"hits": "simulated"})
+    table = table.merge(
+        paper.rename(columns={"hits": "paper"}),
+        on=["lidar", "scene"],
+        how="left",
+        validate="one_to_one",
+    )
+    table["flat"] = table["lidar"].map(flat)
+    table["error"] = table["simulated"] / table["paper"] - 1
+    table["flat_error"] = table["flat"] / table["paper"] - 1
+    return table[["scene", "lidar", "paper", "simulated", "error", "flat", "flat_error"]]
+
+
+def hit_table(
+    scenes: Sequence[Path],
+    lidars: Sequence[Path],
+    frames: str = FRAMES,
+    *,
+    cache: Path | None = None,
+    say: Say = lambda _: None,
+) -> pd.DataFrame:
+    """Hit points of LiDARs in scenes beside the paper's and those of flat ground: see compare().
+
+    frames, cache: as in hits_per_frame(). say: is told what is simulated next.
+    Raises SimulatorError.
+    """
+    parts = []
+    for scene in scenes:
+        say(f"hit points of {scene.stem}, frames {frames}")
+        part = hits_per_frame(scene, lidars, frames, cache).reset_index()
+        parts.append(part.assign(scene=scene.stem))
+    say(f"hit points of flat ground, frames {frames}")
+    flat = hits_per_frame(scene_file(FLAT), lidars, frames, cache)
+    return compare(pd.concat(parts, ignore_index=True), flat, paper_hits())
+
+
+def table_text(table: pd.DataFrame) -> str:
+    """The table of compare() for a terminal, with the mean and the largest error below."""
+    lines = [
+        f"{'':24}{'hit points per frame':>30}{'error':>20}",
+        f"{'scene':<11}{'LiDAR':<13}{'paper':>10}{'simulated':>10}{'flat':>10}"
+        f"{'simulated':>11}{'flat':>9}",
+    ]
+    previous = None
+    for row in table.itertuples():
+        scene = row.scene if row.scene != previous else ""
+        previous = row.scene
+        lines.append(
+            f"{scene:<11}{row.lidar:<13}{_count(row.paper):>10}{_count(row.simulated):>10}"
+            f"{_count(row.flat):>10}{_percent(row.error):>11}{_percent(row.flat_error):>9}"
+        )
+    for title, column in (("simulated", "error"), ("flat ground", "flat_error")):
+        sizes = table[column].abs().dropna()
+        if len(sizes) > 0:
+            worst = table.loc[sizes.idxmax()]
+            lines.append(
+                f"{title}: mean error {sizes.mean():.1%}, largest {sizes.max():.1%} "
+                f"({worst['scene']}, {worst['lidar']})"
+            )
+    return "\n".join(lines)
+
+
+def write_table(table: pd.DataFrame, file: Path) -> None:
+    """Writes the table of compare() as CSV, hits to 0.1 and errors to 0.0001."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    digits = {"simulated": 1, "flat": 1, "error": 4, "flat_error": 4}
+    with replacing(file) as beside:
+        table.round(digits).to_csv(beside, index=False)
+
+
+def _count(value: float) -> str:
+    return "-" if pd.isna(value) else f"{value:,.0f}"
+
+
+def _percent(value: float) -> str:
+    return "-" if pd.isna(value) else f"{value:+.1%}"

@@ -1,0 +1,78 @@
+"""Tables of a match result: each prediction and object, and AP by distance from the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import BoolArray
+from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.regions import Places
+from pyinfra.metrics import ap
+from pyinfra.metrics.match_results import Judgement
+
+RING_M = 20.0
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Places whose horizontal distance from the sensor is from `low_m` to below `high_m`."""
+
+    x: float  # of the sensor, in the frame of the places
+    y: float
+    low_m: float
+    high_m: float
+
+    def holds(self, places: Places) -> BoolArray:
+        """(n,) bool: which of the places lie in it, and in the region."""
+        distance = np.hypot(places.xy[:, 0] - self.x, places.xy[:, 1] - self.y)
+        return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
+
+
+def ring_rows(result: Judgement) -> Iterator[dict[str, float]]:
+    """AP (R1000) of each ring until the farthest object that counts; NaN without objects."""
+    truth = result.contest.truth
+    pose = truth.lidar.T_world_levelled if truth.lidar is not None and truth.roads else None
+    x, y = (pose.x, pose.y) if pose else (0.0, 0.0)
+    places = result.contest.vehicle_places
+    distance = np.hypot(places.xy[:, 0] - x, places.xy[:, 1] - y)[result.counted]
+    for i in range(int(distance.max(initial=0) // RING_M) + 1):
+        ring = Ring(x, y, i * RING_M, (i + 1) * RING_M)
+        ranking = result.ranking(ring)
+        value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
+        replicates = ap.average_precision(ranking, ap.FINE_RECALLS, result.weights)
+        low, high = result.interval(value, replicates, ranking.objects)
+        yield {
+            "distance_m": (i + 0.5) * RING_M,
+            "ap_r1000": value,
+            "ap_r1000_low": float(low),
+            "ap_r1000_high": float(high),
+            "objects": int(ranking.objects.sum()),
+            "predictions": len(ranking.slot),
+        }
+
+
+def match_table(result: Judgement) -> pd.DataFrame:
+    """A row for each prediction, and one for each object that was missed."""
+    predictions, vehicles = result.contest.predictions, result.contest.vehicles
+    numbers = np.array(result.contest.truth.frames, dtype=np.int64)
+    outcome = np.full(len(predictions), "ignored", dtype=object)
+    outcome[result.hit], outcome[result.wrong] = "true positive", "false positive"
+    matched = np.where(result.took >= 0, vehicles.ids[result.took], -1) if len(vehicles) else -1
+    rows = pd.DataFrame({"frame": numbers[predictions.frame], "outcome": outcome})
+    rows["type"] = predictions.names.astype(object)
+    rows[BOX] = predictions.boxes
+    rows["score"], rows["object_id"] = predictions.scores, matched
+    taken = np.zeros(len(vehicles), np.bool_)
+    taken[result.took[result.took >= 0]] = True
+    missed = np.flatnonzero(result.counted & ~taken)
+    others = pd.DataFrame({"frame": numbers[vehicles.frame[missed]], "outcome": "missed"})
+    others["type"] = vehicles.names[missed].astype(object)
+    others[BOX] = vehicles.boxes[missed]
+    others["score"], others["object_id"] = np.nan, vehicles.ids[missed]
+    parts = [part for part in (rows, others) if len(part) > 0] or [rows]
+    joined = pd.concat(parts, ignore_index=True)
+    return joined.sort_values(["frame", "score"], ascending=[True, False], ignore_index=True)

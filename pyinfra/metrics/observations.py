@@ -1,0 +1,214 @@
+"""The vehicles of a data set as all of its LiDARs saw them, and which of them are compared."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.dataset.data_set import (
+    MIN_VISIBILITY,
+    DataSet,
+    field_of_view_mask,
+    read_owners,
+    road_level,
+)
+from pyinfra.formats import kitti
+from pyinfra.metrics.intervals import Blocks, block_seconds, time_blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """Every vehicle of every frame that is in reach of a LiDAR or more: n rows, L LiDARs."""
+
+    lidars: tuple[str, ...]  # L names, the order of the columns below
+    frame: IntArray  # (n,)
+    ids: IntArray  # (n,)
+    centre: FloatArray  # (n, 3) of the box, levelled LiDAR frame, metres
+    distance: FloatArray  # (n,) horizontal, sensor to box centre, metres
+    speed: FloatArray  # (n,) m/s
+    visibility: FloatArray  # (n,) [0, 1]; -1 outside the evaluation region
+    points: IntArray  # (n, L) returns from the vehicle; 0 also beyond the LiDAR's range
+    points_in_box: IntArray  # (n, L) those of them that lie in its box
+    in_angles: BoolArray  # (n, L) centre inside the azimuths and elevations of the LiDAR
+    in_range: BoolArray  # (n, L) centre inside the field of view, range and all
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def select(self, keep: BoolArray) -> "Sightings":
+        """The rows of a mask (n,)."""
+        return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
+
+    def visible(self) -> BoolArray:
+        """In the evaluation region and not hidden: (n,)."""
+        return self.visibility >= MIN_VISIBILITY
+
+    def common(self) -> BoolArray:
+        """Visible and inside the field of view and range of every LiDAR: (n,)."""
+        return self.visible() & self.in_range.all(axis=1)
+
+    def view(self) -> BoolArray:
+        """As common, whatever the LiDARs' range: (n,)."""
+        return self.visible() & self.in_angles.all(axis=1)
+
+    def column(self, lidar: str) -> int:
+        """Which column of points is a LiDAR's. Raises ValueError if there is none."""
+        return self.lidars.index(lidar)
+
+
+_COLUMNS = (
+    *("frame", "ids", "centre", "distance", "speed", "visibility"),
+    *("points", "points_in_box", "in_angles", "in_range"),
+)
+
+
+def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None) -> Blocks:
+    """The blocks of the bootstrap over a data set's frames, or some of them.
+
+    vehicles: all of the data set; a block is as long as a visible one stays.
+    """
+    there, every = vehicles.visible(), np.array(data.frames, dtype=np.int64)
+    apart_s = data.period_s * float(np.median(np.diff(every))) if len(every) > 1 else data.period_s
+    block_s = block_seconds(vehicles.frame[there], vehicles.ids[there], apart_s)
+    return time_blocks(every if frames is None else frames, data.period_s, block_s=block_s)
+
+
+def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
+    """All vehicles of all frames, joined by frame and id.
+
+    above_road: count only points above the road's level; raises ValueError if the roads are not
+    level, FileNotFoundError without `fields`. `points_in_box` is not changed by it.
+    """
+    levels = [road_level(data, lidar) for lidar in data.lidars] if above_road else None
+    tables = [
+        _read_objects(data, i, None if levels is None else levels[i])
+        for i in range(len(data.lidars))
+    ]
+    keys = np.concatenate([table.keys for table in tables])
+    unique, first = np.unique(keys, axis=0, return_index=True)
+    rows = [_rows(unique, table.keys) for table in tables]
+    values = np.concatenate([table.values for table in tables])[first]
+    points = np.zeros((2, len(unique), len(tables)), dtype=np.int64)
+    for i, (table, at) in enumerate(zip(tables, rows, strict=True)):
+        points[:, at, i] = table.points.T
+    centre = values[:, :3]
+    views = [
+        field_of_view_mask(lidar, tilt, centre)
+        for lidar, tilt in zip(data.lidars, data.tilts, strict=True)
+    ]
+    return Sightings(
+        lidars=data.names,
+        frame=unique[:, 0],
+        ids=unique[:, 1],
+        centre=centre,
+        distance=values[:, 3],
+        speed=values[:, 4],
+        visibility=values[:, 5],
+        points=points[0],
+        points_in_box=points[1],
+        in_angles=np.stack([angles for angles, _ in views], axis=1),
+        in_range=np.stack([ranges for _, ranges in views], axis=1),
+    )
+
+
+def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
+    """Frames that end so many one after another, ascending. Raises ValueError if none does."""
+    every = np.array(sorted(frames), dtype=np.int64)
+    runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
+    ends = runs[runs[:, -1] - runs[:, 0] == count - 1, -1]
+    if len(ends) == 0:
+        raise ValueError(f"accumulate: found no {count} frames one after another, allowed some")
+    return np.asarray(ends)
+
+
+def accumulated(vehicles: Sightings, frames: Sequence[int], count: int) -> Sightings:
+    """The vehicles of frames that end so many one after another, with the points of all of them.
+
+    Points add up over what the vehicle was hit by in them, wherever it was; the rest is of the
+    last. Raises ValueError as `ends_of_runs`.
+    """
+    newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))
+    keys = np.stack([vehicles.frame, vehicles.ids], axis=1)
+    points, in_box = np.zeros_like(newest.points), np.zeros_like(newest.points_in_box)
+    for back in range(count):
+        wanted = np.stack([newest.frame - back, newest.ids], axis=1)
+        at = np.minimum(_rows(keys, wanted), len(keys) - 1)
+        there = (keys[at] == wanted).all(axis=1)
+        points[there] += vehicles.points[at[there]]
+        in_box[there] += vehicles.points_in_box[at[there]]
+    return replace(newest, points=points, points_in_box=in_box)
+
+
+def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -> IntArray:
+    """Returns of each frame: (f,), in the order of data.frames."""
+    folder = data.lidar_folder(lidar.name)
+    if not above_road:
+        sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in data.frames]
+        return np.array(sizes, dtype=np.int64) // 16
+    level = road_level(data, lidar)
+    counts = [
+        np.count_nonzero(kitti.read_points(kitti.frame_file(folder, "velodyne", k))[:, 2] > level)
+        for k in data.frames
+    ]
+    return np.array(counts, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _ObjectTable:
+    """The objects of one LiDAR, all frames after one another."""
+
+    keys: IntArray  # (n, 2) frame, id
+    values: FloatArray  # (n, 6) x y z distance speed visibility
+    points: IntArray  # (n, 2) on the vehicle, in its box
+
+
+def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:
+    folder = data.lidar_folder(data.lidars[lidar].name)
+    keys, values, points = [], [], []
+    for frame in data.frames:
+        k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
+        vehicle = np.isin(k.names, kitti.VEHICLE_TYPES)
+        on_vehicle = k.points if level is None else _points_above(folder, frame, k.ids, level)
+        keys.append(np.stack([np.full(len(k), frame), k.ids], axis=1)[vehicle])
+        columns = np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility])
+        values.append(columns[vehicle])
+        points.append(np.stack([on_vehicle, k.points_in_box], axis=1)[vehicle])
+    return _ObjectTable(np.concatenate(keys), np.concatenate(values), np.concatenate(points))
+
+
+def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
+    """Points of each vehicle above a height: (k,)."""
+    points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
+    owner = read_owners(folder, frame, len(points))
+    found, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
+    own = np.zeros(len(ids), dtype=np.int64)
+    _, at, among = np.intersect1d(ids, found, return_indices=True)
+    own[at] = counts[among]
+    return own
+
+
+def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
+    """Where each key (m, 2) stands among the sorted ones (n, 2): (m,)."""
+    base = int(sorted_keys[:, 1].max(initial=0)) + 1
+    return np.searchsorted(
+        sorted_keys[:, 0] * base + sorted_keys[:, 1], keys[:, 0] * base + keys[:, 1]
+    ).astype(np.int64)
+
+
+def moving(vehicles: Sightings, min_speed: float = 1.0) -> BoolArray:
+    """Faster than a speed in m/s: (n,)."""
+    return vehicles.speed > min_speed
+
+
+def same_rows(a: Sightings, b: Sightings) -> tuple[BoolArray, BoolArray]:
+    """Masks of the vehicles of the same frame and id in two tables, in the same order."""
+    keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
+    both = keys[0] & keys[1]
+    return _member(a, both), _member(b, both)
+
+
+def _member(table: Sightings, keys: set[tuple[int, int]]) -> BoolArray:
+    rows = zip(table.frame.tolist(), table.ids.tolist(), strict=True)
+    return np.array([row in keys for row in rows], dtype=np.bool_)

@@ -1,0 +1,300 @@
+"""What may be wrong with predictions: which files there are, and whether their boxes make sense.
+
+Wrong files are errors. Boxes that look wrong are warnings with a name, so that no AP of 0 goes
+unexplained: roadside frames have vehicles 3 to 6 m below the sensor, which trips most toolboxes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frame_tables import Predictions, Vehicles
+from pyinfra.formats import kitti
+from pyinfra.metrics.matching import pairs_of_frames
+
+NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
+FAR_M = 20.0  # by how much all boxes may be displaced and still be recognised
+LEAST_NEAR = 0.3  # share of the predictions near a vehicle below which another place is tried
+FAR_OFF = 0.1  # share below which they are said to have nothing to do with the vehicles
+MUCH_BETTER = 0.25  # by how much the share must rise for a warning to name the place
+HEIGHT_OFF_M = 0.5
+QUARTER_DEG = 60.0
+LEAST_RATIO = 1.2  # of length to width, from which on a box is not about as wide as long
+CHANGES = {  # of x and y, that give the right place to boxes that have a wrong one
+    "mirrored-left-right": [[1, 0], [0, -1]],
+    "mirrored-front-back": [[-1, 0], [0, 1]],
+    "turned-half": [[-1, 0], [0, -1]],
+    "axes-swapped": [[0, 1], [1, 0]],
+    "turned-quarter-left": [[0, -1], [1, 0]],
+    "turned-quarter-right": [[0, 1], [-1, 0]],
+}
+FRAMES = 300  # looked at, spread over all
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that a check found; its text starts with the file and line where there is one."""
+
+    level: str  # error, warning, note
+    name: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.level}: {self.name}: {self.text}"
+
+
+@dataclass(frozen=True)
+class PredictionFiles:
+    """The files to be read, and what was found on the way."""
+
+    files: tuple[Path | None, ...]  # one per frame; None: missing, which was allowed
+    findings: tuple[Finding, ...]
+
+
+def find_files(
+    folder: Path, frames: Sequence[int], known: Sequence[int], *, allow_missing: bool = False
+) -> PredictionFiles:
+    """The prediction files NNNNNN.txt (KITTI results) or NNNNNN.csv of some frames.
+
+    frames: those to be evaluated; known: all of the ground truth. Raises FormatError for a frame
+    that is not known, for a missing file unless allowed, and if there is no file at all.
+    """
+    present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
+    by_frame = {int(file.stem): file for file in present if _of_frame(file)}
+    suffixes = {file.suffix for file in present if _of_frame(file)}
+    if not by_frame:
+        raise FormatError(f"{folder}: found no prediction, allowed NNNNNN.txt or NNNNNN.csv")
+    if len(suffixes) > 1:
+        raise FormatError(f"{folder}: found .txt and .csv files, allowed one of them")
+    unknown = sorted(by_frame.keys() - set(known))
+    if unknown:
+        raise FormatError(
+            f"{by_frame[unknown[0]]}: found a frame that the ground truth has not"
+            f"{_and_more(unknown)}, allowed one of its {len(known)}, {min(known)} to {max(known)}"
+        )
+    findings = []
+    named = set(by_frame.values())
+    odd = [file for file in present if file not in named]
+    if odd:
+        text = f"{odd[0]}{_and_more(odd)}: not named as a frame (six digits), left out"
+        findings.append(Finding("warning", "other-files", text))
+    outside = by_frame.keys() - set(frames)
+    if outside:
+        text = f"{folder}: {len(outside)} files of frames outside the split, left out"
+        findings.append(Finding("note", "outside-split", text))
+    missing = [frame for frame in frames if frame not in by_frame]
+    if missing:
+        text = (
+            f"{folder}/{missing[0]:06d}{suffixes.pop()}: missing{_and_more(missing)} "
+            f"of {len(frames)} frames"
+        )
+        if not allow_missing:
+            raise FormatError(f"{text}; an empty file says that nothing was found")
+        findings.append(Finding("warning", "missing-files", f"{text}; taken as nothing found"))
+    return PredictionFiles(tuple(by_frame.get(frame) for frame in frames), tuple(findings))
+
+
+def _of_frame(file: Path) -> bool:
+    return file.stem.isdecimal() and len(file.stem) >= 6
+
+
+def check_predictions(
+    predictions: Predictions,
+    files: Sequence[Path | None],
+    vehicles: Vehicles,
+    types: Sequence[str],
+    min_score: float = 0.0,
+) -> list[Finding]:
+    """Warnings and notes about the names, the numbers and the places of the predictions.
+
+    types: the names that are evaluated; vehicles: of these types, of the same frames.
+    """
+    if len(predictions) == 0:
+        text = f"{_folder(files)}: all {len(files)} files are empty: AP is 0 if there is a vehicle"
+        return [Finding("warning", "all-empty", text)]
+    found = [
+        *_names(predictions, files, types),
+        *_scores(predictions, files, min_score),
+        *_angles(predictions, files),
+    ]
+    used = predictions.select(np.isin(predictions.names, types) & (predictions.scores >= min_score))
+    step = max(1, len(files) // FRAMES)
+    used = used.select(used.frame % step == 0)
+    vehicles = vehicles.select(vehicles.frame % step == 0)
+    if len(used) > 0 and len(vehicles) > 0:
+        found += [Finding("warning", *pair) for pair in _places(used, vehicles)]
+    return found
+
+
+def _names(
+    predictions: Predictions, files: Sequence[Path | None], types: Sequence[str]
+) -> Iterator[Finding]:
+    other = ~np.isin(predictions.names, types)
+    if not other.any():
+        return
+    known = np.isin(predictions.names, (*kitti.VEHICLE_TYPES, *kitti.PERSON_TYPES))
+    if (other & ~known).any() and not other.all():
+        other &= ~known  # people beside vehicles need no word where something else does
+    names, counts = np.unique(predictions.names[other], return_counts=True)
+    listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
+    text = (
+        f"{_first(predictions, files, other)}: not evaluated: {listed}; allowed {', '.join(types)}"
+    )
+    if other.all():
+        raise FormatError(text)
+    if known[other].all():
+        text = f"not evaluated: {listed}; `pyinfra evaluate --class` evaluates others"
+        yield Finding("note", "other-classes", text)
+    else:
+        yield Finding("warning", "other-classes", text)
+
+
+def _scores(
+    predictions: Predictions, files: Sequence[Path | None], min_score: float
+) -> Iterator[Finding]:
+    scores = predictions.scores
+    odd = (scores < 0) | (scores > 1)
+    if odd.any():
+        place = _first(predictions, files, odd)
+        text = f"{place}: {odd.sum()} scores outside 0 to 1; those below {min_score:g} do not count"
+        yield Finding("warning", "score-range", text)
+    if (scores < min_score).all():
+        text = f"{_folder(files)}: all scores are below {min_score:g}, so no prediction counts"
+        yield Finding("warning", "scores-low", text)
+
+
+def _angles(predictions: Predictions, files: Sequence[Path | None]) -> Iterator[Finding]:
+    large = np.abs(predictions.angle) > 2 * math.pi + 0.01
+    if large.any():
+        text = (
+            f"{_first(predictions, files, large)}: {large.sum()} of {len(large)} headings beyond "
+            f"2 pi, the first is {predictions.angle[large][0]:g}: degrees? Allowed radians"
+        )
+        yield Finding("warning", "heading-degrees", text)
+
+
+def _places(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str, str]]:
+    p, v = _all_pairs(predictions, vehicles)
+    boxes, truth = predictions.boxes, vehicles.boxes
+    share = _share_near(boxes, truth, p, v)
+    if share < LEAST_NEAR:
+        elsewhere = _elsewhere(boxes, truth, p, v, share)
+        if elsewhere is not None:
+            yield elsewhere
+            return
+    gap = np.hypot(boxes[p, 0] - truth[v, 0], boxes[p, 1] - truth[v, 1])
+    close = gap <= NEAR_M
+    p, v = p[close], v[close]
+    yield from _heights(boxes[p], truth[v])
+    yield from _headings(boxes[p], truth[v])
+    ratio = np.median(truth[v, 3] / truth[v, 4])
+    if np.median(boxes[p, 3] / boxes[p, 4]) < 1 and ratio > LEAST_RATIO:
+        yield "length-width", "most predictions are wider than long: are length and width swapped?"
+
+
+def _elsewhere(
+    boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray, share: float
+) -> tuple[str, str] | None:
+    """Where the predictions would be near the vehicles, if there is such a place."""
+    text = f"{100 * share:.0f} % of the predictions lie within {NEAR_M:g} m of a vehicle"
+    shares = {}
+    for name, matrix in CHANGES.items():
+        moved = boxes.copy()
+        moved[:, :2] = boxes[:, :2] @ np.array(matrix, dtype=np.float64)
+        shares[name] = _share_near(moved, truth, p, v)
+    name = max(shares, key=lambda name: shares[name])
+    if shares[name] > share + MUCH_BETTER:
+        return name, f"{text}, but {100 * shares[name]:.0f} % if x and y are changed back"
+    dx, dy = _shift(boxes[p, :2] - truth[v, :2])
+    moved = boxes.copy()
+    moved[:, :2] -= (dx, dy)
+    there = _share_near(moved, truth, p, v)
+    if there > share + MUCH_BETTER:
+        return (
+            "displaced",
+            f"{text}, but {100 * there:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
+        )
+    if share > FAR_OFF:
+        return None  # a poor detector, but in the right place
+    return "far-from-vehicles", f"{text}: another frame of reference, other frames, or bad boxes?"
+
+
+def _shift(between: FloatArray) -> tuple[float, float]:
+    """The commonest difference (n, 2) of the centres, within FAR_M."""
+    edges = np.arange(-FAR_M, FAR_M + 1)
+    counts, _, _ = np.histogram2d(between[:, 0], between[:, 1], bins=(edges, edges))
+    i, j = np.unravel_index(counts.argmax(), counts.shape)
+    middle = edges[[i, j]] + 0.5
+    peak = between[(np.abs(between - middle) <= 1).all(axis=1)]
+    if len(peak) == 0:
+        return 0.0, 0.0
+    dx, dy = np.median(peak, axis=0)
+    return float(dx), float(dy)
+
+
+def _heights(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]:
+    off = float(np.median(boxes[:, 2] - truth[:, 2]))
+    half = float(np.median(truth[:, 5])) / 2
+    if abs(off) <= HEIGHT_OFF_M:
+        return
+    text = f"boxes lie {abs(off):.2f} m too {'high' if off > 0 else 'low'} (median)"
+    if abs(abs(off) - half) < 0.25:
+        text += (
+            ", half of their height: is the bottom's centre taken for the box's, or the reverse?"
+        )
+    else:
+        text += ": road level taken for the sensor's, or an anchor height that does not fit?"
+    yield "height-offset", f"{text} BEV overlap does not see it, 3-D does"
+
+
+def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]:
+    as_is = _median_turn(boxes[:, 6] - truth[:, 6])
+    if as_is <= QUARTER_DEG / 4:
+        return
+    quarter = _median_turn(boxes[:, 6] - truth[:, 6] + math.pi / 2)
+    mirrored = _median_turn(-boxes[:, 6] - truth[:, 6])
+    text = f"headings are {as_is:.0f} degrees off (median)"
+    if quarter < as_is / 3:
+        yield "heading-quarter", f"{text}, a quarter turn: rotation_y = -heading - pi/2"
+    elif mirrored < as_is / 3:
+        yield "heading-sign", f"{text}, with the other sign {mirrored:.0f}: heading turns left"
+    else:
+        yield "heading-off", text
+
+
+def _median_turn(turn: FloatArray) -> float:
+    """Median angle between two lines, in degrees; a box has no front here."""
+    return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
+
+
+def _all_pairs(predictions: Predictions, vehicles: Vehicles) -> tuple[IntArray, IntArray]:
+    parts = list(pairs_of_frames(predictions.frame, vehicles.frame))
+    p, v = zip(*parts, strict=True)
+    return np.concatenate(p), np.concatenate(v)
+
+
+def _share_near(boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray) -> float:
+    gap = np.hypot(boxes[p, 0] - truth[v, 0], boxes[p, 1] - truth[v, 1])
+    near = np.zeros(len(boxes), dtype=np.bool_)
+    near[p[gap <= NEAR_M]] = True
+    return float(near.mean())
+
+
+def _first(predictions: Predictions, files: Sequence[Path | None], which: BoolArray) -> str:
+    at = int(np.flatnonzero(which)[0])
+    return f"{files[predictions.frame[at]]}:{predictions.line[at]}"
+
+
+def _folder(files: Sequence[Path | None]) -> str:
+    return next((str(file.parent) for file in files if file is not None), "predictions")
+
+
+def _and_more(items: Sequence[object]) -> str:
+    return f" (and {len(items) - 1} more)" if len(items) > 1 else ""

@@ -1,0 +1,248 @@
+"""The claims of the paper that scanning statistics can test: `pyinfra claims DATA...`.
+
+The rules stand in docs/conventions.md, "Claims", and were written before the first run.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset.data_set import DataSet, read_data_set
+from pyinfra.metrics.intervals import Blocks, Estimate, ratio
+from pyinfra.metrics.observations import Sightings, blocks_of, read_sightings
+from pyinfra.metrics.scanning_tables import (
+    EDGES_M,
+    FAR_M,
+    aggregation_change,
+    alone_and_another,
+    decay,
+    decay_exponent,
+    vehicle_sums,
+)
+
+AVIA, LINES_16, LINES_64, LINES_128 = "livox_avia", "helios_16", "pandar_64", "ruby_plus"
+SPINNING = (LINES_16, LINES_64, LINES_128)
+NEAR_M = (30.0, 50.0)
+FAR_SPAN_M = (FAR_M, 120.0)
+WHOLE_M = (30.0, 120.0)
+ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # without 0 itself
+ABOVE_1 = (float(np.nextafter(1, 2)), np.inf)
+COLUMNS = "claim preset statement value low high verdict command seed version".split(" ")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A claim as tested: what was measured, its interval and what follows."""
+
+    claim: str
+    statement: str
+    value: float
+    low: float
+    high: float
+    verdict: str
+
+
+def verdict(low: float, high: float, inside: tuple[float, float]) -> str:
+    """holds, fails or undecided for an interval against the stated range; NaN is undecided."""
+    if low >= inside[0] and high <= inside[1]:
+        return "holds"
+    if high < inside[0] or low > inside[1]:
+        return "fails"
+    return "undecided"
+
+
+def verdict_of_change(low: float, high: float, least: float) -> str:
+    """As verdict, for a change of `least` or more either way."""
+    if low >= least or high <= -least:
+        return "holds"
+    if low > -least and high < least:
+        return "fails"
+    return "undecided"
+
+
+def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -> list[Row]:
+    """All claims on the vehicles of one data set; `deskew` needs its instant twin.
+
+    Raises ValueError if the LiDARs are not the four of the paper.
+    """
+    if sorted(exact.lidars) != sorted((AVIA, *SPINNING)):
+        raise ValueError(f"found LiDARs {', '.join(exact.lidars)}, allowed {AVIA} {SPINNING}")
+    common, view = exact.select(exact.common()), exact.select(exact.view())
+    rows = [
+        far_range(common, blocks, "common"),
+        far_range(view, blocks, "view"),
+        near_range(common, blocks),
+        lines_ratio(common, blocks, LINES_128, LINES_64, (1.6, 2.4)),
+        lines_ratio(common, blocks, LINES_64, LINES_16, (3.2, 4.8)),
+        gentle(common, blocks),
+        only_one(common, blocks, "common"),
+        only_one(view, blocks, "view"),
+    ]
+    if instant is not None:
+        rows[6:6] = deskew(instant.select(instant.common()), common, blocks)
+    return rows
+
+
+def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
+    """The Avia against the best of the others far out."""
+    avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
+
+    def statistic(sums: FloatArray) -> FloatArray:
+        best = sums[..., 0, others, 0].max(axis=-1)
+        return ratio(sums[..., 0, avia, 0], best)
+
+    rows, found = _span(vehicles, blocks, FAR_SPAN_M, statistic)
+    points = rows.points[:, others].sum(axis=0)
+    best = SPINNING[int(points.argmax())]
+    where = _where(rows, FAR_SPAN_M, name)
+    text = f"APV of {AVIA} over the best of the others (here {best}) is 1.5 to 2.5; {where}"
+    return _row("far-range", text, found, (1.5, 2.5))
+
+
+def near_range(vehicles: Sightings, blocks: Blocks) -> Row:
+    """128 lines against the Avia close by."""
+    text = f"APV of {LINES_128} over {AVIA} is above 1"
+    return _apv_ratio("near-range", text, vehicles, blocks, (LINES_128, AVIA), NEAR_M, ABOVE_1)
+
+
+def lines_ratio(
+    vehicles: Sightings, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
+) -> Row:
+    """More lines against fewer, over all distances."""
+    text = f"APV of {more} over {less} is {inside[0]:g} to {inside[1]:g}"
+    return _apv_ratio("ratio", text, vehicles, blocks, (more, less), WHOLE_M, inside)
+
+
+def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
+    """How much faster the points of the slowest decaying spinning LiDAR fall off."""
+    avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
+
+    def statistic(sums: FloatArray) -> FloatArray:
+        exponent = decay_exponent(sums)
+        return np.asarray(exponent[..., others].min(axis=-1) - exponent[..., avia])
+
+    found = blocks.estimate(vehicle_sums(vehicles, blocks, EDGES_M), statistic)
+    fits = decay(vehicles, blocks).set_index("lidar").exponent
+    exponents = ", ".join(f"{name} {fits[name]:.2f}" for name in (AVIA, *SPINNING))
+    where = _where(_within(vehicles, WHOLE_M), WHOLE_M, "common")
+    text = f"smallest decay exponent of the others less that of {AVIA} is above 0 ({exponents})"
+    return _row("gentle", f"{text}; {where}", found, ABOVE_0)
+
+
+def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
+    """Points inside the boxes of moving vehicles, from instant to exact, for each LiDAR."""
+    if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
+        raise ValueError("instant and exact: found other frames, allowed the same")
+    change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
+    rows = []
+    for row in change[change.counted == "points_in_box"].itertuples():
+        text = (
+            f"points in the box of {row.lidar} change by 5 % or more from instant to exact; "
+            f"common, {WHOLE_M[0]:g} to {WHOLE_M[1]:g} m, {row.vehicles} moving vehicles"
+        )
+        low, high = float(row.ci_low), float(row.ci_high)
+        decided = verdict_of_change(low, high, 5)
+        rows.append(Row("deskew", text, float(row.change_percent), low, high, decided))
+    return rows
+
+
+def only_one(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
+    """Far vehicles of the Avia alone less those of the others alone, per 100."""
+    far = _within(vehicles, FAR_SPAN_M)
+    avia = far.column(AVIA)
+    alone, another = (flags[:, avia] for flags in alone_and_another(far))
+    sums = blocks.sums(far.frame, np.stack([alone - another, np.ones_like(alone)], axis=1))
+    found = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 1]))
+    text = (
+        f"vehicles hit by {AVIA} alone ({alone.sum()}) less those hit by another and not by it "
+        f"({another.sum()}), per 100, are above 0; {_where(far, FAR_SPAN_M, name)}"
+    )
+    row = _row("only-one", text, found, ABOVE_0)
+    if len(far) > 0 and alone.sum() == 0:
+        return Row(row.claim, row.statement, row.value, row.low, row.high, "fails")
+    return row
+
+
+def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
+    """Rows of all data sets: claim, preset, statement, value, low, high, verdict, command, seed,
+    version.
+
+    A data set of aggregation `instant` serves `deskew` of the exact one of its scene, preset and
+    seed. Raises ValueError for an instant data set without its exact one, and for other modes.
+    """
+    data_sets = [read_data_set(folder) for folder in folders]
+    command = "pyinfra claims " + " ".join(str(folder) for folder in folders)
+    instants = {_key(d): d for d in data_sets if d.aggregation == "instant"}
+    rows = []
+    for data in data_sets:
+        if data.aggregation == "instant":
+            continue
+        if data.aggregation != "exact":
+            raise ValueError(f"{data.folder}: found {data.aggregation}, allowed exact or instant")
+        for row in _claims_of(data, instants.pop(_key(data), None)):
+            cells = {"command": command, "seed": data.seed, "version": data.version}
+            rows.append({**vars(row), "preset": data.preset, **cells})
+    for data in instants.values():
+        raise ValueError(f"{data.folder}: found no exact data set of the same scene and preset")
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
+    twin = read_sightings(instant) if instant is not None else None
+    vehicles = read_sightings(data)
+    return claims(vehicles, blocks_of(data, vehicles), twin)
+
+
+def _key(data: DataSet) -> tuple[str, str, int]:
+    return data.scene, data.preset, data.seed
+
+
+def _apv_ratio(
+    claim: str,
+    text: str,
+    vehicles: Sightings,
+    blocks: Blocks,
+    pair: tuple[str, str],
+    span: tuple[float, float],
+    inside: tuple[float, float],
+) -> Row:
+    """Points of one LiDAR over those of another, on the same vehicles of `common`."""
+    above, below = (vehicles.column(name) for name in pair)
+    rows, found = _span(
+        vehicles, blocks, span, lambda s: ratio(s[..., 0, above, 0], s[..., 0, below, 0])
+    )
+    return _row(claim, f"{text}; {_where(rows, span, 'common')}", found, inside)
+
+
+def _span(
+    vehicles: Sightings,
+    blocks: Blocks,
+    span: tuple[float, float],
+    statistic: Callable[[FloatArray], FloatArray],
+) -> tuple[Sightings, Estimate]:
+    """The vehicles of a span of distance, and a statistic of their sums (..., 1, L, 4)."""
+    rows = _within(vehicles, span)
+    return rows, blocks.estimate(vehicle_sums(rows, blocks, np.array(span)), statistic)
+
+
+def _within(vehicles: Sightings, span: tuple[float, float]) -> Sightings:
+    return vehicles.select((vehicles.distance >= span[0]) & (vehicles.distance < span[1]))
+
+
+def _where(rows: Sightings, span: tuple[float, float], name: str) -> str:
+    """The set, the span and the vehicles that are really there."""
+    if len(rows) == 0:
+        return f"{name}, {span[0]:g} to {span[1]:g} m, no vehicles"
+    return (
+        f"{name}, {span[0]:g} to {span[1]:g} m, {len(rows)} vehicles "
+        f"at {rows.distance.min():.1f} to {rows.distance.max():.1f} m"
+    )
+
+
+def _row(claim: str, text: str, found: Estimate, inside: tuple[float, float]) -> Row:
+    value, low, high = float(found.value), float(found.low), float(found.high)
+    return Row(claim, text, value, low, high, verdict(low, high, inside))

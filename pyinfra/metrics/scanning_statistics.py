@@ -1,0 +1,228 @@
+"""Scanning statistics of data sets: `pyinfra statistics DATA... --out DIR`.
+
+What a LiDAR gets of a scene before any detector: hits, points per vehicle, quality, light. The
+functions are in tables.py (vehicles) and patterns.py (rays); here they are put
+together, written as CSV and drawn. Definitions: docs/conventions.md, "Scanning statistics".
+"""
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import FormatError
+from pyinfra.core.files import replacing
+from pyinfra.dataset.data_set import DataSet, read_data_set
+from pyinfra.dataset.trajectories import read_rows
+from pyinfra.formats.kitti import RECORDED
+from pyinfra.metrics import scanning_tables as statistics_tables
+from pyinfra.metrics.intervals import Blocks
+from pyinfra.metrics.observations import (
+    Sightings,
+    accumulated,
+    blocks_of,
+    ends_of_runs,
+    hit_counts,
+    read_sightings,
+)
+
+Tables = dict[str, pd.DataFrame]
+
+
+def sets_of(vehicles: Sightings) -> dict[str, Sightings]:
+    """The sets of vehicles that statistics compare, by name."""
+    return {
+        "common": vehicles.select(vehicles.common()),
+        "view": vehicles.select(vehicles.view()),
+    }
+
+
+def vehicle_tables(vehicles: Sightings, blocks: Blocks) -> Tables:
+    """points_per_vehicle, quality, only_one, decay and box_points, with a column `set`."""
+    tables: dict[str, list[pd.DataFrame]] = {}
+    for name, chosen in sets_of(vehicles).items():
+        for table, function in (
+            ("points_per_vehicle", statistics_tables.points_per_vehicle),
+            ("quality", statistics_tables.quality),
+            ("only_one", statistics_tables.only_one),
+            ("decay", statistics_tables.decay),
+            ("box_points", statistics_tables.box_points),
+        ):
+            rows = function(chosen, blocks)
+            rows.insert(0, "set", name)
+            tables.setdefault(table, []).append(rows)
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+
+
+def speed_table(data: DataSet) -> pd.DataFrame:
+    """Speeds of all vehicles of the scene at the times of the frames, from trajectories.csv.
+
+    Raises FormatError with file and line.
+    """
+    rows = _speeds(data.folder / "trajectories.csv")
+    number = np.round(rows.t / data.period_s).astype(np.int64)
+    rows = rows[np.isin(number, data.frames)]
+    return statistics_tables.speed_distribution(rows.id.to_numpy(), rows.speed.to_numpy())
+
+
+def _speeds(file: Path) -> pd.DataFrame:
+    rows = read_rows(file, ["t", "id", "speed"])
+    for name, most in (("t", 1e6), ("id", 2**31 - 1), ("speed", 1000)):
+        bad = np.flatnonzero(~rows[name].between(0, most))
+        if len(bad) > 0:
+            found = f"{file}:{rows.index[bad[0]] + 2}: {name}: found {rows[name].iloc[bad[0]]:g}"
+            raise FormatError(f"{found}, allowed 0 to {most:g}")
+    return rows
+
+
+def pattern_tables(data: DataSet) -> Tables:
+    """lit_share and angular_density of the LiDARs whose pattern is known; none without one.
+
+    Raises ImportError without the extension.
+    """
+    from pyinfra.metrics import scan_patterns
+
+    tables: dict[str, list[pd.DataFrame]] = {"lit_share": [], "angular_density": []}
+    for lidar in data.lidars:
+        file = data.lidar_folder(lidar.name) / "lidar.yaml"
+        if not scan_patterns.has_pattern(file):
+            continue
+        rays = scan_patterns.read_rays(file, scan_patterns.FIELD_S, data.period_s)
+        tables["lit_share"].append(scan_patterns.lit_share(rays).assign(lidar=lidar.name))
+        tables["angular_density"].append(
+            scan_patterns.angular_density(rays).assign(lidar=lidar.name)
+        )
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items() if parts}
+
+
+def data_set_tables(
+    data: DataSet, vehicles: Sightings, *, above_road: bool, accumulate: int = 1
+) -> Tables:
+    """All tables of one data set but those of its patterns, with columns that name it.
+
+    accumulate: frames one after another that count as one. A recording, which has no trajectories,
+    has no table of speeds. Raises ValueError without so many frames one after another.
+    """
+    ends = ends_of_runs(data.frames, accumulate)
+    blocks = blocks_of(data, vehicles, ends)
+    tables = vehicle_tables(accumulated(vehicles, data.frames, accumulate), blocks)
+    counts = {}
+    for lidar in data.lidars:
+        each = hit_counts(data, lidar, above_road=above_road)
+        runs = np.convolve(each, np.ones(accumulate, np.int64), "valid")  # of frames that are there
+        last = np.array(data.frames)[accumulate - 1 :]
+        counts[lidar.name] = runs[np.isin(last, ends)]
+    tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
+    if data.preset != RECORDED or (data.folder / "trajectories.csv").is_file():
+        tables["speed"] = speed_table(data)
+    named = {name: described(data, rows, above_road) for name, rows in tables.items()}
+    if accumulate == 1:
+        return named
+    return {name: rows.assign(accumulate=accumulate) for name, rows in named.items()}
+
+
+def aggregation_table(
+    data_sets: Sequence[DataSet], vehicles: Sequence[Sightings], *, above_road: bool = False
+) -> pd.DataFrame:
+    """What the aggregation mode changes, from each other mode to `exact`, on `common`.
+
+    Data sets of one scene, preset and seed are compared on the frames that both have; no rows
+    without such a pair.
+    """
+    rows = []
+    pairs = itertools.permutations(zip(data_sets, vehicles, strict=True), 2)
+    for (before, a), (after, b) in pairs:
+        same = all(getattr(before, k) == getattr(after, k) for k in ("scene", "preset", "seed"))
+        frames = np.intersect1d(before.frames, after.frames)
+        if not same or after.aggregation != "exact" or before.aggregation == "exact":
+            continue
+        if before.names != after.names or len(frames) == 0:
+            continue
+        blocks = blocks_of(after, b, frames.astype(np.int64))
+        change = statistics_tables.aggregation_change(
+            a.select(a.common()), b.select(b.common()), blocks
+        )
+        rows.append(described(before, change, above_road))
+    return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
+
+
+def described(data: DataSet, rows: pd.DataFrame, above_road: bool) -> pd.DataFrame:
+    """Rows with first the columns scene, preset, aggregation, seed, above_road."""
+    key = {
+        "scene": data.scene,
+        "preset": data.preset,
+        "aggregation": data.aggregation,
+        "seed": data.seed,
+        "above_road": "above road" if above_road else "all points",
+    }
+    return cast(
+        pd.DataFrame, pd.concat([pd.DataFrame([key] * len(rows), index=rows.index), rows], axis=1)
+    )
+
+
+def statistics(
+    folders: Sequence[Path],
+    *,
+    above_road: bool = False,
+    patterns: bool = True,
+    accumulate: int = 1,
+) -> Tables:
+    """All tables of the data sets under one another, by name.
+
+    accumulate: frames one after another that count as one, as in `accumulated`; of more than one
+    there is no table `aggregation`.
+
+    Raises what read_data_set and read_sightings raise; ImportError for patterns without the
+    extension.
+    """
+    data_sets = [read_data_set(folder) for folder in folders]
+    vehicles = [read_sightings(data, above_road=above_road) for data in data_sets]
+    parts = [
+        data_set_tables(data, v, above_road=above_road, accumulate=accumulate)
+        for data, v in zip(data_sets, vehicles, strict=True)
+    ]
+    tables = _joined(parts)
+    if accumulate == 1:
+        change = aggregation_table(data_sets, vehicles, above_road=above_road)
+        if len(change) > 0:
+            tables["aggregation"] = change
+    if patterns:
+        tables |= _patterns_once(data_sets, above_road)
+    return tables
+
+
+def write(tables: Tables, out: Path) -> list[Path]:
+    """Writes each table as NAME.csv; returns the files."""
+    out.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, table in tables.items():
+        file = out / f"{name}.csv"
+        with replacing(file) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
+        files.append(file)
+    return files
+
+
+def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:
+    """The patterns' tables, once for each scene and preset: the aggregation changes none."""
+    seen: dict[tuple[str, tuple[str, ...]], DataSet] = {}
+    for data in data_sets:
+        seen.setdefault((data.preset, data.names), data)
+    return _joined(
+        [
+            {name: described(data, rows, above_road) for name, rows in pattern_tables(data).items()}
+            for data in seen.values()
+        ]
+    )
+
+
+def _joined(parts: Sequence[Tables]) -> Tables:
+    """Tables of the same name under one another."""
+    names = list(dict.fromkeys(name for part in parts for name in part))
+    return {
+        name: pd.concat([part[name] for part in parts if name in part], ignore_index=True)
+        for name in names
+    }

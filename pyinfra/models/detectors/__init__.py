@@ -1,0 +1,35 @@
+"""Detectors of vehicles in one frame of one LiDAR.
+
+A detector is one file with a class that satisfies `Detector`, and one row of DETECTORS. The file's
+top names the paper that it follows and every deviation from it.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from pyinfra.core.arrays import FloatArray, NameArray, Points
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """What a detector finds in a frame, best first."""
+
+    boxes: FloatArray  # (k, 7) x y z dx dy dz heading, levelled LiDAR frame
+    scores: FloatArray  # (k,) [0, 1], descending
+    names: NameArray  # (k,) class
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+
+class Detector(Protocol):
+    """Finds vehicles in a cloud."""
+
+    def predict(self, points: Points) -> Detections:
+        """points: (n, 4) float32, x y z intensity, levelled LiDAR frame; n may be 0.
+
+        A detector of stacked frames takes (n, 5): the age of each point, seconds, comes last.
+
+        Points that are not finite or out of the detector's range are left out.
+        """
+        ...

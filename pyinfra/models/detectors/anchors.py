@@ -1,0 +1,145 @@
+"""Anchors on a bird's-eye grid: which boxes they stand for, and how far those are from them.
+
+SECOND, Yan et al., Sensors 2018, as OpenPCDet has it: matched by the overlap of the footprints,
+each turned to its nearest axis; residuals over the anchor's diagonal, height and sizes; headings
+modulo half a turn and a class for the half. Two sizes instead of one, because a bus never reaches
+the overlap with an anchor of a car.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from pyinfra.core.boxes import CAR_M, LONG_M
+from pyinfra.core.config import ruled
+from pyinfra.models.detectors.detection_area import Site
+
+HEADINGS = (0.0, math.pi / 2)
+
+
+@dataclass(frozen=True)
+class AnchorConfig:
+    """Sizes are dx dy dz in metres."""
+
+    car_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # length, width, height
+    long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # the second size
+    matched: float = ruled(0.6, 0, 1)  # an anchor stands for a box from this overlap on
+    unmatched: float = ruled(0.45, 0, 1)  # and for none below this one
+    candidates: int = ruled(4096, 1, 4096)  # best anchors that become boxes, before suppression
+
+    @property
+    def sizes(self) -> tuple[tuple[float, float, float], ...]:
+        return self.car_m, self.long_m
+
+    @property
+    def per_cell(self) -> int:
+        return len(self.sizes) * len(HEADINGS)
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Of all anchors of one frame, or of one grid of them."""
+
+    positive: Tensor  # (...) bool: stands for a box
+    negative: Tensor  # (...) bool: stands for none; the others do not count
+    box: Tensor  # (...) int64: the row of the box
+
+
+class Anchors:
+    """Anchors (rows, columns, per_cell, 7), standing on the site's floor."""
+
+    def __init__(self, config: AnchorConfig, site: Site, cell_m: float, grid: tuple[int, int]):
+        self.config = config
+        rows, columns = grid
+        x = site.area.low[0] + (torch.arange(columns) + 0.5) * cell_m
+        y = site.area.low[1] + (torch.arange(rows) + 0.5) * cell_m
+        self.x, self.y = x, y
+        kinds = [
+            torch.tensor([site.floor_z + size[2] / 2, *size, heading])
+            for size in config.sizes
+            for heading in HEADINGS
+        ]
+        place = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1], dim=-1)  # (rows, columns, 2)
+        place = place[:, :, None].expand(-1, -1, len(kinds), -1)
+        self.boxes = torch.cat([place, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
+
+    def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
+        """boxes: (k, 7); returns tensors (rows, columns, per_cell).
+
+        grid: the first rows and columns only.
+        """
+        rows, columns = grid or self.boxes.shape[:2]
+        shape = (rows, columns, self.config.per_cell)
+        if len(boxes) == 0:
+            none = torch.zeros(shape, dtype=torch.bool)
+            return Targets(none, ~none, torch.zeros(shape, dtype=torch.int64))
+        overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
+        best, box = overlap.max(dim=-1)
+        positive = best >= self.config.matched
+        # A box that no anchor matches gets its best ones.
+        most = overlap.flatten(0, 2).amax(dim=0)
+        forced = (overlap == most) & (most > 0)
+        hit, forced_box = forced.max(dim=-1)
+        box = torch.where(hit, forced_box, box)
+        positive = positive | hit
+        return Targets(positive, ~positive & (best < self.config.unmatched), box)
+
+    def axis_aligned_iou(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Tensor:
+        """(rows, columns, per_cell, k): of footprints turned to their nearest axis."""
+        rows, columns = grid or self.boxes.shape[:2]
+        across = boxes[:, 6].sin().abs() > math.sqrt(0.5)
+        gx = torch.where(across, boxes[:, 4], boxes[:, 3])
+        gy = torch.where(across, boxes[:, 3], boxes[:, 4])
+        found = []
+        for size in self.config.sizes:
+            for lx, ly in ((size[0], size[1]), (size[1], size[0])):
+                ox = _shared(self.x[:columns], lx, boxes[:, 0], gx)  # (columns, k)
+                oy = _shared(self.y[:rows], ly, boxes[:, 1], gy)  # (rows, k)
+                shared = oy[:, None] * ox[None]
+                found.append(shared / (lx * ly + gx * gy - shared))
+        return torch.stack(found, dim=2)
+
+
+def _shared(centre: Tensor, length: float, other: Tensor, other_length: Tensor) -> Tensor:
+    """Length that intervals share, each with each."""
+    low = torch.maximum(centre[:, None] - length / 2, other - other_length / 2)
+    high = torch.minimum(centre[:, None] + length / 2, other + other_length / 2)
+    return (high - low).clamp(min=0)
+
+
+def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
+    """Residuals (n, 7) of boxes (n, 7) from anchors (n, 7)."""
+    diagonal = anchors[:, 3:5].norm(dim=1, keepdim=True)
+    xy = (boxes[:, :2] - anchors[:, :2]) / diagonal
+    z = (boxes[:, 2:3] - anchors[:, 2:3]) / anchors[:, 5:6]
+    sizes = torch.log(boxes[:, 3:6] / anchors[:, 3:6])
+    return torch.cat([xy, z, sizes, boxes[:, 6:] - anchors[:, 6:]], dim=1)
+
+
+def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
+    """The inverse of encode; backwards (n,) bool says which half of the turn the heading is in."""
+    diagonal = anchors[:, 3:5].norm(dim=1, keepdim=True)
+    xy = residuals[:, :2] * diagonal + anchors[:, :2]
+    z = residuals[:, 2:3] * anchors[:, 5:6] + anchors[:, 2:3]
+    sizes = torch.exp(residuals[:, 3:6].clamp(-5, 5)) * anchors[:, 3:6]
+    heading = in_half_turn(residuals[:, 6] + anchors[:, 6]) + math.pi * backwards
+    heading = (heading + math.pi) % (2 * math.pi) - math.pi
+    return torch.cat([xy, z, sizes, heading[:, None]], dim=1)
+
+
+# A heading along the road is near 0 or pi: the halves must part far from both.
+PART = -math.pi / 4
+
+
+def in_half_turn(heading: Tensor) -> Tensor:
+    """The same axis, in [PART, PART + pi)."""
+    return (heading - PART) % math.pi + PART
+
+
+def is_backwards(heading: Tensor) -> Tensor:
+    """(n,) bool: which half of the turn a heading is in."""
+    return (heading - PART) % (2 * math.pi) >= math.pi

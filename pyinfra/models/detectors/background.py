@@ -1,0 +1,589 @@
+"""Vehicles as what stands out from the background of a fixed sensor; nothing is learnt from labels.
+
+The steps are the usual ones of roadside LiDAR: the background is what stays over minutes, the rest
+is clustered, and each cluster gets the rectangle of the L-shape search of Zhang et al., "Efficient
+L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). What differs from there:
+
+- the closeness of the points to the sides is saturated, and the directions of the roads, where
+  these are known, and those in which vehicles were seen to stand at that place while learning pull
+  the heading: few points fix none;
+- all clusters and headings of a frame are searched at once;
+- clusters reach farther along the direction of the road than across it;
+- a rectangle shorter than its class is grown away from the sensor, as that side is not seen;
+- what moves beside the roads, as leaves do, is left out, where the roads are known.
+
+What it cannot do: a heading is known up to half a turn; a vehicle that stands in most of the frames
+is background; vehicles that touch are one; ground that is hidden in every frame is taken from its
+neighbours or from the plane of the road. Without a region that plane may lie on the plants beside
+the road, and without known roads far vehicles side by side may be taken for one across the road.
+Needs neither torch nor the extension.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields, replace
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats, Int32Array, IntArray, Points
+from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.config import ruled
+from pyinfra.core.files import replacing
+from pyinfra.dataset.ground import Ground
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors import Detections
+
+CLASSES = ("Car", "Motorcycle", "Truck", "Bus", "Pedestrian", "Cyclist")
+_VEHICLE_SIZES = [[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]]  # metres
+SIZES = np.array([*_VEHICLE_SIZES, [0.73, 0.67, 1.77], [1.67, 0.7, 1.67]])
+_CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
+_LEAST_ALONE = 5  # points of a small cluster that is no far part of something else
+
+_ROAD_CELL_M = 5.0  # of the grid of directions
+_KNOWN_ROAD = 1.0  # weight of a known road there: a vehicle in the same cell has some 0.07
+_THIN_M = 0.4  # points closer than that are one in the graph of clusters
+_OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)  # headings of the search
+_BONNET_M = 1.2  # length of the low front or rear of a car
+_ON_SIDE_M = 0.1  # a point as close to a side lies on it
+_NEIGHBOUR_M = 10.0  # as far reaches the ground that is seen over ground that is not
+_OVERHEAD_M = 2.0  # above a road: crowns, gantries and signs, and no part of it
+_SHARED = 0.1  # of the smaller of two boxes: more is one vehicle
+_MOST = 1000  # boxes of a frame: what a wrong background or heavy rain may cost
+
+# What numpy raises for a file that is no .npz, is cut or has other arrays.
+_UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZipFile, zlib.error)
+
+
+@dataclass(frozen=True)
+class Config:
+    """What is background and what is one vehicle."""
+
+    range_m: float = ruled(120.0, 1, 1000)  # each way along x and y
+    cell_m: float = ruled(1.0, 0.1, 20)  # of the grid of the ground
+    clearance_m: float = ruled(0.15, 0, 5)  # a point this far above the ground is of something
+    ceiling_m: float = ruled(5.0, 0.1, 50)  # and below this of a vehicle
+    permanent_share: float = ruled(0.7, 0, 1)  # of the frames: what is hit more stands for good
+    gap_m: float = ruled(0.8, 0.05, 10)  # between points of a vehicle across the road, nearby
+    gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
+    within_region: bool = True  # no box whose centre is off the roads or the given outline
+    region_margin_m: float = ruled(1.0, 0, 20)  # around them, as boxes are not exact
+    people: bool = False  # small clusters are Pedestrian or Cyclist; a margin holds the footways
+
+    def __post_init__(self) -> None:
+        if self.clearance_m >= self.ceiling_m:
+            found, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
+            raise ValueError(f"clearance_m: found {found}, allowed below ceiling_m, {top}")
+
+
+DEFAULT = Config()
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """A detector that knows its place: the ground, what stands there for good, and the traffic.
+
+    Grids are square and centred on the sensor, first index along x.
+    """
+
+    settings: Config
+    ground: Floats  # (n, n) z of the ground, metres
+    permanent: BoolArray  # (n, n, layers of 1 m above the ground) where something always stands
+    region: BoolArray  # (n, n) where vehicles can be; everywhere if that is not known
+    road: Floats  # (m, m, 2) mean cos, sin of twice the heading of traffic; its length is certainty
+    expected: Floats  # (2,): ln of the points on a vehicle is [0] + [1] ln distance
+
+    @classmethod
+    def learn(
+        cls,
+        frames: Sequence[Points],
+        settings: Config = DEFAULT,
+        region: Region | None = None,
+        road: Ground | None = None,
+    ) -> Background:
+        """frames: clouds (k, 4) of one sensor that stays where it is, spread over minutes.
+
+        region: where vehicles can be; left out, or without `within_region`, everywhere.
+        Its roads, if it knows any, pull the directions of the traffic.
+        road: how high it lies; only a relief is used, a level road is taken from the frames.
+        Vehicles may stand in the way for most of that time if the road is seen free once.
+        Raises ValueError if no frame has a point in range.
+        """
+        clouds = [_usable(frame, settings) for frame in frames]
+        if sum(map(len, clouds)) == 0:
+            raise ValueError(f"frames: found {len(clouds)} without a point in range, allowed more")
+        if not settings.within_region:
+            region = None
+        ground = _ground(clouds, settings, road, _inside_region(region, settings, 0))
+        permanent = _permanent(clouds, ground, settings)
+        roads = _known_roads(region, settings)
+        inside = _inside_region(region, settings, settings.region_margin_m)
+        none = np.zeros(2, np.float32)
+        known = cls(settings, ground, permanent, inside, _mean_direction(roads), none)
+        for _ in range(2):  # the second time with directions that hold clusters apart
+            found = _joined([known._rectangles(cloud) for cloud in clouds])
+            known = replace(known, road=_road(found, roads), expected=_expected(found))
+        return known
+
+    def predict(self, points: Points) -> Detections:
+        """As `Detector.predict`."""
+        found = self._rectangles(_usable(points, self.settings))
+        kinds = _kinds(found, self.settings)
+        boxes = _boxes(found, kinds)
+        scores = _scores(found, kinds, self.expected)
+        keep = _without_overlap(boxes, scores)
+        return Detections(boxes[keep], scores[keep], np.array(CLASSES)[kinds[keep]])
+
+    def moving(self, points: Points) -> Floats:
+        """(m, 3) x y z of what moves, in the region or not; points as those of `predict`."""
+        cloud = _usable(points, self.settings)
+        return cloud[self._moving(cloud)[0]]
+
+    def save(self, file: Path) -> None:
+        """Writes plain arrays in numpy's .npz format."""
+        with replacing(file) as beside, beside.open("wb") as stream:
+            np.savez_compressed(
+                stream,
+                settings=_numbers(self.settings),
+                ground=self.ground,
+                permanent=self.permanent,
+                region=self.region,
+                road=self.road,
+                expected=self.expected,
+            )
+
+    @classmethod
+    def load(cls, file: Path) -> Background:
+        """What `save` wrote. Raises ValueError with the file's name for anything else."""
+        try:
+            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+                contents = [data[f.name] for f in fields(cls)]
+            known = cls(_settings(contents[0]), *contents[1:])
+            known._check()
+        except _UNREADABLE as error:
+            raise ValueError(f"{file}: found no background of this detector: {error}") from error
+        return known
+
+    def _check(self) -> None:
+        """Raises ValueError unless the arrays are those of `learn`."""
+        s = self.settings
+        n, m = _cells(s), _road_cells(s)
+        allowed = {
+            "ground": ((n, n), np.float32),
+            "permanent": ((n, n, _layers(s)), np.bool_),
+            "region": ((n, n), np.bool_),
+            "road": ((m, m, 2), np.float32),
+            "expected": ((2,), np.float32),
+        }
+        for name, (shape, kind) in allowed.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != kind or not np.isfinite(array).all():
+                raise ValueError(
+                    f"{name}: found {array.shape} {array.dtype}, "
+                    f"allowed {shape} {np.dtype(kind)}, all finite"
+                )
+
+    def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
+        """Indices of the points (k, 3) that are no background, and heights (k,) of all."""
+        s = self.settings
+        cell = _cell(cloud, s)
+        height = cloud[:, 2] - self.ground.reshape(-1).take(cell)
+        high = np.flatnonzero((height > s.clearance_m) & (height < s.ceiling_m))
+        layer = height[high].astype(np.int32)
+        moves = ~self.permanent.reshape(-1).take(cell[high] * _layers(s) + layer)
+        return high[moves], height
+
+    def _rectangles(self, cloud: Floats) -> _Rectangles:
+        """Clusters in the region of what is no background; cloud: (k, 3) usable points."""
+        s = self.settings
+        high, height = self._moving(cloud)
+        found = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
+        centre = _boxes(found, _kinds(found, s))[:, :2]
+        return found.select(self.region.reshape(-1).take(_cell(centre, s)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rectangles:
+    """Clusters and the rectangles around what is seen of them, in axes turned by the heading."""
+
+    heading: Floats  # (c,)
+    low: Floats  # (c, 2) least coordinate ahead and to the left
+    high: Floats  # (c, 2)
+    bottom: Floats  # (c,) z of the ground
+    lowest: Floats  # (c,) height of the lowest point above it
+    height: Floats  # (c,) and of the highest
+    count: Floats  # (c,) points
+
+    @property
+    def size(self) -> Floats:
+        """(c, 2) seen length and width."""
+        return np.asarray(self.high - self.low)
+
+    @property
+    def centre(self) -> Floats:
+        """(c, 2) x y."""
+        return _turned((self.low + self.high) / 2, self.heading)
+
+    @property
+    def distance(self) -> Floats:
+        """(c,) horizontal, from the sensor."""
+        ahead, left = ((self.low + self.high) / 2).T
+        return np.asarray(np.maximum(np.hypot(ahead, left), 1))
+
+    def select(self, keep: BoolArray) -> _Rectangles:
+        """keep: (c,)."""
+        return _Rectangles(*(getattr(self, f.name)[keep] for f in fields(self)))
+
+
+def _joined(parts: Sequence[_Rectangles]) -> _Rectangles:
+    columns = ([getattr(part, f.name) for part in parts] for f in fields(_Rectangles))
+    return _Rectangles(*(np.concatenate(column) for column in columns))
+
+
+def _usable(points: Points, s: Config) -> Floats:
+    """(k, 3) x y z of the points that are finite and in range.
+
+    Raises ValueError for an array of another shape.
+    """
+    if points.ndim != 2 or points.shape[1] != 4:
+        raise ValueError(f"points: found {points.shape}, allowed (n, 4)")
+    x, y, z = (np.abs(points[:, axis]) < s.range_m for axis in range(3))  # False for nan
+    good = x & y & z
+    return points[:, :3].take(np.flatnonzero(good), axis=0).astype(np.float32, copy=False)
+
+
+def _cells(s: Config) -> int:
+    return int(np.ceil(2 * s.range_m / s.cell_m))
+
+
+def _layers(s: Config) -> int:
+    return int(np.ceil(s.ceiling_m))
+
+
+def _road_cells(s: Config) -> int:
+    return int(np.ceil(2 * s.range_m / _ROAD_CELL_M))
+
+
+def _numbers(settings: Config) -> FloatArray:
+    """Those of a file; without people it is as of versions that knew none."""
+    numbers = np.array(astuple(settings))
+    return numbers if settings.people else numbers[:-1]
+
+
+def _settings(values: FloatArray) -> Config:
+    most = len(fields(Config))
+    if values.shape not in ((most,), (most - 1,)):
+        raise ValueError(f"settings: found {values.shape}, allowed {most - 1} or {most} numbers")
+    pairs = zip(fields(Config), values, strict=False)
+    return Config(**{f.name: type(getattr(DEFAULT, f.name))(value) for f, value in pairs})
+
+
+def _cell(cloud: Floats, s: Config) -> Int32Array:
+    """(k,) index into the grids of the ground, row by row; of places beyond it, at its edge."""
+    index = ((cloud[:, :2] + np.float32(s.range_m)) * np.float32(1 / s.cell_m)).astype(np.int32)
+    np.clip(index, 0, _cells(s) - 1, out=index)
+    return index[:, 0] * np.int32(_cells(s)) + index[:, 1]
+
+
+def _centres(s: Config) -> tuple[Floats, Floats]:
+    """x (n, 1) and y (1, n) of the cells of the ground."""
+    at = ((np.arange(_cells(s)) + 0.5) * s.cell_m - s.range_m).astype(np.float32)
+    return at[:, None], at[None]
+
+
+def _places(s: Config) -> FloatArray:
+    """(n * n, 2) x y of the cells of the ground, row by row."""
+    n = _cells(s)
+    x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
+    return np.column_stack([x, y]).astype(np.float64)
+
+
+def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArray:
+    """(n, n) of the cells whose centre is in the region or its margin."""
+    n = _cells(s)
+    if region is None:
+        return np.ones((n, n), np.bool_)
+    return region.holds(_places(s), margin_m).reshape(n, n)
+
+
+def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: BoolArray) -> Floats:
+    """(n, n) z: the lowest return of each cell, unless it is only ever of vehicles.
+
+    A cell whose lowest return is well above the road and not there in most frames is one whose
+    ground no ray reaches; it gets that of a neighbour, or of the road: its relief where that is
+    known, else the plane that fits it best. inside: (n, n) of the cells in the region, all if it
+    is not known; in it what stays overhead is no ground either.
+    """
+    n = _cells(s)
+    lowest = np.full(n * n, np.inf, np.float32)
+    seen = np.zeros(n * n, np.int32)
+    for cloud in clouds:
+        cell = _cell(cloud, s)
+        np.minimum.at(lowest, cell, cloud[:, 2])
+        seen += np.bincount(cell, minlength=n * n) > 0
+    z = lowest.reshape(n, n)
+    share = (seen / len(clouds)).reshape(n, n)
+    if road is not None and road.relief is not None:
+        plane = road.height(_places(s)).reshape(n, n).astype(np.float32)
+    else:
+        # Plants and slopes beside the road are seen in every frame, far lanes hardly ever.
+        trusted = inside & (seen > 0).reshape(n, n)
+        plane = _plane(z, np.where(trusted, share, 0) if trusted.any() else share, s)
+    stays = share > s.permanent_share
+    if not inside.all():
+        stays &= ~inside | (z < plane + _OVERHEAD_M)
+    real = stays | (z < plane + s.clearance_m) | (z == z.min())
+    # What stays beside the road, a crown say, tells nothing of the road.
+    return np.where(inside, _filled(z, real & inside, plane, s), _filled(z, real, plane, s))
+
+
+def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
+    """(n, n) z of the nearest real cell, that of the plane where none is near."""
+    if not real.any():
+        return plane
+    apart, (i, j) = distance_transform_edt(~real, s.cell_m, return_indices=True)
+    return np.where(apart <= _NEIGHBOUR_M, z[i, j], plane).astype(np.float32)
+
+
+def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
+    """(n, n) z of the plane through the lowest returns of the cells that are seen most often.
+
+    share: (n, n) of the frames that see a cell. Vehicles are seen seldom and only ever above.
+    """
+    x, y = (np.broadcast_to(a, lowest.shape) for a in _centres(s))
+    known = share > 0
+    distance = np.hypot(x, y)[known]
+    a = np.stack([x[known], y[known], np.ones(known.sum())], axis=1).astype(np.float64)
+    z, trust = lowest[known].astype(np.float64), share[known].astype(np.float64) ** 2
+    near = distance <= max(45, distance.min())
+    order = np.argsort(z[near])
+    total = np.cumsum(trust[near][order])
+    fit = np.array([0, 0, z[near][order][np.searchsorted(total, total[-1] / 2)]])
+    for reach in np.minimum(s.range_m * 1.5, [45, 45, 45, 45, 80, 80, 200, 200]):
+        above = z - a @ fit
+        # Cauchy weights; a weak pull towards level ground where few cells are known.
+        weight = trust * (distance <= reach) / (1 + (above / 0.2) ** 2)
+        weight *= np.where(above > 0, 0.2, 1)
+        normal = a.T @ (a * weight[:, None]) + np.diag([1.0, 1.0, 1e-6])
+        fit = np.linalg.solve(normal, a.T @ (z * weight) + [0, 0, 1e-6 * fit[2]])
+    return np.asarray(fit[0] * x + fit[1] * y + fit[2], dtype=np.float32)
+
+
+def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray:
+    """(n, n, layers) True where most frames have a return above the ground."""
+    n, layers = _cells(s), _layers(s)
+    seen = np.zeros(n * n * layers, np.int32)
+    for cloud in clouds:
+        cell = _cell(cloud, s)
+        height = cloud[:, 2] - ground.reshape(-1).take(cell)
+        high = (height > s.clearance_m) & (height < s.ceiling_m)
+        voxel = cell[high] * layers + height[high].astype(np.int32)
+        seen[np.unique(voxel)] += 1
+    return np.asarray(seen > s.permanent_share * len(clouds)).reshape(n, n, layers)
+
+
+def _known_roads(region: Region | None, s: Config) -> FloatArray:
+    """(m, m, 3) votes of the region's roads as those of clusters in `_road`, of next to no weight
+    where none is known and where several cross."""
+    cells = _road_cells(s)
+    votes = np.full((cells, cells, 3), 1e-6) * [0, 0, 1]
+    if region is not None and region.axes is not None:
+        at = (np.arange(cells) - cells // 2 + 0.5) * _ROAD_CELL_M
+        places = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
+        sin, cos = region.axes(places.reshape(-1, 2)).T.reshape(2, cells, cells)
+        votes += _KNOWN_ROAD * np.stack([cos, sin, np.hypot(cos, sin)], axis=-1)
+    return votes
+
+
+def _mean_direction(votes: FloatArray) -> Floats:
+    """(m, m, 2) of votes (m, m, 3)."""
+    return (votes[..., :2] / votes[..., 2:]).astype(np.float32)
+
+
+def _road(found: _Rectangles, roads: FloatArray) -> Floats:
+    """(m, m, 2) mean cos, sin of twice the heading of long clusters; shorter where they differ.
+
+    roads: (m, m, 3) votes of known ones. Far away most clusters show their rear alone, and two
+    vehicles side by side are one across the road: few votes there are as often wrong as right.
+    """
+    cells = len(roads)
+    length, width = found.size.T
+    sure = (length > 3) & (width < 3) & (length > 1.4 * width) & (found.count >= 8)
+    i, j = _road_cell(found.centre[sure], cells)
+    votes = np.zeros((cells, cells, 3))
+    turn = 2 * found.heading[sure]
+    vote = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
+    np.add.at(votes, (i, j), vote)
+    # Narrow where many were seen; where none were, what there is far around.
+    smooth = roads.copy()
+    for share, cells_wide in [(1, 1.5), (0.02, 4), (1e-4, 10)]:
+        smooth += share * gaussian_filter(votes, (cells_wide, cells_wide, 0), mode="constant")
+    return _mean_direction(smooth)
+
+
+def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:
+    index = np.floor(xy / _ROAD_CELL_M).astype(np.int64) + cells // 2
+    i, j = np.clip(index, 0, cells - 1).T
+    return i, j
+
+
+def _expected(found: _Rectangles) -> Floats:
+    """(2,) line through ln points over ln distance of the clusters.
+
+    A weak pull towards the slope -1.5 matters if they are few or all at one distance.
+    """
+    good = found.count >= 2
+    x, y = np.log(found.distance[good]), np.log(found.count[good])
+    if len(x) == 0:
+        return np.array([np.log(2e4), -1.5], np.float32)
+    slope = (np.sum((x - x.mean()) * (y - y.mean())) - 1.5) / (np.sum((x - x.mean()) ** 2) + 1)
+    return np.array([y.mean() - slope * x.mean(), slope], np.float32)
+
+
+def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
+    """Rectangles of the clusters of a cloud (k, 3) with heights (k,) above the ground."""
+    if len(cloud) == 0:
+        none = np.empty(0, np.float32)
+        pair = np.empty((0, 2), np.float32)
+        return _Rectangles(none, pair, pair, none, none, none, none)
+    thin, thin_of = _thinned(cloud)
+    label = _clusters(thin, road, s)
+    order = np.argsort(label, kind="stable")
+    heading = _headings(thin[order], label[order], road)
+    label = label[thin_of]
+    order = np.argsort(label, kind="stable")
+    start = np.flatnonzero(np.diff(label[order], prepend=-1))
+    seen = _turned(cloud[order, :2], -heading[label[order]])
+    height = height[order]
+    return _Rectangles(
+        heading=heading,
+        low=np.minimum.reduceat(seen, start),
+        high=np.maximum.reduceat(seen, start),
+        bottom=np.minimum.reduceat(cloud[order, 2] - height, start),
+        lowest=np.minimum.reduceat(height, start),
+        height=np.maximum.reduceat(height, start),
+        count=np.diff(start, append=len(cloud)).astype(np.float32),
+    )
+
+
+def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
+    """One point (t, 2) per cell of the plane, the mean of its points, and which is whose (k,)."""
+    cell = np.floor(cloud[:, :2] / np.float32(_THIN_M)).astype(np.int64)
+    _, owner, count = np.unique(
+        cell[:, 0] * 1_000_000 + cell[:, 1], return_inverse=True, return_counts=True
+    )
+    mean = [np.bincount(owner, cloud[:, axis]) / count for axis in (0, 1)]
+    return np.stack(mean, axis=1).astype(np.float32), owner
+
+
+def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
+    """(t,) label of the cluster of each point, from 0: neighbours in an ellipse along the road.
+
+    The ellipse grows with the distance, as the gaps between rays do. Without a known direction it
+    is a circle.
+    """
+    distance = np.hypot(xy[:, 0], xy[:, 1])
+    grow = 1 + distance / np.float32(100)
+    reach = max(s.gap_along_m, s.gap_m) * float(grow.max())
+    i, j = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
+    x, y = (xy[i] - xy[j]).T
+    cos, sin = road[_road_cell(xy, len(road))].T
+    both = x * x + y * y
+    # |along|^2 - |across|^2 of the step, times the certainty.
+    tilt = (x * x - y * y) * cos[i] + 2 * x * y * sin[i]
+    size = (both + tilt) / (2 * s.gap_along_m**2) + (both - tilt) / (2 * s.gap_m**2)
+    near = size < grow[i] ** 2
+    shape = (len(xy), len(xy))
+    graph = coo_array((np.ones(near.sum(), np.int8), (i[near], j[near])), shape)
+    labels: Int32Array = connected_components(graph, directed=False)[1]
+    return labels
+
+
+def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
+    """(c,) best heading of each cluster; xy (t, 2) ordered by label (t,)."""
+    start = np.flatnonzero(np.diff(label, prepend=-1))
+    count = np.diff(start, append=len(xy))
+    mean = np.add.reduceat(xy, start) / count[:, None].astype(np.float32)
+    along = road[_road_cell(mean, len(road))]
+    heading = np.arctan2(along[:, 1], along[:, 0])[:, None] / 2 + _OFFSETS  # (c, h)
+    cos, sin = np.cos(heading), np.sin(heading)
+    x, y = (xy - mean[label]).T[..., None]
+    ahead = x * cos[label] + y * sin[label]  # (t, h)
+    left = y * cos[label] - x * sin[label]
+    inside_ahead, _ = _inside(ahead, start, label)
+    inside_left, width = _inside(left, start, label)
+    off = np.maximum(np.minimum(inside_ahead, inside_left), np.float32(_ON_SIDE_M))
+    close = np.add.reduceat(np.float32(_ON_SIDE_M) / off, start) / (count[:, None] + 5)
+    usual = along[:, :1] * np.cos(2 * heading) + along[:, 1:] * np.sin(2 * heading)
+    score = close + usual - 0.03 * width - 0.2 * np.maximum(width - 3, 0)
+    best: Floats = np.take_along_axis(heading, score.argmax(1)[:, None], axis=1)[:, 0]
+    return best
+
+
+def _inside(at: Floats, start: IntArray, label: Int32Array) -> tuple[Floats, Floats]:
+    """How far points (t, h) are from the nearer end of their cluster, and the extents (c, h)."""
+    low, high = np.minimum.reduceat(at, start), np.maximum.reduceat(at, start)
+    return np.minimum(at - low[label], high[label] - at), high - low
+
+
+def _turned(xy: Floats, heading: Floats) -> Floats:
+    """(n, 2) points turned by (n,) radians about the sensor."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.stack([cos * xy[:, 0] - sin * xy[:, 1], sin * xy[:, 0] + cos * xy[:, 1]], axis=1)
+
+
+def _kinds(found: _Rectangles, s: Config) -> IntArray:
+    """(c,) index into CLASSES."""
+    length, width = found.size.T
+    kinds = np.full(len(length), _CAR)
+    kinds[(width < 1.1) & (length < 3.2) & (found.count >= 8)] = _MOTORCYCLE
+    if s.people:
+        upright = (found.count >= _LEAST_ALONE) & (found.height > 0.9) & (found.height < 2.2)
+        kinds[upright & (width < 1.1) & (length < 2.1)] = _CYCLIST
+        kinds[upright & (width < 1) & (length < 1)] = _PEDESTRIAN
+    kinds[(found.height > 2.4) | (length > 7)] = _TRUCK
+    kinds[length > 9.5] = _BUS
+    return kinds
+
+
+def _boxes(found: _Rectangles, kinds: IntArray) -> FloatArray:
+    """(c, 7): each rectangle, grown to the size of its class on the side away from the sensor."""
+    missing = np.maximum(SIZES[kinds, :2] - found.size, 0)
+    # Where the sensor is alongside, no side is nearer.
+    away = np.clip((found.low + found.high) / 2 / SIZES[kinds, :2], -1, 1)
+    # Rays that only hit the cabin went over the bonnet before it.
+    over = np.where(kinds == _CAR, np.clip(2 * found.lowest - 1, 0, 1), 0)
+    nearer = np.minimum(over[:, None] * [_BONNET_M, 0], missing)
+    middle = (found.low + found.high) / 2 + away * (missing / 2 - nearer)
+    centre = _turned(middle, found.heading)
+    tall = np.maximum(found.height, SIZES[kinds, 2])
+    heading = (found.heading + np.pi) % (2 * np.pi) - np.pi
+    z = found.bottom + tall / 2
+    return np.column_stack([centre, z, found.size + missing, tall, heading]).astype(np.float64)
+
+
+def _scores(found: _Rectangles, kinds: IntArray, expected: Floats) -> FloatArray:
+    """(c,) [0.1, 1]: the points against those expected there, and the size against the class."""
+    ratio = found.count / np.exp(expected[0] + expected[1] * np.log(found.distance))
+    excess = np.maximum(found.size - SIZES[kinds, :2] - [1.5, 0.5], 0).sum(1)
+    return np.asarray(0.1 + 0.9 * ratio / (ratio + 0.3) * np.exp(-excess), dtype=np.float64)
+
+
+def _without_overlap(boxes: FloatArray, scores: FloatArray) -> IntArray:
+    """Indices of at most _MOST boxes, best first, without those that overlap a better one."""
+    order = np.argsort(-scores, kind="stable")[:_MOST]
+    best = boxes[order]
+    area = best[:, 3] * best[:, 4]
+    overlap = bev_overlap(best, best) > _SHARED * np.minimum(area[:, None], area)
+    keep = np.ones(len(order), bool)
+    for k, over in enumerate(overlap):
+        if keep[k]:
+            keep[k + 1 :] &= ~over[k + 1 :]
+    return order[keep]

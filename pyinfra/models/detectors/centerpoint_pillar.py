@@ -1,0 +1,75 @@
+"""CenterPoint on pillars: Center-based 3D Object Detection and Tracking, Yin et al., CVPR 2021.
+
+Deviations: dynamic pillars (pillars.py) through one layer, one head for all classes, no second
+stage, Gaussians along the vehicles, a plainer head and the weight of its box (centre_head.py),
+boxes on every second row and column of pillars of 0.2 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from torch import Tensor
+
+from pyinfra.core.config import ruled
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors.batch import Batch
+from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
+from pyinfra.models.detectors.centre_head import AxisHead, CentreHead
+from pyinfra.models.detectors.classes import VEHICLES, ObjectClass
+from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.network import Losses, Network
+from pyinfra.models.detectors.pillars import PillarEncoder
+from pyinfra.models.detectors.windows import view_of
+
+
+@dataclass(frozen=True)
+class Config:
+    """Widths and depths; the defaults are the published ones."""
+
+    pillar_m: float = ruled(0.2, 0.05, 2)  # side of a pillar
+    pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
+    intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
+    place: bool = True  # whether x and y themselves are; a network of many sites does without
+    age: bool = False  # whether a point's is looked at, of stacked frames (--accumulate)
+    bev: BevConfig = field(default_factory=BevConfig)
+    head_width: int = ruled(64, 1, 512)  # channels of the layer that heat and box share
+    axis: bool = False  # whether boxes have an axis and a way, for sites with traffic any way
+    classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # that are told apart
+
+    def __post_init__(self) -> None:
+        if not self.classes:
+            raise ValueError("classes: found none, allowed one or more")
+
+
+class CenterPointPillar(Network):
+    """Pillars, a two-dimensional network, a heat map."""
+
+    learns_in_windows = True
+    balances_frames = True
+
+    def __init__(self, config: Config, site: Site) -> None:
+        area = site.area.grown(multiple(config.bev, config.pillar_m))
+        super().__init__(Site(area, site.floor_z))
+        self.classes = config.classes
+        self.columns = 5 if config.age else 4
+        looks_at = {"intensity": config.intensity, "place": config.place, "age": config.age}
+        self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
+        self.bev = BevNetwork(config.bev, config.pillar_width)
+        cell_m = config.bev.strides[0] * config.pillar_m
+        head = AxisHead if config.axis else CentreHead
+        self.head = head(self.bev.channels, config.head_width, self.site, cell_m, config.classes)
+
+    def losses(self, batch: Batch) -> Losses:
+        view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
+        canvas = self.bev(self.encoder(batch, view))
+        return self.head.losses(canvas, view.boxes, view.classes, batch.balance)
+
+    def know(self, region: Region) -> None:
+        if isinstance(self.head, AxisHead):
+            low, high = self.site.area.low, self.site.area.high
+            columns, rows = (round((high[i] - low[i]) / self.head.cell_m) for i in (0, 1))
+            self.head.know(region, (rows, columns))
+
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, ...]]:
+        return self.head.candidates(self.bev(self.encoder(batch)))

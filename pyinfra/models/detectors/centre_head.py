@@ -1,0 +1,234 @@
+"""The centre head: a heat map of the centres of each class, and a box at each peak.
+
+CenterPoint, Yin et al., CVPR 2021, first stage. Deviations: the heat of a vehicle is a Gaussian as
+long and as wide as the vehicle itself, along its heading, in place of a circle; one layer for the
+heat and one for the box behind a shared one, where the published branches have two each; the box
+weighs 0.5, where its published weight is 0.25 or 2, by the data set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors.anchors import in_half_turn, is_backwards
+from pyinfra.models.detectors.bev import conv
+from pyinfra.models.detectors.classes import ALONG_ROADS, VEHICLES, ObjectClass
+from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.distributed import of_all
+from pyinfra.models.detectors.losses import heat_map_focal, start_rare
+from pyinfra.models.detectors.network import Losses
+
+BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
+BOX = 8  # x y z, log sizes (3), sine and cosine of the heading
+PEAKS = 512  # the highest ones that become boxes
+ROAD_WEIGHT = 3.0  # of the road's axis, where none was found at all; 1 is 0 to 2 AP below
+LEAST_CELLS = 0.6  # standard deviation of a Gaussian
+
+
+class CentreHead(nn.Module):
+    """(B, C, H, W), row = y: heat of each class and boxes of each cell.
+
+    What stands in a cell has one box, of whichever class it is.
+    """
+
+    def __init__(
+        self,
+        channels: int,
+        width: int,
+        site: Site,
+        cell_m: float,
+        classes: tuple[ObjectClass, ...] = VEHICLES,
+    ) -> None:
+        super().__init__()
+        self.site, self.cell_m, self.classes = site, cell_m, classes
+        self.shared = conv(channels, width)
+        self.heat: nn.Module = start_rare(nn.Conv2d(width, len(classes), 3, padding=1))
+        self.box: nn.Module = nn.Conv2d(width, BOX, 3, padding=1)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Heat as logits (B, classes, H, W), boxes (B, H, W, 8); a subclass may add to the 8."""
+        x = self.shared(x)
+        return self.heat(x).float(), self.box(x).permute(0, 2, 3, 1).float()
+
+    def losses(
+        self,
+        x: Tensor,
+        boxes: tuple[Tensor, ...],
+        classes: tuple[Tensor, ...] = (),
+        balance: float = 0.0,
+    ) -> Losses:
+        """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some.
+
+        balance: a frame of n boxes has the weight n ** -balance: with 0 each box counts the same,
+        with 1 each frame.
+        """
+        logits, found = self(x)
+        counts = torch.tensor([len(b) for b in boxes])
+        weights = (counts.clamp(min=1).float() ** -balance).to(x.device)
+        count = of_all((weights * counts.to(x.device)).sum())
+        heat = {
+            "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_loss(
+                logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)], weights
+            )
+            for i, name in enumerate(self.classes)
+        }
+        frame = torch.repeat_interleave(torch.arange(len(boxes)), counts).to(x.device)
+        every = torch.cat(boxes)
+        row, column = self.cells_of(every, logits.shape[2:])
+        at = found[frame, row, column]  # (k, 8)
+        parts = self.box_losses(at, every, row, column, weights[frame])
+        return {name: part / count for name, part in (heat | parts).items()}
+
+    def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor], weights: Tensor) -> Tensor:
+        """Of one class (B, H, W), summed with the frames' weights (B,)."""
+        heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
+        return (weights * heat_map_focal(logits, heat)).sum()
+
+    def box_losses(
+        self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
+    ) -> Losses:
+        """Summed over the boxes (k, 7), each with what was found at its centre (k, 8)."""
+        box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum(dim=1)
+        return {"box": BOX_WEIGHT * (weights * box).sum()}
+
+    def cells_of(self, boxes: Tensor, shape: Sequence[int]) -> tuple[Tensor, Tensor]:
+        """Row and column (k,) of the boxes' centres, which float32 may have moved onto the rim."""
+        low = boxes.new_tensor(self.site.area.low[:2])
+        cell = ((boxes[:, :2] - low) / self.cell_m).long()
+        return cell[:, 1].clamp(max=shape[0] - 1), cell[:, 0].clamp(max=shape[1] - 1)
+
+    def middle_of(self, row: Tensor, column: Tensor) -> Tensor:
+        """(k, 2) x y of cells' middles, metres."""
+        cell = torch.stack([column, row], dim=1)
+        low = torch.tensor(self.site.area.low[:2], device=row.device)
+        return low + (cell + 0.5) * self.cell_m
+
+    def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        """(k, 8)."""
+        offset = (boxes[:, :2] - self.middle_of(row, column)) / self.cell_m
+        z = boxes[:, 2:3] - self.site.floor_z
+        heading = boxes[:, 6:]
+        return torch.cat([offset, z, boxes[:, 3:6].log(), heading.sin(), heading.cos()], dim=1)
+
+    def decode(
+        self, found: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
+    ) -> Tensor:
+        """(k, 8) -> (k, 7); along_road: whether their class goes where roads lead."""
+        xy = self.middle_of(row, column) + found[:, :2] * self.cell_m
+        z = found[:, 2:3] + self.site.floor_z
+        sizes = found[:, 3:6].clamp(-5, 5).exp()
+        heading = torch.atan2(found[:, 6:7], found[:, 7:8])
+        return torch.cat([xy, z, sizes, heading], dim=1)
+
+    def heat_of(self, boxes: Tensor, shape: tuple[int, ...]) -> Tensor:
+        """(H, W) in [0, 1], 1 in the cell of each box's centre."""
+        heat = boxes.new_zeros(tuple(shape))
+        if len(boxes) == 0:
+            return heat
+        row, column = self.cells_of(boxes, shape)
+        y = torch.arange(shape[0], device=boxes.device) - row[:, None]  # (k, H) cells
+        x = torch.arange(shape[1], device=boxes.device) - column[:, None]  # (k, W)
+        cos, sin = boxes[:, 6].cos()[:, None, None], boxes[:, 6].sin()[:, None, None]
+        dx, dy = x[:, None, :], y[:, :, None]
+        ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+        sigma = (boxes[:, 3:5] / (6 * self.cell_m)).clamp(min=LEAST_CELLS)[:, :, None, None]
+        each = torch.exp(-((ahead / sigma[:, 0]) ** 2 + (left / sigma[:, 1]) ** 2) / 2)
+        return each.amax(dim=0)
+
+    def candidates(self, x: Tensor) -> list[tuple[Tensor, ...]]:
+        """The peaks of each frame, as `Network.candidates` gives them."""
+        logits, boxes = self(x)
+        heat = torch.sigmoid(logits)
+        peak = functional.max_pool2d(heat, 3, 1, 1) == heat
+        score = heat * peak
+        found: list[tuple[Tensor, ...]] = []
+        for i in range(len(x)):
+            of_classes = [
+                self.peaks(score[i, number], boxes[i], along_road=name in ALONG_ROADS)
+                for number, name in enumerate(self.classes)
+            ]
+            found.append(_numbered(of_classes) if len(of_classes) > 1 else of_classes[0])
+        return found
+
+    def peaks(self, score: Tensor, boxes: Tensor, *, along_road: bool) -> tuple[Tensor, Tensor]:
+        """Boxes (k, 7) and scores (k,) of the highest cells of one class (H, W)."""
+        best = score.flatten().topk(min(PEAKS, score.numel()))
+        row, column = best.indices // score.shape[1], best.indices % score.shape[1]
+        at = boxes[row, column]
+        return self.decode(at, row, column, along_road=along_road), self.score(best.values, at)
+
+    def score(self, heat: Tensor, at: Tensor) -> Tensor:
+        """(k,) of peaks with this heat (k,) and what was found at them (k, 8)."""
+        return heat
+
+
+def _numbered(of_classes: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor, Tensor]:
+    """Boxes (k, 7), scores (k,) and numbers (k,) of all classes."""
+    boxes, scores = (torch.cat(parts) for parts in zip(*of_classes, strict=True))
+    numbers = [torch.full_like(own, i, dtype=torch.int64) for i, (_, own) in enumerate(of_classes)]
+    return boxes, scores, torch.cat(numbers)
+
+
+class AxisHead(CentreHead):
+    """Boxes carry their axis, as sine and cosine of twice the heading, and which way is forwards.
+
+    Front and back look alike where traffic may come from anywhere. A mean of the two ways is no
+    heading, but the axis has one. Where points do not tell it, as a handful on a car far away, what
+    is found of it is short, and the axis of the road fills it up, if the roads are known.
+    """
+
+    def __init__(
+        self,
+        channels: int,
+        width: int,
+        site: Site,
+        cell_m: float,
+        classes: tuple[ObjectClass, ...] = VEHICLES,
+    ) -> None:
+        super().__init__(channels, width, site, cell_m, classes)
+        self.box = nn.Conv2d(width, BOX + 1, 3, padding=1)
+        self.road_axes: Tensor | None = None
+
+    def know(self, region: Region, shape: tuple[int, int]) -> None:
+        """Takes the axes of a region's roads for (H, W) cells; none of a region without."""
+        self.road_axes = None
+        if region.axes is None:
+            return
+        cells = torch.meshgrid(*map(torch.arange, shape), indexing="ij")
+        row, column = (numbers.flatten() for numbers in cells)
+        axes = region.axes(self.middle_of(row, column).double().numpy())
+        self.road_axes = torch.from_numpy(axes).float().reshape(*shape, 2)
+
+    def box_losses(
+        self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
+    ) -> Losses:
+        backwards = is_backwards(boxes[:, 6]).to(at)
+        direction = functional.binary_cross_entropy_with_logits(
+            at[:, BOX], backwards, weights, reduction="sum"
+        )
+        found = super().box_losses(at, boxes, row, column, weights)
+        return {**found, "direction": DIRECTION_WEIGHT * direction}
+
+    def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        twice = boxes.clone()
+        twice[:, 6] *= 2
+        return super().encode(twice, row, column)
+
+    def decode(
+        self, found: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
+    ) -> Tensor:
+        if along_road and self.road_axes is not None:
+            own = found[:, 6:8]
+            lacking = (1 - own.norm(dim=1, keepdim=True)).clamp(min=0)
+            axis = own + ROAD_WEIGHT * lacking * self.road_axes.to(own.device)[row, column]
+            found = torch.cat([found[:, :6], axis, found[:, 8:]], dim=1)
+        boxes = super().decode(found, row, column)
+        heading = in_half_turn(boxes[:, 6] / 2) + math.pi * (found[:, BOX] > 0)
+        boxes[:, 6] = (heading + math.pi) % (2 * math.pi) - math.pi
+        return boxes

@@ -1,0 +1,38 @@
+"""The classes that a network tells apart: their numbers, and the types that files have of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from pyinfra.core.arrays import IntArray, NameArray
+from pyinfra.metrics.match_results import OBJECT_CLASSES
+from pyinfra.metrics.matching import Metric
+
+ObjectClass = Literal["vehicle", "pedestrian", "cyclist"]
+VEHICLES: tuple[ObjectClass, ...] = ("vehicle",)
+# What a network writes, as it knows no more of a vehicle.
+TYPES: dict[ObjectClass, str] = {
+    "vehicle": "vehicle",
+    "pedestrian": "Pedestrian",
+    "cyclist": "Cyclist",
+}
+# How one of them is found: people by their centres, as their footprints are as small as boxes err.
+METRICS: dict[ObjectClass, Metric] = {"vehicle": "bev", "pedestrian": "centre", "cyclist": "centre"}
+ALONG_ROADS = ("vehicle", "cyclist")  # the others go any way
+
+
+def classes_of(config: object) -> tuple[ObjectClass, ...]:
+    """That a network with this Config tells apart; most know vehicles alone."""
+    found: tuple[ObjectClass, ...] = getattr(config, "classes", VEHICLES)
+    return found
+
+
+def numbers_of(types: NameArray, classes: Sequence[ObjectClass]) -> IntArray:
+    """(n,) the place of the class of each type (n,) among the classes; -1: none of them."""
+    found = np.full(len(types), -1)
+    for number, name in enumerate(classes):
+        found[np.isin(types, OBJECT_CLASSES[name])] = number
+    return found

@@ -1,0 +1,68 @@
+"""What a network looks at around a sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors.batch import Area
+
+MARGIN_M = 1.0
+REGION_MARGIN_M = 8.0  # half a long vehicle, so that one whose centre is at the end is whole
+
+
+@dataclass(frozen=True)
+class Site:
+    """x and y of the levelled LiDAR frame, z from the local road; metres.
+
+    Networks of version 0.2 have z from the sensor, and the floor where vehicles stood.
+    """
+
+    area: Area
+    floor_z: float = 0.0
+
+
+def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site:
+    """The area that holds the regions with a margin of 8 m, as high as the boxes (k, 7) with 1 m.
+
+    boxes: above the road. The area is the same for every LiDAR of a site, however far each of them
+    sees. Without a region: that of the boxes with a margin of 1 m. Raises ValueError if there is no
+    box.
+    """
+    every = np.concatenate([np.empty((0, 7)), *boxes])
+    if len(every) == 0:
+        raise ValueError("found no vehicle in the training frames, allowed one or more")
+    cos, sin = np.abs(np.cos(every[:, 6])), np.abs(np.sin(every[:, 6]))
+    half = (
+        np.stack(
+            [cos * every[:, 3] + sin * every[:, 4], sin * every[:, 3] + cos * every[:, 4]], axis=1
+        )
+        / 2
+    )
+    bottom = every[:, 2] - every[:, 5] / 2
+    low = [*(every[:, :2] - half).min(axis=0), bottom.min()]
+    high = [*(every[:, :2] + half).max(axis=0), (bottom + every[:, 5]).max()]
+    x0, y0, z0 = (float(v) - MARGIN_M for v in low)
+    x1, y1, z1 = (float(v) + MARGIN_M for v in high)
+    if regions:
+        (x0, y0), (x1, y1) = _ends(regions)
+    return Site(Area((x0, y0, z0), (x1, y1, z1)))
+
+
+def around(region: Region, site: Site) -> Site:
+    """The site as high as it is, with a region's area."""
+    low, high = _ends([region])
+    area = Area((*low, site.area.low[2]), (*high, site.area.high[2]))
+    return Site(area, site.floor_z)
+
+
+def _ends(regions: Sequence[Region]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """x y, lowest and highest, of regions with the margin."""
+    corners = np.concatenate([region.corners for region in regions])
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    margin = REGION_MARGIN_M
+    return (float(x0) - margin, float(y0) - margin), (float(x1) + margin, float(y1) + margin)

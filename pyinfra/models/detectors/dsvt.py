@@ -1,0 +1,240 @@
+"""DSVT: Dynamic Sparse Voxel Transformer with Rotated Sets, Wang et al., CVPR 2023, on pillars.
+
+Deviations: one class; the area is that of the training vehicles; the embedding of a place belongs
+to the window that its layer attends in (the published code takes it of the other window in every
+second layer) and is normalised over the places of a window, not over the voxels; one branch of the
+head for the box, which weighs 0.5 in place of 2; Gaussians along the vehicles (centre_head.py); the
+loss of overlap is that of turned boxes alone, without the distance of their centres; the rate's
+cycle is that of all detectors here; detections are suppressed from an overlap of 0.1 on, likewise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pyinfra.core.config import ruled
+from pyinfra.models.detectors.batch import Batch, CanvasPart
+from pyinfra.models.detectors.bev import BevConfig, BevNetwork, conv, multiple
+from pyinfra.models.detectors.centre_head import BOX, CentreHead
+from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.distributed import OwnNorm
+from pyinfra.models.detectors.losses import start_rare
+from pyinfra.models.detectors.network import MIN_SCORE, Losses, Network
+from pyinfra.models.detectors.pillars import PillarEncoder
+from pyinfra.models.detectors.windows import view_of
+from pyinfra.models.ops.boxes import iou_3d_pairs
+from pyinfra.models.ops.sets import Sets, partition, windows_of
+
+OVERLAP_WEIGHT = 2.0
+
+
+def _bev() -> BevConfig:
+    return BevConfig((1, 2, 2), (128, 128, 256), (1, 2, 2), 128)
+
+
+@dataclass(frozen=True)
+class Config:
+    """Widths and depths; the defaults are the published ones."""
+
+    pillar_m: float = ruled(0.32, 0.05, 2)  # side of a pillar
+    point_layers: int = ruled(2, 1, 4)  # of the pillar encoder
+    width: int = ruled(192, 2, 1024)  # channels of a pillar
+    blocks: int = ruled(4, 1, 16)  # of attention
+    heads: int = ruled(8, 1, 64)  # of each attention
+    feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
+    set_size: int = ruled(36, 1, 1024)  # pillars that attend to each other
+    windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # cells; blocks take turns
+    shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # of the windows, in cells
+    bev: BevConfig = field(default_factory=_bev)
+    head_width: int = ruled(64, 1, 512)  # channels of each branch of the head
+    iou_share: float = ruled(0.68, 0, 1)  # of the score
+
+    def __post_init__(self) -> None:
+        if self.width % self.heads != 0 or self.width % 2 != 0:
+            raise ValueError(f"width: found {self.width}, allowed an even multiple of the heads")
+        if not 0 < len(self.windows) == len(self.shifts):
+            raise ValueError("windows, shifts: found none or other lengths, allowed one length")
+
+
+class Embedding(nn.Module):
+    """What is learnt of each place in a window: (side * side, width), row after row."""
+
+    def __init__(self, side: int, width: int) -> None:
+        super().__init__()
+        cell = torch.arange(side) - side / 2
+        places = torch.cartesian_prod(cell, cell).flip(1)  # x y
+        self.register_buffer("places", places, persistent=False)
+        norm = OwnNorm(width) if side > 1 else nn.Identity()
+        self.layers = nn.Sequential(nn.Linear(2, width), norm, nn.ReLU(), nn.Linear(width, width))
+
+    def forward(self) -> Tensor:
+        embedded: Tensor = self.layers(self.places)
+        return embedded
+
+
+class SetAttention(nn.Module):
+    """Voxels (n, width) look at those of their own set."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.query_key = nn.Linear(width, 2 * width)
+        self.value = nn.Linear(width, width)
+        self.out = nn.Linear(width, width)
+
+    def forward(self, x: Tensor, place: Tensor, sets: Sets) -> Tensor:
+        """x, place: (n, width). Projected voxel by voxel, then gathered: a repeat costs little."""
+        projected = torch.cat([self.query_key(x + place), self.value(x)], dim=1)
+        gathered = projected.index_select(0, sets.voxel.flatten())
+        shape = (*sets.voxel.shape, 3, self.heads, x.shape[1] // self.heads)
+        query, key, value = gathered.view(shape).permute(2, 0, 3, 1, 4)  # (s, heads, size, C)
+        # Added, not boolean, which is slower; never all of a set, as its first slot is no repeat.
+        hidden = query.new_zeros(sets.repeats.shape).masked_fill(sets.repeats, -torch.inf)
+        found = functional.scaled_dot_product_attention(
+            query, key, value, attn_mask=hidden[:, None, None, :]
+        )
+        found = found.transpose(1, 2).reshape(-1, x.shape[1])  # (s * size, width)
+        attended: Tensor = self.out(found.index_select(0, sets.slot))
+        return attended
+
+
+class Layer(nn.Module):
+    """Attention in sets and two linear layers, each with its way around."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__()
+        width = config.width
+        self.attention = SetAttention(width, config.heads)
+        self.feed = nn.Sequential(
+            nn.Linear(width, config.feed_width), nn.GELU(), nn.Linear(config.feed_width, width)
+        )
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
+
+    def forward(self, x: Tensor, place: Tensor, sets: Sets) -> Tensor:
+        y = self.norms[0](x + self.attention(x, place, sets))
+        y = self.norms[1](y + self.feed(y))
+        around: Tensor = self.norms[2](x + y)
+        return around
+
+
+class DsvtBlock(nn.Module):
+    """Two layers in the same windows: sets along x first, then along y."""
+
+    def __init__(self, config: Config, side: int) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList(Layer(config) for _ in range(2))
+        self.embeddings = nn.ModuleList(Embedding(side, config.width) for _ in range(2))
+        self.norm = nn.LayerNorm(config.width)
+
+    def forward(self, x: Tensor, by_row: Tensor, rotated: tuple[Sets, Sets]) -> Tensor:
+        """by_row: (n,) place of the voxels in their window."""
+        y = x
+        for layer, embedding, sets in zip(self.layers, self.embeddings, rotated, strict=True):
+            y = layer(y, embedding().index_select(0, by_row), sets)
+        around: Tensor = self.norm(x + y)
+        return around
+
+
+class Transformer(nn.Module):
+    """Voxels (n, width) to as many, blocks taking turns in small and in large shifted windows."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__()
+        self.config = config
+        sides = [config.windows[i % len(config.windows)] for i in range(config.blocks)]
+        self.blocks = nn.ModuleList(DsvtBlock(config, side) for side in sides)
+        for parameter in self.parameters():
+            if parameter.dim() > 1:
+                nn.init.xavier_uniform_(parameter)
+
+    def forward(self, x: Tensor, frame: Tensor, row: Tensor, column: Tensor) -> Tensor:
+        """frame, row, column: (n,) of each voxel; n is 1 or more."""
+        kinds = []
+        for side, shift in zip(self.config.windows, self.config.shifts, strict=True):
+            windows = windows_of(frame, row, column, side, shift)
+            along = (windows.by_row, windows.by_column)
+            along_x, along_y = (partition(windows, p, self.config.set_size) for p in along)
+            kinds.append((windows.by_row, (along_x, along_y)))
+        for i, block in enumerate(self.blocks):
+            x = block(x, *kinds[i % len(kinds)])
+        return x
+
+
+class IouHead(CentreHead):
+    """Boxes carry a ninth number: how well they fit, from -1 (not at all) to 1."""
+
+    def __init__(
+        self, channels: int, width: int, site: Site, cell_m: float, iou_share: float
+    ) -> None:
+        super().__init__(channels, width, site, cell_m)
+        self.iou_share = iou_share
+        heat, box, iou = (nn.Conv2d(width, n, 3, padding=1) for n in (1, BOX, 1))
+        self.heat = nn.Sequential(conv(width, width), start_rare(heat))
+        self.box = nn.Sequential(conv(width, width), box)
+        self.iou = nn.Sequential(conv(width, width), iou)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Heat as logits (B, 1, H, W), and boxes (B, H, W, 9)."""
+        x = self.shared(x)
+        found = torch.cat([self.box(x), self.iou(x)], dim=1)
+        return self.heat(x).float(), found.permute(0, 2, 3, 1).float()
+
+    def box_losses(
+        self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
+    ) -> Losses:
+        overlap = iou_3d_pairs(self.decode(at, row, column), boxes)
+        fit = (at[:, BOX] - (2 * overlap.detach() - 1)).abs()
+        return {
+            **super().box_losses(at, boxes, row, column, weights),
+            "overlap": OVERLAP_WEIGHT * (weights * (1 - overlap)).sum(),
+            "fit": (weights * fit).sum(),
+        }
+
+    def score(self, heat: Tensor, at: Tensor) -> Tensor:
+        """A box that fits badly scores less (AFDetV2, Hu et al., AAAI 2022).
+
+        The fit is learnt at vehicles only, so it can't raise what the heat map leaves out.
+        """
+        fit = ((at[:, BOX] + 1) / 2).clamp(0, 1)
+        score = heat ** (1 - self.iou_share) * fit**self.iou_share
+        return torch.where(heat < MIN_SCORE, heat, score)
+
+
+class Dsvt(Network):
+    """Occupied pillars, attention among them, a two-dimensional network, a heat map."""
+
+    learns_in_windows = True
+    balances_frames = True
+
+    def __init__(self, config: Config, site: Site) -> None:
+        area = site.area.grown(multiple(config.bev, config.pillar_m))
+        super().__init__(Site(area, site.floor_z))
+        width = config.width
+        self.encoder = PillarEncoder(area, config.pillar_m, width, layers=config.point_layers)
+        self.transformer = Transformer(config)
+        self.bev = BevNetwork(config.bev, width, residual=True)
+        cell_m = config.bev.strides[0] * config.pillar_m
+        channels, share = self.bev.channels, config.iou_share
+        self.head = IouHead(channels, config.head_width, self.site, cell_m, share)
+
+    def canvas(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
+        """(B, width, H, W)."""
+        found, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
+        if view is not None:
+            seen = self.encoder.seen(pillar, view)
+            found, pillar = found[seen], pillar[seen]
+        if len(pillar) > 0:
+            found = self.transformer(found, *self.encoder.cells_of(pillar))
+        return self.encoder.canvas(found, pillar, batch.size, view)
+
+    def losses(self, batch: Batch) -> Losses:
+        view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
+        canvas = self.bev(self.canvas(batch, view))
+        return self.head.losses(canvas, view.boxes, view.classes, batch.balance)
+
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, ...]]:
+        return self.head.candidates(self.bev(self.canvas(batch)))

@@ -1,0 +1,140 @@
+"""PointPillars: Fast Encoders for Object Detection from Point Clouds, Lang et al., CVPR 2019.
+
+Deviations: dynamic pillars, without a cap on pillars and on points in one (pillars.py); anchors of
+two sizes and one class (anchors.py); the area is that of the training vehicles, and the anchors
+stand on its floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+
+from pyinfra.core.config import ruled
+from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards
+from pyinfra.models.detectors.batch import Batch
+from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
+from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.losses import focal, smooth_l1, start_rare
+from pyinfra.models.detectors.network import Losses, Network
+from pyinfra.models.detectors.pillars import PillarEncoder
+from pyinfra.models.detectors.windows import view_of
+
+BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
+
+
+@dataclass(frozen=True)
+class Config:
+    """Widths and depths; the defaults are the published ones."""
+
+    pillar_m: float = ruled(0.16, 0.05, 2)  # side of a pillar
+    pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
+    intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
+    place: bool = True  # whether x and y themselves are; a network of many sites does without
+    age: bool = False  # whether a point's is looked at, of stacked frames (--accumulate)
+    bev: BevConfig = field(default_factory=BevConfig)
+    anchors: AnchorConfig = field(default_factory=AnchorConfig)
+
+
+class AnchorHead(nn.Module):
+    """Scores, residuals and directions of the anchors of each cell."""
+
+    def __init__(self, channels: int, anchors: Anchors) -> None:
+        super().__init__()
+        self.anchors = anchors
+        self.per_cell = anchors.config.per_cell
+        self.score = start_rare(nn.Conv2d(channels, self.per_cell, 1))
+        self.box = nn.Conv2d(channels, self.per_cell * 7, 1)
+        self.direction = nn.Conv2d(channels, self.per_cell * 2, 1)
+        nn.init.normal_(self.box.weight, std=0.001)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(B, C, H, W) -> (B, n), (B, n, 7), (B, n, 2), n = H * W * per_cell."""
+
+        def flat(y: Tensor, width: int) -> Tensor:
+            return y.permute(0, 2, 3, 1).reshape(len(y), -1, width).float()
+
+        return flat(self.score(x), 1)[..., 0], flat(self.box(x), 7), flat(self.direction(x), 2)
+
+    def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
+        """Of a canvas (B, C, H, W), or of windows that were moved to its corner."""
+        scores, residuals, directions = self(x)
+        grid = (x.shape[2], x.shape[3])
+        anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)
+        found = [
+            self._frame_losses(scores[i], residuals[i], directions[i], anchors, b, grid)
+            for i, b in enumerate(boxes)
+        ]
+        names = ("score", "box", "direction")
+        return {
+            name: torch.stack(parts).mean()
+            for name, parts in zip(names, zip(*found, strict=True), strict=True)
+        }
+
+    def _frame_losses(
+        self,
+        scores: Tensor,
+        residuals: Tensor,
+        directions: Tensor,
+        anchors: Tensor,
+        boxes: Tensor,
+        grid: tuple[int, int],
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        targets = self.anchors.targets(boxes.cpu(), grid)
+        positive = targets.positive.flatten().to(scores.device)
+        counts = positive | targets.negative.flatten().to(scores.device)
+        count = positive.sum().clamp(min=1)
+        score = focal(scores[counts], positive[counts].to(scores.dtype)).sum() / count
+        own = boxes[targets.box.flatten().to(scores.device)[positive]]
+        at = anchors.to(scores.device)[positive]
+        wanted = encode(own, at)
+        box = _box_loss(residuals[positive], wanted).sum() / count
+        direction = nn.functional.cross_entropy(
+            directions[positive], is_backwards(own[:, 6]).long(), reduction="sum"
+        )
+        return score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction / count
+
+    def candidates(self, x: Tensor) -> list[tuple[Tensor, Tensor]]:
+        anchors = self.anchors.boxes[: x.shape[2], : x.shape[3]].flatten(0, 2).to(x.device)
+        found = []
+        for scores, residuals, directions in zip(*self(x), strict=True):
+            best = torch.sigmoid(scores).topk(min(self.anchors.config.candidates, len(scores)))
+            rows = best.indices
+            backwards = directions[rows].argmax(dim=1) == 1
+            found.append((decode(residuals[rows], anchors[rows], backwards), best.values))
+        return found
+
+
+def _box_loss(found: Tensor, wanted: Tensor) -> Tensor:
+    """(n, 7) smooth L1, headings through the sine of their difference."""
+    a, b = found[:, 6:], wanted[:, 6:]
+    left = torch.cat([found[:, :6], a.sin() * b.cos()], dim=1)
+    right = torch.cat([wanted[:, :6], a.cos() * b.sin()], dim=1)
+    return smooth_l1(left, right)
+
+
+class PointPillars(Network):
+    """Pillars, a two-dimensional network, anchors."""
+
+    learns_in_windows = True
+
+    def __init__(self, config: Config, site: Site) -> None:
+        area = site.area.grown(multiple(config.bev, config.pillar_m))
+        super().__init__(Site(area, site.floor_z))
+        self.columns = 5 if config.age else 4
+        looks_at = {"intensity": config.intensity, "place": config.place, "age": config.age}
+        self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
+        self.bev = BevNetwork(config.bev, config.pillar_width)
+        stride = config.bev.strides[0]
+        grid = (self.encoder.rows // stride, self.encoder.columns // stride)
+        anchors = Anchors(config.anchors, self.site, stride * config.pillar_m, grid)
+        self.head = AnchorHead(self.bev.channels, anchors)
+
+    def losses(self, batch: Batch) -> Losses:
+        view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)
+        return self.head.losses(self.bev(self.encoder(batch, view)), view.boxes)
+
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+        return self.head.candidates(self.bev(self.encoder(batch)))

@@ -1,0 +1,362 @@
+"""PV-RCNN: Point-Voxel Feature Set Abstraction for 3D Object Detection, Shi et al., CVPR 2020.
+
+Anchors over sparse voxels propose boxes. Key points gather what the raw points, the voxels of each
+level and the canvas say around them; a grid in each proposal gathers from the key points, and a
+second stage refines the box and says how well it fits.
+
+Deviations: all points of a voxel count; x y z enter the first layer as -1 to 1 over the area
+(voxel_backbone.py); padding along the height in every strided layer, as areas differ in height;
+anchors of two sizes and one class that stand on the site's floor (anchors.py); second-stage boxes
+are chosen evenly instead of at random and there is no dropout, so that a run repeats; nor are the
+points of a full ball drawn anew each time, 16 at every level; as many proposals are refined when
+detecting as when learning; balls and frames with few points are not filled up (pointnet.py). With
+`around_m`, key points are taken only around proposals, as in PV-RCNN++ (Shi et al., IJCV 2023):
+over a road of 200 m farthest points spread so thinly that a car has one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pyinfra.core.config import ruled
+from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, encode
+from pyinfra.models.detectors.batch import Area, Batch
+from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
+from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.distributed import of_all
+from pyinfra.models.detectors.losses import focal, smooth_l1
+from pyinfra.models.detectors.network import Losses, Network
+from pyinfra.models.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled, shuffled
+from pyinfra.models.detectors.pointpillars import AnchorHead
+from pyinfra.models.detectors.voxel_backbone import VoxelBackbone
+from pyinfra.models.detectors.windows import cut, view_of
+from pyinfra.models.ops.boxes import best_overlap, nms
+from pyinfra.models.ops.points import box_of_points
+
+# Metres around a key point: raw points, then the levels of voxels; and around a grid point.
+RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
+GRID_RADII = (0.8, 1.6)
+
+LEARNT_NMS_IOU, FOUND_NMS_IOU = 0.8, 0.7  # of proposals, in training and after it
+FOREGROUND_IOU = 0.55  # of proposals that are refined
+FOREGROUND_SHARE = 0.5  # at most, of the proposals that are learnt from
+BACKGROUND_IOU = 0.1  # those above are hard
+HARD_SHARE = 0.8  # of the background
+POOR_IOU, GOOD_IOU = 0.25, 0.75  # confidences 0 and 1
+UNSURE_M = 0.1  # key points this far outside a vehicle do not count
+LARGEST = 5.0  # logarithm of a size over the proposal's
+
+
+def _published_bev() -> BevConfig:
+    return BevConfig(layers=(5, 5), widths=(128, 256), strides=(1, 2), up_width=256)
+
+
+@dataclass(frozen=True)
+class Config:
+    """Widths and depths; the defaults are the published ones."""
+
+    voxel_m: float = ruled(0.05, 0.02, 1)  # side of a voxel
+    voxel_height_m: float = ruled(0.1, 0.02, 2)  # and its height
+    widths: tuple[int, int, int, int] = ruled((16, 32, 64, 64), 1, 512)  # of the levels
+    strides: tuple[int, int, int] = ruled((2, 2, 2), 1, 4)  # along x and y, to the next level
+    canvas_width: int = ruled(128, 1, 512)  # channels of the image from above
+    bev: BevConfig = field(default_factory=_published_bev)
+    anchors: AnchorConfig = field(default_factory=AnchorConfig)
+    key_points: int = ruled(2048, 1, 65536)  # of a frame
+    around_m: float = ruled(0.0, 0, 100)  # key points only this far around proposals; 0: anywhere
+    neighbours: int = ruled(16, 1, 256)  # in each ball
+    key_width: int = ruled(128, 1, 1024)  # channels of a key point
+    proposals: int = ruled(128, 1, 1024)  # of a frame
+    grid: int = ruled(6, 1, 16)  # points along each side of a proposal
+    grid_width: int = ruled(64, 1, 512)  # for each radius
+    head_width: int = ruled(256, 1, 2048)  # channels of the layers that refine
+
+
+class KeyPoints(nn.Module):
+    """Key points -> features (m, key_width), weighted by how much they belong to a vehicle."""
+
+    def __init__(self, config: Config, area: Area, cell_m: float, canvas_channels: int) -> None:
+        super().__init__()
+        self.area, self.cell_m = area, cell_m
+        widths = (config.widths[0], *config.widths)  # of raw points and the levels
+        sources = [
+            SetAbstraction(channels, _balls(radii, config.neighbours, width))
+            for channels, radii, width in zip((1, *config.widths), RADII, widths, strict=True)
+        ]
+        self.sources = nn.ModuleList(sources)
+        gathered = canvas_channels + sum(source.channels for source in sources)
+        self.fuse = mlp(gathered, [config.key_width])
+        width = config.head_width
+        self.foreground = nn.Sequential(mlp(gathered, [width, width]), nn.Linear(width, 1))
+
+    def forward(
+        self, clouds: list[Clouds], canvas: Tensor, xyz: Tensor, counts: list[int]
+    ) -> tuple[Clouds, Tensor]:
+        """clouds: raw points and the levels; returns the key points (m,) and logits (m,)."""
+        found = [
+            source(shuffled(cloud), xyz, counts).features
+            for source, cloud in zip(self.sources, clouds, strict=True)
+        ]
+        gathered = torch.cat([*found, self.seen_from_above(canvas, xyz, counts)], dim=1)
+        logits: Tensor = self.foreground(gathered)[:, 0].float()
+        features = self.fuse(gathered) * torch.sigmoid(logits)[:, None]
+        return Clouds(xyz, features, counts), logits
+
+    def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: list[int]) -> Tensor:
+        """(m, C): the canvas (B, C, H, W) at the key points, between the middles of its cells."""
+        low = xyz.new_tensor(self.area.low[:2])
+        size = xyz.new_tensor([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m])
+        at = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
+        found = [
+            functional.grid_sample(
+                canvas[i : i + 1], part[None, None], padding_mode="border", align_corners=False
+            )[0, :, 0].t()
+            for i, part in enumerate(at.split_with_sizes(counts))
+            if len(part)
+        ]
+        return torch.cat([canvas.new_zeros(0, canvas.shape[1]), *found])
+
+
+class Refinement(nn.Module):
+    """Proposals -> confidences (r,) as logits and residuals (r, 7), from the key points in them."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__()
+        self.grid = config.grid
+        balls = _balls(GRID_RADII, config.neighbours, config.grid_width)
+        self.pool = SetAbstraction(config.key_width, balls)
+        pooled, width = config.grid**3 * self.pool.channels, config.head_width
+        self.shared = mlp(pooled, [width, width])
+        self.score = nn.Sequential(mlp(width, [width, width]), nn.Linear(width, 1))
+        last = nn.Linear(width, 7)
+        nn.init.normal_(last.weight, std=0.001)
+        nn.init.zeros_(last.bias)
+        self.box = nn.Sequential(mlp(width, [width, width]), last)
+
+    def forward(self, key: Clouds, boxes: Tensor, counts: list[int]) -> tuple[Tensor, Tensor]:
+        """boxes: (r, 7) of the proposals, counts: of each frame."""
+        places = grid_points(boxes, self.grid)  # (r, g, 3)
+        each = places.shape[1]
+        found = self.pool(key, places.flatten(0, 1), [each * n for n in counts]).features
+        # Not -1: its size is unknown where there is no proposal.
+        x = self.shared(found.reshape(len(places), each * found.shape[1]))
+        return self.score(x)[:, 0].float(), self.box(x).float()
+
+
+class PvRcnn(Network):
+    """Sparse voxels, anchors, key points, a second stage."""
+
+    learns_in_windows = True
+
+    def __init__(self, config: Config, site: Site) -> None:
+        cell_m = math.prod(config.strides) * config.voxel_m
+        area = site.area.grown(multiple(config.bev, cell_m))
+        super().__init__(Site(area, site.floor_z))
+        self.config = config
+        self.backbone = VoxelBackbone(
+            area,
+            config.voxel_m,
+            config.voxel_height_m,
+            config.widths,
+            config.strides,
+            config.canvas_width,
+        )
+        self.bev = BevNetwork(config.bev, self.backbone.channels)
+        stride = config.bev.strides[0]
+        rows, columns = (n // stride for n in self.backbone.grid)
+        anchors = Anchors(config.anchors, self.site, stride * cell_m, (rows, columns))
+        self.head = AnchorHead(self.bev.channels, anchors)
+        self.key_points = KeyPoints(config, area, cell_m, self.backbone.channels)
+        self.refinement = Refinement(config)
+
+    def losses(self, batch: Batch) -> Losses:
+        voxel_m, step = self.config.voxel_m, self.bev.step * math.prod(self.config.strides)
+        view = view_of(batch, self.site.area, voxel_m, step)
+        batch = cut(batch, view, self.site.area, voxel_m)
+        levels, canvas = self.backbone(batch, view)
+        x = self.bev(canvas)
+        first = self.head.losses(x, batch.boxes)
+        found = self.proposals(x, LEARNT_NMS_IOU)
+        chosen = [
+            boxes[spread_by_overlap(best_overlap(boxes, own)[0], self.config.proposals)]
+            for boxes, own in zip(found, batch.boxes, strict=True)
+        ]
+        key, logits = self.gather(batch, levels, canvas, chosen)
+        scores, residuals = self.refinement(key, torch.cat(chosen), [len(b) for b in chosen])
+        second = refinement_losses(scores, residuals, chosen, batch.boxes)
+        return {**first, "point": foreground_loss(key, logits, batch.boxes), **second}
+
+    def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+        levels, canvas = self.backbone(batch)
+        found = self.proposals(self.bev(canvas), FOUND_NMS_IOU)
+        found = [boxes[: self.config.proposals] for boxes in found]
+        key, _ = self.gather(batch, levels, canvas, found)
+        proposed, counts = torch.cat(found), [len(boxes) for boxes in found]
+        scores, residuals = self.refinement(key, proposed, counts)
+        boxes = refined(proposed, residuals).split_with_sizes(counts)
+        return list(zip(boxes, torch.sigmoid(scores).split_with_sizes(counts), strict=True))
+
+    @torch.no_grad()
+    def proposals(self, x: Tensor, iou: float) -> list[Tensor]:
+        """Of each frame the boxes (r, 7) of the anchors that do not overlap more, best first."""
+        found = []
+        for boxes, scores in self.head.candidates(x):
+            good = torch.isfinite(boxes).all(dim=1) & torch.isfinite(scores)
+            boxes, scores = boxes[good], scores[good]
+            found.append(boxes[nms(boxes, scores, iou, len(boxes))])
+        return found
+
+    def gather(
+        self, batch: Batch, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
+    ) -> tuple[Clouds, Tensor]:
+        """The key points with their features, and logits (m,) of being on a vehicle."""
+        raw = raw_points(batch)
+        rows, counts = self.rows_of_key_points(raw, proposals)
+        key: tuple[Clouds, Tensor] = self.key_points([raw, *levels], canvas, raw.xyz[rows], counts)
+        return key
+
+    @torch.no_grad()
+    def rows_of_key_points(self, raw: Clouds, proposals: list[Tensor]) -> tuple[Tensor, list[int]]:
+        """(m,): of each frame as many far points as wanted, or all that there are; the counts."""
+        kept, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
+        if self.config.around_m > 0:
+            near = [
+                is_around(xyz, boxes, self.config.around_m)
+                for xyz, boxes in zip(raw.xyz.split_with_sizes(counts), proposals, strict=True)
+            ]
+            kept, counts = torch.cat(near).nonzero()[:, 0], [int(part.sum()) for part in near]
+        rows, counts = sampled(
+            Clouds(raw.xyz[kept], raw.features[kept], counts), self.config.key_points
+        )
+        return kept[rows], counts
+
+
+def raw_points(batch: Batch) -> Clouds:
+    """With the intensity as feature."""
+    counts = torch.bincount(batch.frame, minlength=batch.size).tolist()
+    return Clouds(batch.points[:, :3].contiguous(), batch.points[:, 3:], counts)
+
+
+def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
+    """(n,) bool: is a point in the upright cylinder around a box (r, 7), wider by the margin?"""
+    if not len(boxes):
+        return torch.zeros(len(xyz), dtype=torch.bool, device=xyz.device)
+    reach = boxes[:, 3:5].norm(dim=1) / 2 + margin_m
+    result = torch.zeros(len(xyz), dtype=torch.bool, device=xyz.device)
+    for box, far in zip(boxes, reach, strict=True):
+        result |= (xyz[:, 0] - box[0]) ** 2 + (xyz[:, 1] - box[1]) ** 2 < far**2
+    return result
+
+
+def grid_points(boxes: Tensor, grid: int) -> Tensor:
+    """(r, grid^3, 3): the middles of the cells of each box (r, 7)."""
+    share = (torch.arange(grid, device=boxes.device) + 0.5) / grid - 0.5
+    local = torch.cartesian_prod(share, share, share) * boxes[:, None, 3:6]
+    return boxes[:, None, :3] + _turned(local, boxes[:, 6, None])
+
+
+def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
+    """Boxes (r, 7) changed by residuals (r, 7) in their own frames; none changes nothing."""
+    diagonal = boxes[:, 3:5].norm(dim=1, keepdim=True)
+    scale = torch.cat([diagonal, diagonal, boxes[:, 5:6]], dim=1)
+    xyz = boxes[:, :3] + _turned(residuals[:, :3] * scale, boxes[:, 6])
+    sizes = boxes[:, 3:6] * residuals[:, 3:6].clamp(-LARGEST, LARGEST).exp()
+    heading = (boxes[:, 6:] + residuals[:, 6:] + math.pi) % (2 * math.pi) - math.pi
+    return torch.cat([xyz, sizes, heading], dim=1)
+
+
+def wanted_residuals(boxes: Tensor, own: Tensor) -> Tensor:
+    """The inverse of `refined`: (r, 7) from boxes to vehicles (r, 7), headings modulo half a turn.
+
+    What is forward was said by the first stage.
+    """
+    here = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
+    offset = _turned(own[:, :3] - boxes[:, :3], -boxes[:, 6])
+    turn = (own[:, 6:] - boxes[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
+    return encode(torch.cat([offset, own[:, 3:6], turn], dim=1), here)
+
+
+def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:
+    """Rows of at most so many boxes to learn from: on vehicles, near them, and elsewhere."""
+    rows = torch.arange(len(overlap), device=overlap.device)
+    on = rows[overlap >= FOREGROUND_IOU]
+    near = rows[(overlap < FOREGROUND_IOU) & (overlap >= BACKGROUND_IOU)]
+    off = rows[overlap < BACKGROUND_IOU]
+    on = _evenly(on, int(most * FOREGROUND_SHARE))
+    left = most - len(on)
+    near = _evenly(near, max(int(left * HARD_SHARE), left - len(off)))
+    return torch.cat([on, near, _evenly(off, left - len(near))])
+
+
+def refinement_losses(
+    scores: Tensor, residuals: Tensor, proposals: list[Tensor], boxes: tuple[Tensor, ...]
+) -> Losses:
+    """scores: (r,), residuals: (r, 7) of the proposals of all frames; boxes: of the vehicles."""
+    overlaps, targets = [scores.new_zeros(0)], [residuals.new_zeros(0, 7)]
+    for proposed, own in zip(proposals, boxes, strict=True):
+        overlap, row = best_overlap(proposed, own)
+        overlaps.append(overlap)
+        targets.append(own[row] if len(own) else proposed)
+    overlap, own, proposed = torch.cat(overlaps), torch.cat(targets), torch.cat(proposals)
+    wanted = ((overlap - POOR_IOU) / (GOOD_IOU - POOR_IOU)).clamp(0, 1)
+    score = functional.binary_cross_entropy_with_logits(scores, wanted, reduction="sum")
+    on = overlap >= FOREGROUND_IOU
+    count = of_all(on.sum())
+    box = smooth_l1(residuals[on], wanted_residuals(proposed[on], own[on])).sum()
+    corner = corner_loss(refined(proposed[on], residuals[on]), own[on]).sum()
+    return {
+        "confidence": score / of_all(torch.tensor(len(scores), device=scores.device)),
+        "refinement": box / count,
+        "corner": corner / count,
+    }
+
+
+def corner_loss(found: Tensor, own: Tensor) -> Tensor:
+    """(r,): mean distance of corners of boxes (r, 7), whichever end is the front."""
+    half_turn = own + own.new_tensor([0, 0, 0, 0, 0, 0, math.pi])
+    corners = grid_corners(found)
+    apart = torch.minimum(
+        (corners - grid_corners(own)).norm(dim=2), (corners - grid_corners(half_turn)).norm(dim=2)
+    )
+    return smooth_l1(apart, torch.zeros_like(apart), beta=1.0).mean(dim=1)
+
+
+def grid_corners(boxes: Tensor) -> Tensor:
+    """(r, 8, 3): those of two cells along each side lie in the middle between centre and corner."""
+    middle = boxes[:, None, :3]
+    return middle + 2 * (grid_points(boxes, 2) - middle)
+
+
+def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
+    """Focal loss of the key points on vehicles; those just outside do not count."""
+    on, near = [logits.new_zeros(0, dtype=torch.bool)], [logits.new_zeros(0, dtype=torch.bool)]
+    for xyz, own in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
+        wider = own + own.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])
+        on.append(box_of_points(xyz, own) >= 0)
+        near.append(box_of_points(xyz, wider) >= 0)
+    target = torch.cat(on)
+    counts = target | ~torch.cat(near)
+    loss = focal(logits[counts], target[counts].to(logits.dtype)).sum()
+    return loss / of_all(target.sum())
+
+
+def _balls(radii: tuple[float, ...], most: int, width: int) -> list[Ball]:
+    return [Ball(radius, most, (width, width)) for radius in radii]
+
+
+def _turned(xyz: Tensor, heading: Tensor) -> Tensor:
+    """(..., 3) turned about z by (...)."""
+    cos, sin = heading.cos(), heading.sin()
+    x, y, z = xyz.unbind(-1)
+    return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=-1)
+
+
+def _evenly(rows: Tensor, most: int) -> Tensor:
+    if len(rows) <= most:
+        return rows
+    return rows[torch.arange(most, device=rows.device) * len(rows) // most]

@@ -1,0 +1,125 @@
+"""Voxels and the sparse three-dimensional network over them.
+
+SECOND, Yan et al., Sensors 2018, with the widths and strides of PV-RCNN, Shi et al., CVPR 2020:
+levels, each at half the resolution of the one before, then one layer that only halves the height,
+seen from above.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import operator
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pyinfra.models.detectors.batch import Area, Batch, CanvasPart
+from pyinfra.models.detectors.pointnet import Clouds, Norm
+from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
+
+
+class SparseBlock(nn.Module):
+    """A sparse convolution, batch norm, ReLU."""
+
+    def __init__(self, convolution: SubmanifoldConv3d | SparseConv3d, width: int) -> None:
+        super().__init__()
+        self.convolution, self.norm = convolution, Norm(width)
+
+    def forward(self, x: SparseTensor) -> SparseTensor:
+        x = self.convolution(x)
+        return x.with_features(torch.relu(self.norm(x.features)))
+
+
+class VoxelBackbone(nn.Module):
+    """Points (n, 4) -> voxels of each level, and a canvas (B, channels, H / s, W / s).
+
+    s is the product of the strides along x and y; along z every level halves.
+    """
+
+    def __init__(
+        self,
+        area: Area,
+        voxel_m: float,
+        height_m: float,
+        widths: tuple[int, ...],
+        strides: tuple[int, ...],
+        canvas_width: int,
+    ) -> None:
+        """area: along x and y whole multiples of s voxels; strides: one less than widths."""
+        super().__init__()
+        self.area, self.size = area, (voxel_m, voxel_m, height_m)
+        columns, rows = (round(area.size[axis] / voxel_m) for axis in (0, 1))
+        self.shape = math.ceil(area.size[2] / height_m - 1e-6), rows, columns
+        along = list(itertools.accumulate(strides, operator.mul, initial=1))
+        self.strides = [(s, s, 2**i) for i, s in enumerate(along)]  # of each level, in voxels
+        self.levels = nn.ModuleList()
+        channels = 4
+        for i, width in enumerate(widths):
+            first: SubmanifoldConv3d | SparseConv3d
+            if i == 0:
+                first = SubmanifoldConv3d(channels, width, "level 0")
+            else:
+                first = _halving(channels, width, f"to level {i}", strides[i - 1])
+            more = 1 if i == 0 else 2
+            same = (SubmanifoldConv3d(width, width, f"level {i}") for _ in range(more))
+            self.levels.append(nn.Sequential(*(SparseBlock(c, width) for c in (first, *same))))
+            channels = width
+        self.flat = SparseBlock(_halving(channels, canvas_width, "canvas", 1), canvas_width)
+        depth = self.shape[0]
+        for _ in range(len(widths)):
+            depth = (depth + 1) // 2
+        self.channels = canvas_width * depth
+        self.grid = rows // along[-1], columns // along[-1]  # of the canvas
+
+    def forward(self, batch: Batch, view: CanvasPart | None = None) -> tuple[list[Clouds], Tensor]:
+        """view: the part of the area that the batch was cut to (windows.py), if not all of it."""
+        x, levels = self.voxels(batch, view), []
+        for level, stride in zip(self.levels, self.strides, strict=True):
+            x = level(x)
+            levels.append(self.middles(x, stride))
+        return levels, self.flat(x).to_dense()
+
+    def voxels(self, batch: Batch, view: CanvasPart | None = None) -> SparseTensor:
+        """The mean x y z intensity of the points in each voxel, x y z as -1 to 1 over the area."""
+        depth, rows, columns = self.shape
+        if view is not None:
+            rows, columns = view.sides
+        low = batch.points.new_tensor(self.area.low)
+        extent = batch.points.new_tensor(self.area.size)
+        away = batch.points[:, :3] - low
+        cell = (away / batch.points.new_tensor(self.size)).long()  # (n, 3)
+        cell = torch.minimum(cell, cell.new_tensor([columns, rows, depth]) - 1)
+        key = ((batch.frame * depth + cell[:, 2]) * rows + cell[:, 1]) * columns + cell[:, 0]
+        keys, member = torch.unique(key, return_inverse=True)
+        if view is not None and view.first is not None:
+            moved = functional.pad(view.first.flip(1), (0, 1)) * away.new_tensor(self.size)
+            away = away + moved[batch.frame]
+        inputs = torch.cat([2 * away / extent - 1, batch.points[:, 3:]], dim=1)  # (n, 4)
+        count = torch.bincount(member, minlength=len(keys)).clamp(min=1).to(inputs.dtype)
+        mean = inputs.new_zeros(len(keys), 4).index_add(0, member, inputs) / count[:, None]
+        above, x = keys // columns, keys % columns
+        above, y = above // rows, above % rows
+        coordinates = torch.stack([above // depth, above % depth, y, x], dim=1)
+        return SparseTensor(mean, coordinates, (depth, rows, columns), batch.size)
+
+    def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
+        """The voxels as points in their middles; stride: along x, y, z."""
+        low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
+        at = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
+        counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()
+        return Clouds(low + at * size, x.features, counts)
+
+
+def _halving(channels: int, width: int, key: str, stride: int) -> SparseConv3d:
+    """Half as high. A stride of 1 along x and y looks at no neighbours, so that none are added."""
+    side = 3 if stride > 1 else 1
+    return SparseConv3d(
+        channels,
+        width,
+        key,
+        kernel=(3, side, side),
+        stride=(2, stride, stride),
+        padding=(1, side // 2, side // 2),
+    )

@@ -1,0 +1,97 @@
+"""Windows of the canvas to learn from, so that a step costs the same over a wide site.
+
+Convolutions look no further than some 30 m around a cell, so a vehicle is learnt as in the whole
+canvas but for what stands beyond the rim; detection looks at the whole canvas.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.models.detectors.batch import Area, Batch, CanvasPart, Sample
+
+if TYPE_CHECKING:
+    from pyinfra.models.detectors.network import Network
+
+
+def check(network: Network, most_m2: float) -> None:
+    """Raises ValueError if windows are asked of a network that has no canvas to cut."""
+    if most_m2 > 0 and not network.learns_in_windows:
+        name = type(network).__name__
+        raise ValueError(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
+
+
+def centre_of(
+    sample: Sample, area: Area, draw: np.random.Generator, rare: float = 0.0
+) -> FloatArray:
+    """(2,) where to look: at one of the objects, or anywhere in the area if there is none.
+
+    rare: share of the samples whose class is drawn first, each class alike.
+    """
+    if rare > 0 and len(sample.boxes) > 0 and draw.random() < rare:
+        of_class = np.flatnonzero(sample.numbers == draw.choice(np.unique(sample.numbers)))
+        return sample.boxes[draw.choice(of_class), :2]
+    if len(sample.boxes) > 0:
+        return sample.boxes[draw.integers(len(sample.boxes)), :2]
+    return draw.uniform(area.low[:2], area.high[:2])
+
+
+def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
+    """What the batch's windows show of an area; they begin at multiples of `step` cells."""
+    columns, rows = (round(area.size[axis] / cell_m) for axis in (0, 1))
+    whole = (rows, columns)
+    if batch.windows is None:
+        return CanvasPart(whole, None, batch.boxes, batch.classes)
+    sides = sides_of(whole, batch.windows.most_m2 / cell_m**2, step)
+    if sides == whole:
+        return CanvasPart(whole, None, batch.boxes, batch.classes)
+    low = torch.tensor(area.low[:2])
+    middles = ((batch.windows.centres - low) / cell_m).flip(1).tolist()  # row, column
+    first = torch.tensor(
+        [
+            [_start(m, side, most, step) for m, side, most in zip(pair, sides, whole, strict=True)]
+            for pair in middles
+        ]
+    ).to(batch.frame.device)
+    boxes, classes = [], []
+    for own, numbers, corner in zip(batch.boxes, batch.classes, first, strict=True):
+        moved = own.clone()
+        moved[:, :2] -= corner.flip(0) * cell_m
+        cell = (moved[:, :2] - low.to(moved)) / cell_m
+        inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)
+        boxes.append(moved[inside])
+        classes.append(numbers[inside])
+    return CanvasPart(sides, first, tuple(boxes), tuple(classes))
+
+
+def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
+    """The points and boxes of the view, moved as it is to the area's low corner."""
+    if view.first is None:
+        return batch
+    points = batch.points.clone()
+    points[:, :2] -= (view.first.flip(1) * cell_m)[batch.frame].to(points)
+    at = points[:, :2] - points.new_tensor(area.low[:2])
+    inside = ((at >= 0) & (at < at.new_tensor(view.sides[::-1]) * cell_m)).all(dim=1)
+    return Batch(points[inside], batch.frame[inside], view.boxes, classes=view.classes)
+
+
+def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:
+    """Rows and columns of a window of at most so many cells, but a step each way at least.
+
+    It is as square as the whole allows.
+    """
+    rows, columns = whole
+    if rows * columns <= cells:
+        return whole
+    height = min(rows, max(cells**0.5, cells / columns))
+    width = min(columns, cells / height)
+    return max(step, int(height / step) * step), max(step, int(width / step) * step)
+
+
+def _start(middle: float, side: int, whole: int, step: int) -> int:
+    """The first cell of a window around a place, within the canvas, a multiple of `step`."""
+    return min(max(0, round((middle - side / 2) / step) * step), whole - side)

@@ -1,0 +1,1 @@
+"""How detectors find boxes in frames, and what is done with the boxes afterwards."""

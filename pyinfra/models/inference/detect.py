@@ -1,0 +1,223 @@
+"""`pyinfra detect RUN --data DATA/LIDAR --out DIR`, or `pyinfra detect RUN cloud.bin`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.dataset.frames import frame_numbers, period_of
+from pyinfra.dataset.ground import Ground, ground_of
+from pyinfra.dataset.regions import Region, region_of
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti import Labels
+from pyinfra.models.detectors import Detections, Detector
+from pyinfra.models.detectors.background import Background
+from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.sources import read_frame, scene_of
+
+MODELS = Path(__file__).resolve().parents[1]  # that come with the package
+PERCENTILES = (50, 95)
+
+
+def load_detector(
+    run: Path,
+    *,
+    ground: Ground | None = None,
+    region: Region | None = None,
+    device: str = "cpu",
+    stacks: bool = False,
+) -> Detector:
+    """The detector of a run's folder, of a file in it, or of the name of a shipped one.
+
+    ground, region: of the road where it is to find vehicles; None: those where it learnt, if they
+    are known. stacks: whether it will be given what its `accumulation_of` says, not single frames.
+    Raises FileNotFoundError, and ValueError for a file that is no model, without any ground, and
+    for a model of stacked frames that would be given single ones.
+    """
+    file = model_file(run)
+    if file.suffix == ".npz":
+        return Background.load(file)
+    from pyinfra.models.detectors.fuse_batchnorm import fused
+    from pyinfra.models.detectors.ground_adapter import OnRoad
+    from pyinfra.models.detectors.network import device_of
+    from pyinfra.models.training import checkpoint
+
+    found = checkpoint.load(file)
+    about = found.about
+    if not stacks:
+        check_single(run, about.accumulate)
+    if not about.above_road:  # of version 0.2: it finds vehicles where it learnt
+        return fused(found.network()).to(device_of(device))
+    if ground is None and about.ground is not None:
+        ground = Ground(about.ground)
+    if ground is None:
+        raise ValueError(f"{run}: found no height of the road, allowed one: --height-m says it")
+    return OnRoad(fused(found.network(region)).to(device_of(device)), ground)
+
+
+def check_single(run: Path, frames: int) -> None:
+    """Raises ValueError for a model of more than one frame where each is looked at alone."""
+    if frames > 1:
+        raise ValueError(
+            f"{run}: found a model of {frames} stacked frames, allowed one of single frames: only "
+            "`pyinfra detect --data` stacks them"
+        )
+
+
+def accumulation_of(file: Path) -> Accumulation:
+    """What a model's clouds are made of. Raises as checkpoint.load."""
+    if file.suffix == ".npz":
+        return Accumulation()
+    from pyinfra.models.training import checkpoint
+
+    about = checkpoint.load(file).about
+    return Accumulation(about.accumulate, about.label_at)
+
+
+def stacking(
+    lidar_folder: Path, frames: Sequence[int], accumulation: Accumulation
+) -> Callable[[Path], Points]:
+    """What reads the cloud of a frame's file with its neighbours, of whichever split.
+
+    Raises ValueError if no frame has one.
+    """
+    there, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
+    clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, there, period_s)
+    files = [kitti.frame_file(lidar_folder, "velodyne", k) for k in frames]
+    by_file = dict(zip(files, clouds, strict=True))
+    return lambda file: by_file[file]()
+
+
+def detector_at(run: Path, lidar_folder: Path, *, device: str = "cpu") -> Detector:
+    """The detector where the frames of a LiDAR's folder were taken; raises as load_detector."""
+    ground, region = place_of(lidar_folder)
+    return load_detector(run, ground=ground, region=region, device=device)
+
+
+def place_of(lidar_folder: Path) -> tuple[Ground | None, Region | None]:
+    """The road where the frames of a folder were taken, as far as it is known.
+
+    Raises FormatError, and ConfigError for an outline.
+    """
+    if not (lidar_folder / "lidar.yaml").is_file():
+        return None, None
+    pose = kitti.read_lidar(lidar_folder).T_world_levelled
+    return ground_of(lidar_folder), region_of(lidar_folder, pose)
+
+
+def shipped() -> list[str]:
+    """Names of the models that come with the package."""
+    return sorted(file.stem for file in MODELS.glob("*.safetensors"))
+
+
+def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
+    """The model in a run's folder, the file itself, or a shipped one; raises FileNotFoundError."""
+    if run.is_file():
+        return run
+    if not run.exists() and str(run) in shipped():
+        return MODELS / f"{run}.safetensors"
+    if not run.exists():
+        ours = ", ".join(shipped()) or "none"
+        raise FileNotFoundError(
+            2, f"No such run or file, nor a model of the package ({ours})", str(run)
+        )
+    names = (f"{which}.safetensors", "background.npz")
+    for name in names:
+        if (run / name).is_file():
+            return run / name
+    raise FileNotFoundError(2, f"No {' or '.join(names)} in it", str(run))
+
+
+def is_of_anywhere(file: Path) -> bool:
+    """Whether a model learnt at other sites than those where it is meant to find something."""
+    if file.suffix == ".npz":
+        return False
+    from pyinfra.models.training import checkpoint
+
+    return checkpoint.load(file).about.anywhere
+
+
+def transfer(run: Path, lidar_folder: Path) -> str:
+    """How the folder differs from what the run learnt from; empty if it does not."""
+    file = model_file(run)
+    if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
+        return ""
+    from pyinfra.models.training import checkpoint
+
+    about, lidar = checkpoint.load(file).about, kitti.read_lidar(lidar_folder)
+    if about.anywhere:
+        return ""
+    pairs = {
+        "LiDAR": (about.lidar, lidar.name),
+        "preset": (about.preset, lidar.preset),
+        "scene": (about.scene, scene_of(lidar_folder)),
+        "label time": (about.label_time, lidar.label_time),
+    }
+    return ", ".join(
+        f"{name} {theirs} (learnt on {ours})"
+        for name, (ours, theirs) in pairs.items()
+        if theirs not in ours.split()
+    )
+
+
+def detect(
+    detector: Detector,
+    files: Sequence[Path],
+    out: Path | None,
+    *,
+    read: Callable[[Path], Points] = kitti.read_points,
+) -> tuple[list[Detections], FloatArray]:
+    """Detections and milliseconds, points to boxes, of each cloud; written as KITTI results.
+
+    The results are in the camera of the frame's calib file, if there is one where a data set has
+    it, else in that of a simulated LiDAR. Raises FormatError for a cloud that is none, and
+    ValueError for two clouds of one name.
+    """
+    found, times = [], []
+    if out is not None:
+        once(files)
+        out.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        points = read(file)
+        detections, seconds = timed(detector, points)
+        found.append(detections)
+        times.append(1000 * seconds)
+        if out is not None:
+            write(out, file, detections)
+    return found, np.array(times)
+
+
+def write(out: Path, cloud: Path, found: Detections) -> None:
+    """A KITTI result of a cloud. Raises FormatError for its calib file."""
+    labels = Labels(found.names, found.boxes, found.scores)
+    kitti.write_labels(out / f"{cloud.stem}.txt", labels, calibration_of(cloud))
+
+
+def once(files: Sequence[Path]) -> None:
+    """Raises ValueError if the results of two clouds would be one file."""
+    named: dict[str, Path] = {}
+    for file in files:
+        if file.stem in named:
+            raise ValueError(
+                f"{file}: found the name of {named[file.stem]}, allowed once with --out"
+            )
+        named[file.stem] = file
+
+
+def calibration_of(cloud: Path) -> kitti.Calibration | None:
+    """That of a cloud in `velodyne`, from `calib` beside it. Raises FormatError."""
+    file = cloud.parent.parent / "calib" / f"{cloud.stem}.txt"
+    beside = cloud.parent.name == "velodyne" and file.is_file()
+    return kitti.read_calibration(file) if beside else None
+
+
+def timed(detector: Detector, points: Points) -> tuple[Detections, float]:
+    start = time.perf_counter()
+    found = detector.predict(points)
+    return found, time.perf_counter() - start

@@ -1,0 +1,86 @@
+"""`pyinfra onnx RUN --out FILE.onnx`: a dense detector as one graph, from points to boxes.
+
+Input `points` (n, 4) float32, n >= 1, inside the area that the file's metadata give; outputs
+`boxes` (k, 7) and `scores` (k,), best first, before suppression; of several classes one after the
+other, with `classes` (k,), the place of each in the network's. Levelled LiDAR frame.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import warnings
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from pyinfra.core.config import as_plain
+from pyinfra.core.files import replacing
+from pyinfra.models.detectors.batch import Batch
+from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar
+from pyinfra.models.detectors.pillars import PillarEncoder
+from pyinfra.models.detectors.pointpillars import PointPillars
+from pyinfra.models.inference.detect import check_single, model_file
+from pyinfra.models.training import checkpoint
+
+DENSE = (PointPillars, CenterPointPillar)
+OPSET = 18  # the first whose scatter can take the largest
+
+
+class Graph(nn.Module):
+    """One frame of a dense detector, without shapes that depend on the points' places."""
+
+    def __init__(self, network: PointPillars | CenterPointPillar) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, points: Tensor) -> tuple[Tensor, ...]:
+        canvas = whole_canvas(self.network.encoder, points)
+        (found,) = self.network.head.candidates(self.network.bev(canvas))
+        return found
+
+
+def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
+    """As the encoder, with a pillar at every cell, empty or not: (1, C, H, W)."""
+    batch = Batch(points, torch.zeros_like(points[:, 0], dtype=torch.int64), ())
+    cells = encoder.rows * encoder.columns
+    member = encoder.pillar_of(batch)
+    features = encoder.point_features(batch, torch.arange(cells), member)
+    every = encoder.pooled(features, member, cells)
+    return every.view(1, encoder.rows, encoder.columns, -1).permute(0, 3, 1, 2)
+
+
+def export(run: Path, file: Path) -> None:
+    """Raises ValueError for a detector that is not dense or is one of stacked frames, and
+    ImportError without onnxscript.
+    """
+    found = checkpoint.load(model_file(run))
+    check_single(run, found.about.accumulate)
+    network = found.network()
+    if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
+        raise ValueError(
+            f"{run}: found {found.about.detector}, allowed pointpillars, centerpoint-pillar"
+        )
+    low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))
+    xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)
+    points = torch.cat([xyz, torch.full((100, 1), 0.5)], dim=1)
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    with warnings.catch_warnings():  # of the exporter's own packages
+        warnings.simplefilter("ignore")
+        program = torch.onnx.export(
+            Graph(network).eval(),
+            (points,),
+            input_names=["points"],
+            output_names=["boxes", "scores", *["classes"] * (len(network.classes) > 1)],
+            dynamic_shapes=({0: torch.export.Dim("n", min=1)},),
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    if program is None:
+        raise RuntimeError(f"{run}: the exporter gave nothing")
+    about = {"about": json.dumps(as_plain(found.about)), "area": json.dumps(as_plain(network.site))}
+    program.model.metadata_props.update(about)
+    with replacing(file) as beside:
+        program.save(str(beside), external_data=False)

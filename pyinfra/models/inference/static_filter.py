@@ -1,0 +1,95 @@
+"""Vehicles that come back where nothing ever moves: hedges and rails, found without a label."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.boxes import points_in_boxes
+from pyinfra.dataset.ground import Ground
+from pyinfra.dataset.regions import Region
+from pyinfra.formats import kitti
+from pyinfra.models.detectors import Detections
+from pyinfra.models.detectors.background import DEFAULT, Background
+from pyinfra.models.training.sources import spread
+from pyinfra.models.training.train import BACKGROUND_FRAMES
+
+PLACE_M = 0.7  # boxes whose centres are as near are at one place
+COMES_BACK = 3  # boxes at a place, and more
+MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
+LEAST_SCORE = 0.1  # of boxes that tell something, and that may go
+
+
+def without_standing(
+    clouds: Sequence[Path],
+    found: Sequence[Detections],
+    region: Region | None,
+    road: Ground | None = None,
+) -> list[Detections]:
+    """The detections of each cloud without vehicles that come back where nothing ever moves.
+
+    The background is learnt from the same clouds, so they should be of a minute or more: what
+    stands for most of it where nothing drives past goes as well. People who wait stay. Raises
+    ValueError without a point.
+    """
+    chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
+    learnt = [kitti.read_points(clouds[i]) for i in chosen]
+    background = Background.learn(learnt, DEFAULT, region, road)
+    moves = [_moves(background, cloud, d.boxes) for cloud, d in zip(clouds, found, strict=True)]
+    boxes = np.concatenate([np.empty((0, 7)), *(d.boxes for d in found)])
+    vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in found)])
+    keep = np.ones(len(boxes), np.bool_)
+    keep[vehicles] = ~standing(
+        boxes[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
+    )
+    ends = np.cumsum([len(d) for d in found])[:-1]
+    return [_only(d, own) for d, own in zip(found, np.split(keep, ends), strict=True)]
+
+
+def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
+    """(n,) which boxes come back where none moves, nor drives past: queues stand on lanes.
+
+    boxes: (n, 7) of all frames; moves: (n,).
+    """
+    places = cKDTree(boxes[:, :2])
+    comes_back = places.query_ball_point(boxes[:, :2], PLACE_M, return_length=True) >= COMES_BACK
+    moving = boxes[moves]
+    reach_m = max(PLACE_M, float(np.hypot(*moving[:, 3:5].T).max(initial=0)) / 2)
+    near = cKDTree(moving[:, :2]).query_ball_point(boxes[:, :2], reach_m)
+    driven = [
+        _hold(moving[some], box[:2]).any() if len(some) else False
+        for box, some in zip(boxes, near, strict=True)
+    ]
+    return np.asarray(comes_back & ~np.array(driven, np.bool_))
+
+
+def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
+    """(k,) whether a point (2,) is in a box (k, 7) seen from above, or at its middle."""
+    dx, dy = (point - boxes[:, :2]).T
+    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+    ahead, left = np.abs(cos * dx + sin * dy), np.abs(cos * dy - sin * dx)
+    inside = (ahead <= boxes[:, 3] / 2) & (left <= boxes[:, 4] / 2)
+    return np.asarray(inside | (np.hypot(dx, dy) <= PLACE_M))
+
+
+def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
+    """(k,) whether something moves in each box."""
+    points = kitti.read_points(cloud)
+    moving = points_in_boxes(background.moving(points), boxes)
+    return (moving > 0) & (moving > MOVING_SHARE * points_in_boxes(points, boxes))
+
+
+def _are_vehicles(found: Detections) -> BoolArray:
+    likely = found.scores >= LEAST_SCORE
+    return np.asarray(likely & ~np.isin(found.names, kitti.PERSON_TYPES))
+
+
+def _only(found: Detections, keep: BoolArray) -> Detections:
+    return replace(
+        found, boxes=found.boxes[keep], scores=found.scores[keep], names=found.names[keep]
+    )

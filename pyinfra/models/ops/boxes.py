@@ -1,0 +1,163 @@
+"""Overlap of rotated boxes and non-maximum suppression, in torch.
+
+A box is `x y z dx dy dz heading` as in `pyinfra.core.boxes`, the exact counterpart in NumPy.
+The overlaps are differentiable in all seven numbers of both boxes; where an overlap has a kink
+(equal or touching boxes) the gradient is finite and one of those beside the kink.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from pyinfra.models.ops.kernels import kernels
+
+# Of an overlap, in units of rounding of the larger box's square: what is below counts as nothing.
+_ROUNDING = 4
+_CHUNK = 1 << 22  # pairs whose distance is compared at a time
+
+# Corners of the unit box, counter-clockwise from front right.
+_AHEAD = (0.5, 0.5, -0.5, -0.5)
+_LEFT = (-0.5, 0.5, 0.5, -0.5)
+
+
+@torch.no_grad()
+def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """Overlap of volumes of each box of a with the one of b that it overlaps most, and its row.
+
+    a: (n, 7), b: (m, 7), in the same frame; returns (n,) in [0, 1] and (n,) int64. A box that
+    overlaps none, or with none to overlap, has exactly 0 and row 0.
+    """
+    if not len(b):
+        return a.new_zeros(len(a)), torch.zeros_like(a[:, 0], dtype=torch.int64)
+    i, j = _near_pairs(a, b)
+    overlap = iou_3d_pairs(a[i], b[j])
+    best = overlap.new_zeros(len(a), len(b)).index_put((i, j), overlap).max(dim=1)
+    return best.values, best.indices
+
+
+def bev_iou_pairs(a: Tensor, b: Tensor) -> Tensor:
+    """Intersection over union of the footprints, row by row: (n, 7) and (n, 7) to (n,) in [0, 1].
+
+    A pair with no overlap gives exactly 0.
+    """
+    a, b = _at_least_float32(a), _at_least_float32(b)
+    overlap = bev_overlap_pairs(a, b)
+    return _ratio(overlap, a[:, 3] * a[:, 4] + b[:, 3] * b[:, 4] - overlap)
+
+
+def iou_3d_pairs(a: Tensor, b: Tensor) -> Tensor:
+    """Intersection over union of the volumes, row by row: (n, 7) and (n, 7) to (n,) in [0, 1]."""
+    a, b = _at_least_float32(a), _at_least_float32(b)
+    between = b[:, 2] - a[:, 2]  # heights around a's centre, where sums lose nothing
+    top = torch.minimum(a[:, 5] / 2, between + b[:, 5] / 2)
+    bottom = torch.maximum(-a[:, 5] / 2, between - b[:, 5] / 2)
+    shared = bev_overlap_pairs(a, b) * (top - bottom).clamp(min=0)
+    return _ratio(shared, a[:, 3:6].prod(1) + b[:, 3:6].prod(1) - shared)
+
+
+def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
+    """Area that the footprints of row i of a and of b share: (n, 7) and (n, 7) to (n,).
+
+    Green's theorem along the edges of b, in the frame of a, as in `pyinfra.core.boxes`: the sum
+    over the edges of (mean of x, clipped to a's length) * (change of y, clipped to a's width).
+    """
+    length, width = a[:, 3, None] / 2, a[:, 4, None] / 2
+    x, y = _corners_seen_from(a, b)  # (n, 4) each
+    x_step, y_step = x.roll(-1, 1) - x, y.roll(-1, 1) - y
+    from_y = y.clamp(-width, width)
+    to_y = from_y.roll(-1, 1)
+    # An edge enters and leaves a's band of y at these shares of its way.
+    size = torch.maximum(a[:, 3:5], b[:, 3:5]).amax(1).detach()
+    level = y_step.abs() <= torch.finfo(y.dtype).eps * size[:, None]
+    rise = torch.where(level, 1, y_step)
+    enters = torch.where(level, 0, (from_y - y) / rise)
+    leaves = torch.where(level, 1, (to_y - y) / rise)
+    mean_x = _mean_clipped(x + enters * x_step, x + leaves * x_step, length)
+    area = (mean_x * (to_y - from_y)).sum(1)
+    area = torch.minimum(area, torch.minimum(a[:, 3] * a[:, 4], b[:, 3] * b[:, 4]))
+    touches = area <= _ROUNDING * torch.finfo(y.dtype).eps * size * size
+    return torch.where(touches, 0, area)
+
+
+def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
+    """Greedy suppression: a box goes if one with a higher score overlaps it by more than `iou`.
+
+    boxes: (n, 7), scores: (n,), all finite; returns (k,) int64, k <= limit, rows of boxes by
+    descending score. Of equal scores the row that comes first wins.
+    """
+    order = torch.argsort(scores, descending=True, stable=True)
+    best_first = boxes.detach()[order].double()
+    if kernels is not None and boxes.device.type == "cpu":
+        return order[torch.from_numpy(kernels.suppress(best_first.numpy(), iou, limit))]
+    kept = _suppress(best_first, iou, limit)
+    return order[torch.tensor(kept, dtype=torch.int64, device=order.device)]
+
+
+def _suppress(boxes: Tensor, iou: float, limit: int) -> list[int]:
+    """Rows of boxes (n, 7), best first, that no row before them suppresses."""
+    i, j = _near_pairs(boxes, boxes)
+    i, j = i[i < j], j[i < j]
+    above = bev_iou_pairs(boxes[i], boxes[j]) > iou
+    i, j = i[above].cpu(), j[above].cpu()
+    ends = torch.bincount(i, minlength=len(boxes)).cumsum(0).tolist()
+    losers = j.numpy()
+    alive = torch.ones(len(boxes), dtype=torch.bool).numpy()
+    kept: list[int] = []
+    for row in range(len(boxes)):
+        if len(kept) == limit:
+            break
+        if alive[row]:
+            kept.append(row)
+            alive[losers[ends[row - 1] if row else 0 : ends[row]]] = False
+    return kept
+
+
+def _near_pairs(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """Rows (i, j) whose footprints may touch, by the circles around them; sorted."""
+    a, b = a.detach(), b.detach()
+    reach_a, reach_b = a[:, 3:5].norm(dim=1) / 2, b[:, 3:5].norm(dim=1) / 2
+    rows = max(1, _CHUNK // max(1, len(b)))
+    pairs = [torch.zeros(0, 2, dtype=torch.int64, device=a.device)]
+    for start in range(0, len(a), rows):
+        part = slice(start, start + rows)
+        apart = (a[part, None, 0] - b[:, 0]) ** 2 + (a[part, None, 1] - b[:, 1]) ** 2
+        near = (apart <= (reach_a[part, None] + reach_b) ** 2).nonzero()
+        near[:, 0] += start
+        pairs.append(near)
+    i, j = torch.cat(pairs).unbind(1)
+    return i, j
+
+
+def _corners_seen_from(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """x and y (n, 4) of b's corners in a's frame."""
+    cos, sin = a[:, 6].cos(), a[:, 6].sin()
+    dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+    x, y = (cos * dx + sin * dy)[:, None], (cos * dy - sin * dx)[:, None]
+    turn = (b[:, 6] - a[:, 6])[:, None]
+    ahead, left = b[:, 3, None] * b.new_tensor(_AHEAD), b[:, 4, None] * b.new_tensor(_LEFT)
+    cos, sin = turn.cos(), turn.sin()
+    return x + cos * ahead - sin * left, y + sin * ahead + cos * left
+
+
+def _mean_clipped(start: Tensor, end: Tensor, limit: Tensor) -> Tensor:
+    """Mean of clip(x, -limit, limit) for x from start to end.
+
+    As the middle of the clipped part and the shares of the way above and below it: neither the
+    value nor the gradient has a difference of large numbers over a small one.
+    """
+    first, last = torch.minimum(start, end), torch.maximum(start, end)
+    middle = (first.clamp(-limit, limit) + last.clamp(-limit, limit)) / 2
+    span = torch.where(last > first, last - first, 1)
+    above = ((last - limit) / span).clamp(0, 1)
+    below = ((-limit - first) / span).clamp(0, 1)
+    return middle + above * (limit - middle) - below * (limit + middle)
+
+
+def _ratio(part: Tensor, whole: Tensor) -> Tensor:
+    """part / whole, and 0 where the whole is nothing."""
+    return torch.where(whole > 0, part / torch.where(whole > 0, whole, 1), 0)
+
+
+def _at_least_float32(boxes: Tensor) -> Tensor:
+    return boxes.to(torch.promote_types(boxes.dtype, torch.float32))

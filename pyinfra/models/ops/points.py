@@ -1,0 +1,159 @@
+"""Sampling and search of points, as the networks on points need them (Qi et al., PointNet++, 2017).
+
+Coordinates are (n, 3) float32, metres; those of one cloud, as clouds of a batch differ in
+size. Searches have no gradient and raise ValueError for what is not finite; rows are int64.
+"""
+
+from __future__ import annotations
+
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from pyinfra.models.ops.kernels import kernels
+
+_CHUNK = 1 << 22  # distances at a time
+
+
+@torch.no_grad()
+def farthest_points(xyz: Tensor, k: int) -> Tensor:
+    """Rows (k,) of xyz (n, 3) that are far from each other.
+
+    The first is row 0, each next one the farthest from all before; of equally far ones the lowest
+    row. When all are taken, row 0 repeats. Raises ValueError for n = 0.
+    """
+    _check(xyz)
+    if not len(xyz):
+        raise ValueError("xyz: found no points, allowed at least one")
+    if kernels is not None and xyz.device.type == "cpu":
+        return torch.from_numpy(kernels.farthest_points(xyz.contiguous().numpy(), k))
+    columns = xyz.t().contiguous()  # (3, n)
+    chosen = torch.zeros(k, dtype=torch.int64, device=xyz.device)
+    apart = torch.full_like(columns[0], torch.inf)
+    for count in range(1, k):
+        # By a slice and not a number, which a GPU would have to wait for.
+        last = columns.index_select(1, chosen[count - 1 : count])  # (3, 1)
+        torch.minimum(apart, _squared(*(columns - last)), out=apart)
+        chosen[count] = apart.argmax()
+    return chosen
+
+
+@torch.no_grad()
+def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[Tensor, Tensor]:
+    """The first k points, by row, that are closer than the radius (metres) to each centre.
+
+    points: (n, 3), centres: (m, 3); returns rows (m, k) and (m,) bool, true for an empty ball. A
+    ball with fewer points is filled up with its first one, an empty one with row 0.
+    """
+    _check(points)
+    _check(centres)
+    if radius <= 0 or k < 1:
+        raise ValueError(f"radius, k: found {radius}, {k}, allowed above 0")
+    if kernels is not None and points.device.type == "cpu":
+        found, empty = kernels.ball_query(
+            points.contiguous().numpy(), centres.contiguous().numpy(), radius, k
+        )
+        return torch.from_numpy(found), torch.from_numpy(empty).bool()
+    n = len(points)
+    limit = points.new_tensor(radius) ** 2
+    row = torch.arange(n, device=points.device)
+    parts = [row.new_zeros(0, k)]
+    for some in _parts(centres, n):
+        near = torch.where(_squared_distances(some, points) < limit, row, n)  # (some, n)
+        first = near.topk(min(k, n), largest=False).values.sort().values
+        parts.append(torch.nn.functional.pad(first, (0, k - min(k, n)), value=n))
+    found = torch.cat(parts)
+    found = torch.where(found == n, found[:, :1], found)
+    empty = found[:, 0] == n
+    return torch.where(empty[:, None], 0, found), empty
+
+
+@torch.no_grad()
+def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
+    """Distances (n, 3), metres, and rows (n, 3) of the nearest known points, nearest first.
+
+    points: (n, 3), known: (m, 3). With m < 3, what is missing is row 0 at an infinite distance.
+    Raises ValueError for m = 0. Of equally near ones any comes first.
+    """
+    _check(points)
+    _check(known)
+    if not len(known):
+        raise ValueError("known: found no points, allowed at least one")
+    if points.device.type == "cpu":
+        distances, found = cKDTree(known.numpy()).query(points.numpy(), k=3)
+        found[found == len(known)] = 0
+        return torch.from_numpy(distances).to(points.dtype), torch.from_numpy(found)
+    return _nearest_of_all(points, known)
+
+
+def interpolate(features: Tensor, distances: Tensor, rows: Tensor) -> Tensor:
+    """Features (m, c) of known points to (n, c), weighted by 1 / distance.
+
+    distances, rows: (n, 3), of `three_nearest`.
+    """
+    weights = 1 / (distances + 1e-8)
+    weights = weights / weights.sum(1, keepdim=True)
+    return (features[rows] * weights[:, :, None]).sum(1)
+
+
+@torch.no_grad()
+def points_in_boxes(points: Tensor, boxes: Tensor) -> Tensor:
+    """Whether each point is in each box, its surface included.
+
+    points: (n, 3) or more columns, boxes: (m, 7) x y z dx dy dz heading; returns (n, m) bool.
+    """
+    result = torch.zeros(len(points), len(boxes), dtype=torch.bool, device=points.device)
+    cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
+    done = 0
+    for part in _parts(points[:, :3], len(boxes)):
+        dx, dy, dz = (part[:, None] - boxes[:, :3]).unbind(2)  # (rows, m) each
+        ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+        inside = (ahead.abs() <= boxes[:, 3] / 2) & (left.abs() <= boxes[:, 4] / 2)
+        result[done : done + len(part)] = inside & (dz.abs() <= boxes[:, 5] / 2)
+        done += len(part)
+    return result
+
+
+def box_of_points(points: Tensor, boxes: Tensor) -> Tensor:
+    """Row (n,) of the first box that each point is in, -1 where there is none."""
+    if not len(boxes):
+        return torch.full((len(points),), -1, device=points.device)
+    inside = points_in_boxes(points, boxes)
+    return torch.where(inside.any(1), inside.int().argmax(1), -1)
+
+
+def _nearest_of_all(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
+    """`three_nearest` without a tree."""
+    some = min(3, len(known))
+    squared, found = [points.new_zeros(0, some)], [points.new_zeros(0, some).long()]
+    for part in _parts(points, len(known)):
+        nearest = _squared_distances(part, known).topk(some, largest=False)
+        squared.append(nearest.values)
+        found.append(nearest.indices)
+    distances = torch.cat(squared).sqrt()
+    pad = torch.nn.functional.pad
+    return pad(distances, (0, 3 - some), value=torch.inf), pad(torch.cat(found), (0, 3 - some))
+
+
+def _parts(xyz: Tensor, others: int) -> list[Tensor]:
+    """Rows of xyz in parts whose distances to that many others fit into memory."""
+    rows = max(1, _CHUNK // max(1, others))
+    return [xyz[start : start + rows] for start in range(0, len(xyz), rows)]
+
+
+def _squared_distances(a: Tensor, b: Tensor) -> Tensor:
+    """(n, 3) and (m, 3) to (n, m), each as exact as its differences: no sum of large squares."""
+    return _squared(*(a[:, None, axis] - b[:, axis] for axis in range(3)))
+
+
+def _squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
+    # The order of operations of the compiled kernels, so that both choose the same points.
+    return dx * dx + dy * dy + dz * dz
+
+
+def _check(xyz: Tensor) -> None:
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype != torch.float32:
+        found = f"{tuple(xyz.shape)} {xyz.dtype}"
+        raise ValueError(f"points: found {found}, allowed (n, 3) torch.float32")
+    if not xyz.isfinite().all():
+        raise ValueError("points: found a value that is not finite")

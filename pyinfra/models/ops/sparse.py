@@ -1,0 +1,332 @@
+"""Sparse 3-D convolution as in SECOND (Yan et al., Sensors 2018), by gather, product and scatter.
+
+A rulebook lists, for every offset of the kernel, which input voxel meets which output voxel. It is
+made once for a key and shared by all layers with that key, as their geometry is the same.
+`benchmarks/ops.py` compares it with spconv, whose CPU version has no gradient.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from pyinfra.models.ops.kernels import kernels
+
+Triple = tuple[int, int, int]  # along z, y, x
+
+
+@dataclass(frozen=True, eq=False)
+class Rulebook:
+    """Which rows of the input meet which rows of the output, offset by offset of the kernel.
+
+    Within one offset a row occurs at most once as input and at most once as output.
+    """
+
+    inputs: Tensor  # (p,) int64, grouped by offset
+    outputs: Tensor  # (p,) int64
+    counts: list[int]  # pairs of each offset, z slowest
+    centre: int | None  # offset at which each row meets itself; those pairs are not listed
+    source: Tensor  # (n, 4) int64, coordinates of the input
+    target: Tensor  # (m, 4) int64, coordinates of the output
+    source_shape: Triple
+    target_shape: Triple
+
+    def inverse(self) -> Rulebook:
+        """From the output back to the input."""
+        return replace(
+            self,
+            inputs=self.outputs,
+            outputs=self.inputs,
+            source=self.target,
+            target=self.source,
+            source_shape=self.target_shape,
+            target_shape=self.source_shape,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SparseTensor:
+    """Features of the occupied voxels of a batch of grids; elsewhere they are 0."""
+
+    features: Tensor  # (n, c)
+    coordinates: Tensor  # (n, 4) int64: batch, z, y, x; no two rows are equal
+    shape: Triple  # voxels along z, y, x
+    batch_size: int
+    rulebooks: dict[str, Rulebook] = field(default_factory=dict)  # by key, of all levels
+
+    def with_features(self, features: Tensor) -> SparseTensor:
+        """The same voxels with other features (n, any)."""
+        return replace(self, features=features)
+
+    def to_dense(self) -> Tensor:
+        """(B, C * D, H, W): seen from above, the levels of height as channels."""
+        depth, height, width = self.shape
+        channels = self.features.shape[1]
+        dense = self.features.new_zeros(self.batch_size, depth, height, width, channels)
+        dense = dense.index_put(tuple(self.coordinates.unbind(1)), self.features)
+        dense = dense.permute(0, 4, 1, 2, 3)  # (B, C, D, H, W)
+        return dense.reshape(self.batch_size, channels * depth, height, width)
+
+
+class _Layer(nn.Module):
+    def __init__(
+        self,
+        channels_in: int,
+        channels_out: int,
+        key: str,
+        kernel: int | Triple = 3,
+        bias: bool = False,
+    ) -> None:
+        super().__init__()
+        self.key, self.kernel = key, _triple(kernel)
+        # Drawn as torch draws those of a dense convolution.
+        bound = 1 / math.sqrt(channels_in * math.prod(self.kernel))
+        weight = torch.empty(math.prod(self.kernel), channels_in, channels_out)
+        self.weight = nn.Parameter(weight.uniform_(-bound, bound))
+        shift = torch.empty(channels_out).uniform_(-bound, bound)
+        self.bias = nn.Parameter(shift) if bias else None
+
+    def _convolved(self, x: SparseTensor, rulebook: Rulebook) -> SparseTensor:
+        if rulebook.source is not x.coordinates:
+            raise ValueError(f"key {self.key}: found other voxels than those it was made for")
+        features = convolve(x.features, self.weight, rulebook, self.bias)
+        return replace(
+            x, features=features, coordinates=rulebook.target, shape=rulebook.target_shape
+        )
+
+
+class SubmanifoldConv3d(_Layer):
+    """Convolution whose output has the voxels of the input, so that they do not spread.
+
+    key: of the layers that see the same voxels with the same kernel; its sizes are odd.
+    """
+
+    def forward(self, x: SparseTensor) -> SparseTensor:
+        """(n, c_in) to (n, c_out)."""
+        if self.key not in x.rulebooks:
+            x.rulebooks[self.key] = submanifold_rulebook(x.coordinates, x.shape, self.kernel)
+        return self._convolved(x, x.rulebooks[self.key])
+
+
+class SparseConv3d(_Layer):
+    """Convolution whose output has every voxel that the kernel reaches, mostly with a stride."""
+
+    def __init__(
+        self,
+        channels_in: int,
+        channels_out: int,
+        key: str,
+        kernel: int | Triple = 3,
+        stride: int | Triple = 2,
+        padding: int | Triple = 1,
+        bias: bool = False,
+    ) -> None:
+        super().__init__(channels_in, channels_out, key, kernel, bias)
+        self.stride, self.padding = _triple(stride), _triple(padding)
+
+    def forward(self, x: SparseTensor) -> SparseTensor:
+        """(n, c_in) to (m, c_out), sorted by batch, z, y, x."""
+        if self.key not in x.rulebooks:
+            x.rulebooks[self.key] = strided_rulebook(
+                x.coordinates, x.shape, self.kernel, self.stride, self.padding
+            )
+        return self._convolved(x, x.rulebooks[self.key])
+
+
+def convolve(
+    features: Tensor, weight: Tensor, rulebook: Rulebook, bias: Tensor | None = None
+) -> Tensor:
+    """(n, c_in) to (m, c_out) with weight (offsets, c_in, c_out); repeatable on every device."""
+    if len(weight) != len(rulebook.counts):
+        raise ValueError(f"rulebook: found {len(rulebook.counts)} offsets, allowed {len(weight)}")
+    kind = features.device.type
+    if torch.is_autocast_enabled(kind):
+        features = features.to(torch.get_autocast_dtype(kind))
+    result: Tensor = _Convolution.apply(features, weight.to(features.dtype), rulebook)  # type: ignore[no-untyped-call]
+    return result if bias is None else result + bias
+
+
+class _Convolution(torch.autograd.Function):
+    # One product for each offset. Rows are unique within an offset, so that nothing is added by
+    # two writers at once and sums have one order.
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
+        ctx.save_for_backward(features, weight)
+        ctx.rulebook = rulebook
+        return _scatter(features, weight, rulebook)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        features, weight = ctx.saved_tensors
+        rulebook, gradient = ctx.rulebook, gradients[0].contiguous()
+        to_features = to_weight = None
+        if ctx.needs_input_grad[0]:
+            to_features = _scatter(gradient, weight.transpose(1, 2), rulebook.inverse())
+        if ctx.needs_input_grad[1]:
+            to_weight = torch.zeros_like(weight)
+            if rulebook.centre is not None:
+                torch.mm(features.t(), gradient, out=to_weight[rulebook.centre])
+            for k, inputs, outputs in _offsets(rulebook):
+                torch.mm(features[inputs].t(), gradient[outputs], out=to_weight[k])
+        return to_features, to_weight, None
+
+
+def _scatter(features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
+    if rulebook.centre is None:
+        result = features.new_zeros(len(rulebook.target), weight.shape[2])
+    else:
+        result = features @ weight[rulebook.centre]
+    for k, inputs, outputs in _offsets(rulebook):
+        sums = torch.addmm(
+            result.index_select(0, outputs), features.index_select(0, inputs), weight[k]
+        )
+        result.index_copy_(0, outputs, sums)
+    return result
+
+
+def _offsets(rulebook: Rulebook) -> list[tuple[int, Tensor, Tensor]]:
+    """Offset, rows of the input and rows of the output, of the offsets that have pairs."""
+    inputs = rulebook.inputs.split_with_sizes(rulebook.counts)
+    outputs = rulebook.outputs.split_with_sizes(rulebook.counts)
+    return [(k, inputs[k], outputs[k]) for k, n in enumerate(rulebook.counts) if n]
+
+
+def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> Rulebook:
+    """Pairs of voxels (n, 4) that are neighbours within the kernel, whose sizes are odd."""
+    if any(size % 2 == 0 for size in kernel):
+        raise ValueError(f"kernel: found {kernel}, allowed odd sizes")
+    pad = kernel[0] // 2, kernel[1] // 2, kernel[2] // 2
+    keys, order = _sorted_keys(coordinates, shape, pad)
+    sizes = _padded(shape, pad)
+    centre = math.prod(kernel) // 2
+    steps = [
+        ((dz - pad[0]) * sizes[1] + dy - pad[1]) * sizes[2] + dx - pad[2]
+        for dz, dy, dx in itertools.product(*map(range, kernel))
+    ]
+    found, here, counts = _shifted_pairs(keys, steps[:centre])
+    # The offset opposite of the centre has the same pairs the other way round.
+    low, high = order[found].split_with_sizes(counts), order[here].split_with_sizes(counts)
+    none = order[:0]
+    inputs, outputs = [*low, none, *high[::-1]], [*high, none, *low[::-1]]
+    return Rulebook(
+        torch.cat(inputs),
+        torch.cat(outputs),
+        [len(rows) for rows in inputs],
+        centre,
+        coordinates,
+        coordinates,
+        shape,
+        shape,
+    )
+
+
+def strided_rulebook(
+    coordinates: Tensor, shape: Triple, kernel: Triple, stride: Triple, padding: Triple
+) -> Rulebook:
+    """Pairs of voxels (n, 4) and all voxels that the kernel reaches from them."""
+    target_shape = _convolved_shape(shape, kernel, stride, padding)
+    _sorted_keys(coordinates, shape, (0, 0, 0))
+    inputs, outputs, counts, keys = _reached_voxels(
+        coordinates, shape, kernel, stride, padding, target_shape
+    )
+    target = _coordinates(keys, target_shape)
+    return Rulebook(inputs, outputs, counts, None, coordinates, target, shape, target_shape)
+
+
+def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list[int]]:
+    """Rows with keys[first] == keys[second] + step, of increasing keys; their number by step."""
+    if kernels is not None and keys.device.type == "cpu":
+        first, second, counts = kernels.shifted_pairs(keys.numpy(), steps)
+        return torch.from_numpy(first), torch.from_numpy(second), counts
+    found, here = [keys[:0]], [keys[:0]]
+    for step in steps:
+        at = torch.searchsorted(keys, keys + step).clamp(max=max(0, len(keys) - 1))
+        here.append(torch.nonzero(keys[at] == keys + step).squeeze(1))
+        found.append(at[here[-1]])
+    return torch.cat(found), torch.cat(here), [len(rows) for rows in found[1:]]
+
+
+def _reached_voxels(
+    coordinates: Tensor,
+    shape: Triple,
+    kernel: Triple,
+    stride: Triple,
+    padding: Triple,
+    target_shape: Triple,
+) -> tuple[Tensor, Tensor, list[int], Tensor]:
+    """Inputs, outputs and counts of a rulebook, and the increasing keys of the outputs."""
+    if kernels is not None and coordinates.device.type == "cpu":
+        (inputs, outputs, counts), keys = kernels.reached_voxels(
+            coordinates.contiguous().numpy(), shape, kernel, stride, padding, target_shape
+        )
+        inputs, outputs = torch.from_numpy(inputs), torch.from_numpy(outputs)
+        return inputs, outputs, counts, torch.from_numpy(keys)
+    # Along each axis and for each offset: where a voxel arrives, and whether it does.
+    arrivals = []
+    for axis, size in enumerate(target_shape):
+        moved = coordinates[:, 1 + axis] + padding[axis]
+        offset = torch.arange(kernel[axis], device=moved.device)[:, None]
+        at = (moved - offset).div(stride[axis], rounding_mode="floor")  # (offsets, n)
+        met = (at * stride[axis] == moved - offset) & (at >= 0) & (at < size)
+        arrivals.append(list(zip(at, met, strict=True)))
+    rows, arrived = [], []
+    for (z, met_z), (y, met_y), (x, met_x) in itertools.product(*arrivals):
+        here = torch.nonzero(met_z & met_y & met_x).squeeze(1)
+        rows.append(here)
+        arrived.append(_keys(coordinates[here, 0], z[here], y[here], x[here], target_shape))
+    keys, outputs = torch.unique(torch.cat(arrived), return_inverse=True)
+    return torch.cat(rows), outputs, [len(part) for part in rows], keys
+
+
+def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tensor, Tensor]:
+    """One number (n,) for each voxel of a grid that is padded at both ends, sorted, and the rows.
+
+    Raises ValueError where a voxel is out of the grid or there twice.
+    """
+    beyond = coordinates[:, 1:] >= coordinates.new_tensor(shape)
+    if (coordinates < 0).any() or beyond.any():
+        raise ValueError(f"coordinates: found a voxel out of the grid {shape}")
+    padded = _padded(shape, pad)
+    batch, z, y, x = coordinates.unbind(1)
+    keys = _keys(batch, z + pad[0], y + pad[1], x + pad[2], padded)
+    if (keys[1:] > keys[:-1]).all():
+        return keys, torch.arange(len(keys), device=keys.device)
+    keys, order = keys.sort()
+    if (keys[1:] == keys[:-1]).any():
+        raise ValueError("coordinates: found a voxel twice")
+    return keys, order
+
+
+def _keys(batch: Tensor, z: Tensor, y: Tensor, x: Tensor, shape: Triple) -> Tensor:
+    return ((batch * shape[0] + z) * shape[1] + y) * shape[2] + x
+
+
+def _coordinates(keys: Tensor, shape: Triple) -> Tensor:
+    """(n,) to (n, 4): undoes `_keys`."""
+    parts = []
+    for size in reversed(shape):
+        parts.append(keys % size)
+        keys = keys.div(size, rounding_mode="floor")
+    return torch.stack([keys, *reversed(parts)], 1)
+
+
+def _convolved_shape(shape: Triple, kernel: Triple, stride: Triple, padding: Triple) -> Triple:
+    sizes = [
+        (n + 2 * p - k) // s + 1 for n, k, s, p in zip(shape, kernel, stride, padding, strict=True)
+    ]
+    if min(sizes) < 1:
+        raise ValueError(f"shape: found {shape}, allowed at least the kernel {kernel}")
+    return sizes[0], sizes[1], sizes[2]
+
+
+def _padded(shape: Triple, pad: Triple) -> Triple:
+    return shape[0] + 2 * pad[0], shape[1] + 2 * pad[1], shape[2] + 2 * pad[2]
+
+
+def _triple(size: int | Triple) -> Triple:
+    return (size, size, size) if isinstance(size, int) else size

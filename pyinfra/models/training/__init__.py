@@ -1,0 +1,1 @@
+"""How detectors learn: recipes, samples, sources of frames, checkpoints."""

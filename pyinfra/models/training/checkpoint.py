@@ -1,0 +1,167 @@
+"""A network on disk: one safetensors file whose header says, as YAML, what it is.
+
+Never a pickle: a checkpoint from a stranger runs no code. The file is written beside its place and
+renamed, so it is whole or not there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from pyinfra.core.config import as_plain, from_plain
+from pyinfra.core.errors import ConfigError
+from pyinfra.core.files import replacing
+from pyinfra.core.version import __version__
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors.catalogue import DETECTORS
+from pyinfra.models.detectors.classes import ObjectClass, classes_of
+from pyinfra.models.detectors.detection_area import Site, around
+from pyinfra.models.detectors.network import Network
+from pyinfra.models.training.accumulation import LabelAt
+
+FORMAT = 1
+CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at the sensor"
+
+
+@dataclass(frozen=True)
+class About:
+    """What a checkpoint says of itself."""
+
+    detector: str
+    network: Any  # the detector's Config, plain
+    site: Site
+    lidar: str
+    preset: str
+    scene: str
+    seed: int
+    step: int
+    steps: int
+    label_time: str = "frame"  # as all had it up to version 0.2
+    above_road: bool = False  # whether z of what the network sees is from the road; 0.2: sensor
+    # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
+    ground: tuple[float, float, float] | None = None
+    anywhere: bool = False  # learnt at so many sites that it is meant for others
+    accumulate: int = 1  # frames of one cloud
+    label_at: LabelAt = "newest"  # of them, whose labels it learnt
+    start: str = ""  # digest of the weights that it began with; empty: drawn
+    # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes; of
+    # several classes those of each in turn
+    calibration: tuple[float, ...] | None = None
+    figures: Any = None  # what it was found to do, by name
+    format: int = FORMAT
+    convention: str = CONVENTION
+    version: str = __version__
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """Weights by name, and those of the optimiser under `optimizer.`."""
+
+    about: About
+    tensors: dict[str, Tensor]
+
+    @property
+    def classes(self) -> tuple[ObjectClass, ...]:
+        """That its network tells apart."""
+        return classes_of(config_of(self.about.detector, self.about.network))
+
+    def weights(self) -> dict[str, Tensor]:
+        """Those of the network, by the names it has for them."""
+        return {
+            name.removeprefix("network."): tensor.float() if tensor.is_floating_point() else tensor
+            for name, tensor in self.tensors.items()
+            if name.startswith("network.")
+        }
+
+    def network(self, region: Region | None = None) -> Network:
+        """The network in eval mode, that looks at a region, or where it learnt.
+
+        Raises ConfigError if the weights do not fit its Config.
+        """
+        site = self.about.site if region is None else around(region, self.about.site)
+        network, weights = build(self.about.detector, self.about.network, site), self.weights()
+        try:
+            network.load_state_dict(weights)
+        except RuntimeError as error:
+            first = str(error).splitlines()[-1].strip()
+            raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
+        for name, tensor in weights.items():
+            if not tensor.isfinite().all():
+                raise ConfigError(
+                    f"checkpoint of {self.about.detector}: {name}: found a number that is not "
+                    "finite, allowed weights that are"
+                )
+        network.calibration = self.about.calibration
+        if region is not None:
+            network.know(region)
+        return network.eval()
+
+
+def build(detector: str, config: Any, site: Site) -> Network:
+    """A new network; config: the detector's Config or its plain form."""
+    entry = DETECTORS.get(detector)
+    if entry is None or not entry.learnt:
+        learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
+        raise ConfigError(f"detector: found '{detector}', allowed {learnt}")
+    module = importlib.import_module(entry.module)
+    network: Network = getattr(module, entry.name)(config_of(detector, config), site)
+    return network
+
+
+def config_of(detector: str, config: Any) -> Any:
+    """A learnt detector's Config, from its plain form: keys of later versions have defaults."""
+    kind = importlib.import_module(DETECTORS[detector].module).Config
+    if isinstance(config, kind):
+        return config
+    return from_plain(config, kind, f"{detector}: network")
+
+
+def digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def save(file: Path, network: nn.Module, optimizer: dict[str, Tensor], about: About) -> None:
+    """Raises OSError, and leaves the file that was there."""
+    tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
+    tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
+    write(file, tensors, about)
+
+
+def write(file: Path, tensors: dict[str, Tensor], about: About) -> None:
+    """Tensors by the names of a checkpoint, of any precision. Raises OSError as `save`."""
+    try:
+        with replacing(file) as beside:
+            save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(about))})
+    except (OSError, SafetensorError) as error:
+        raise OSError(getattr(error, "errno", None) or 5, str(error), str(file)) from None
+
+
+def load(file: Path) -> Checkpoint:
+    """Raises FileNotFoundError, and ConfigError for anything but a checkpoint of this format."""
+    if not file.is_file():
+        raise FileNotFoundError(2, "No such checkpoint", str(file))
+    try:
+        with safe_open(file, framework="pt") as opened:
+            text = (opened.metadata() or {}).get("about", "")
+            tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise ConfigError(f"{file}: found no checkpoint ({error})") from None
+    try:
+        plain = yaml.safe_load(text)
+    except yaml.YAMLError:
+        plain = None
+    if not isinstance(plain, dict) or "format" not in plain:
+        raise ConfigError(f"{file}: found no description in its header, allowed one of pyinfra")
+    for key, wanted in (("format", FORMAT), ("convention", CONVENTION)):
+        if plain.get(key) != wanted:
+            raise ConfigError(f"{file}: {key}: found '{plain.get(key)}', allowed '{wanted}'")
+    return Checkpoint(from_plain(plain, About, str(file)), tensors)

@@ -1,0 +1,289 @@
+"""The training loop: one-cycle AdamW over a fixed number of steps.
+
+What is random is drawn from the step, most of it from the seed as well, and the learning rate is a
+function of the step, so a run that was killed goes on from its last checkpoint as if nothing had
+been.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pyinfra.core.config import as_plain, read_config
+from pyinfra.core.errors import ConfigError
+from pyinfra.core.files import naming, replacing
+from pyinfra.models.detectors import distributed, windows
+from pyinfra.models.detectors.batch import Batch, Windows, make_batch
+from pyinfra.models.detectors.network import Network, keep_memory, one_thread
+from pyinfra.models.training import checkpoint
+from pyinfra.models.training.checkpoint import About, Checkpoint
+from pyinfra.models.training.recipe import Learning, Precision, Recipe
+from pyinfra.models.training.samples import Augmentation, Frames, Samples, augmented
+from pyinfra.models.training.validation import Checks
+
+WARM_UP = 0.4  # share of the steps in which the rate rises
+DIVIDED = 10.0  # the first rate is the highest by this
+LAST = 1e-4  # the last rate is the first by this
+MOMENTA = (0.95, 0.85)
+SAVES = 20  # checkpoints over a run
+AHEAD = 16  # batches; a stream makes the samples of a dozen at a time
+PASSING = ("step", "version")  # may change while a run goes on
+
+
+class TrainingDiverged(RuntimeError):
+    """The loss is no number any more."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """After a step."""
+
+    step: int
+    steps: int
+    rate: float
+    loss: float
+    parts: dict[str, float]
+    seconds: float  # of this run, since it began or went on
+    cpu_seconds: float  # since the one before, with what was made ahead
+
+
+def train(
+    network: Network,
+    frames: Samples,
+    recipe: Recipe,
+    about: About,
+    out: Path,
+    *,
+    begun: Checkpoint | None = None,
+    held_out: Frames | None = None,
+    device: torch.device | None = None,
+    precision: Precision = "float32",
+    report: Callable[[Progress], None] | None = None,
+) -> Network:
+    """Trains to the end and writes `out`/last.safetensors now and then and at the end.
+
+    held_out: frames by which best.safetensors is chosen, which changes nothing of the last one.
+    begun: what `read_begun` found of this run, to go on from. Raises TrainingDiverged with the
+    step, the loss and the checkpoint to go back to.
+    """
+    learning, device = recipe.learning, device or torch.device("cpu")
+    first = distributed.rank() == 0  # it alone writes
+    network = network.to(device).train()
+    distributed.share_norms(network)
+    optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
+    last = out / "last.safetensors"
+    done = resume(network, optimizer, begun) if begun is not None else 0
+    checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
+    make = partial(batch_of, frames, recipe, network, about.seed)
+    start, before = time.monotonic(), time.process_time()
+    keep_memory()
+    with one_thread(), closing(ahead(make, range(done, learning.steps))) as batches:
+        for step, made in batches:
+            rate = set_rate(optimizer, learning, step)
+            batch = made.to(device)
+            with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
+                parts = network.losses(batch)
+            loss = torch.stack(list(parts.values())).sum()
+            # Of the whole batch, so that all processes stop if one does.
+            whole = distributed.mean(torch.stack([loss, *parts.values()])).tolist()
+            check_finite("loss", whole[0], step, last)
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            distributed.average_gradients(network)
+            norm = torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
+            check_finite("norm of the gradients", norm.item(), step, last)
+            optimizer.step()
+            done = step + 1
+            here = dataclasses.replace(about, step=done)
+            # Before the last one is written: a kill between them leads back to before the check.
+            if first and checks is not None and checks.find_best(network, done, learning.steps):
+                checkpoint.save(out / "best.safetensors", network, {}, here)
+            if first and (done % max(1, learning.steps // SAVES) == 0 or done == learning.steps):
+                checkpoint.save(last, network, optimizer_tensors(optimizer), here)
+            if report is None:
+                continue
+            numbers = dict(zip(parts, whole[1:], strict=True))
+            now = time.process_time()
+            times, before = (time.monotonic() - start, now - before), now
+            report(Progress(done, learning.steps, rate, whole[0], numbers, *times))
+    return network.eval()
+
+
+def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Batch]]:
+    """What is made for each step, in order, by a second thread while the ones before are used.
+
+    Raises at a step what making its batch raised.
+    """
+    pool, begun = ThreadPoolExecutor(1), deque[tuple[int, Future[Batch]]]()
+    try:
+        for step in steps:
+            begun.append((step, pool.submit(make, step)))
+            if len(begun) > AHEAD:
+                first, batch = begun.popleft()
+                yield first, batch.result()
+        for step, batch in begun:
+            yield step, batch.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def check_finite(name: str, value: float, step: int, last: Path) -> None:
+    """Raises TrainingDiverged; `last` is where a checkpoint lies, if there is one yet."""
+    if not math.isfinite(value):
+        good = f"the last good checkpoint is {last}" if last.exists() else "no checkpoint is there"
+        raise TrainingDiverged(f"step {step}: the {name} is {value}; {good}")
+
+
+def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
+    """The frames of a step, or this process's share: each comes once before one comes twice."""
+    learning = recipe.learning
+    size = learning.batch
+    samples, centres = [], []
+    for n in range(step * size + distributed.rank(), (step + 1) * size, distributed.count()):
+        i = frames.nth(seed, n)
+        draw = np.random.default_rng([seed, 1, n])
+        paste = recipe.augmentation.pasted > 0
+        other = frames.another(i, draw) if paste else None
+        sample = augmented(frames.sample(i), other, recipe.augmentation, draw)
+        samples.append(sample)
+        centres.append(windows.centre_of(sample, network.site.area, draw, learning.rare_windows))
+    batch = make_batch(samples, network.site.area, network.columns)
+    batch = dataclasses.replace(batch, balance=learning.balance)
+    if learning.window_m2 == 0:
+        return batch
+    seen = Windows(learning.window_m2, torch.tensor(np.array(centres)))
+    return dataclasses.replace(batch, windows=seen)
+
+
+def set_rate(optimizer: torch.optim.Optimizer, learning: Learning, step: int) -> float:
+    """One cycle (Smith, 2018): the rate rises and falls along cosines, the momentum against it."""
+    top, bottom = learning.rate, learning.rate / DIVIDED
+    turn = WARM_UP * learning.steps
+    if step < turn:
+        share, rates, momenta = step / turn, (bottom, top), MOMENTA
+    else:
+        share = (step - turn) / max(1, learning.steps - turn)
+        rates, momenta = (top, bottom * LAST), MOMENTA[::-1]
+    weight = (1 - math.cos(math.pi * share)) / 2
+    rate = rates[0] + (rates[1] - rates[0]) * weight
+    for group in optimizer.param_groups:
+        group["lr"] = rate
+        group["weight_decay"] = learning.weight_decay
+        group["betas"] = (momenta[0] + (momenta[1] - momenta[0]) * weight, 0.999)
+    return rate
+
+
+def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    return {
+        f"{index}.{name}": tensor
+        for index, state in optimizer.state_dict()["state"].items()
+        for name, tensor in state.items()
+    }
+
+
+@dataclass(frozen=True)
+class Description(About):
+    """`run.yaml`: what a checkpoint says of itself, and how the run learns."""
+
+    learning: Learning = field(default_factory=Learning)
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    frames: int = 0  # learnt from
+    precision: Precision = "float32"
+    drawn: str = ""  # of a stream: how its samples are
+
+
+def describe(
+    about: About, recipe: Recipe, frames: int, precision: Precision, drawn: str = ""
+) -> Description:
+    own = {f.name: getattr(about, f.name) for f in dataclasses.fields(about)}
+    return Description(
+        **own,
+        learning=recipe.learning,
+        augmentation=recipe.augmentation,
+        frames=frames,
+        precision=precision,
+        drawn=drawn,
+    )
+
+
+def read_begun(out: Path, ours: Description) -> Checkpoint | None:
+    """The last checkpoint of a run; none if it has not begun.
+
+    Raises ConfigError if the checkpoint there is of another run, or of one that learns otherwise.
+    """
+    file = out / "last.safetensors"
+    if not file.exists():
+        return None
+    found = checkpoint.load(file)
+    theirs, wanted = as_plain(found.about), as_plain(ours)
+    if found.about.detector == ours.detector:  # of an earlier version it may lack keys
+        theirs["network"] = as_plain(checkpoint.config_of(ours.detector, theirs["network"]))
+    different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
+    if different:
+        raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")
+    described = out / "run.yaml"
+    before, now = (_ways(d) for d in (read_config(described, Description), ours))
+    for key, value in before.items():
+        if value != now[key]:
+            raise ConfigError(f"{described}: {key}: found {value}, allowed {now[key]} to go on")
+    return found
+
+
+def _ways(description: Description) -> dict[str, object]:
+    """How a run learns, by keys with a dot."""
+    plain = as_plain(description)
+    own = {key: plain[key] for key in ("frames", "precision", "drawn")}
+    return own | {
+        f"{name}.{key}": value
+        for name in ("learning", "augmentation")
+        for key, value in plain[name].items()
+    }
+
+
+def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint) -> int:
+    """Fills both from the checkpoint; returns the steps that are done."""
+    network.load_state_dict(begun.weights())
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, tensor in begun.tensors.items():
+        if key.startswith("optimizer."):
+            _, index, name = key.split(".")
+            state.setdefault(int(index), {})[name] = tensor
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+    return begun.about.step
+
+
+class Log:
+    """`log.csv`: one row a step, those after a checkpoint forgotten when a run goes on."""
+
+    def __init__(self, file: Path, done: int) -> None:
+        self.file = file
+        rows = file.read_text().splitlines() if file.exists() else []
+        # A row that a full disk cut is not of a step that is done.
+        whole = [row for row in rows if row.count(",") == rows[0].count(",")]
+        kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
+        with replacing(file) as beside:
+            beside.write_text("".join(f"{row}\n" for row in [*whole[:1], *kept]))
+
+    def __call__(self, p: Progress) -> None:
+        new = self.file.stat().st_size == 0
+        with naming(self.file), self.file.open("a", newline="") as opened:
+            writer = csv.writer(opened)
+            if new:
+                writer.writerow(["step", "rate", "loss", *p.parts, "seconds", "cpu_seconds"])
+            numbers = [p.rate, p.loss, *p.parts.values(), p.seconds, p.cpu_seconds]
+            writer.writerow([p.step, *(f"{v:.6g}" for v in numbers)])

@@ -1,0 +1,275 @@
+"""Frames to learn from, and what augmentation makes of them."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
+from pyinfra.core.boxes import bev_iou, points_in_box, points_in_boxes
+from pyinfra.core.config import ruled
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors.batch import Sample
+from pyinfra.models.training import sensor_faults
+
+MOST_STD = 3.3  # standard deviations of an error of the pose
+SHADOW_DEG = 0.3  # cells of directions in which a pasted object hides what is behind it
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """What may be done to a frame; the defaults change nothing."""
+
+    flip: bool = False  # left and right, in half of the frames
+    rotation_deg: float = ruled(0.0, 0, 180)  # up to this, either way
+    scale: float = ruled(0.0, 0, 0.5)  # up to this share, either way
+    pasted: int = ruled(0, 0, 100)  # vehicles of another frame, where they stood
+    least_points: int = ruled(5, 0, 1000)  # of a pasted vehicle
+    shadows: bool = False  # whether a pasted vehicle hides what lies behind it
+    drop_out: float = ruled(0.0, 0, 0.99)  # up to this share of the points goes
+    lost_lines: float = ruled(0.0, 0, 0.99)  # up to this share of the rows of elevation goes
+    range_noise_m: float = ruled(0.0, 0, 10)  # up to this standard deviation along the rays
+    # Errors of the sensor's pose: standard deviations, cut at 3.3 of them.
+    height_std_m: float = ruled(0.0, 0, 10)  # of its height above the road
+    level_std_deg: float = ruled(0.0, 0, 10)  # of its tilt about each horizontal axis
+
+
+@dataclass(frozen=True, eq=False)
+class SiteSample(Sample):
+    """A frame that knows where it was taken; points and boxes are above the road."""
+
+    region: Region = field(kw_only=True)  # where vehicles can be
+
+
+class Samples(Protocol):
+    """What a run learns from, numbered from 0."""
+
+    def __len__(self) -> int:
+        """How many there are before one comes again."""
+        ...
+
+    def nth(self, seed: int, n: int) -> int:
+        """Which one is the n-th to learn from; there is one for each n."""
+        ...
+
+    def sample(self, i: int) -> Sample: ...
+
+    def another(self, i: int, draw: np.random.Generator) -> Sample:
+        """Any of the LiDAR of sample i in its place."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames to learn from, in the order given: clouds on demand, boxes at once."""
+
+    clouds: tuple[Callable[[], Points], ...]
+    boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
+    starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
+    classes: tuple[IntArray, ...] = ()  # (k,) of each frame's boxes; none: all of the first class
+    heights_m: tuple[float, ...] = ()  # of each frame's sensor above z = 0; none: it is there
+
+    def __len__(self) -> int:
+        return len(self.clouds)
+
+    def __add__(self, more: Frames) -> Frames:
+        starts = tuple(len(self) + first for first in more.starts)
+        starts = self.starts + starts if len(self) else starts
+        classes, heights_m = self.classes + more.classes, self.heights_m + more.heights_m
+        clouds, boxes = self.clouds + more.clouds, self.boxes + more.boxes
+        return Frames(clouds, boxes, starts, classes, heights_m)
+
+    def part(self, rows: slice) -> Frames:
+        """Of the frames of one LiDAR."""
+        classes, heights_m = self.classes[rows], self.heights_m[rows]
+        return Frames(self.clouds[rows], self.boxes[rows], classes=classes, heights_m=heights_m)
+
+    def nth(self, seed: int, n: int) -> int:
+        """Each comes once before one comes twice."""
+        turn, place = divmod(n, len(self))
+        return int(np.random.default_rng([seed, turn]).permutation(len(self))[place])
+
+    def sample(self, i: int) -> Sample:
+        height_m = self.heights_m[i] if self.heights_m else 0.0
+        return Sample(self.clouds[i](), self.boxes[i], self.numbers(i), height_m=height_m)
+
+    def numbers(self, i: int) -> IntArray:
+        """(k,) of the classes of a frame's boxes."""
+        return self.classes[i] if self.classes else np.zeros(len(self.boxes[i]), np.int64)
+
+    def another(self, i: int, draw: np.random.Generator) -> Sample:
+        """Any frame of the LiDAR of frame i."""
+        of = bisect.bisect(self.starts, i)
+        return self.sample(int(draw.integers(self.starts[of - 1], [*self.starts, len(self)][of])))
+
+
+def augmented(
+    sample: Sample, other: Sample | None, how: Augmentation, draw: np.random.Generator
+) -> Sample:
+    """The sample changed; `other` is a frame to take vehicles from."""
+    if other is not None and how.pasted > 0:
+        sample = with_pasted(sample, other, how, draw)
+    turn = np.deg2rad(draw.uniform(-how.rotation_deg, how.rotation_deg))
+    scale = 1 + draw.uniform(-how.scale, how.scale)
+    flip = how.flip and draw.random() < 0.5
+    sample = moved(sample, turn=float(turn), scale=float(scale), flip=flip)
+    return with_pose_error(with_faults(sample, how, draw), how, draw)
+
+
+def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
+    """As if the sensor's height and level were known with an error.
+
+    Points and boxes keep x and y: a tilt of 1 degree moves what is 6 m below by 0.1 m. Without an
+    error nothing is drawn.
+    """
+    if how.height_std_m == how.level_std_deg == 0:
+        return sample
+    height, *level = np.clip(draw.normal(size=3), -MOST_STD, MOST_STD)
+    slopes = np.tan(np.radians(how.level_std_deg * np.array(level)))
+
+    def rise(xy: FloatArray) -> FloatArray:
+        return np.asarray(how.height_std_m * height + xy @ slopes)
+
+    points, boxes = sample.points.copy(), sample.boxes.copy()
+    points[:, 2] += rise(points[:, :2].astype(np.float64)).astype(np.float32)
+    boxes[:, 2] += rise(boxes[:, :2])
+    return replace(sample, points=points, boxes=boxes)
+
+
+def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
+    """As a sensor with faults has it: each of them up to its dial, evenly drawn.
+
+    Vehicles that lose their last point are no longer to be found. Without a dial nothing is drawn.
+    """
+    if how.lost_lines == how.drop_out == how.range_noise_m == 0:
+        return sample
+    points = lifted(sample.points, -sample.height_m)  # to the sensor: faults are of its rays
+    for most, fault in (
+        (how.lost_lines, sensor_faults.lost_lines),
+        (how.drop_out, sensor_faults.drop_out),
+    ):
+        if most > 0:
+            points = fault(points, draw.uniform(0, most), draw)
+    boxes, numbers = sample.boxes, sample.numbers
+    if len(points) < len(sample.points):
+        lost = points_in_boxes(lifted(points, sample.height_m), boxes) == 0
+        lost[lost] = points_in_boxes(sample.points, boxes[lost]) > 0
+        boxes, numbers = boxes[~lost], numbers[~lost]
+    if how.range_noise_m > 0:
+        points = sensor_faults.range_noise(points, draw.uniform(0, how.range_noise_m), draw)
+    points = lifted(points, sample.height_m)
+    return replace(sample, points=points, boxes=boxes, classes=numbers)
+
+
+def lifted(points: Points, by_m: float) -> Points:
+    """Points with another z."""
+    out = points.copy()
+    out[:, 2] += np.float32(by_m)
+    return out
+
+
+def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
+    """Turned about the sensor, scaled, and mirrored left to right."""
+    side = -1.0 if flip else 1.0
+    cos, sin = np.cos(turn), np.sin(turn)
+    # Row vectors: mirror, then turn, then scale.
+    linear = scale * np.array([[cos, sin, 0], [-side * sin, side * cos, 0], [0, 0, 1]])
+    points = sample.points.copy()
+    points[:, :3] = points[:, :3] @ linear.astype(np.float32)
+    boxes = sample.boxes.copy()
+    boxes[:, :3] = boxes[:, :3] @ linear
+    boxes[:, 3:6] *= scale
+    height_m = scale * sample.height_m
+    boxes[:, 6] = (side * boxes[:, 6] + turn + np.pi) % (2 * np.pi) - np.pi
+    if not isinstance(sample, SiteSample):
+        return replace(sample, points=points, boxes=boxes, height_m=height_m)
+    level = linear[:2, :2]
+    region = Region(partial(_in_moved, sample.region, level), sample.region.corners @ level)
+    return replace(sample, points=points, boxes=boxes, region=region, height_m=height_m)
+
+
+def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: float) -> BoolArray:
+    """Which places lie in a region that was moved by (2, 2): row vectors from the right."""
+    before = places[:, :2] @ np.linalg.inv(linear)
+    return region.holds(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
+
+
+def with_pasted(
+    sample: Sample, other: Sample, how: Augmentation, draw: np.random.Generator
+) -> Sample:
+    """Some objects of the other frame, with their points, where nothing stands here.
+
+    Each class in turn, so that rare ones come as often.
+    """
+    order = draw.permutation(len(other.boxes))
+    order = order[np.argsort(_places_in_class(other.numbers[order]), kind="stable")]
+    free = np.ones(len(order), dtype=np.bool_)
+    if len(sample.boxes) > 0:
+        free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
+    points, boxes, numbers = [sample.points], [sample.boxes], [sample.numbers]
+    for i in order[free[order]]:
+        if len(boxes) > how.pasted:
+            break
+        own = other.points[points_in_box(other.points, other.boxes[i])]
+        if len(own) < how.least_points:
+            continue
+        here = points_in_box(points[0], other.boxes[i], 0)
+        if how.shadows:
+            here |= hidden_by(own, points[0], sample.height_m)
+        points[0] = points[0][~here]
+        points.append(own)
+        boxes.append(other.boxes[i : i + 1])
+        numbers.append(other.numbers[i : i + 1])
+    return replace(
+        sample,
+        points=np.concatenate(points),
+        boxes=np.concatenate(boxes),
+        classes=np.concatenate(numbers),
+    )
+
+
+def _places_in_class(numbers: IntArray) -> IntArray:
+    """(n,): how many of the same class stand before each."""
+    places = np.zeros(len(numbers), np.int64)
+    for number in np.unique(numbers):
+        own = numbers == number
+        places[own] = np.arange(own.sum())
+    return places
+
+
+def hidden_by(own: Points, points: Points, height_m: float) -> BoolArray:
+    """(n,): which points (n, 4) lie behind others (m, 4) as the sensor sees them.
+
+    A point is hidden if it is farther than the nearest of `own` in its cell of directions or in one
+    beside it. height_m: of the sensor above z = 0.
+    """
+    columns, rows, near = _directions(own, height_m)
+    around = [(columns + i, rows + k) for i in (-1, 0, 1) for k in (-1, 0, 1)]
+    cells = np.concatenate([_cell(*pair) for pair in around])
+    order = np.lexsort((np.tile(near, len(around)), cells))
+    cells, first = np.unique(cells[order], return_index=True)
+    nearest = np.tile(near, len(around))[order][first]
+    columns, rows, ranges = _directions(points, height_m)
+    there = _cell(columns, rows)
+    place = np.searchsorted(cells, there).clip(max=len(cells) - 1)
+    return np.asarray((cells[place] == there) & (ranges > nearest[place]))
+
+
+def _directions(points: Points, height_m: float) -> tuple[IntArray, IntArray, FloatArray]:
+    """Columns of azimuth and rows of elevation (n,), and ranges (n,), from the sensor."""
+    x, y, z = points[:, :3].T.astype(np.float64)
+    z -= height_m
+    flat = np.hypot(x, y)
+    azimuth, elevation = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, flat))
+    columns, rows = (np.floor(a / SHADOW_DEG).astype(np.int64) for a in (azimuth, elevation))
+    return columns, rows, np.hypot(flat, z)
+
+
+def _cell(columns: IntArray, rows: IntArray) -> IntArray:
+    around = round(360 / SHADOW_DEG)
+    return np.asarray(rows * around + columns % around)

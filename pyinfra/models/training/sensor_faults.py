@@ -1,0 +1,47 @@
+"""What a sensor loses: pure functions of points, a dial and draws, for training and for stress.
+
+points: (n, 4) float32, x y z intensity, levelled LiDAR frame; each returns (m, 4) float32. With the
+same draws a stronger dial keeps no point that a weaker one lost. The definitions stand in
+docs/conventions.md, "Stress".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, Points
+
+Draws = np.random.Generator
+
+ROW_DEG = 40 / 127  # spacing of 128 even channels over 40 degrees
+ROWS = 1024  # more than there are of ROW_DEG from pole to pole
+
+
+def drop_out(points: Points, share: float, draws: Draws) -> Points:
+    """Each point goes with this probability."""
+    return points[draws.random(len(points)) >= share]
+
+
+def range_noise(points: Points, sigma_m: float, draws: Draws) -> Points:
+    """Normal noise along the ray; no point passes the sensor."""
+    ranges = ranges_of(points)
+    noisy = np.maximum(ranges + sigma_m * draws.normal(size=len(points)), 0)
+    return scaled(points, np.divide(noisy, ranges, out=np.ones_like(ranges), where=ranges > 0))
+
+
+def lost_lines(points: Points, share: float, draws: Draws) -> Points:
+    """Rows of elevation go with this probability."""
+    flat = np.hypot(points[:, 0].astype(np.float64), points[:, 1])
+    elevation_deg = np.degrees(np.arctan2(points[:, 2], flat))
+    row = np.floor(elevation_deg / ROW_DEG).astype(np.int64) + ROWS // 2
+    return points[draws.random(ROWS)[row] >= share]
+
+
+def scaled(points: Points, factor: FloatArray) -> Points:
+    out = points.copy()
+    out[:, :3] = points[:, :3] * factor[:, None]
+    return out
+
+
+def ranges_of(points: Points) -> FloatArray:
+    return np.asarray(np.linalg.norm(points[:, :3].astype(np.float64), axis=1))

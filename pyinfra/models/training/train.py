@@ -1,0 +1,308 @@
+"""`pyinfra train CONFIG --data DATA/LIDAR... --tier TIER --out RUN`."""
+
+from __future__ import annotations
+
+import filecmp
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+from tqdm import tqdm
+
+from pyinfra.core.config import as_plain
+from pyinfra.core.errors import ConfigError
+from pyinfra.core.files import replacing
+from pyinfra.formats.kitti import LabelTime
+from pyinfra.models.detectors.background import Background
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.recipe import Precision, Recipe
+from pyinfra.models.training.samples import Frames
+from pyinfra.models.training.sources import Source, Stream, on_road, spread
+
+if TYPE_CHECKING:
+    from pyinfra.models.detectors.network import Network
+    from pyinfra.models.training.checkpoint import About
+    from pyinfra.models.training.loop import Description, Progress
+
+
+BACKGROUND_FRAMES = 100
+
+OF_CLASSES = {"head.heat.weight", "head.heat.bias"}  # weights with a row a class
+
+# What a method that does not learn by steps has no use for, and its default.
+OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0, "start": None}
+
+
+def train(
+    recipe: Recipe,
+    sources: Sequence[Source] | Stream,
+    out: Path,
+    *,
+    seed: int = 1,
+    device: str = "cpu",
+    precision: Precision = "float32",
+    quiet: bool = False,
+) -> Path:
+    """Trains a detector into the folder `out`, or goes on there; returns the model's file.
+
+    Of a recipe without steps it is that of the network it starts with. Raises what reading frames
+    and training raise.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    other = "last.safetensors" if recipe.detector == "background" else "background.npz"
+    if (out / other).exists():
+        raise FileExistsError(f"{out}: {other}: is there already, of another detector")
+    if recipe.detector == "background":
+        return _learn_background(recipe, sources, out)
+    if recipe.learning.steps == 0:
+        return _as_it_comes(Path(recipe.learning.start), out)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet)
+
+
+def _as_it_comes(start: Path, out: Path) -> Path:
+    """Raises FileNotFoundError, and FileExistsError for the folder of another network."""
+    source, model = model_file(start), out / "last.safetensors"
+    if model.exists() and not filecmp.cmp(source, model, shallow=False):
+        raise FileExistsError(f"{out}: {model.name}: is there already, of another network")
+    with replacing(model) as beside:
+        shutil.copyfile(source, beside)
+    return model
+
+
+def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
+    if isinstance(sources, Stream):
+        raise ValueError("background: found a stream of sites, allowed one LiDAR: it stands there")
+    if len(sources) != 1:
+        raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
+    (source,) = sources
+    if source.accumulation.frames > 1:
+        raise ValueError(
+            f"--accumulate: found {source.accumulation.frames} for background, allowed 1: it "
+            "knows what moves by single frames"
+        )
+    chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
+    file = out / "background.npz"
+    clouds = [source.clouds[i]() for i in chosen]
+    Background.learn(clouds, recipe.network, source.region, source.ground).save(file)
+    return file
+
+
+def _train_network(
+    recipe: Recipe,
+    sources: Sequence[Source] | Stream,
+    out: Path,
+    seed: int,
+    device: str,
+    precision: Precision,
+    quiet: bool,
+) -> Path:
+    import torch
+
+    from pyinfra.models.detectors import distributed, windows
+    from pyinfra.models.detectors.network import device_of
+    from pyinfra.models.training import checkpoint, loop
+
+    stream, held_out = _stream(sources, recipe.learning.validate_frames)
+    frames = stream.samples
+    torch.manual_seed(seed)
+    network = checkpoint.build(recipe.detector, recipe.network, stream.site)
+    windows.check(network, recipe.learning.window_m2)
+    if recipe.learning.balance > 0 and not network.balances_frames:
+        name = type(network).__name__
+        raise ValueError(
+            f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}"
+        )
+    if network.columns > 4 and stream.accumulation.frames == 1:
+        raise ValueError("network.age: found true of single frames, allowed with --accumulate")
+    if network.classes != stream.classes:
+        raise ValueError(
+            f"network.classes: found {', '.join(network.classes)}, allowed "
+            f"{', '.join(stream.classes)} as the boxes that are learnt from"
+        )
+    about = _about(recipe, stream, seed)
+    if recipe.learning.start:
+        about = _begun_with(network, Path(recipe.learning.start), about)
+    description = loop.describe(about, recipe, len(frames), precision, stream.drawn)
+    with distributed.joined(device_of(device)) as where:
+        distributed.check_batch(recipe.learning.batch)
+        begun = loop.read_begun(out, description)  # once all are here, so all find the same
+        done = begun.about.step if begun is not None else 0
+        first = distributed.rank() == 0
+        with _reporting(out, description, done, quiet) if first else nullcontext() as report:
+            loop.train(
+                network,
+                frames,
+                recipe,
+                about,
+                out,
+                begun=begun,
+                held_out=held_out,
+                device=where,
+                precision=precision,
+                report=report,
+            )
+    return out / "last.safetensors"
+
+
+def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
+    """What the checkpoint will say before the first step."""
+    from pyinfra.models.training import checkpoint
+
+    return checkpoint.About(
+        detector=recipe.detector,
+        network=as_plain(recipe.network),
+        site=stream.site,
+        lidar=stream.lidar,
+        preset=stream.preset,
+        scene=stream.scene,
+        label_time=stream.label_time,
+        above_road=True,
+        ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
+        anywhere=stream.anywhere,
+        accumulate=stream.accumulation.frames,
+        label_at=stream.accumulation.label_at,
+        seed=seed,
+        step=0,
+        steps=recipe.learning.steps,
+    )
+
+
+def _begun_with(network: Network, start: Path, about: About) -> About:
+    """The network with the weights of another, and what the checkpoint then says.
+
+    What is learnt of classes that both know; the others begin as they were drawn. The line of
+    scores is kept if the classes are the same. Raises FileNotFoundError, and ConfigError for
+    weights of another network.
+    """
+    import torch
+
+    from pyinfra.models.training import checkpoint
+
+    file = model_file(start)
+    found = checkpoint.load(file)
+    weights, own = found.weights(), network.state_dict()
+    places = {name: i for i, name in enumerate(found.classes)}
+    if found.classes != network.classes:
+        for key in OF_CLASSES & weights.keys() & own.keys():
+            rows = [weights[key][places[c]] if c in places else row
+                    for c, row in zip(network.classes, own[key], strict=True)]  # fmt: skip
+            weights[key] = torch.stack(rows)
+    try:
+        network.load_state_dict(weights)
+    except RuntimeError as error:
+        first = str(error).splitlines()[-1].strip()
+        raise ConfigError(f"{start}: found weights of another network: {first}") from None
+    line = found.about.calibration if found.classes == network.classes else None
+    return replace(about, start=checkpoint.digest(file), calibration=line)
+
+
+def common_label_time(sources: Sequence[Source]) -> LabelTime:
+    """Raises ValueError for sources whose labels hold at different times."""
+    first = sources[0]
+    for other in sources:
+        if other.label_time != first.label_time:
+            raise ValueError(
+                f"{other.lidar} in {other.scene}: label_time: found {other.label_time}, allowed "
+                f"{first.label_time} as of {first.lidar} in {first.scene}"
+            )
+    return first.label_time
+
+
+def common_accumulation(sources: Sequence[Source]) -> Accumulation:
+    """Raises ValueError for sources that are stacked in several ways."""
+    first = sources[0]
+    for other in sources:
+        if other.accumulation != first.accumulation:
+            raise ValueError(
+                f"{other.lidar} in {other.scene}: accumulation: found "
+                f"{other.accumulation.frames} frames, {other.accumulation.label_at}, allowed "
+                f"{first.accumulation.frames}, {first.accumulation.label_at} as of {first.lidar} "
+                f"in {first.scene}"
+            )
+    return first.accumulation
+
+
+@contextmanager
+def _reporting(
+    out: Path, description: Description, done: int, quiet: bool
+) -> Iterator[Callable[[Progress], None]]:
+    """Describes the run in `run.yaml`, and shows and logs each step that is given."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    from pyinfra.models.training.loop import Log
+
+    with replacing(out / "run.yaml") as beside:
+        beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
+    log, steps = Log(out / "log.csv", done), description.steps
+    board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
+    # Without `quiet`, None: on a terminal only.
+    bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
+
+    def report(progress: Progress) -> None:
+        log(progress)
+        values = {"loss": progress.loss, "rate": progress.rate, **progress.parts}
+        for name, value in values.items():
+            board.add_scalar(name, value, progress.step)
+        bar.set_postfix(loss=f"{progress.loss:.3f}", refresh=False)
+        bar.update()
+
+    with bar, board:
+        yield report
+
+
+def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Frames | None]:
+    """What to learn from, and what is kept to choose the best state by; None for 0.
+
+    Raises ValueError as `_frames` does, and if something is to be kept of a stream.
+    """
+    from pyinfra.models.detectors.detection_area import site_of
+
+    if isinstance(sources, Stream):
+        if kept > 0:
+            raise ValueError(f"learning.validate_frames: found {kept} of a stream, allowed 0")
+        return sources, None
+    sources = [on_road(source) for source in sources]
+    frames, held_out = _frames(sources, kept)
+    lidar, preset, scene = (
+        " ".join(sorted({getattr(source, name) for source in sources}))
+        for name in ("lidar", "preset", "scene")
+    )
+    label_time = common_label_time(sources)
+    regions = [source.region for source in sources if source.region is not None]
+    site = site_of(frames.boxes, regions if len(regions) == len(sources) else ())
+    ground = sources[0].ground if len(sources) == 1 else None
+    stream = Stream(
+        *(lidar, preset, scene, label_time, frames, site, ground),
+        accumulation=common_accumulation(sources),
+        classes=sources[0].classes,
+    )
+    return stream, held_out
+
+
+def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
+    """The frames to learn from, and the last `kept` ones of each LiDAR; None for 0.
+
+    Raises ValueError if nothing is left to learn from, or no vehicle stands in what is kept.
+    """
+    learnt, held_out = Frames((), ()), Frames((), ())
+    for source in sources:
+        classes = source.read_classes() if len(source.classes) > 1 else ()
+        height_m = source.ground.sensor_m if source.ground else 0.0
+        heights_m = (height_m,) * len(source.clouds)
+        whole = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
+        if 0 < len(whole) <= kept:
+            raise ValueError(
+                f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "
+                f"the frames of {source.lidar}"
+            )
+        learnt += whole.part(slice(0, len(whole) - kept))
+        held_out += whole.part(slice(len(whole) - kept, None))
+    if kept > 0 and not any(map(len, held_out.boxes)):
+        raise ValueError(f"found no vehicle in the last {kept} frames, allowed one or more")
+    return learnt, held_out if kept > 0 else None

@@ -1,0 +1,1 @@
+"""Scenes from maps and traffic of other tools, and random scenes."""

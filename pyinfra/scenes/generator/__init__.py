@@ -1,0 +1,1 @@
+"""Random scenes: roads, what stands beside them, people and LiDARs, by seed."""

@@ -1,0 +1,181 @@
+"""Street furniture on and beside footways: signs, bins, planters, shelters, small trees, groups.
+
+A detector that has never seen them takes them for vehicles. Everything is placed after all else of
+a site and keeps off it, so that the rest of a seed's site does not depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.generator.layout import DrawnRoad, Keys, Room
+from pyinfra.scenes.generator.people import Walks
+from pyinfra.scenes.generator.random_stream import Draws
+from pyinfra.scenes.generator.ranges import Habitat, Ranges
+from pyinfra.scenes.generator.roadside import SIDES
+
+TRIES = 8  # places that are tried for each piece
+GAP_M = 0.4  # free around each piece
+VERGE_M = 1.5  # beyond the footway, where furniture stands too
+GROUP_VERGE_M = 6.0  # the same of people, who count so far beside the carriageway
+LANE_GAP_M = 0.3  # between the carriageway and a piece, at least
+
+
+class Furniture:
+    """Places the furniture of a site and collects its keys."""
+
+    def __init__(
+        self,
+        walks: Walks,
+        habitat: Habitat,
+        ranges: Ranges,
+        mount: Keys,
+        base_m: Callable[[DrawnRoad, float], float],
+    ) -> None:
+        """base_m: height of the ground at a distance to the left of a road's centreline."""
+        self.walks, self.room, self.base_m = walks, walks.room, base_m
+        self.counts, self.how = habitat.furniture, ranges.furniture
+        self.times = ranges.furniture.times
+        self.placed = np.array([[mount["x_m"], mount["y_m"], 1.0]])  # x y radius
+        self.buildings: list[Keys] = []
+        self.trees: list[Keys] = []
+        self.groups: list[Keys] = []
+
+    def add(self, road: DrawnRoad, seed: int) -> None:
+        """Furniture of both sides of a road, large pieces first."""
+        make = {
+            "shelters": self._shelter,
+            "groups": self._group,
+            "trees": self._tree,
+            "planters": self._planter,
+            "bins": self._bin,
+            "signs": self._sign,
+        }
+        for side, word in SIDES:
+            for kind, place in make.items():
+                draws = Draws(seed, f"{road.name} {word} {kind}")
+                for _ in range(round(self.times * draws.whole(self.counts.get(kind, (0, 0))))):
+                    place(draws, road, side)
+
+    def _place(
+        self, draws: Draws, road: DrawnRoad, side: int, radius_m: float, verge_m: float = VERGE_M
+    ) -> tuple[float, float, float, float] | None:
+        """x, y, heading (rad) and base of a free circle beside a road; None without one."""
+        for _ in range(TRIES):
+            s = self._nearest_station(road) + draws.within((-self.how.within_m, self.how.within_m))
+            wide_m = road.keys["lanes"]["sidewalk_m"] + verge_m - 2 * radius_m
+            out_m = LANE_GAP_M + radius_m + draws.within((0, max(wide_m, 0.2)))
+            left_m = side * (road.carriageway_half_m + out_m)
+            x, y, heading = road.place(s, left_m)
+            if 2 < s < road.length_m - 2 and self._is_free(np.array([[x, y]]), radius_m):
+                self.placed = np.vstack([self.placed, [x, y, radius_m]])
+                return round(x, 2), round(y, 2), heading, self.base_m(road, left_m)
+        return None
+
+    def _is_free(self, place: FloatArray, radius_m: float) -> bool:
+        """Whether nothing is within a radius of a place (1, 2)."""
+        room: Room = self.room
+        if np.hypot(*(place[0] - room.centre)) < room.layout.junction_m + radius_m:
+            return False
+        for road in room.layout.roads:
+            if road.distance(place)[0] < road.carriageway_half_m + LANE_GAP_M + radius_m:
+                return False
+        apart = np.hypot(*(self.placed[:, :2] - place).T) - self.placed[:, 2]
+        return bool(apart.min() > radius_m + GAP_M) and self.walks.is_free(place, radius_m + GAP_M)
+
+    def _nearest_station(self, road: DrawnRoad) -> float:
+        away = road.stations[:, 1:3] - self.room.centre
+        return float(road.stations[np.hypot(*away.T).argmin(), 0])
+
+    def _box(
+        self,
+        at: tuple[float, float, float, float],
+        size: tuple[float, float, float],
+        *,
+        turn_deg: float = 0.0,
+        ahead_m: float = 0.0,
+        left_m: float = 0.0,
+        above_m: float = 0.0,
+    ) -> None:
+        """A box of length, width and height, moved along and across the road's direction."""
+        x, y, heading, base_m = at
+        cos, sin = np.cos(heading), np.sin(heading)
+        self.buildings.append(
+            {
+                "x_m": round(float(x + cos * ahead_m - sin * left_m), 2),
+                "y_m": round(float(y + sin * ahead_m + cos * left_m), 2),
+                "length_m": size[0],
+                "width_m": size[1],
+                "height_m": size[2],
+                "heading_deg": round(float(np.degrees(heading)) + turn_deg, 1),
+                "base_m": round(base_m + above_m, 2),
+            }
+        )
+
+    def _sign(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+        """A plate on a pole, across the road or along it."""
+        how = self.how
+        plate = draws.within(how.plate_m), 0.1, draws.within(how.plate_m)
+        pole_m, above_m = draws.within(how.pole_width_m), draws.within(how.plate_above_m)
+        turn_deg = draws.one_of({90.0: 0.8, 0.0: 0.2}) + draws.within((-15, 15), 0)
+        if (at := self._place(draws, road, side, max(plate[0] / 2, 0.2))) is not None:
+            self._box(at, (pole_m, pole_m, round(above_m + plate[2], 2)))
+            self._box(at, plate, turn_deg=turn_deg, above_m=above_m)
+
+    def _bin(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+        how = self.how
+        size = draws.within(how.bin_m), draws.within(how.bin_m), draws.within(how.bin_height_m)
+        if (at := self._place(draws, road, side, max(size[:2]) * 0.71)) is not None:
+            self._box(at, size, turn_deg=draws.within((-20, 20), 0))
+
+    def _planter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+        """A bench or a planter, along the road."""
+        how = self.how
+        size = (
+            draws.within(how.planter_length_m),
+            draws.within(how.planter_width_m),
+            draws.within(how.planter_height_m),
+        )
+        if (at := self._place(draws, road, side, float(np.hypot(*size[:2])) / 2)) is not None:
+            self._box(at, size, turn_deg=draws.within((-5, 5), 0))
+
+    def _shelter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+        """A stop's shelter: a roof, a back wall and one end wall, open to the road."""
+        how = self.how
+        long_m, deep_m = draws.within(how.shelter_length_m), draws.within(how.shelter_depth_m)
+        high_m, end = draws.within(how.shelter_height_m), draws.side()
+        if (at := self._place(draws, road, side, float(np.hypot(long_m, deep_m)) / 2)) is None:
+            return
+        self._box(at, (long_m, deep_m, 0.15), above_m=high_m)
+        self._box(at, (long_m, 0.1, high_m), left_m=side * (deep_m / 2 - 0.05))
+        self._box(at, (0.1, deep_m, high_m), ahead_m=end * (long_m / 2 - 0.05))
+
+    def _tree(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+        """A small tree, whose crown hangs over the footway."""
+        how = self.how
+        crown_m, trunk_m = draws.within(how.crown_m), draws.within(how.crown_above_m)
+        tree = {
+            "height_m": round(trunk_m + draws.within(how.crown_height_m), 2),
+            "crown_m": crown_m,
+            "trunk_m": trunk_m,
+            "trunk_width_m": draws.within(how.trunk_width_m),
+            "density_per_m": draws.within(how.crown_density_per_m),
+        }
+        if (at := self._place(draws, road, side, crown_m / 2)) is not None:
+            self.trees.append({"tree": {"x_m": at[0], "y_m": at[1], **tree, "base_m": at[3]}})
+
+    def _group(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+        """Pedestrians who stand close together."""
+        group = {
+            "count": draws.whole(self.how.group_of),
+            "spacing_m": draws.within(self.how.group_spacing_m),
+        }
+        radius_m = group["spacing_m"] * (0.58 * np.sqrt(group["count"]) + 0.05) + 0.6
+        # The simulator keeps the square around the circle free.
+        if (
+            at := self._place(draws, road, side, float(1.42 * radius_m), GROUP_VERGE_M)
+        ) is not None:
+            self.groups.append({"x_m": at[0], "y_m": at[1], **group, "base_m": at[3]})

@@ -1,0 +1,211 @@
+"""A seed's site: what a scene file says, as plain data.
+
+Pure: the same seed and version give the same site. Everything is drawn by parts (roads, sensor,
+traffic, each side of each road), so that a new kind of thing changes little else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pyinfra.scenes.generator.furniture import Furniture
+from pyinfra.scenes.generator.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room, varied
+from pyinfra.scenes.generator.people import Walks
+from pyinfra.scenes.generator.random_stream import Draws
+from pyinfra.scenes.generator.ranges import HABITATS, RANGES, Habitat, Ranges
+from pyinfra.scenes.generator.roadside import Roadside
+
+DURATION_S = 60.0  # frames enough to draw from: queues come and go
+WARM_UP_S = 60.0
+BOX_OF_SENSOR_M = 2.0
+
+# Length and width of a class's mean vehicle, as the simulator's table has them.
+MEAN_SIZE_M = {
+    "Car": (4.53, 1.95),
+    "Van": (5.3, 2.05),
+    "Truck": (6.97, 2.7),
+    "Bus": (10.5, 2.94),
+    "Motorcycle": (2.1, 0.82),
+}
+
+
+def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
+    """The keys of a scene file. Raises ValueError for a seed below 0."""
+    if seed < 0:
+        raise ValueError(f"seed: found {seed}, allowed 0 or more")
+    draws = Draws(seed, "roads")
+    habitat = HABITATS[draws.one_of(ranges.habitats)]
+    layout = LAYOUTS[draws.one_of(habitat.layouts)](draws, habitat, ranges)
+    layout = varied(layout, Draws(seed, "junction"), ranges)
+    foot_m = _embank(Draws(seed, "ground"), habitat, ranges, layout)
+    room = Room(layout)
+    mount = _mount(Draws(seed, "mount"), ranges, layout)
+    mount |= _on_a_slope(Draws(seed, "grade"), habitat, ranges, mount, layout)
+    room.take([mount["x_m"], mount["y_m"], 0, BOX_OF_SENSOR_M, BOX_OF_SENSOR_M, 1, 0])
+    side = Roadside(room, habitat, ranges, foot_m, mount)
+    for road in layout.roads:
+        side.park(road, seed)
+    for road in layout.roads:
+        side.furnish(road, seed)
+    walks = _people(seed, room, habitat, ranges, side.keys)
+    things = side.keys | {"people": walks.rows}
+    if Draws(seed, "furniture").chance(ranges.furniture.sites):
+        furniture = Furniture(walks, habitat, ranges, mount, side.slope_m)
+        for road in layout.roads:
+            furniture.add(road, seed)
+        things["buildings"] = things["buildings"] + furniture.buildings
+        things["vegetation"] = things["vegetation"] + furniture.trees
+        things["standing_people"] = furniture.groups
+    return _scene(seed, habitat, ranges, layout, mount, things, foot_m)
+
+
+def _people(
+    seed: int, room: Room, habitat: Habitat, ranges: Ranges, things: dict[str, list[Keys]]
+) -> Walks:
+    """After what stands there, which is therefore as without them."""
+    walks = Walks(room, habitat, ranges, things)
+    if Draws(seed, "people").chance(ranges.ways.sites):
+        for road in room.layout.roads:
+            walks.add(road, seed)
+    return walks
+
+
+def _scene(
+    seed: int,
+    habitat: Habitat,
+    ranges: Ranges,
+    layout: Layout,
+    mount: Keys,
+    things: Keys,
+    foot_m: float,
+) -> Keys:
+    sky, how = Draws(seed, "sky"), ranges.sky
+    weather = {
+        "rain_mm_per_h": sky.within(how.rain_mm_per_h) if sky.chance(how.rain) else 0,
+        "sunlight_klux": 0 if sky.chance(how.night) else sky.within(how.sunlight_klux),
+    }
+    half = max(float(np.abs(road.stations[:, 1:3]).max()) for road in layout.roads) + 150
+    corners = [[-half, -half], [half, -half], [half, half], [-half, half]]
+    return {
+        "name": f"site_{seed:06d}",
+        "seed": seed,
+        "duration_s": DURATION_S,
+        "label_time": "scan" if sky.chance(how.scan_labels) else "frame",
+        "mounts": {"pole": mount},
+        "weather": weather,
+        "roads": [road.keys for road in layout.roads],
+        "ground": [
+            {
+                "elevation_m": foot_m,
+                "outline_m": [[round(x), round(y)] for x, y in corners],
+            }
+        ],
+        **{key: value for key, value in things.items() if value},
+        **({"junctions": list(layout.junctions)} if layout.junctions else {}),
+        "traffic": _traffic(seed, habitat, ranges, layout),
+    }
+
+
+def _embank(draws: Draws, habitat: Habitat, ranges: Ranges, layout: Layout) -> float:
+    """How high the ground lies; roads above it get slopes."""
+    below = -draws.within(ranges.ground_below_m)
+    if layout.junctions or not draws.chance(habitat.embankment):
+        return below
+    depth = draws.within(habitat.embankment_m)
+    run = draws.within(ranges.slope_run_per_rise)
+    (road,) = layout.roads
+    if road.outer_half_m + depth * run > road.radius_m / 2:
+        return below
+    road.keys["embankment"] = {"run_per_rise": run, "foot_elevation_m": -depth}
+    return -depth
+
+
+def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
+    """The sensor: beside a road, over its median or its lanes; turned to the road, or anywhere."""
+    how, road, side = ranges.mount, layout.roads[0], draws.side()
+    height = draws.within(how.height_m)
+    s, left_m = layout.focus
+    if layout.junctions:
+        s += draws.side() * (layout.corner_m + draws.within(how.before_junction_m))
+    else:
+        s += draws.within((-30, 30))
+    word = draws.one_of({"lanes": how.over_lanes, "median": how.over_median, "beside": 1.0})
+    if word == "median" and road.keys["lanes"]["median_m"] >= 1:
+        left_m = 0.0
+    elif word == "lanes":
+        left_m = side * draws.within((0, road.lanes_half_m))
+        height = draws.within(how.over_m)
+    else:
+        edge = road.carriageway_half_m if draws.chance(0.5) else road.outer_half_m
+        left_m = side * (edge + draws.within(how.beside_m))
+    x, y, heading = road.place(s, left_m)
+    yaw = np.degrees(heading) + draws.within(how.off_aim_deg)
+    yaw += _aim(draws, ranges, layout, s - layout.focus[0], left_m)
+    return {
+        "x_m": round(float(x), 2),
+        "y_m": round(float(y), 2),
+        "z_m": height,
+        "yaw_deg": round(float((yaw + 180) % 360 - 180), 1),
+        "pitch_deg": draws.within(draws.one_of(how.pitch_deg)),
+        "roll_deg": draws.within(how.roll_deg),
+    }
+
+
+def _on_a_slope(
+    draws: Draws, habitat: Habitat, ranges: Ranges, mount: Keys, layout: Layout
+) -> Keys:
+    """The pitch and roll of a sensor whose pole is upright beside roads that rise.
+
+    Frames are as if the roads were level and the sensor leant: networks see points above the road.
+    """
+    if not draws.chance(ranges.grades):
+        return {}
+    slope_deg = np.degrees(np.arctan(draws.side() * draws.within(habitat.grade_percent) / 100))
+    off = np.radians(layout.roads[0].keys["start"]["heading_deg"] - mount["yaw_deg"])
+    return {
+        "pitch_deg": round(float(mount["pitch_deg"] + slope_deg * np.cos(off)), 2),
+        "roll_deg": round(float(mount["roll_deg"] - slope_deg * np.sin(off)), 2),
+    }
+
+
+def _aim(draws: Draws, ranges: Ranges, layout: Layout, ahead_m: float, left_m: float) -> float:
+    """Degrees from the road's direction; along it means towards the junction, if there is one."""
+    word = draws.one_of(ranges.mount.aims)
+    if word == "anywhere":
+        return draws.within((-180, 180))
+    if word == "across":
+        return -90.0 if left_m > 0 else 90.0
+    back = ahead_m > 0 if layout.junctions else draws.chance(0.5)
+    return 180.0 if back else 0.0
+
+
+def _traffic(seed: int, habitat: Habitat, ranges: Ranges, layout: Layout) -> Keys:
+    draws, fleet = Draws(seed, "traffic"), Draws(seed, "fleet")
+    radius = min(_inner_radius(road) for road in layout.roads)
+    width = min(road.keys["lanes"]["width_m"] for road in layout.roads)
+    fastest = 3.6 * float(np.sqrt(ranges.lateral_m_s2 * radius))
+    speed = min(draws.within(habitat.speed_km_h, 1), round(fastest, 1))
+    shares = {name: draws.within(weight, 3) for name, weight in habitat.classes.items()}
+    if (many := fleet.one_of(ranges.fleets)) in shares:
+        shares[many] = fleet.within(ranges.fleet_weight, 3)
+    return {
+        "vehicles_per_km_lane": draws.within(habitat.vehicles_per_km_lane, 1),
+        "speed": {"mean_km_h": speed, "std_km_h": round(speed * draws.within((0.03, 0.15)), 1)},
+        "warm_up_s": WARM_UP_S,
+        "class_shares": {n: v for n, v in shares.items() if fits(n, width, radius)},
+    }
+
+
+def _inner_radius(road: DrawnRoad) -> float:
+    """Of the innermost lane of the tightest bend."""
+    return road.radius_m - road.lanes_half_m + float(road.keys["lanes"]["width_m"]) / 2
+
+
+def fits(name: str, lane_m: float, radius_m: float) -> bool:
+    """Whether a class's mean vehicle stays in its lane in a bend: the rule of the simulator."""
+    length, width = MEAN_SIZE_M[name]
+    if np.isinf(radius_m):
+        return width <= lane_m - 0.01
+    middle = np.sqrt(max(radius_m**2 - length**2 / 8, 0))
+    reach = max(np.hypot(middle + width / 2, length / 2) - radius_m, radius_m - middle + width / 2)
+    return bool(reach <= lane_m / 2 - 0.02)

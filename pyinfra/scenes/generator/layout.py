@@ -1,0 +1,312 @@
+"""The roads of a site, and where beside them is room."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.boxes import bev_overlap, footprints
+from pyinfra.dataset.regions import offset_curve
+from pyinfra.scenes.generator.random_stream import Draws
+from pyinfra.scenes.generator.ranges import Habitat, Ranges, RingRanges
+
+Keys = dict[str, Any]
+Stretch = tuple[float, float]  # of stations
+
+STEP_M = 1.0  # between stations
+STOP_LINE_M = 3.0  # before the crossing road's footway, as the simulator has it
+SHARP_TURN_M = 8.0  # more at a T, times the cosine of its angle
+RING_FLARE_M = 10.0  # from a roundabout's stop line to its ring, as the simulator has it
+T_LANES = 2  # of a road that ends there, at most: one to the left, one to the right
+SHORTEST_M = 6.0  # of a row of something
+WHOLE: Stretch = (0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class DrawnRoad:
+    """A road as its keys have it, and its stations every metre or so."""
+
+    keys: Keys
+
+    @property
+    def name(self) -> str:
+        return str(self.keys["name"])
+
+    @cached_property
+    def lanes_half_m(self) -> float:
+        lanes = self.keys["lanes"]
+        one_side = lanes["each_way"] * lanes["width_m"]
+        return float(one_side / 2 if lanes.get("one_way") else lanes["median_m"] / 2 + one_side)
+
+    @cached_property
+    def carriageway_half_m(self) -> float:
+        return self.lanes_half_m + float(self.keys["lanes"]["shoulder_m"])
+
+    @cached_property
+    def outer_half_m(self) -> float:
+        return self.carriageway_half_m + float(self.keys["lanes"]["sidewalk_m"])
+
+    @cached_property
+    def radius_m(self) -> float:
+        """Of its tightest bend; infinite if it has none."""
+        return min(float(piece.get("radius_m", np.inf)) for piece in self.keys["centreline"])
+
+    @cached_property
+    def stations(self) -> FloatArray:
+        """(n, 4): s x y heading."""
+        return self._line(STEP_M, STEP_M)
+
+    def _line(self, arc_step_m: float, line_step_m: float = np.inf) -> FloatArray:
+        start = self.keys["start"]
+        rows = [np.array([[0.0, start["x_m"], start["y_m"], np.radians(start["heading_deg"])]])]
+        for piece in self.keys["centreline"]:
+            step_m = arc_step_m if "radius_m" in piece else line_step_m
+            rows.append(_along(rows[-1][-1], piece, step_m))
+        return np.concatenate(rows)
+
+    @property
+    def length_m(self) -> float:
+        return float(self.stations[-1, 0])
+
+    def place(self, s: float, left_m: float) -> tuple[float, float, float]:
+        """x, y and heading (rad) beside a station."""
+        x, y, heading = (
+            float(np.interp(s, self.stations[:, 0], column)) for column in self.stations.T[1:]
+        )
+        return x - left_m * math.sin(heading), y + left_m * math.cos(heading), heading
+
+    def beside(self, left_m: float) -> FloatArray:
+        """(n, 2): the line to the left of all stations."""
+        return offset_curve(self.stations[:, 1:3], self.stations[:, 3], left_m)
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        """(m, 2): the ends of lines, and points of arcs that are 2 cm off at most between them."""
+        step = np.sqrt(8 * 0.02 * self.radius_m)
+        return self._line(step)[:, 1:3]
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """From points (n, 2) to the centreline, (n,), 2 cm off at most."""
+        line = self._corners
+        edge = line[1:] - line[:-1]
+        away = points[:, None] - line[:-1]  # (n, m - 1, 2)
+        share = np.clip((away * edge).sum(2) / (edge**2).sum(1), 0, 1)
+        gap = away - share[:, :, None] * edge
+        return np.asarray(np.sqrt((gap**2).sum(2).min(1)))
+
+
+def _along(last: FloatArray, piece: Keys, step_m: float) -> FloatArray:
+    """(n, 4): stations of a line or an arc that begins at the last one, which is left out."""
+    s, x, y, heading = last
+    bend = np.radians(piece.get("turn_deg", 0.0))
+    length = piece.get("line_m") or piece["radius_m"] * abs(bend)
+    share = np.linspace(0, 1, max(1, int(np.ceil(length / step_m))) + 1)[1:]
+    half = share * bend / 2
+    chord = share * length * np.sinc(half / np.pi)
+    ahead = [x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)]
+    return np.stack([s + share * length, *ahead, heading + 2 * half], axis=1)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Roads, what joins them, and where the sensor's surroundings are."""
+
+    roads: tuple[DrawnRoad, ...]
+    focus: tuple[float, float]  # station of the first road around which things are
+    junctions: tuple[Keys, ...] = ()
+    junction_m: float = 0.0  # around the focus: turns are within
+    corner_m: float = 0.0  # from the focus: sensors stand beyond
+
+
+def straight(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
+    half = draws.within(ranges.half_length_m, 0)
+    road = _road("main", -half, 0, 0, [{"line_m": 2 * half}], _lanes(draws, habitat, ranges))
+    return Layout((road,), (half, 0.0))
+
+
+def curve(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
+    lanes = _lanes(draws, habitat, ranges)
+    half = draws.within(ranges.half_length_m, 0)
+    outer = lanes["median_m"] / 2 + lanes["each_way"] * lanes["width_m"]
+    outer += lanes["shoulder_m"] + lanes["sidewalk_m"]
+    radius = max(draws.within(habitat.radius_m, 1), round(outer + 8, 1))
+    turn = draws.within(habitat.turn_deg, 1)
+    arc = radius * np.radians(turn)
+    pieces = [{"line_m": half}, {"radius_m": radius, "turn_deg": draws.side() * turn}]
+    road = _road("main", -half, 0, 0, [*pieces, {"line_m": half}], lanes)
+    return Layout((road,), (half + arc / 2, 0.0))
+
+
+def crossing(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
+    """Two straight roads and signals; the simulator has no crossing without."""
+    half = draws.within(ranges.half_length_m, 0)
+    angle_deg = draws.within(ranges.crossing_deg, 1) if draws.chance(0.5) else 90.0
+    angle = np.radians(angle_deg)
+    main = _road("main", -half, 0, 0, [{"line_m": 2 * half}], _lanes(draws, habitat, ranges))
+    start = (round(float(-half * np.cos(angle)), 3), round(float(-half * np.sin(angle)), 3))
+    side = _road("side", *start, angle_deg, [{"line_m": 2 * half}], _lanes(draws, habitat, ranges))
+    signal = {"green_s": draws.within(ranges.signal_green_s, 0), "all_red_s": 2.0}
+    shares = {key: draws.within(ranges.turns) for key in ("left_share", "right_share")}
+    junction = {"roads": ["main", "side"], "signal": signal} | shares
+    reach = max(_stop_line(main, side, angle), _stop_line(side, main, angle))
+    return Layout((main, side), (half, 0.0), (junction,), reach, reach)
+
+
+def varied(layout: Layout, draws: Draws, ranges: Ranges) -> Layout:
+    """Some crossings are a T, a roundabout or both, and some side roads one-way streets."""
+    if not layout.junctions:
+        return layout
+    one_way, t = draws.chance(ranges.one_way), draws.chance(ranges.t_junctions)
+    main, side = layout.roads
+    t = t and side.keys["lanes"]["each_way"] <= T_LANES
+    if t:
+        side = _ending(side, in_the_middle=draws.chance(0.5))
+    if draws.chance(ranges.roundabouts):
+        return _roundabout(layout, main, side, draws, ranges.ring)
+    if one_way:
+        side = _with_lanes(side, median_m=0.0, one_way=True)
+    angle = np.radians(side.keys["start"]["heading_deg"])
+    more_m = SHARP_TURN_M * abs(np.cos(angle)) if t else 0.0
+    reach = max(_stop_line(main, side, angle, more_m), _stop_line(side, main, angle, more_m))
+    return replace(layout, roads=(main, side), junction_m=reach, corner_m=reach)
+
+
+def _with_lanes(road: DrawnRoad, **lanes: float) -> DrawnRoad:
+    return DrawnRoad(road.keys | {"lanes": road.keys["lanes"] | lanes})
+
+
+def _ending(side: DrawnRoad, in_the_middle: bool) -> DrawnRoad:
+    """A road across that ends on the other one, or begins there."""
+    half = side.keys["centreline"][0]["line_m"] / 2
+    keys = side.keys | {"centreline": [{"line_m": half}]}
+    if in_the_middle:
+        keys["start"] = keys["start"] | {"x_m": 0.0, "y_m": 0.0}
+    return DrawnRoad(keys)
+
+
+def _roundabout(
+    layout: Layout, main: DrawnRoad, side: DrawnRoad, draws: Draws, ring: RingRanges
+) -> Layout:
+    """Of one lane, as its roads then are."""
+    keys = {
+        "radius_m": draws.within(ring.radius_m, 1),
+        "width_m": draws.within(ring.width_m, 1),
+        "island_m": draws.within(ring.island_m),
+    }
+    junction = {k: v for k, v in layout.junctions[0].items() if k != "signal"}
+    roads = tuple(_with_lanes(road, each_way=1, median_m=0.0) for road in (main, side))
+    half = keys["radius_m"] + keys["width_m"] / 2 + RING_FLARE_M
+    reach = float(np.hypot(half, max(road.lanes_half_m for road in roads))) + 1.0
+    return replace(
+        layout,
+        roads=roads,
+        junctions=(junction | {"roundabout": keys},),
+        junction_m=reach,
+        corner_m=half - RING_FLARE_M / 2,
+    )
+
+
+Builder = Callable[[Draws, Habitat, Ranges], Layout]
+LAYOUTS: Mapping[str, Builder] = {"straight": straight, "curve": curve, "crossing": crossing}
+
+
+def _stop_line(own: DrawnRoad, other: DrawnRoad, angle: float, more_m: float = 0.0) -> float:
+    """From the middle of a crossing to the outer end of the stop line."""
+    along = own.carriageway_half_m * abs(np.cos(angle))
+    half = (other.outer_half_m + along) / np.sin(angle) + STOP_LINE_M + more_m
+    return float(np.hypot(half, own.lanes_half_m)) + 1.0
+
+
+def _lanes(draws: Draws, habitat: Habitat, ranges: Ranges) -> Keys:
+    parking = draws.chance(habitat.kerb_parking)
+    return {
+        "each_way": draws.one_of(habitat.each_way),
+        "width_m": draws.within(habitat.lane_m),
+        "median_m": draws.within(habitat.median_m) if draws.chance(habitat.median) else 0.0,
+        "shoulder_m": draws.within(ranges.parking.lane_m if parking else habitat.shoulder_m),
+        "sidewalk_m": draws.within(habitat.sidewalk_m) if draws.chance(habitat.sidewalk) else 0.0,
+    }
+
+
+def _road(
+    name: str, x_m: float, y_m: float, heading_deg: float, pieces: list[Keys], lanes: Keys
+) -> DrawnRoad:
+    start = {"x_m": x_m, "y_m": y_m, "heading_deg": heading_deg}
+    return DrawnRoad({"name": name, "start": start, "centreline": pieces, "lanes": lanes})
+
+
+class Room:
+    """What is free: off all roads and junctions, and off what was put there before."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.taken = np.zeros((0, 7))  # boxes; heights count nothing
+        x, y, _ = layout.roads[0].place(*layout.focus)
+        self.centre = np.array([x, y])
+
+    def take(self, box: Sequence[float]) -> None:
+        self.taken = np.vstack([self.taken, np.asarray(box, np.float64)])
+
+    def holds(self, box: Sequence[float], margin_m: float = 1.0) -> bool:
+        """Whether a box (x y z dx dy dz heading) has room, with so much around it."""
+        grown = np.array([box], np.float64)
+        grown[:, 3:5] += 2 * margin_m
+        if bev_overlap(np.repeat(grown, len(self.taken), axis=0), self.taken).any():
+            return False
+        corners = footprints(grown)[0]
+        edge = np.concatenate(
+            [corners + share * (np.roll(corners, -1, axis=0) - corners) for share in _SHARES]
+        )
+        return bool(self.off_roads(np.vstack([edge, grown[:, :2]]), 0.0).all())
+
+    def rows(
+        self, road: DrawnRoad, left_m: float, half_width_m: float, part: Stretch = WHOLE
+    ) -> list[Stretch]:
+        """From where to where along a road a row of that width has room beside it."""
+        middle = road.beside(left_m)
+        free = self.off_roads(middle, half_width_m, own=(road, left_m))
+        for side in (-half_width_m, half_width_m):
+            for box in self.taken:
+                free &= ~within(road.beside(left_m + side), box, 0.5)
+        return runs(road.stations[:, 0], free, part)
+
+    def off_roads(
+        self, points: FloatArray, margin_m: float, own: tuple[DrawnRoad, float] | None = None
+    ) -> BoolArray:
+        """Which points (n, 2) are off junctions and roads; own: a road and how far beside it."""
+        free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
+        for road in self.layout.roads:
+            away = road.distance(points)
+            if own is not None and road is own[0]:
+                free &= away >= abs(own[1]) - 0.3  # nearer: another part of a bend
+            else:
+                free &= away >= road.outer_half_m + margin_m + 0.3
+        return np.asarray(free)
+
+
+_SHARES = np.linspace(0, 1, 8, endpoint=False)
+
+
+def within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
+    """Which points (n, 2) lie in a box, or that near to it."""
+    dx, dy = (points - box[:2]).T
+    cos, sin = np.cos(box[6]), np.sin(box[6])
+    inside = np.abs(cos * dx + sin * dy) <= box[3] / 2 + margin_m
+    return np.asarray(inside & (np.abs(cos * dy - sin * dx) <= box[4] / 2 + margin_m))
+
+
+def runs(s: FloatArray, free: BoolArray, part: Stretch = WHOLE) -> list[Stretch]:
+    """Stretches of stations that are free, a metre shorter at both ends."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
+    found = []
+    for first, end in edges.reshape(-1, 2):
+        low, high = max(s[first] + STEP_M, part[0]), min(s[end - 1] - STEP_M, part[1])
+        if high - low >= SHORTEST_M:
+            found.append((round(float(low), 1), round(float(high), 1)))
+    return found

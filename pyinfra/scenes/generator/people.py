@@ -1,0 +1,137 @@
+"""Who goes beside the roads of a site: on foot and on bicycles, where nothing is in their way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.scenes.generator.layout import DrawnRoad, Keys, Room, Stretch, runs, within
+from pyinfra.scenes.generator.random_stream import Draws
+from pyinfra.scenes.generator.ranges import Habitat, Ranges, WalkRanges
+from pyinfra.scenes.generator.roadside import KERB_ROW_M, SIDES
+
+HALF_WAY_M = 1.35  # free to both sides of their line: the simulator asks for 1.2
+STEP_M = 0.25  # between the lines that are looked at
+Things = Mapping[str, Sequence[Keys]]
+
+
+class Walks:
+    """Rows of people, each on the free line beside its road that is longest, nearest of such."""
+
+    def __init__(self, room: Room, habitat: Habitat, ranges: Ranges, things: Things) -> None:
+        self.room, self.habitat, self.how = room, habitat, ranges.ways
+        self.roads = {road.name: road for road in room.layout.roads}
+        self.boxes = np.array([*room.taken, *_boxes(things)])
+        standing = [*self._lines(things)]
+        self.lines = [cKDTree(np.concatenate(standing))] if standing else []
+        self.rows: list[Keys] = []
+
+    def add(self, road: DrawnRoad, seed: int) -> None:
+        """People of both sides of a road; each class has a line of its own."""
+        for side, word in SIDES:
+            for name, walk in self.habitat.walks.items():
+                draws = Draws(seed, f"{road.name} {word} {name}")
+                if draws.chance(walk.share):
+                    self._row(draws, road, side, name, walk)
+
+    def _row(self, draws: Draws, road: DrawnRoad, side: int, name: str, walk: WalkRanges) -> None:
+        speed = draws.within(walk.speed_km_h, 1)
+        keys = {
+            "per_km": draws.within(walk.per_km, 0),
+            "class": name,
+            "speed": {
+                "mean_km_h": speed,
+                "std_km_h": round(speed * draws.within(walk.speed_spread), 1),
+            },
+        }
+        left_m, stretches = self._longest(road, side)
+        for start, end in stretches:
+            place = {"road": road.name, "offset_m": left_m, "from_m": start, "to_m": end}
+            self.rows.append(place | keys)
+        if stretches:
+            line = np.concatenate([road.beside(left_m)[_along(road, part)] for part in stretches])
+            self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
+
+    def _longest(self, road: DrawnRoad, side: int) -> tuple[float, list[Stretch]]:
+        """How far to the left of a road the best line is, and its parts; none if there is none."""
+        best: tuple[float, float, list[Stretch]] = (self.how.shortest_m, 0.0, [])
+        last_m = road.outer_half_m + self.how.verge_m
+        if "embankment" in road.keys:
+            last_m = road.outer_half_m - HALF_WAY_M
+        for out_m in np.arange(road.lanes_half_m + HALF_WAY_M, last_m + 1e-9, STEP_M):
+            left_m = round(float(side * out_m), 2)
+            found = self._stretches(road, left_m)
+            long_m = sum(end - start for start, end in found)
+            if long_m > best[0] + 1:
+                best = long_m, left_m, found
+        return best[1], best[2]
+
+    def _stretches(self, road: DrawnRoad, left_m: float) -> list[Stretch]:
+        line = road.beside(left_m)
+        near = np.hypot(*(line - self.room.centre).T) <= self.how.within_m
+        free = near & self.room.off_roads(line, HALF_WAY_M, own=(road, left_m))
+        for box in self.boxes[_reached(self.boxes, line[near])]:
+            free &= ~within(line, box, HALF_WAY_M + 0.2)
+        for tree in self.lines:
+            there = np.flatnonzero(free)
+            away = tree.query(line[there], distance_upper_bound=HALF_WAY_M)[0]
+            free[there] = away > HALF_WAY_M  # infinite beyond
+        found = runs(road.stations[:, 0], free)
+        return [(a, b) for a, b in found if b - a >= self.how.shortest_m]
+
+    def is_free(self, place: FloatArray, radius_m: float) -> bool:
+        """Whether nothing stands and nobody walks within a radius of a place (1, 2)."""
+        boxes = self.boxes[_reached(self.boxes, place, radius_m)]
+        if any(within(place, box, radius_m)[0] for box in boxes):
+            return False
+        return all(tree.query(place)[0][0] > radius_m for tree in self.lines)
+
+    def _lines(self, things: Things) -> Iterator[FloatArray]:
+        """Points (n, 2), a metre apart or so, all over what stands along roads."""
+        rows = [(row, row["width_m"] / 2) for row in things["barriers"]]
+        rows += [(row, KERB_ROW_M) for row in things["parked"] if row.get("turn_deg", 0) == 0]
+        for plant in things["vegetation"]:
+            if "hedge_along" in plant:
+                rows.append((plant["hedge_along"], plant["hedge_along"]["width_m"] / 2))
+            if "trees_along" in plant:
+                rows.append((plant["trees_along"], plant["trees_along"]["trunk_width_m"] / 2))
+        for row, half_m in rows:
+            road = self.roads[row["road"]]
+            part = _along(road, (row["from_m"], row["to_m"]))
+            for side in np.linspace(-half_m, half_m, 2 + int(2 * half_m)):
+                yield road.beside(row["offset_m"] + side)[part]
+
+
+def _along(road: DrawnRoad, part: Stretch) -> BoolArray:
+    s = road.stations[:, 0]
+    return np.asarray((s >= part[0] - 1) & (s <= part[1] + 1))
+
+
+def _widened(line: FloatArray, half_m: float) -> FloatArray:
+    """Points so far around a line (n, 2): what another line keeps off by as much again."""
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    around = half_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return np.asarray((line[:, None] + around).reshape(-1, 2))
+
+
+def _boxes(things: Things) -> Iterator[list[float]]:
+    """x y z dx dy dz heading of what stands there by itself; heights count nothing."""
+    plants = [thing for plant in things["vegetation"] for word, thing in plant.items()
+              if word in ("hedge", "tree")]  # fmt: skip
+    for thing in [*things["buildings"], *plants]:
+        wide_m = thing.get("trunk_width_m", 0.0)
+        size = thing.get("length_m", wide_m), thing.get("width_m", wide_m)
+        heading = np.radians(thing.get("heading_deg", 0.0))
+        yield [thing["x_m"], thing["y_m"], 0, *size, 1, heading]
+
+
+def _reached(boxes: FloatArray, line: FloatArray, more_m: float = 2 * HALF_WAY_M) -> BoolArray:
+    """Which boxes lie that near to the rectangle around a line, or nearer."""
+    if len(line) == 0:
+        return np.zeros(len(boxes), np.bool_)
+    reach = boxes[:, 3:5].sum(axis=1)[:, None] / 2 + more_m
+    inside = (boxes[:, :2] > line.min(0) - reach) & (boxes[:, :2] < line.max(0) + reach)
+    return np.asarray(inside.all(axis=1))

@@ -1,0 +1,1 @@
+"""Site folders from OpenDRIVE, OpenStreetMap and SUMO maps, meshes and traffic."""

@@ -1,0 +1,59 @@
+"""Boxes of frames to tracks: each goes on as the nearest box to where it should be by now."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from pyinfra.core.arrays import FloatArray, IntArray, NameArray
+
+_REACH_M = 3.0  # from the predicted place, of a track whose speed is known
+_FIRST_REACH_M_S = 40.0  # from the last place, of one seen once: so fast at most
+_LOST_S = 0.35  # a track not seen for so long has ended
+_FAR = 1e6
+
+
+def link(times: FloatArray, boxes: FloatArray, classes: NameArray) -> IntArray:
+    """Numbers of tracks (n,) for boxes (n, 7) at times (n,), by position at constant velocity.
+
+    Boxes of two classes are never one track, nor are two boxes of one time.
+    """
+    out = np.full(len(times), -1)
+    last: list[int] = []  # the newest row of each track
+    speed: list[FloatArray | None] = []
+    for t in np.unique(times):
+        rows = np.flatnonzero(times == t)
+        live = [k for k, row in enumerate(last) if t - times[row] <= _LOST_S]
+        for k, row in _matched(live, rows, last, speed, times, boxes, classes):
+            speed[k] = (boxes[row, :2] - boxes[last[k], :2]) / (t - times[last[k]])
+            last[k] = row
+            out[row] = k
+        for row in rows[out[rows] < 0]:
+            out[row] = len(last)
+            last.append(int(row))
+            speed.append(None)
+    return out
+
+
+def _matched(
+    live: list[int],
+    rows: IntArray,
+    last: list[int],
+    speed: list[FloatArray | None],
+    times: FloatArray,
+    boxes: FloatArray,
+    classes: NameArray,
+) -> list[tuple[int, int]]:
+    """Pairs of a track and a row, of the least sum of distances."""
+    cost = np.full((len(live), len(rows)), _FAR)
+    for i, k in enumerate(live):
+        before = last[k]
+        gone_s = times[rows[0]] - times[before]
+        velocity = speed[k]
+        place = boxes[before, :2] + (0.0 if velocity is None else velocity * gone_s)
+        reach = _FIRST_REACH_M_S * gone_s if velocity is None else _REACH_M
+        apart = np.linalg.norm(boxes[rows, :2] - place, axis=1)
+        fits = (apart <= reach) & (classes[rows] == classes[before])
+        cost[i, fits] = apart[fits]
+    pairs = zip(*linear_sum_assignment(cost), strict=True)
+    return [(live[i], int(rows[j])) for i, j in pairs if cost[i, j] < _FAR]

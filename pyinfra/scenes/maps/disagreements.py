@@ -1,0 +1,31 @@
+"""Lanes of a map at one place and at different heights: its roads contradict each other."""
+
+import numpy as np
+
+from pyinfra.scenes.maps.lane_map import MapLane
+from pyinfra.scenes.maps.surfaces import paved_points
+
+CELL_M = 0.5
+LEAST_M = 0.1  # more than a steep road rises within a cell
+BRIDGE_M = 2.0  # apart or more: one crosses above the other
+
+
+def disagreements(lanes: list[MapLane]) -> list[str]:
+    """One line for each lane that lies under another one's surface, with a place."""
+    driven = [lane for lane in lanes if lane.driveable]
+    parts = [paved_points([lane]) for lane in driven]
+    of = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    points = np.concatenate(parts)
+    x, y = np.floor(points[:, :2] / CELL_M).T
+    order = np.lexsort([points[:, 2], y, x])
+    below, above = order[:-1], order[1:]
+    rise = points[above, 2] - points[below, 2]
+    same = (x[below] == x[above]) & (y[below] == y[above]) & (of[below] != of[above])
+    found = np.flatnonzero(same & (rise > LEAST_M) & (rise < BRIDGE_M))
+    said: dict[int, str] = {}
+    for k in found[np.argsort(-rise[found], kind="stable")]:
+        lower, upper = driven[of[below[k]]].name, driven[of[above[k]]].name
+        place = "{:.1f} {:.1f}".format(*points[below[k], :2])
+        text = f"lane {lower}: lies {rise[k]:.2f} m under lane {upper} at {place}, left as it is"
+        said.setdefault(int(of[below[k]]), text)
+    return list(said.values())

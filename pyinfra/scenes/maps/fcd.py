@@ -1,0 +1,113 @@
+"""SUMO's floating car data (XML, or XML in .gz): where front bumpers were, step by step."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, cast
+from xml.etree import ElementTree
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+
+MOST_OBJECTS = 100_000  # of a file
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """An object's rows as they stand in a file.
+
+    rows: (n, 5) t, x, y, z, heading (rad), which is NaN where the file has no angle; speeds: (n,)
+    m/s, NaN where it has none; kind: vehicle or person.
+    """
+
+    name: str
+    type_name: str
+    rows: FloatArray
+    speeds: FloatArray
+    kind: str = "vehicle"
+
+
+def read_fcd(file: Path) -> list[Recorded]:
+    """All objects in the order of their first row. Raises FormatError, OSError."""
+    rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # by kind and id
+    types: dict[tuple[str, str], str] = {}
+    try:
+        with _opened(file) as stream:
+            for t, element in _objects(stream, lambda why: _refusal(file, why)):
+                name = element.get("id", "")
+                key = element.tag, name
+                if key not in rows and len(rows) == MOST_OBJECTS:
+                    raise _refusal(file, f"found more than {MOST_OBJECTS} objects")
+                types.setdefault(key, element.get("type", ""))
+                rows.setdefault(key, []).append((t, *_place(file, t, name, element)))
+    except ElementTree.ParseError as error:
+        raise _refusal(file, f"found broken XML ({error}), allowed SUMO's fcd-export") from error
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise _refusal(file, f"found a broken .gz ({error})") from error
+    if not rows:
+        raise _refusal(file, "found no vehicle and no person, allowed one or more")
+    return [
+        Recorded(key[1], types[key], np.array(values)[:, :5], np.array(values)[:, 5], key[0])
+        for key, values in rows.items()
+    ]
+
+
+def _opened(file: Path) -> BinaryIO:
+    return cast(BinaryIO, gzip.open(file, "rb")) if file.suffix == ".gz" else file.open("rb")
+
+
+def _objects(
+    stream: BinaryIO, refusal: Callable[[str], FormatError]
+) -> Iterator[tuple[float, ElementTree.Element]]:
+    """Vehicles and persons with the time of their step."""
+    before = -np.inf
+    root: ElementTree.Element | None = None
+    for event, element in ElementTree.iterparse(stream, events=("start", "end")):
+        if root is None:
+            root = element
+            if element.tag != "fcd-export":
+                raise refusal(f"found <{element.tag[:40]}>, allowed <fcd-export>")
+        if event == "end" and element.tag == "timestep":
+            t = _number(element.get("time"))
+            if not np.isfinite(t) or abs(t) > 1e8:
+                raise refusal(f"found time '{element.get('time')}', allowed seconds")
+            if t <= before:
+                raise refusal(f"found time {t:g} after {before:g}, allowed times that rise")
+            before = t
+            for each in element:
+                if each.tag in ("vehicle", "person"):
+                    yield t, each
+            root.clear()
+
+
+def _place(
+    file: Path, t: float, name: str, element: ElementTree.Element
+) -> tuple[float, float, float, float, float]:
+    """x, y, z, heading and speed; SUMO writes the last two and z only if it is asked to."""
+    if not name:
+        raise _refusal(file, f"time {t:g}: found a <{element.tag}> without id")
+    x, y = (_number(element.get(key)) for key in ("x", "y"))
+    z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
+    for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):
+        if not np.isfinite(value) or abs(value) > 1e7:
+            found = element.get(key)
+            raise _refusal(file, f"time {t:g}: {name}: {key}: found {found!r}, allowed a number")
+    heading = np.nan if element.get("angle") is None else np.radians(90 - angle)  # from north
+    return x, y, z, heading, _number(element.get("speed"))
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return np.nan
+
+
+def _refusal(file: Path, why: str) -> FormatError:
+    return FormatError(f"{file}: {why}")

@@ -1,0 +1,134 @@
+"""Positions in longitude and latitude: how they are recognised, and their metres at a site."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.scenes.maps.openstreetmap import transverse_mercator
+
+NEAR_M = 20_000.0  # of a site's origin: what lies farther away belongs to another place
+_CRAWL = 0.01  # of x and y in a second; metres of somebody who moves change more, degrees less
+_SHARE = 1e-3  # of the way that the speeds say; a degree is 10 to 111 km
+_ELLIPSOIDS = ("WGS84", "GRS80")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What one object's rows say. times: (n,) s; xy: (n, 2); speeds: (n,) m/s or NaN."""
+
+    times: FloatArray
+    xy: FloatArray
+    speeds: FloatArray
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A transverse Mercator projection and what is added to its metres."""
+
+    centre: tuple[float, float]  # lon, lat
+    scale: float = 1.0
+    offset_m: tuple[float, float] = (0.0, 0.0)
+
+    def metres(self, lon_lat: FloatArray) -> FloatArray:
+        """(n, 2) x y of (n, 2) degrees."""
+        unscaled = transverse_mercator(lon_lat, self.centre)
+        return np.asarray(unscaled * self.scale + np.array(self.offset_m))
+
+
+def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool:
+    """Whether positions are longitude and latitude.
+
+    They are if they fit and move far less than the speeds say, or slower than anybody who moves.
+    If nobody moves, the place decides: degrees of a site lie beside it.
+    """
+    objects = list(objects)
+    xy = np.concatenate([o.xy for o in objects])
+    if not fits(xy):
+        return False
+    walked = driven = fastest = 0.0
+    for o in objects:
+        seconds, step = np.diff(o.times), np.hypot(*np.diff(o.xy, axis=0).T)
+        walked += float(step.sum())
+        driven += float(np.nansum(o.speeds[1:] * seconds))
+        fastest = max(fastest, float((step / seconds.clip(1e-6)).max(initial=0.0)))
+    if walked > 0:
+        return walked < driven * _SHARE if driven > 1 else fastest < _CRAWL
+    return projection is not None and bool(_away_m(xy, projection) < NEAR_M)
+
+
+def fits(xy: FloatArray) -> bool:
+    """Whether all of (n, 2) may be longitude and latitude."""
+    return bool((np.abs(xy) <= (180, 85)).all())
+
+
+def about(lon_lat: FloatArray) -> Projection:
+    """Metres from the middle of positions (n, 2)."""
+    lon, lat = (lon_lat.min(0) + lon_lat.max(0)) / 2
+    return Projection((round(float(lon), 6), round(float(lat), 6)))
+
+
+def check_place(lon_lat: FloatArray, projection: Projection) -> None:
+    """Raises FormatError if no position is near the site."""
+    away = _away_m(lon_lat, projection)
+    if not away < NEAR_M:
+        lon, lat = lon_lat[0]
+        raise FormatError(
+            f"x, y: expected longitude and latitude within {NEAR_M / 1000:g} km of the site, got "
+            f"{lon:.4f} {lat:.4f}, {away / 1000:.0f} km away"
+        )
+
+
+def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
+    """The least distance to the site's origin; infinite where the projection does not reach."""
+    near = lon_lat[np.abs(lon_lat[:, 0] - projection.centre[0]) < 10]
+    return float(np.hypot(*projection.metres(near).T).min(initial=math.inf))
+
+
+def network_projection(net_file: Path) -> Projection | None:
+    """How a SUMO network's coordinates come from degrees; None if it does not say, or has none.
+
+    Raises FormatError for a projection that is not a transverse Mercator, and OSError.
+    """
+    try:
+        for _, node in ElementTree.iterparse(net_file, events=("start",)):
+            if node.tag == "location":
+                return _of_location(node.get("projParameter", "!"), node.get("netOffset", "0,0"))
+            if node.tag in ("edge", "junction"):
+                break
+    except (ElementTree.ParseError, ValueError) as error:
+        raise FormatError(f"{net_file}: location: got {error}, expected that of SUMO") from error
+    return None
+
+
+def _of_location(words: str, offset: str) -> Projection | None:
+    keys = dict(w.removeprefix("+").partition("=")[::2] for w in words.split() if w != "!")
+    if not keys:
+        return None
+    ellipsoid = keys.get("ellps", keys.get("datum", "WGS84"))
+    if keys.get("proj") not in ("utm", "tmerc") or ellipsoid not in _ELLIPSOIDS:
+        raise ValueError(f"'{words[:80]}' (utm and tmerc on WGS84 are known)")
+    more = [float(v) for v in offset.split(",")]
+    if keys["proj"] == "utm":
+        north = 1e7 if "south" in keys else 0.0
+        zone = float(keys["zone"]) if "zone" in keys else math.nan
+        return _checked((6 * zone - 183, 0.0), 0.9996, (5e5 + more[0], north + more[1]))
+    centre = (float(keys.get("lon_0", 0)), float(keys.get("lat_0", 0)))
+    scale = float(keys.get("k", keys.get("k_0", 1)))
+    false = [float(keys.get(k, 0)) for k in ("x_0", "y_0")]
+    return _checked(centre, scale, (false[0] + more[0], false[1] + more[1]))
+
+
+def _checked(
+    centre: tuple[float, float], scale: float, offset_m: tuple[float, float]
+) -> Projection:
+    if not np.isfinite([*centre, scale, *offset_m]).all():
+        raise ValueError("a value that is not a number")
+    return Projection(centre, scale, offset_m)

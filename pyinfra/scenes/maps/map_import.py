@@ -1,0 +1,373 @@
+"""A map file as a site folder: scene, lanes, meshes, network, and what was made of the map."""
+
+import gzip
+import hashlib
+import math
+import tempfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import yaml
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.files import new_folder, write
+from pyinfra.formats.ply import Triangles, write_ply
+from pyinfra.scenes.maps import openstreetmap, osm_levels
+from pyinfra.scenes.maps.disagreements import disagreements
+from pyinfra.scenes.maps.lane_map import (
+    NARROWEST_M,
+    MapError,
+    MapLane,
+    SiteMap,
+    checked_lanes,
+    steep_lanes,
+    with_own_names,
+)
+from pyinfra.scenes.maps.mount_guess import HEIGHT_M, Pole, guess_pole
+from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert
+from pyinfra.scenes.maps.network import KERB_M, read_network
+from pyinfra.scenes.maps.opendrive import read_opendrive
+from pyinfra.scenes.maps.opendrive_mending import mended_for_netconvert
+from pyinfra.scenes.maps.openstreetmap import opened
+from pyinfra.scenes.maps.surfaces import Sheet, surfaces
+
+RADIUS_M = 1000.0
+LONGEST_BYTES = 2 << 30  # of a map
+MOST_TRIANGLES = 20_000_000
+MATERIALS = {"buildings": "structure"}  # of the others the mesh's own name
+FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also packed, .gz and .bz2
+PACKED = (".gz", ".bz2")
+CONVERTED = {".pbf": "osmium cat {0} -o {1}.osm.gz", ".o5m": "osmconvert {0} -o={1}.osm"}
+NETWORK = "map.net.xml"
+RECORD = "map.yaml"
+VERSION = 2  # of what an import makes
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What a user may say about an import."""
+
+    centre: tuple[float, float] | None = None  # x, y of the map; lon, lat of OSM
+    radius_m: float = RADIUS_M
+    mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
+    duration_s: float = 500.0
+    region_half_length_m: float = 100.0
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import made, for printing."""
+
+    lanes: int
+    triangles: int
+    pole: Pole
+    record: dict[str, Any]
+    anew: bool  # False: the same import was there
+
+
+def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
+    """Writes the site, or finds that the same import is there.
+
+    Raises MapError, ImportError without SUMO, FileExistsError if the folder holds something else.
+    """
+    options = options or ImportOptions()
+    kind = format_of(file)
+    identity = {"source": file.name, "sha256": _digest(file), "import": VERSION, **_said(options)}
+    if (out / RECORD).exists():
+        record = yaml.safe_load((out / RECORD).read_text())
+        if isinstance(record, dict) and {k: record.get(k) for k in identity} == identity:
+            return Imported(
+                record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
+            )
+        raise FileExistsError(f"{out}: is there already, from another import; allowed a new folder")
+    with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
+        plain = _unpacked(file, kind, Path(scratch))
+        try:
+            found, origin = _READERS[kind](plain, folder, Path(scratch), options)
+        except MapError as error:
+            raise MapError(str(error).replace(str(plain), str(file))) from error
+        found.lanes = checked_lanes(with_own_names(found.lanes), str(file))
+        found.not_understood += disagreements(found.lanes) + steep_lanes(found.lanes)
+        meshes, terrain = surfaces(found, KERB_M)
+        if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
+            raise MapError(f"{file}: more than {MOST_TRIANGLES} triangles; use a smaller --radius")
+        pole, what = _pole(found, options)
+        found.guessed += [what] if what else []
+        _write_site(folder, out.name, found, meshes, (pole, options), terrain)
+        counts = {
+            "lanes": len(found.lanes),
+            "triangles": sum(len(m.faces) for m in meshes.values()),
+        }
+        lists = {k: getattr(found, k) for k in ("guessed", "mended", "not_understood")}
+        record = {**identity, **origin, **counts, "pole": asdict(pole), **lists}
+        write(folder / RECORD, _yaml(record))
+    return Imported(counts["lanes"], counts["triangles"], pole, record, True)
+
+
+def format_of(file: Path) -> str:
+    """The ending that says how a map is read, without that of its packing. Raises MapError."""
+    name = file.name.lower()
+    for ending, command in CONVERTED.items():
+        if name.endswith(ending):
+            stem = file.name[: -len(ending)].removesuffix(".osm")
+            raise MapError(
+                f"{file}: expected XML, got {ending}: convert it first, as by "
+                f"`{command.format(file.name, stem)}`"
+            )
+    for packing in PACKED:
+        name = name.removesuffix(packing)
+    for ending in FORMATS:
+        if name.endswith(ending):
+            return ending
+    if name.endswith(".xml") and (ending := _BY_ROOT.get(_root_of(file), "")):
+        return ending
+    raise MapError(
+        f"{file}: expected {', '.join(FORMATS)}, plain or packed ({', '.join(PACKED)}), got "
+        f"'{file.suffix}'"
+    )
+
+
+_BY_ROOT = {"OpenDRIVE": ".xodr", "osm": ".osm", "net": ".net.xml"}
+
+
+def _root_of(file: Path) -> str:
+    """The name of the first element; empty if it is not XML."""
+    try:
+        with opened(file) as stream:
+            for _, node in ElementTree.iterparse(stream, events=("start",)):
+                return str(node.tag).rpartition("}")[2]
+    except (ElementTree.ParseError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    return ""
+
+
+def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
+    """The file, or what is packed in it. Raises MapError."""
+    if file.suffix.lower() not in PACKED:
+        return file
+    out = scratch / f"map{kind}"
+    try:
+        with opened(file) as stream, out.open("wb") as into:
+            while block := stream.read(1 << 20):
+                into.write(block)
+                if into.tell() > LONGEST_BYTES:
+                    raise MapError(f"{file}: expected up to {LONGEST_BYTES} bytes in it, got more")
+    except (EOFError, zlib.error, OSError) as error:
+        raise MapError(f"{file}: not a packed file that can be read: {error}") from error
+    return out
+
+
+def _said(options: ImportOptions) -> dict[str, Any]:
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()}
+
+
+def _digest(file: Path) -> str:
+    size = file.stat().st_size
+    if not 0 < size <= LONGEST_BYTES:
+        raise MapError(f"{file}: found {size} bytes, allowed 1 to {LONGEST_BYTES}")
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _yaml(data: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=100))
+
+
+def _from_opendrive(
+    file: Path, folder: Path, scratch: Path, options: ImportOptions
+) -> tuple[SiteMap, dict[str, Any]]:
+    found = read_opendrive(file)
+    checked_lanes(found.lanes, str(file))
+    low, high, z = _extent(found.lanes)
+    x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
+    offset = np.array([x, y, z])
+    found.lanes = [_moved(lane, offset) for lane in found.lanes]
+    found.bodies = [_moved_body(thing, offset) for thing in found.bodies]
+    found.trees = [
+        replace(t, x_m=t.x_m - x, y_m=t.y_m - y, base_m=None if t.base_m is None else t.base_m - z)
+        for t in found.trees
+    ]
+    _cut(found, options.radius_m, file)
+    readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
+    found.not_understood += changed
+    arguments = ["--opendrive-files", str(readable), *OPENDRIVE]
+    warnings = _shifted_network(file, arguments, offset, folder / NETWORK)
+    network = read_network(folder / NETWORK, lanes=False)
+    found.areas, found.junctions = _near(network, options.radius_m)
+    found.guessed.append("traffic lights, where the map says none")
+    return found, {"offset_m": offset.tolist(), "network": warnings}
+
+
+def _from_network(
+    file: Path, folder: Path, scratch: Path, options: ImportOptions
+) -> tuple[SiteMap, dict[str, Any]]:
+    read = read_network(file)
+    checked_lanes(read.lanes, str(file))
+    low, high, z = _extent(read.lanes)
+    x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
+    offset = np.array([x, y, z])
+    warnings = _shifted_network(file, ["--sumo-net-file", str(file)], offset, folder / NETWORK)
+    found = read_network(folder / NETWORK)
+    _cut(found, options.radius_m, file)
+    found.areas, found.junctions = _near(found, options.radius_m)
+    return found, {"offset_m": offset.tolist(), "network": warnings}
+
+
+def _from_osm(
+    file: Path, folder: Path, scratch: Path, options: ImportOptions
+) -> tuple[SiteMap, dict[str, Any]]:
+    streets = openstreetmap.read_street_map(file)
+    centre = options.centre or streets.middle()
+    if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
+        raise MapError(f"{file}: --centre: found {centre}, allowed lon,lat in degrees")
+    levels = osm_levels.find_levels(streets, centre, options.radius_m)
+    source = file
+    if levels.heights or streets.deleted or streets.rearranged:
+        source = scratch / "levelled.osm"
+        osm_levels.write_levelled(file, source, streets, levels)
+    lon, lat = centre
+    reach = options.radius_m / 111_000
+    wide = reach / max(0.05, math.cos(math.radians(lat)))
+    box = f"{lon - wide},{lat - reach},{lon + wide},{lat + reach}"
+    projection = f"+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +ellps=WGS84 +units=m +no_defs"
+    arguments = ["--osm-files", str(source), *OSM, "--proj", projection]
+    arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
+    warnings = netconvert(file, arguments, folder / NETWORK)
+    found = read_network(folder / NETWORK)
+    _cut(found, options.radius_m, file)
+    found.areas, found.junctions = _near(found, options.radius_m)
+    openstreetmap.add_surroundings(found, streets, centre, options.radius_m)
+    found.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
+    found.not_understood += levels.flat
+    if levels.crossings:
+        found.covered_m = osm_levels.COVERED_M
+        found.guessed.append(
+            f"heights of bridges and tunnels at {levels.crossings} crossings: "
+            f"{osm_levels.CLEARANCE_M:g} m apart, with ramps"
+        )
+    elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in found.lanes):
+        found.guessed.append("all roads are level: the map has no heights")
+    if streets.deleted:
+        found.guessed.append(f"{streets.deleted} elements that an editor deleted: left out")
+    return found, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
+
+
+_READERS = {
+    ".xodr": _from_opendrive,
+    ".net.xml": _from_network,
+    ".osm": _from_osm,
+    ".osm.xml": _from_osm,
+}
+
+
+def _shifted_network(
+    file: Path, arguments: Sequence[str], offset: FloatArray, out: Path
+) -> list[str]:
+    """The network in the site's frame. Raises MapError."""
+    x, y, z = (-offset).tolist()
+    moved = ["--offset.disable-normalization", f"--offset.x={x!r}", f"--offset.y={y!r}"]
+    return netconvert(file, [*arguments, *moved, f"--offset.z={z!r}"], out)
+
+
+def _extent(lanes: Sequence[MapLane]) -> tuple[FloatArray, FloatArray, float]:
+    """Corners (2,) of the lanes, and a whole number of metres to take off their z."""
+    points = np.concatenate([lane.centre for lane in lanes])
+    low, high = points.min(0), points.max(0)
+    return low[:2], high[:2], round(float(low[2]), -1) if abs(low[2]) > 50 else 0.0
+
+
+def _moved(lane: MapLane, offset: FloatArray) -> MapLane:
+    return replace(lane, left=lane.left - offset, right=lane.right - offset)
+
+
+def _moved_body(thing: Any, offset: FloatArray) -> Any:
+    base = None if thing.base_m is None else thing.base_m - offset[2]
+    return replace(thing, outline=thing.outline - offset[:2], base_m=base)
+
+
+def _cut(found: SiteMap, radius_m: float, file: Path) -> None:
+    """Keeps lanes that come within the radius of the origin, whole, and what stands within it."""
+    found.lanes = [x for x in found.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
+    if not any(lane.driveable for lane in found.lanes):
+        raise MapError(f"{file}: found no lane for vehicles within {radius_m:g} m of the centre")
+    found.bodies = [b for b in found.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
+    found.trees = [t for t in found.trees if math.hypot(t.x_m, t.y_m) <= radius_m]
+    found.footways = [f for f in found.footways if np.hypot(*f[:, :2].T).min() <= radius_m]
+
+
+def _near(network: SiteMap, radius_m: float) -> tuple[list[FloatArray], list[Any]]:
+    areas = [a for a in network.areas if np.hypot(*a.T).min() <= radius_m]
+    return areas, [j for j in network.junctions if math.hypot(j[1], j[2]) <= radius_m]
+
+
+def _pole(found: SiteMap, options: ImportOptions) -> tuple[Pole, str]:
+    if options.mount is not None:
+        return Pole(*options.mount), ""
+    pole, what = guess_pole(found)
+    return pole, f"the pole, {HEIGHT_M:g} m high, beside {what}"
+
+
+def _write_site(
+    folder: Path,
+    name: str,
+    found: SiteMap,
+    meshes: dict[str, Triangles],
+    choice: tuple[Pole, ImportOptions],
+    terrain: Sheet,
+) -> None:
+    pole, options = choice
+    (folder / "meshes").mkdir()
+    for mesh, triangles in meshes.items():
+        write_ply(folder / "meshes" / f"{mesh}.ply", triangles)
+    write(folder / "lanes.csv", lanes_table(found.lanes))
+    scene: dict[str, Any] = {
+        "name": name,
+        "mounts": {"pole": asdict(pole)},
+        "lanes": "lanes.csv",
+        "meshes": [
+            {"file": f"meshes/{mesh}.ply", "material": MATERIALS.get(mesh, mesh)} for mesh in meshes
+        ],
+        "trajectories": "trajectories.csv",
+        "duration_s": options.duration_s,
+        "region_half_length_m": options.region_half_length_m,
+    }
+    if found.trees:
+        scene["vegetation"] = [{"tree": _tree(tree, terrain)} for tree in found.trees]
+    write(folder / "site.yaml", _yaml(scene))
+
+
+def _tree(tree: Any, terrain: Sheet) -> dict[str, float]:
+    ground = float(terrain.at(np.array([[tree.x_m, tree.y_m]]))[0])
+    base = ground if tree.base_m is None else tree.base_m
+    trunk = min(3.0, tree.height_m / 3)
+    row = {"x_m": tree.x_m, "y_m": tree.y_m, "height_m": tree.height_m, "trunk_m": trunk}
+    return {k: round(v, 2) for k, v in {**row, "base_m": base}.items()}
+
+
+def lanes_table(lanes: Sequence[MapLane]) -> str:
+    """lanes.csv: the centrelines of driveable lanes where they are wide enough."""
+    rows = ["lane,x,y,z,width"]
+    for lane in lanes:
+        if not lane.driveable:
+            continue
+        for part, (first, last) in enumerate(_wide(lane.width)):
+            name = lane.name if part == 0 else f"{lane.name}_part{part + 1}"
+            table = np.column_stack([lane.centre, lane.width])[first:last]
+            apart = np.abs(np.diff(table[:, :3].round(3), axis=0)).max(1) > 0
+            table = table[np.concatenate([[True], apart])]
+            if len(table) < 2:
+                continue
+            rows += [f"{name},{x:.3f},{y:.3f},{z:.4f},{w:.3f}" for x, y, z, w in table]
+    return "\n".join(rows) + "\n"
+
+
+def _wide(width: FloatArray) -> list[tuple[int, int]]:
+    """Runs [first, last) of two or more points at which a lane is wide enough."""
+    enough = np.concatenate([[False], width >= NARROWEST_M, [False]])
+    edges = np.flatnonzero(np.diff(enough.astype(int))).reshape(-1, 2)
+    return [(int(a), int(b)) for a, b in edges if b - a >= 2]

@@ -1,0 +1,138 @@
+"""Surfaces of others (OBJ, glTF, STL, PLY) as meshes of a site."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.core.files import write
+from pyinfra.formats.ply import Triangles, together, write_ply
+from pyinfra.formats.yaml_file import read_keys
+from pyinfra.scenes.maps.site_folder import SCENE, feet
+
+ENDINGS = (".obj", ".glb", ".gltf", ".stl", ".ply")
+UPWARDS_Y = (".glb", ".gltf")  # glTF says so
+MATERIALS = ("road", "sidewalk", "terrain", "structure", "vegetation")
+WIDEST_M = 10_000.0
+FARTHEST_M = 1_000.0  # from a mount
+MOST_TRIANGLES = 20_000_000
+INSTALL = "trimesh is not installed: pip install 'infrasim[site]'"
+
+
+@dataclass(frozen=True)
+class MeshPlace:
+    """How a file's coordinates become those of the site: scaled, turned, moved."""
+
+    scale: float = 1.0
+    up: str = ""  # y or z; that of the format if not said
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def import_mesh(file: Path, site: Path, material: str, place: MeshPlace) -> Triangles:
+    """Writes meshes/NAME.ply into the site and names it in site.yaml; returns what was written.
+
+    Raises FormatError, FileExistsError, OSError, and ImportError without trimesh.
+    """
+    name = f"meshes/{file.stem.lower()}.ply"
+    if (site / name).exists():
+        raise FileExistsError(f"{site / name}: is there already, allowed another name of {file}")
+    mounts = feet(site)
+    mesh = _placed(_read(file), file, place)
+    away = _away_m(mesh, mounts)
+    if away > FARTHEST_M:
+        raise FormatError(
+            f"{file}: found its nearest point {away:.0f} m from the mount, allowed up to "
+            f"{FARTHEST_M:g} m (--offset moves it)"
+        )
+    scene = with_mesh(site / SCENE, {"file": name, "material": material})
+    (site / "meshes").mkdir(exist_ok=True)
+    write_ply(site / name, mesh)
+    write(site / SCENE, scene)
+    return mesh
+
+
+def _read(file: Path) -> Triangles:
+    """All triangles of a file, in its own coordinates."""
+    if file.suffix.lower() not in ENDINGS:
+        raise FormatError(f"{file}: found another ending, allowed {', '.join(ENDINGS)}")
+    if not file.stat().st_size:
+        raise FormatError(f"{file}: found 0 bytes, allowed a mesh")
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError(f"pyinfra site mesh: {INSTALL}") from error
+    try:
+        loaded = trimesh.load_scene(file, process=False).to_mesh()
+    except Exception as error:  # its readers raise what Python has
+        why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise FormatError(f"{file}: is no mesh that can be read: {why}") from error
+    vertices = np.asarray(loaded.vertices, dtype=np.float64)
+    faces = np.asarray(loaded.faces, dtype=np.int64)
+    if not len(faces):
+        raise FormatError(f"{file}: found no faces, allowed one or more")
+    if len(faces) > MOST_TRIANGLES:
+        raise FormatError(f"{file}: found {len(faces)} faces, allowed up to {MOST_TRIANGLES}")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FormatError(f"{file}: found a face of corner {faces.max()} of {len(vertices)}")
+    if not np.isfinite(vertices).all():
+        at = int(np.flatnonzero(~np.isfinite(vertices).all(1))[0])
+        raise FormatError(f"{file}: vertex {at}: found {vertices[at].tolist()}, allowed numbers")
+    return Triangles(vertices, faces)
+
+
+def _placed(mesh: Triangles, file: Path, place: MeshPlace) -> Triangles:
+    up = place.up or ("y" if file.suffix.lower() in UPWARDS_Y else "z")
+    vertices = mesh.vertices * place.scale
+    widest = float(np.ptp(vertices, axis=0).max())
+    if widest > WIDEST_M:
+        raise FormatError(
+            f"{file}: found {widest:.4g} m from end to end, allowed up to {WIDEST_M:g} m "
+            f"(millimetres? --scale 0.001 makes it {widest / 1000:.4g} m)"
+        )
+    if up == "y":
+        vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
+    made = together([Triangles(vertices + np.array(place.offset_m), mesh.faces)])
+    if not len(made.faces):
+        raise FormatError(
+            f"{file}: found {len(mesh.faces)} faces without an area, allowed one or more with one "
+            f"(it is {widest:.3g} m from end to end: --scale makes it larger)"
+        )
+    return made
+
+
+def _away_m(mesh: Triangles, mounts: FloatArray) -> float:
+    """Least distance in plan of the box around a mesh from the mounts (k, 2)."""
+    low, high = mesh.vertices[:, :2].min(0), mesh.vertices[:, :2].max(0)
+    outside = np.maximum(np.maximum(low - mounts, mounts - high), 0)
+    return float(np.hypot(*outside.T).min())
+
+
+def with_mesh(file: Path, entry: dict[str, Any]) -> str:
+    """The text of a scene's file with one more of its `meshes`, all else as it is.
+
+    Raises FormatError if its `meshes` are written in a way that can't be added to.
+    """
+    lines = file.read_text().splitlines()
+    before = read_keys(file)
+    line = f"- {{file: {entry['file']}, material: {entry['material']}}}"
+    if "meshes" not in before:
+        lines += ["meshes:", line]
+    elif "meshes:" in lines:
+        at = lines.index("meshes:") + 1
+        indent = len(lines[at]) - len(lines[at].lstrip()) if at < len(lines) else 0
+        lines.insert(at, " " * indent + line)
+    text = "\n".join(lines) + "\n"
+    wanted = {**before, "meshes": [entry, *(before.get("meshes") or [])]}
+    try:
+        right = yaml.safe_load(text) == wanted
+    except yaml.YAMLError:
+        right = False
+    if not right:
+        raise FormatError(f"{file}: meshes: can't be added to; write there: {line}")
+    return text

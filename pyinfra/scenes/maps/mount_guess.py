@@ -1,0 +1,143 @@
+"""Where a pole would stand if nobody says: off the carriageway beside the biggest junction.
+
+It looks where a narrow field of view has the junction and most metres of lanes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
+from pyinfra.scenes.maps.surfaces import contains
+
+HEIGHT_M = 6.0
+NEAREST_M, FARTHEST_M = 12.0, 80.0  # from the junction's middle
+CLEAR_M = 1.0  # from the lanes' edges and from houses
+CLEAR_OF_TREES_M = 5.0
+SEEN_M, SEEN_DEG = 100.0, 70.0  # of roads that the yaw is chosen by
+YAW_STEP_DEG = 5.0
+JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0  # as far off the yaw the target may be
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A mount's pose in the world."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_deg: float
+
+
+def guess_pole(found: SiteMap) -> tuple[Pole, str]:
+    """The pole, and in words what it stands beside."""
+    lanes = [lane for lane in found.lanes if lane.kind == "road"]
+    strips = _Strips.of(lanes)
+    points = strips.start
+    driven = [lane for lane in lanes if lane.driveable]
+    inside = [
+        j for j in found.junctions if np.hypot(*(points - j[1:]).T).min() < FARTHEST_M
+    ]  # of a map that was cut
+    if inside:
+        ways, *place = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
+        target, what = np.array(place), f"the junction with most ways through ({ways})"
+    else:
+        longest = max(driven, key=lambda lane: len(lane.centre))
+        target, what = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"
+    foot = _clear_place(target, strips, found)
+    dense = np.concatenate([lane.centre for lane in driven])
+    road_z = dense[np.hypot(*(dense[:, :2] - foot).T).argmin(), 2]
+    x, y, z = (round(float(v), 2) for v in (*foot, road_z + HEIGHT_M))
+    off_deg = JUNCTION_OFF_DEG if inside else LANE_OFF_DEG
+    return Pole(x, y, z, _yaw_deg(foot, target, driven, off_deg)), what
+
+
+def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
+    """Where a field of view has the target and most metres of lanes; of several the middle one."""
+    middles = [(lane.centre[1:] + lane.centre[:-1])[:, :2] / 2 - foot for lane in lanes]
+    metres = [np.hypot(*np.diff(lane.centre[:, :2], axis=0).T) for lane in lanes]
+    ways, weights = np.concatenate(middles), np.concatenate(metres)
+    near = np.hypot(*ways.T) < SEEN_M
+    at = np.degrees(np.arctan2(*ways[near].T[::-1]))
+    to_target = math.degrees(math.atan2(*(target - foot)[::-1]))
+    yaws = to_target + np.arange(-off_deg, off_deg + 1, YAW_STEP_DEG)
+    off = np.abs((at - yaws[:, None] + 180) % 360 - 180)
+    seen = ((off < SEEN_DEG / 2) * weights[near]).sum(1)
+    best = np.flatnonzero(seen >= seen.max() - 1)
+    run = best[: int(np.argmax(np.diff(best, append=np.inf) > 1)) + 1]
+    return round(math.remainder(float(yaws[run[len(run) // 2]]), 360), 1)
+
+
+def _clear_place(
+    target: FloatArray, strips: _Strips, found: SiteMap, farthest_m: float = FARTHEST_M
+) -> FloatArray:
+    """The free place nearest to the target; farther away if all is paved there."""
+    axis = np.arange(-farthest_m, farthest_m + 1, 1.0)
+    offsets = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
+    distance = np.hypot(*offsets.T)
+    order = np.argsort(distance, kind="stable")
+    order = order[(distance[order] >= NEAREST_M) & (distance[order] <= farthest_m)]
+    near = strips.near(target, farthest_m + 20)
+    trees = np.array([(tree.x_m, tree.y_m) for tree in found.trees]).reshape(-1, 2)
+    reach = farthest_m + 20
+    outlines = [thing.outline for thing in found.bodies] + found.areas
+    outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
+    middles = np.array([o.mean(0) for o in outlines]).reshape(-1, 2)
+    radii = np.array([np.hypot(*(o - o.mean(0)).T).max() for o in outlines])
+    best, freest = target, -math.inf
+    for offset in offsets[order]:
+        place = target + offset
+        free = near.free_m(place)
+        if np.hypot(*(trees - place).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
+            continue
+        beside = np.flatnonzero(np.hypot(*(middles - place).T) < radii + CLEAR_M)
+        if any(_is_close(outlines[i], place) for i in beside):
+            continue
+        if free >= 0:
+            return np.asarray(place)
+        if free > freest:
+            best, freest = place, free
+    if farthest_m == FARTHEST_M and freest < 0:
+        return _clear_place(target, strips, found, 2 * FARTHEST_M)
+    return np.asarray(best)
+
+
+@dataclass(frozen=True)
+class _Strips:
+    """Pieces of lanes (n, 2) to (n, 2), and how far from their middles a place is free."""
+
+    start: FloatArray
+    end: FloatArray
+    clear: FloatArray
+
+    @staticmethod
+    def of(lanes: list[MapLane]) -> _Strips:
+        half = [np.maximum(lane.width[1:], lane.width[:-1]) / 2 + CLEAR_M for lane in lanes]
+        ends = [
+            np.concatenate([lane.centre[i : len(lane.centre) - 1 + i, :2] for lane in lanes])
+            for i in (0, 1)
+        ]
+        return _Strips(ends[0], ends[1], np.concatenate(half))
+
+    def near(self, place: FloatArray, metres: float) -> _Strips:
+        some = np.hypot(*(self.start - place).T) < metres
+        return _Strips(self.start[some], self.end[some], self.clear[some])
+
+    def free_m(self, place: FloatArray) -> float:
+        """How much farther from the lanes a place is than it must be."""
+        along = self.end - self.start
+        part = ((place - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
+        away = self.start + part.clip(0, 1)[:, None] * along - place
+        return float((np.hypot(*away.T) - self.clear).min(initial=math.inf))
+
+
+def _is_close(outline: FloatArray, place: FloatArray) -> bool:
+    """Whether a place lies in an outline (n, 2) or within CLEAR_M of it."""
+    sides = np.roll(outline, -1, axis=0) - outline
+    along = ((place - outline) * sides).sum(1) / np.maximum((sides**2).sum(1), 1e-12)
+    away = outline + along.clip(0, 1)[:, None] * sides - place
+    return bool(np.hypot(*away.T).min() < CLEAR_M) or bool(contains(outline, place[None])[0])

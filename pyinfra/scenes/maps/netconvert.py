@@ -1,0 +1,30 @@
+"""Maps to SUMO networks, by its netconvert."""
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from pyinfra.scenes.maps.lane_map import MapError
+from pyinfra.scenes.maps.sumo import run_tool
+
+LONGEST_S = 600.0
+DETAIL = ["--junctions.internal-link-detail", "20"]
+OPENDRIVE = ["--opendrive.import-all-lanes", "--opendrive.internal-shapes", "--tls.guess"]
+OSM = (
+    "--osm.elevation --geometry.remove --roundabouts.guess --ramps.guess --junctions.join "
+    "--tls.guess-signals --tls.discard-simple --tls.join --sidewalks.guess --crossings.guess"
+).split()
+
+
+def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
+    """Writes the network; returns what SUMO warns of. Raises MapError, and ImportError."""
+    words = [*arguments, *DETAIL, "--output-file", str(out)]
+    try:
+        warnings = run_tool("netconvert", words, longest_s=LONGEST_S)
+    except subprocess.TimeoutExpired as error:
+        raise MapError(f"{source}: SUMO took more than {LONGEST_S:g} s; cut the map") from error
+    except RuntimeError as error:
+        raise MapError(f"{source}: SUMO can't read it: {error}") from error
+    if not out.exists():
+        raise MapError(f"{source}: SUMO can't read it: netconvert wrote no network")
+    return warnings

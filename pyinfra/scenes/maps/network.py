@@ -1,0 +1,167 @@
+"""Lanes and junctions of a SUMO network (`.net.xml`)."""
+
+import itertools
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.lane_map import (
+    SHORTEST_M,
+    MapError,
+    MapLane,
+    SiteMap,
+    lane_name,
+    without_folds,
+)
+from pyinfra.scenes.maps.opendrive_geometry import number
+
+DEFAULT_WIDTH_M = 3.2  # SUMO's, of a lane without one
+KERB_M = 0.15
+STEP_M = 4.0
+CLOSE_M = 0.05
+CARS = frozenset({"passenger", "private", "taxi", "bus", "delivery", "truck", "custom1", "all"})
+WALKERS = frozenset({"pedestrian"})
+
+
+def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
+    """The network; without its lanes, if only the junctions are wanted. Raises MapError."""
+    found = SiteMap()
+    try:
+        for _, node in ElementTree.iterparse(file):
+            if node.tag == "edge":
+                if lanes:
+                    _read_edge(node, found)
+                node.clear()
+            elif node.tag == "junction":
+                _read_junction(node, found)
+                node.clear()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    except MapError as error:
+        raise MapError(f"{file}: {error}") from error
+    return found
+
+
+def shape_of(text: str, where: str) -> FloatArray:
+    """(n, 3) of `x,y x,y,z ...`. Raises MapError."""
+    try:
+        rows = [[float(v) for v in place.split(",")] for place in text.split()]
+        shape = np.array([[*row, 0.0][:3] for row in rows]).reshape(-1, 3)
+    except ValueError as error:
+        raise MapError(f"{where}: shape: found {text[:40]!r}, allowed x,y or x,y,z") from error
+    if not np.isfinite(shape).all():
+        raise MapError(f"{where}: shape: found a place that is not a number")
+    return shape
+
+
+def _read_edge(edge: Element, found: SiteMap) -> None:
+    function = edge.get("function", "normal")
+    if function == "crossing":
+        return  # paint on the junction
+    for lane in edge.iterfind("lane"):
+        name = lane_name("lane", lane.get("id") or "")
+        shape = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}")
+        if function == "walkingarea":
+            found.footways.append(shape)
+            continue
+        width = number(lane, "width", DEFAULT_WIDTH_M)
+        if not 0 < width < 100:
+            raise MapError(f"lane {lane.get('id')}: width: found {width:g}, allowed 0 to 100 m")
+        shape = _thinned(shape)
+        if len(shape) < 2 or np.hypot(*np.diff(shape[:, :2], axis=0).T).sum() < SHORTEST_M:
+            found.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
+            continue
+        left, right, folded = without_folds(*borders(_dense(_unfolded(shape)), width))
+        if folded is not None or len(_unfolded(shape)) < len(shape):
+            x, y, _ = shape[0] if folded is None else folded
+            found.mended.append(f"lane {name}: turned back near {x:.1f} {y:.1f}")
+        walked = _is_for(lane, WALKERS) and not _is_for(lane, CARS)
+        found.lanes.append(
+            MapLane(
+                name,
+                "sidewalk" if walked else "road",
+                _is_for(lane, CARS),
+                left,
+                right,
+                KERB_M if walked else 0.0,
+            )
+        )
+
+
+def _thinned(shape: FloatArray) -> FloatArray:
+    """The line without points closer than CLOSE_M to the one before; its ends stay."""
+    kept: list[int] = []
+    for i, place in enumerate(shape[:, :2]):
+        if not kept or math.hypot(*(place - shape[kept[-1], :2])) >= CLOSE_M:
+            kept.append(i)
+    if len(kept) > 1 and kept[-1] != len(shape) - 1:
+        kept[-1] = len(shape) - 1
+    return shape[kept]
+
+
+def _unfolded(shape: FloatArray) -> FloatArray:
+    """The line without points at which it turns by more than 120 degrees; its ends stay."""
+    while len(shape) > 2:
+        steps = np.diff(shape[:, :2], axis=0)
+        steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+        back = np.flatnonzero((steps[1:] * steps[:-1]).sum(1) < -0.5) + 1
+        if not len(back):
+            break
+        shape = np.delete(shape, back[0], 0)
+    return shape
+
+
+def _dense(shape: FloatArray) -> FloatArray:
+    """With points at most STEP_M apart: no long thin triangles."""
+    s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(shape[:, :2], axis=0).T))])
+    more = [np.linspace(a, b, int((b - a) // STEP_M) + 2)[:-1] for a, b in itertools.pairwise(s)]
+    at = np.concatenate([*more, s[-1:]])
+    return np.stack([np.interp(at, s, column) for column in shape.T], 1)
+
+
+def borders(centre: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    """Left and right border (n, 3) of a line, mitred up to twice the half width."""
+    steps = np.diff(centre[:, :2], axis=0)
+    steps /= np.hypot(*steps.T)[:, None]
+    before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
+    normal = before + after
+    normal /= np.maximum(np.hypot(*normal.T), 1e-9)[:, None]
+    stretch = 1 / np.maximum((normal * after).sum(1), 0.5)
+    side = np.stack([-normal[:, 1], normal[:, 0], 0 * stretch], 1)
+    side *= (width / 2 * stretch)[:, None]
+    return centre + side, centre - side
+
+
+def _is_for(lane: Element, users: frozenset[str]) -> bool:
+    """Whether any of the users may be there."""
+    allow, disallow = lane.get("allow"), lane.get("disallow", "")
+    if allow is not None:
+        return bool(users & set(allow.split()))
+    return "all" not in disallow.split() and bool(users - {"all"} - set(disallow.split()))
+
+
+def _read_junction(node: Element, found: SiteMap) -> None:
+    if node.get("type") in {"internal", "dead_end"}:
+        return
+    shape = shape_of(node.get("shape", ""), f"junction {node.get('id')}")
+    if len(shape) < 3:
+        return
+    found.areas.append(shape[:, :2])
+    ways = len(node.get("intLanes", "").split())
+    if ways > 1:
+        x, y = _centroid(shape[:, :2])
+        found.junctions.append((ways, x, y))
+
+
+def _centroid(outline: FloatArray) -> tuple[float, float]:
+    """Of the area of an outline (n, 2); its corners' mean if it has none."""
+    middle = outline.mean(0)
+    a, b = outline - middle, np.roll(outline, -1, axis=0) - middle
+    doubled = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    if abs(doubled.sum()) > 1e-6:
+        middle = middle + ((a + b) * doubled[:, None]).sum(0) / (3 * doubled.sum())
+    return float(middle[0]), float(middle[1])

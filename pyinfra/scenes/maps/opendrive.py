@@ -1,0 +1,238 @@
+"""Lanes and objects of an OpenDRIVE file, with the widths and the elevation that it says.
+
+Sampled every metre where anything bends, every four metres elsewhere.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.lane_map import (
+    SHORTEST_M,
+    MapError,
+    MapLane,
+    SiteMap,
+    lane_name,
+    without_folds,
+)
+from pyinfra.scenes.maps.opendrive_geometry import (
+    Cubics,
+    OpenDriveRoad,
+    curve_length,
+    number,
+    read_cubics,
+    read_reference_line,
+)
+from pyinfra.scenes.maps.opendrive_objects import read_objects
+
+STEP_M = 1.0
+STRAIGHT_STEP_M = 4.0
+LENGTHS_APART = 0.01  # of a length, that is taken for rounding
+KERB_M = 0.15  # of sidewalks whose height the map does not say
+DRIVEN = frozenset(
+    "driving entry exit onRamp offRamp connectingRamp bidirectional mwyEntry mwyExit "
+    "bus taxi HOV slipLane".split()
+)
+PAVED = frozenset(
+    "none shoulder border stop parking restricted median biking tram rail roadWorks special1 "
+    "special2 special3 shared".split()
+)
+FOOTWAYS = frozenset({"sidewalk", "walking", "curb"})
+
+
+def read_opendrive(file: Path) -> SiteMap:
+    """Raises MapError, and OSError."""
+    try:
+        root = ElementTree.parse(file).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    for node in root.iter():
+        node.tag = node.tag.rpartition("}")[2]  # some writers name the schema
+    if root.tag != "OpenDRIVE":
+        raise MapError(f"{file}: found <{root.tag}>, allowed <OpenDRIVE>")
+    found, ids = SiteMap(), set[str | None]()
+    try:
+        for count, node in enumerate(root.iter("road")):
+            ids.add(node.get("id"))
+            if len(ids) <= count:
+                raise MapError(f"road {node.get('id')}: id: found it twice, allowed once")
+            _read_road(node, found)
+    except MapError as error:
+        raise MapError(f"{file}: {error}") from error
+    if root.find("header/offset") is not None:
+        found.not_understood.append("header: offset")
+    return found
+
+
+def _read_road(node: Element, found: SiteMap) -> None:
+    road = OpenDriveRoad(
+        node.get("id") or "",
+        read_reference_line(node),
+        read_cubics(node.findall("elevationProfile/elevation")),
+        read_cubics(node.findall("lateralProfile/superelevation")),
+        read_cubics(node.findall("lanes/laneOffset")),
+    )
+    found.not_understood += _lengths_that_disagree(road, node)
+    for tag in ("shape", "crossfall"):
+        if node.find(f"lateralProfile/{tag}") is not None:
+            found.not_understood.append(f"road {road.id}: lateralProfile/{tag}")
+    sections = node.findall("lanes/laneSection")
+    starts = [number(section, "s") for section in sections]
+    if any(b < a for a, b in itertools.pairwise(starts)):
+        raise MapError(f"road {road.id}: laneSection: s must rise")
+    pieces: dict[tuple[int, int], Piece] = {}
+    for i, (section, start) in enumerate(zip(sections, starts, strict=True)):
+        end = starts[i + 1] if i + 1 < len(starts) else road.line.length
+        if end - start > 1e-3:
+            pieces.update({(i, p.id): p for p in _section(road, section, start, end, found)})
+    left_hand = node.get("rule") == "LHT"
+    found.lanes += [lane for lane in _joined(road, pieces, left_hand, found) if lane is not None]
+    read_objects(road, node, found)
+
+
+def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
+    """Of the road and its geometries, and of a geometry and its curve."""
+    said, length = number(node, "length", road.line.length), road.line.length
+    notes = []
+    if abs(said - length) > LENGTHS_APART * length + 0.1:
+        notes.append(
+            f"road {road.id}: length: expected {length:g} m as its geometry, got {said:g} m; the "
+            "geometry holds"
+        )
+    for shape in node.iterfind("planView/geometry"):
+        along, told = curve_length(shape), number(shape, "length")
+        if abs(along - told) > LENGTHS_APART * along + 0.1:
+            notes.append(
+                f"road {road.id}: geometry at s = {number(shape, 's'):g}: length: expected "
+                f"{along:.3f} m as its curve, got {told:g} m"
+            )
+    return notes
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A lane in one section, rows by rising s."""
+
+    id: int
+    type: str
+    kerb_m: float
+    inner: FloatArray  # (n, 3)
+    outer: FloatArray
+    successor: int | None
+
+
+def _section(
+    road: OpenDriveRoad, section: Element, start: float, end: float, found: SiteMap
+) -> list[Piece]:
+    pieces = []
+    for side, sign in (("left", 1), ("right", -1)):
+        lanes = sorted(section.findall(f"{side}/lane"), key=lambda n: abs(_lane_id(road, n)))
+        widths = [read_cubics(lane.findall("width"), "sOffset", start) for lane in lanes]
+        borders = [read_cubics(lane.findall("border"), "sOffset", start) for lane in lanes]
+        s = _samples(road, [*widths, *borders], start, end)
+        t = inner = road.offset.at(s)
+        for lane, width, border in zip(lanes, widths, borders, strict=True):
+            across = width.at(s)
+            if across.min() < -1e-3:
+                at = s[int(across.argmin())]
+                raise MapError(
+                    f"road {road.id}: lane {lane.get('id')}: width: found {across.min():.3g} m at "
+                    f"s = {at:.1f}, allowed 0 or more"
+                )
+            t = border.at(s) if len(border.starts) else inner + sign * across.clip(0)
+            pieces.append(
+                Piece(
+                    _lane_id(road, lane),
+                    lane.get("type") or "none",
+                    _kerb(lane),
+                    road.places(s, inner),
+                    road.places(s, t),
+                    _successor(lane),
+                )
+            )
+            inner = t
+    return pieces
+
+
+def _lane_id(road: OpenDriveRoad, node: Element) -> int:
+    value = number(node, "id")
+    if value != int(value):
+        raise MapError(f"road {road.id}: lane: id: found {value:g}, allowed a whole number")
+    return int(value)
+
+
+def _successor(lane: Element) -> int | None:
+    node = lane.find("link/successor")
+    return None if node is None else int(number(node, "id"))
+
+
+def _kerb(lane: Element) -> float:
+    heights = [number(node, "inner", 0.0) for node in lane.findall("height")]
+    return heights[0] if heights else KERB_M if lane.get("type") in FOOTWAYS else 0.0
+
+
+def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float) -> FloatArray:
+    curves = [road.elevation, road.roll, road.offset, *cubics]
+    bent = road.line.bent or any(c.bent for c in curves)
+    step = STEP_M if bent else STRAIGHT_STEP_M
+    even = np.linspace(start, end, max(2, math.ceil((end - start) / step) + 1))
+    breaks = np.concatenate([c.starts for c in curves])
+    inside = breaks[(breaks > start + 1e-3) & (breaks < end - 1e-3)]
+    s = np.unique(np.concatenate([even, inside]))
+    return np.asarray(s[np.concatenate([[True], np.diff(s) > 1e-3])])
+
+
+def _joined(
+    road: OpenDriveRoad, pieces: dict[tuple[int, int], Piece], left_hand: bool, found: SiteMap
+) -> list[MapLane | None]:
+    """Lanes of one type and kerb that go on in the next section are one."""
+    lanes = []
+    left = dict(pieces)
+    for i, number_ in sorted(pieces):
+        if (i, number_) not in left:
+            continue
+        chain = [left.pop((i, number_))]
+        last = i
+        while chain[-1].successor is not None:
+            after = left.get((last + 1, chain[-1].successor))
+            if after is None or (after.type, after.kerb_m) != (chain[-1].type, chain[-1].kerb_m):
+                break
+            if np.abs(after.inner[0] - chain[-1].inner[-1]).max() > 0.01:
+                break
+            chain.append(left.pop((last + 1, chain[-1].successor)))
+            last += 1
+        lanes.append(_lane(road, i, chain, left_hand, found))
+    return lanes
+
+
+def _lane(
+    road: OpenDriveRoad, section: int, chain: list[Piece], left_hand: bool, found: SiteMap
+) -> MapLane | None:
+    first = chain[0]
+    inner = np.concatenate([first.inner, *(p.inner[1:] for p in chain[1:])])
+    outer = np.concatenate([first.outer, *(p.outer[1:] for p in chain[1:])])
+    left, right = (outer, inner) if first.id > 0 else (inner, outer)
+    if (first.id > 0) != left_hand:  # against the reference line
+        left, right = right[::-1], left[::-1]
+    if np.hypot(*(left - right)[:, :2].T).max() < 0.01:
+        return None
+    side = "left" if first.id > 0 else "right"
+    name = lane_name(f"road{road.id}", section, f"{side}{abs(first.id)}")
+    left, right, folded = without_folds(left, right)
+    if folded is not None:
+        x, y, _ = folded
+        found.mended.append(f"lane {name}: turned back at {x:.1f} {y:.1f}")
+    if np.hypot(*np.diff((left + right)[:, :2] / 2, axis=0).T).sum() < SHORTEST_M:
+        found.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
+        return None
+    known = DRIVEN | PAVED | FOOTWAYS
+    if first.type not in known:
+        found.not_understood.append(f"lane {name}: type {first.type!r}, paved as a shoulder")
+    kind = "sidewalk" if first.type in FOOTWAYS else "road"
+    return MapLane(name, kind, first.type in DRIVEN, left, right, first.kerb_m)

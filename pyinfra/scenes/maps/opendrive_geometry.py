@@ -1,0 +1,196 @@
+"""Reference lines and polynomials of ASAM OpenDRIVE (1.4 to 1.8), evaluated at many s at once."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.lane_map import MapError
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def number(node: Element, name: str, default: float | None = None) -> float:
+    """An attribute as a finite number. Raises MapError with its element."""
+    text = node.get(name)
+    if text is None and default is not None:
+        return default
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        about = " ".join(f'{k}="{v[:20]}"' for k, v in list(node.attrib.items())[:3])
+        raise MapError(f"<{node.tag} {about}>: {name}: found {text!r}, allowed a number")
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class Cubics:
+    """a + b u + c u^2 + d u^3, u from the last start at or before s; 0 if there is none."""
+
+    starts: FloatArray  # (n,) rising
+    coefficients: FloatArray  # (n, 4)
+
+    def at(self, s: FloatArray) -> FloatArray:
+        """(n,) values."""
+        if not len(self.starts):
+            return np.zeros_like(s)
+        i = np.searchsorted(self.starts, s + 1e-9, side="right").clip(1) - 1
+        u = s - self.starts[i]
+        a, b, c, d = self.coefficients[i].T
+        return np.asarray(a + u * (b + u * (c + u * d)))
+
+    @property
+    def bent(self) -> bool:
+        """Whether any of them is not a straight line."""
+        return bool(np.any(self.coefficients[:, 2:]))
+
+
+def read_cubics(nodes: Sequence[Element], place: str = "s", at: float = 0.0) -> Cubics:
+    """Polynomials in the order of their starts; `place` names the attribute, counted from `at`."""
+    rows = [[at + number(n, place, 0.0), *(number(n, k) for k in "abcd")] for n in nodes]
+    table = np.array(sorted(rows, key=lambda row: row[0])).reshape(-1, 5)
+    return Cubics(table[:, 0], table[:, 1:])
+
+
+Line = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]  # of ds: u, v, turn
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceLine:
+    """Pieces one after another; outside of them the first and last go on."""
+
+    starts: FloatArray
+    poses: FloatArray  # (n, 3) x y heading
+    pieces: tuple[Line, ...]
+    length: float
+    bent: bool
+
+    def at(self, s: FloatArray) -> FloatArray:
+        """(n, 3) x y heading."""
+        out = np.empty((len(s), 3))
+        which = np.searchsorted(self.starts, s + 1e-9, side="right").clip(1) - 1
+        for i in np.unique(which):
+            here = which == i
+            x, y, heading = self.poses[i]
+            u, v, turn = self.pieces[i](s[here] - self.starts[i])
+            cos, sin = math.cos(heading), math.sin(heading)
+            out[here] = np.stack([x + cos * u - sin * v, y + sin * u + cos * v, heading + turn], 1)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class OpenDriveRoad:
+    """What places on one road need."""
+
+    id: str
+    line: ReferenceLine
+    elevation: Cubics
+    roll: Cubics
+    offset: Cubics
+
+    def places(self, s: FloatArray, t: FloatArray) -> FloatArray:
+        """(n, 3) world, t to the left of the reference line."""
+        x, y, heading = self.line.at(s).T
+        roll = self.roll.at(s)
+        flat, z = t * np.cos(roll), self.elevation.at(s) + t * np.sin(roll)
+        return np.stack([x - np.sin(heading) * flat, y + np.cos(heading) * flat, z], 1)
+
+
+def read_reference_line(road: Element) -> ReferenceLine:
+    """Raises MapError."""
+    nodes = road.findall("planView/geometry")
+    if not nodes:
+        raise MapError(f"road {road.get('id')}: found no planView/geometry, allowed one or more")
+    nodes.sort(key=lambda node: number(node, "s"))
+    poses = [[number(node, k) for k in ("x", "y", "hdg")] for node in nodes]
+    length = number(nodes[-1], "s") + number(nodes[-1], "length")
+    if not 0 < length < 1e6:
+        raise MapError(f"road {road.get('id')}: length: found {length:g}, allowed 0 to 1e6 m")
+    return ReferenceLine(
+        np.array([number(node, "s") for node in nodes]),
+        np.array(poses),
+        tuple(_piece(node, road.get("id")) for node in nodes),
+        length,
+        any(node.find("line") is None for node in nodes),
+    )
+
+
+def _piece(node: Element, road: str | None) -> Line:
+    shape = node[0] if len(node) else node
+    length = number(node, "length")
+    if length < 0:
+        raise MapError(f"road {road}: geometry: length: found {length:g}, allowed 0 or more")
+    if shape.tag == "line":
+        return lambda ds: (ds, 0 * ds, 0 * ds)
+    if shape.tag == "arc":
+        k = number(shape, "curvature")
+        return _spiral(k, k, max(length, 1e-9))
+    if shape.tag == "spiral":
+        return _spiral(number(shape, "curvStart"), number(shape, "curvEnd"), max(length, 1e-9))
+    if shape.tag == "poly3":
+        return _along(
+            {"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length, length
+        )
+    if shape.tag == "paramPoly3":
+        sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}
+        return _along(sides, length if shape.get("pRange") == "arcLength" else 1.0, length)
+    raise MapError(
+        f"road {road}: geometry: found {shape.tag!r}, allowed line, arc, spiral, poly3, paramPoly3"
+    )
+
+
+def _spiral(start: float, end: float, length: float) -> Line:
+    """Curvature from start to end along its length; straight if both are 0."""
+    change = (end - start) / length
+
+    def line(ds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        u = ds[:, None] * (_NODES + 1) / 2  # Gauss-Legendre over each stretch
+        angle = u * (start + u * change / 2)
+        weights = _WEIGHTS * ds[:, None] / 2
+        turn = ds * (start + ds * change / 2)
+        if change == 0 and start != 0:
+            return np.sin(turn) / start, (1 - np.cos(turn)) / start, turn
+        return (weights * np.cos(angle)).sum(1), (weights * np.sin(angle)).sum(1), turn
+
+    return line
+
+
+def _along(sides: dict[str, list[float]], end: float, length: float | None = None) -> Line:
+    """u and v as cubics of a parameter from 0 to `end`, found by the length along the curve.
+
+    Where the geometry's length differs from the curve's, as by rounding, s is stretched to it.
+    """
+    u_of, v_of = (np.polynomial.Polynomial(sides[k]) for k in ("aU", "aV"))
+    du, dv = u_of.deriv(), v_of.deriv()
+    table = np.linspace(0, end, 401)
+    half = np.diff(table)[:, None] / 2
+    middles = table[:-1, None] + half * (_NODES + 1)
+    pieces = (np.hypot(du(middles), dv(middles)) * _WEIGHTS * half).sum(1)
+    walked = np.concatenate([[0], np.cumsum(pieces)])
+    stretch = float(walked[-1]) / length if length and walked[-1] > 0 else 1.0
+
+    def line(ds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        p = np.interp(ds * stretch, walked, table)
+        return u_of(p), v_of(p), np.arctan2(dv(p), du(p))
+
+    return line
+
+
+def curve_length(node: Element) -> float:
+    """Of a paramPoly3 along itself, metres; other shapes are as long as their geometry says."""
+    shape, length = node[0] if len(node) else node, number(node, "length")
+    if shape.tag != "paramPoly3":
+        return length
+    du, dv = (
+        np.polynomial.Polynomial([number(shape, f"{c}{k}", 0.0) for c in "abcd"]).deriv()
+        for k in "UV"
+    )
+    end = length if shape.get("pRange") == "arcLength" else 1.0
+    p = np.linspace(0, end, 2001)
+    speed = np.hypot(du(p), dv(p))
+    return float(((speed[1:] + speed[:-1]) / 2 * np.diff(p)).sum())

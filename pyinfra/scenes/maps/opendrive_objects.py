@@ -1,0 +1,265 @@
+"""What stands beside the roads of an OpenDRIVE map: bodies, trees, and a list of what is not built.
+
+An outline supersedes the box of an object, and a repeat supersedes the object's one place.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterator
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.lane_map import MapBody, MapTree, SiteMap
+from pyinfra.scenes.maps.opendrive_geometry import OpenDriveRoad, number
+from pyinfra.scenes.maps.openstreetmap import crosses_itself
+
+PAINT = frozenset({"crosswalk", "roadMark", "parkingSpace", "roadSurface", "patch"})
+NO_TYPE = frozenset({"-1", "none", ""})
+PLANTS = frozenset({"tree", "vegetation"})
+MOVERS = frozenset("bike bus car motorbike pedestrian trailer train tram van".split())
+STANDING = frozenset(
+    "barrier building gantry house obstacle pole railing soundBarrier streetLamp trafficIsland "
+    "wind".split()
+)
+THINNEST_M = 0.1  # of walls and posts whose width the map has as nothing
+LOWEST_M = 0.05  # of what is built
+OVERHEAD_M = 2.0  # what begins higher hangs
+WALL_STEP_M = 2.0  # of a continuous object along the road
+TREE_M = 9.0
+MOST_COPIES = 10_000  # of one object
+
+
+def read_objects(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
+    """All objects and signals of a road."""
+    for thing in node.iterfind("objects/object"):
+        _read_object(road, thing, found)
+    for signal in node.iterfind("signals/signal"):
+        s, t = (number(signal, k, 0.0) for k in "st")
+        top = number(signal, "zOffset", 0.0) + number(signal, "height", 0.0)
+        found.bodies.append(_box(road, (s, t), signal, (0.15, 0.15, max(top, 2.0)), 0.0))
+    for tag in ("tunnel", "bridge", "objectReference"):
+        for thing in node.iterfind(f"objects/{tag}"):
+            at = number(thing, "s", 0.0)
+            found.not_understood.append(
+                f"road {road.id}: {tag} {thing.get('id')} at s = {at:.1f}: left out"
+            )
+    for tag, count in Counter(n.tag for n in node.iterfind("signals/signalReference")).items():
+        found.not_understood.append(f"road {road.id}: {count} {tag}: left out")
+    for tag in ("surface", "railroad"):
+        if (part := node.find(tag)) is not None and len(part):
+            found.not_understood.append(f"road {road.id}: {tag}: left out")
+
+
+def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
+    s, t = (number(node, k, 0.0) for k in "st")
+    type_ = node.get("type") or "none"
+    where = f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}"
+
+    def leave_out(why: str) -> None:
+        found.not_understood.append(f"{where}: {why}")
+
+    if type_ == "crosswalk" or node.get("name", "").lower().startswith(("solid", "dashed")):
+        return  # paint of no height
+    if type_ in PAINT or type_ in MOVERS:
+        leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
+        return
+    repeats = node.findall("repeat")
+    if type_ in PLANTS:
+        _read_plants(road, node, repeats, found, leave_out_if=node.find(".//outline") is not None)
+        return
+    before = len(found.bodies)
+    outlines = node.findall(".//outline")
+    if any(n.get("outer") == "false" for n in outlines):
+        leave_out("an inner outline: filled")
+    outlines = [n for n in outlines if n.get("outer") != "false"]
+    for copy, at in _copies(node, repeats):
+        if copy is not None and number(copy, "distance", 0.0) == 0:
+            found.bodies += _wall(road, node, copy)
+        elif outlines:
+            for outline in outlines:
+                found.bodies += _of_outline(road, node, outline, at)
+        else:
+            found.bodies += _of_box(road, node, copy, at)
+    if len(found.bodies) == before:
+        height = number(node, "height", 0.0)
+        if type_ in NO_TYPE:
+            leave_out(f"type {type_!r}, name {node.get('name')!r}")
+        else:
+            leave_out(f"type {type_!r}, height {height:g} m")
+    elif type_ not in STANDING:
+        text = f"objects of type {type_!r}: built as they stand"
+        found.guessed += [] if text in found.guessed else [text]
+    if any(abs(number(node, k, 0.0)) > 0.1 for k in ("pitch", "roll")):
+        leave_out("pitch, roll: built upright")
+
+
+def _read_plants(
+    road: OpenDriveRoad,
+    node: Element,
+    repeats: list[Element],
+    found: SiteMap,
+    *,
+    leave_out_if: bool,
+) -> None:
+    s, t = (number(node, k, 0.0) for k in "st")
+    if leave_out_if:
+        found.not_understood.append(
+            f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}: a plant's "
+            "outline: one tree is built"
+        )
+    for copy, (at_s, at_t) in _copies(node, repeats):
+        if copy is not None and number(copy, "distance", 0.0) == 0:
+            found.bodies += _wall(road, node, copy)  # a hedge
+            continue
+        height, base = _of(copy, node, "height", at_s), _of(copy, node, "zOffset", at_s)
+        x, y, z = road.places(np.array([at_s]), np.array([at_t]))[0].tolist()
+        tall = height if height > 1 else TREE_M
+        found.trees.append(MapTree(x, y, tall, z + min(0.0, base)))
+
+
+def _copies(
+    node: Element, repeats: list[Element]
+) -> Iterator[tuple[Element | None, tuple[float, float]]]:
+    """Each repeat with s, t of its copies; the object itself if there is none."""
+    if not repeats:
+        yield None, (number(node, "s", 0.0), number(node, "t", 0.0))
+    for repeat in repeats:
+        start, length = number(repeat, "s", number(node, "s", 0.0)), number(repeat, "length", 0.0)
+        distance = number(repeat, "distance", 0.0)
+        count = 1 if distance <= 0 else min(int(length / distance + 1e-6) + 1, MOST_COPIES)
+        for k in range(count):
+            s = start + k * distance
+            yield repeat, (s, _of(repeat, node, "t", s))
+
+
+def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
+    """A value at a place of a repeat, linear between its ends; else the object's."""
+    own = number(node, name, 0.0)
+    if repeat is None:
+        return own
+    first, last = (number(repeat, f"{name}{end}", own) for end in ("Start", "End"))
+    length = number(repeat, "length", 0.0)
+    part = (s - number(repeat, "s", number(node, "s", 0.0))) / length if length > 0 else 0.0
+    return first + (last - first) * min(max(part, 0.0), 1.0)
+
+
+def _wall(road: OpenDriveRoad, node: Element, repeat: Element) -> list[MapBody]:
+    """A continuous object: pieces along the road, each as high and as wide as the repeat says."""
+    start = number(repeat, "s", number(node, "s", 0.0))
+    length = min(number(repeat, "length", 0.0), road.line.length - start)
+    if length <= 0:
+        return []
+    count = min(max(1, math.ceil(length / WALL_STEP_M)), MOST_COPIES)
+    at = np.linspace(start, start + length, count + 1)
+    t, width, height, base = (
+        np.array([_of(repeat, node, name, s) for s in at])
+        for name in ("t", "width", "height", "zOffset")
+    )
+    half = np.maximum(width, THINNEST_M) / 2
+    left, right = road.places(at, t + half), road.places(at, t - half)
+    bodies = []
+    for i, j in itertools.pairwise(range(count + 1)):
+        outline = np.stack([right[i], right[j], left[j], left[i]])
+        low = float(outline[:, 2].min() + min(base[i], base[j]))
+        high = float(outline[:, 2].max() + max(base[i] + height[i], base[j] + height[j]))
+        if max(height[i], height[j]) >= LOWEST_M:
+            hangs = bool(min(base[i], base[j]) > OVERHEAD_M)
+            bodies.append(MapBody(outline[:, :2], high - low, low, hangs))
+    return bodies
+
+
+def _of_box(
+    road: OpenDriveRoad, node: Element, repeat: Element | None, at: tuple[float, float]
+) -> list[MapBody]:
+    """The box or the cylinder of an object at one place."""
+    s = at[0]
+    round_ = 2 * _of(repeat, node, "radius", s)
+    length, width = (_of(repeat, node, name, s) or round_ for name in ("length", "width"))
+    height = _of(repeat, node, "height", s)
+    type_ = node.get("type") or "none"
+    if height < LOWEST_M or (type_ not in STANDING and max(length, width) <= 0):
+        return []
+    size = (
+        max(length or 0.2, THINNEST_M),
+        max(width or 0.2, THINNEST_M),
+        height,
+    )
+    return [_box(road, at, node, size, _of(repeat, node, "zOffset", s))]
+
+
+def _box(
+    road: OpenDriveRoad,
+    at: tuple[float, float],
+    node: Element,
+    size: tuple[float, float, float],
+    base: float,
+) -> MapBody:
+    length, width, height = size
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (length / 2, width / 2)
+    xy, z = _in_world(road, at, node, corners)
+    hangs = base > OVERHEAD_M
+    return MapBody(xy, height, z + (base if hangs else min(0.0, base)), hangs)
+
+
+def _in_world(
+    road: OpenDriveRoad, at: tuple[float, float], node: Element, uv: FloatArray
+) -> tuple[FloatArray, float]:
+    """Places (n, 2) in an object's own axes as x y, and the z of its origin on the road."""
+    s, t = (np.array([v]) for v in at)
+    heading = float(road.line.at(s)[0, 2]) + number(node, "hdg", 0.0)
+    x, y, z = road.places(s, t)[0].tolist()
+    cos, sin = math.cos(heading), math.sin(heading)
+    return uv @ np.array([[cos, sin], [-sin, cos]]) + (x, y), z
+
+
+def _of_outline(
+    road: OpenDriveRoad, node: Element, outline: Element, at: tuple[float, float]
+) -> list[MapBody]:
+    """One body, or a thin wall from corner to corner if the outline is open."""
+    own = number(node, "height", 0.0)
+    local, along = outline.findall("cornerLocal"), outline.findall("cornerRoad")
+    if local:
+        uv = np.array([[number(n, "u"), number(n, "v")] for n in local])
+        xy, z = _in_world(road, at, node, uv)
+        base = z + number(node, "zOffset", 0.0) + np.array([number(n, "z", 0.0) for n in local])
+        heights = np.array([number(n, "height", own) for n in local])
+    elif along:
+        shift = at[0] - number(node, "s", 0.0)
+        s = np.array([number(n, "s") + shift for n in along])
+        places = road.places(s, np.array([number(n, "t") for n in along]))
+        xy, z = places[:, :2], float(places[0, 2])
+        base = places[:, 2] + np.array([number(n, "dz", 0.0) for n in along])
+        heights = np.array([number(n, "height", own) for n in along])
+    else:
+        return []
+    corners = list(zip(xy, base, heights, strict=True))
+    if len(xy) > 1 and np.allclose(xy[0], xy[-1]):
+        corners = corners[:-1]
+    closed = outline.get("closed", "true") != "false" or np.allclose(xy[0], xy[-1])
+    ring = np.array([c[0] for c in corners])
+    if closed and len(ring) >= 3 and not crosses_itself(ring):
+        return _upright(ring, base, heights, z)
+    pieces = list(itertools.pairwise(range(len(corners))))
+    if closed and len(corners) > 2:
+        pieces.append((len(corners) - 1, 0))
+    bodies = []
+    for i, j in pieces:
+        ahead = ring[j] - ring[i]
+        if (metres := math.hypot(*ahead)) < 1e-3:
+            continue
+        side = np.array([-ahead[1], ahead[0]]) / metres * THINNEST_M / 2
+        wall = np.stack([ring[i] - side, ring[j] - side, ring[j] + side, ring[i] + side])
+        bodies += _upright(wall, base[[i, j]], heights[[i, j]], z)
+    return bodies
+
+
+def _upright(xy: FloatArray, base: FloatArray, heights: FloatArray, z: float) -> list[MapBody]:
+    low, high = float(base.min()), float((base + heights).max())
+    if high - low < LOWEST_M or heights.max() < LOWEST_M:
+        return []
+    return [MapBody(xy, high - low, low, low - z > OVERHEAD_M)]

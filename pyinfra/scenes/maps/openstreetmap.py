@@ -1,0 +1,239 @@
+"""Houses and trees of an OpenStreetMap file, in metres around a place on earth."""
+
+import bz2
+import gzip
+import math
+import re
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.lane_map import MapBody, MapError, MapTree, SiteMap
+
+LEVEL_M = 3.0
+HOUSE_M = 6.0  # high, if the map does not say
+TREE_M = 9.0
+_FLATTENING = 1 / 298.257223563  # WGS 84
+_RADIUS_M = 6378137.0
+
+
+def transverse_mercator(lon_lat: FloatArray, centre: tuple[float, float]) -> FloatArray:
+    """(n, 2) metres east and north of the centre, scale 1 on its meridian.
+
+    Krueger's series to the fourth order, as PROJ's tmerc (micrometres within 3 degrees).
+    """
+    lon, lat = np.radians(np.atleast_2d(lon_lat)).T
+    east, north = _kruger(lon - math.radians(centre[0]), lat)
+    origin = _kruger(np.zeros(1), np.radians([centre[1]]))[1]
+    return np.stack([east, north - origin], 1)
+
+
+def _kruger(lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray]:
+    n = _FLATTENING / (2 - _FLATTENING)
+    e = math.sqrt(_FLATTENING * (2 - _FLATTENING))
+    radius = _RADIUS_M / (1 + n) * (1 + n**2 / 4 + n**4 / 64)
+    alpha = (
+        n / 2 - 2 / 3 * n**2 + 5 / 16 * n**3 + 41 / 180 * n**4,
+        13 / 48 * n**2 - 3 / 5 * n**3 + 557 / 1440 * n**4,
+        61 / 240 * n**3 - 103 / 140 * n**4,
+        49561 / 161280 * n**4,
+    )
+    tau = np.sinh(np.arctanh(np.sin(lat)) - e * np.arctanh(e * np.sin(lat)))
+    xi = np.arctan2(tau, np.cos(lon))
+    eta = np.arcsinh(np.sin(lon) / np.hypot(tau, np.cos(lon)))
+    waves = [(2 * k, a) for k, a in enumerate(alpha, start=1)]
+    north = xi + sum(a * np.sin(k * xi) * np.cosh(k * eta) for k, a in waves)
+    east = eta + sum(a * np.cos(k * xi) * np.sinh(k * eta) for k, a in waves)
+    return np.asarray(radius * east), np.asarray(radius * north)
+
+
+RAILWAYS = frozenset("rail light_rail tram subway narrow_gauge monorail".split())
+
+
+@dataclass(frozen=True)
+class Way:
+    """A road or a railway; nodes are names."""
+
+    id: str
+    nodes: list[str]
+    tags: dict[str, str]
+
+
+@dataclass
+class StreetMap:
+    """What an OSM file holds: places by lon, lat in degrees."""
+
+    nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
+    houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
+    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    ways: list[Way] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
+    with_heights: set[str] = field(default_factory=set)  # nodes with `ele`
+    deleted: int = 0  # elements that an editor marked
+    rearranged: bool = False  # nodes stand behind ways or in them, as Overpass may write them
+
+    def of_highways(self) -> list[str]:
+        """Nodes of roads that have a place."""
+        return [i for w in self.ways if "highway" in w.tags for i in w.nodes if i in self.nodes]
+
+    def middle(self) -> tuple[float, float]:
+        """lon, lat of the middle of all highways' nodes."""
+        ids = self.of_highways()
+        places = np.array([self.nodes[i] for i in ids]).reshape(-1, 2)
+        low, high = places.min(0), places.max(0)
+        return float((low + high)[0] / 2), float((low + high)[1] / 2)
+
+
+def opened(file: Path) -> Any:
+    """The file, unpacked if it ends in .gz or .bz2."""
+    if file.suffix.lower() == ".bz2":
+        return bz2.open(file)
+    return gzip.open(file) if file.suffix.lower() == ".gz" else file.open("rb")
+
+
+def read_street_map(file: Path) -> StreetMap:
+    """Raises MapError, and OSError."""
+    found = StreetMap()
+    for node in all_elements(file):
+        _read_element(node, found, file)
+    if not any("highway" in way.tags for way in found.ways):
+        raise MapError(f"{file}: found no way with a highway, allowed one or more")
+    if not found.of_highways():
+        raise MapError(f"{file}: found no node of a highway, allowed two or more")
+    return found
+
+
+def all_elements(file: Path) -> Iterator[Element]:
+    """Nodes, ways and relations. Raises MapError, and OSError."""
+    root = None
+    try:
+        with opened(file) as stream:
+            for event, node in ElementTree.iterparse(stream, events=("start", "end")):
+                if root is None:
+                    root = node
+                    if node.tag != "osm":
+                        raise MapError(f"{file}: found <{node.tag}>, allowed <osm>")
+                elif event == "end" and node.tag in {"node", "way", "relation"}:
+                    yield node
+                    root.clear()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise MapError(f"{file}: not a gzip file that can be read: {error}") from error
+
+
+def _read_element(node: Element, found: StreetMap, file: Path) -> None:
+    if is_deleted(node):
+        found.deleted += 1
+        return
+    tags = {tag.get("k", ""): tag.get("v", "") for tag in node.iterfind("tag")}
+    name = node.get("id", "")
+    if node.tag == "node":
+        if node.get("lon") is None and node.get("lat") is None:
+            return  # only referred to
+        found.nodes[name] = _lon_lat(node, file)
+        found.rearranged |= bool(found.ways)
+        if "ele" in tags:
+            found.with_heights.add(name)
+        if tags.get("natural") == "tree":
+            found.trees.append((name, tags))
+    elif node.tag == "way":
+        ids = [nd.get("ref", "") for nd in node.iterfind("nd")]
+        for nd in node.iterfind("nd"):
+            if nd.get("lon") is not None:
+                found.rearranged = True
+                found.nodes.setdefault(nd.get("ref", ""), _lon_lat(nd, file))
+        if tags.get("building", "no") != "no":
+            found.houses.append((name, ids, tags))
+        elif "highway" in tags or tags.get("railway") in RAILWAYS:
+            found.ways.append(Way(name, ids, tags))
+        elif tags.get("barrier") or tags.get("natural") == "tree_row":
+            kind = tags.get("barrier") or "tree_row"
+            found.others.append(f"way {name}: {kind}, left out")
+    elif "building" in tags:
+        found.others.append(f"relation {name}: building of several outlines, left out")
+
+
+def is_deleted(node: Element) -> bool:
+    """What an editor (JOSM) or a server's history marked as gone."""
+    return node.get("action") == "delete" or node.get("visible") == "false"
+
+
+def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
+    try:
+        lon, lat = float(node.get("lon", "")), float(node.get("lat", ""))
+    except ValueError:
+        lon = lat = math.nan
+    if not (abs(lon) <= 180 and abs(lat) <= 85):
+        raise MapError(
+            f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: found {node.get('lon')!r}, "
+            f"{node.get('lat')!r}, allowed degrees to 180 and 85"
+        )
+    return lon, lat
+
+
+def add_surroundings(
+    found: SiteMap, map_: StreetMap, centre: tuple[float, float], radius_m: float
+) -> None:
+    """Houses and trees within the radius."""
+    heights = []
+    for name, ids, tags in map_.houses:
+        if not all(i in map_.nodes for i in ids):
+            found.not_understood.append(f"way {name}: building with nodes that are not there")
+            continue
+        outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
+        outline = outline[:-1] if ids[0] == ids[-1] else outline
+        if np.hypot(*outline.mean(0)) > radius_m:
+            continue
+        height, said = _height(tags)
+        heights.append(said)
+        if tags.get("min_height") or tags.get("building:min_level"):
+            found.not_understood.append(f"way {name}: building off the ground, built to the ground")
+        x, y = outline.mean(0)
+        if len(outline) < 3 or crosses_itself(outline):
+            found.not_understood.append(f"way {name}: building at {x:.1f} {y:.1f}: no outline")
+            continue
+        found.bodies.append(MapBody(outline, height))
+    for node, tags in map_.trees:
+        x, y = transverse_mercator(np.array([map_.nodes[node]]), centre)[0]
+        if math.hypot(x, y) <= radius_m:
+            metres = _metres(tags.get("height", ""))
+            found.trees.append(MapTree(float(x), float(y), metres or TREE_M))
+    if heights.count(False):
+        found.guessed.append(f"height of {heights.count(False)} of {len(heights)} buildings")
+    found.not_understood += map_.others
+
+
+def _metres(text: str) -> float | None:
+    match = re.match(r"\s*(\d+(?:\.\d+)?)\s*(m|ft|')?\s*$", text)
+    value = float(match[1]) * (0.3048 if match[2] in {"ft", "'"} else 1) if match else 0.0
+    return value if 0.5 <= value <= 1000 else None
+
+
+def _height(tags: dict[str, str]) -> tuple[float, bool]:
+    """Metres, and whether the map says them."""
+    said = _metres(tags.get("height", ""))
+    levels = _metres(tags.get("building:levels", ""))
+    return (said, True) if said else (levels * LEVEL_M, True) if levels else (HOUSE_M, False)
+
+
+def crosses_itself(outline: FloatArray) -> bool:
+    """Whether two sides of an outline (n, 2) cross."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+
+    def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+        return np.asarray(
+            (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+            - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+        )
+
+    p, q, r, s = a[:, None], b[:, None], a[None], b[None]
+    across = (side(p, q, r) * side(p, q, s) < 0) & (side(r, s, p) * side(r, s, q) < 0)
+    return bool(across.any())

@@ -1,0 +1,340 @@
+"""Heights of roads that OpenStreetMap says lie above or below others: bridges and tunnels.
+
+A way on a higher layer is lifted where it crosses another one: level over its whole length, with
+ramps along the roads to both sides. A tunnel goes down in the same manner.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.scenes.maps.openstreetmap import (
+    StreetMap,
+    Way,
+    all_elements,
+    is_deleted,
+    transverse_mercator,
+)
+
+CLEARANCE_M = 6.0  # from one road's surface to the next one's
+LEAST_M = 4.5  # of it, or the crossing is named
+RAMP_M = 150.0  # long, for the clearance: 6 % where it is steepest
+STEP_M = 15.0  # between places of a ramp
+NO_ROADS = frozenset("proposed construction planned abandoned razed disused platform".split())
+APART_M = 3.0  # of such places and a crossing
+COVERED_M = -4.0  # what lies deeper has ground above it
+_ROUNDS = 8
+
+
+@dataclass
+class Levels:
+    """heights: of nodes by id, where not 0; ways: by id with the nodes of their ramps put in."""
+
+    heights: dict[str, float] = field(default_factory=dict)
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat of new nodes
+    ways: dict[str, list[str]] = field(default_factory=dict)
+    crossings: int = 0  # that got their clearance
+    flat: list[str] = field(default_factory=list)  # those that did not, by name
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    upper: Way
+    lower: Way
+    xy: tuple[float, float]
+    on_upper: tuple[str, str]  # nodes before and behind
+    on_lower: tuple[str, str]
+
+
+def level(tags: dict[str, str]) -> int:
+    """`layer`, or what a bridge or a tunnel without one is on."""
+    match = re.match(r"\s*([+-]?\d{1,2})\b", tags.get("layer", ""))
+    if match:
+        return int(match[1])
+    if _is(tags, "bridge"):
+        return 1
+    return -1 if _is(tags, "tunnel") and tags["tunnel"] != "building_passage" else 0
+
+
+def _is(tags: dict[str, str], key: str) -> bool:
+    return tags.get(key, "no") not in ("no", "false", "0", "")
+
+
+def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> Levels:
+    """Heights around the centre; where the map has heights of its own, these hold."""
+    out = Levels()
+    if not any(level(way.tags) for way in map_.ways):
+        return out
+    net = _Net(map_, centre, radius_m)
+    crossings = net.crossings()
+    if crossings and any(i in map_.with_heights for way in map_.ways for i in way.nodes):
+        out.flat = [f"{_name(c)}: left at the heights of the map" for c in crossings]
+        return out
+    if not crossings:
+        return out
+    net.divide(crossings)
+    crossings = net.crossings()
+    net.solve(crossings)
+    for c in crossings:
+        gap = net.gap(c)
+        if gap < LEAST_M:
+            out.flat.append(f"{_name(c)}: {gap:.1f} m apart, no room for ramps of {RAMP_M:g} m")
+    out.crossings = len(crossings) - len(out.flat)
+    out.heights = {i: round(z, 3) for i, z in net.z.items() if abs(z) > 1e-3}
+    out.places = {i: place for i, place in net.new.items() if i in out.heights}
+    for way, nodes in net.ways:
+        if not out.places.keys().isdisjoint(nodes):
+            out.ways[way.id] = [i for i in nodes if i in out.places or i not in net.new]
+    return out
+
+
+def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> None:
+    """The map with its heights and without what was deleted; nodes first, as netconvert wants."""
+    seen, taken = set[str](), set[tuple[str, str]]()
+    with out.open("w", encoding="utf-8") as stream:
+        stream.write('<?xml version="1.0" encoding="UTF-8"?>\n<osm version="0.6">\n')
+        for element in _kept(file, {"node"}):
+            seen.add(element.get("id", ""))
+            height = levels.heights.get(element.get("id", ""))
+            if height is not None or (element.get("lon"), element.get("lat")) not in taken:
+                _place(element, taken)
+            _set_height(element, height)
+            stream.write(ElementTree.tostring(element, encoding="unicode"))
+        more = {i: place for i, place in map_.nodes.items() if i not in seen}
+        for name, (lon, lat) in {**more, **levels.places}.items():
+            element = Element("node", {"id": name, "lon": repr(lon), "lat": repr(lat)})
+            _set_height(element, levels.heights.get(name))
+            stream.write(ElementTree.tostring(element, encoding="unicode"))
+        for element in _kept(file, {"way", "relation"}):
+            if element.tag == "way":
+                _set_nodes(element, levels.ways.get(element.get("id", "")), map_)
+            stream.write(ElementTree.tostring(element, encoding="unicode"))
+        stream.write("</osm>\n")
+
+
+def _place(element: Element, taken: set[tuple[str, str]]) -> Element:
+    """The node, half a metre aside if another one has its place: netconvert makes one of two."""
+    while (place := (element.get("lon", ""), element.get("lat", ""))) in taken:
+        element.set("lat", repr(float(place[1]) + 5e-6))
+    taken.add(place)
+    return element
+
+
+def _kept(file: Path, tags: set[str]) -> Iterator[Element]:
+    return (e for e in all_elements(file) if e.tag in tags and not is_deleted(e))
+
+
+def _set_height(node: Element, height: float | None) -> None:
+    if height is not None:
+        node.append(Element("tag", {"k": "ele", "v": f"{height:.3f}"}))
+
+
+def _set_nodes(way: Element, nodes: list[str] | None, map_: StreetMap) -> None:
+    """Its nodes by name alone, those that have a place."""
+    old = way.findall("nd")
+    for nd in old:
+        way.remove(nd)
+    for name in nodes or [nd.get("ref", "") for nd in old]:
+        if nodes or name in map_.nodes:
+            way.append(Element("nd", {"ref": name}))
+
+
+def _name(c: _Crossing) -> str:
+    x, y = c.xy
+    return f"way {c.upper.id} (bridge, layer) crosses above way {c.lower.id} at {x:.1f} {y:.1f}"
+
+
+class _Net:
+    """Ways as nodes, metres and lengths."""
+
+    def __init__(self, map_: StreetMap, centre: tuple[float, float], radius_m: float) -> None:
+        built = [way for way in map_.ways if way.tags.get("highway") not in NO_ROADS]
+        self.ways = [(way, [i for i in way.nodes if i in map_.nodes]) for way in built]
+        used = sorted({i for _, nodes in self.ways for i in nodes})
+        self.lon_lat = {i: map_.nodes[i] for i in used}
+        places = np.array([map_.nodes[i] for i in used])
+        near = np.abs(places - centre).max(1) < 5  # degrees, past which the projection means little
+        xy = np.where(near[:, None], places, np.array(centre))
+        xy = np.where(near[:, None], transverse_mercator(xy, centre), math.inf)
+        self.xy: dict[str, tuple[float, float]] = dict(
+            zip(used, map(tuple, xy.tolist()), strict=True)
+        )
+        self.reach_m = radius_m + 1000.0
+        self.new: dict[str, tuple[float, float]] = {}
+        self.z: dict[str, float] = {}
+        ids = [int(i) for i in map_.nodes if i.lstrip("-").isdigit()]
+        self._fresh = itertools.count(max(map(abs, ids), default=0) + 1)
+
+    def crossings(self) -> list[_Crossing]:
+        """Pieces of ways on two levels that cross without a common node."""
+        near = {i for i, xy in self.xy.items() if math.hypot(*xy) < self.reach_m}
+        pieces = [
+            (k, a, b)
+            for k, (_, nodes) in enumerate(self.ways)
+            for a, b in itertools.pairwise(nodes)
+            if a in near and b in near
+        ]
+        nodes = [(a, b) for _, a, b in pieces]
+        start, end = (np.array([self.xy[p[i]] for p in nodes]).reshape(-1, 2) for i in (0, 1))
+        on = np.array([level(self.ways[p[0]][0].tags) for p in pieces], int)
+        found: dict[tuple[str, str, int, int], _Crossing] = {}
+        for i in np.flatnonzero(on).tolist():
+            for j in _crossed(start, end, i).tolist():
+                if on[i] == on[j] or not set(pieces[i][1:]).isdisjoint(pieces[j][1:]):
+                    continue
+                u, v = (i, j) if on[i] > on[j] else (j, i)
+                upper, lower = (self.ways[pieces[k][0]][0] for k in (u, v))
+                xy = _meeting(start[u], end[u], start[v], end[v])
+                both = (pieces[u][1], pieces[u][2]), (pieces[v][1], pieces[v][2])
+                key = (upper.id, lower.id, round(xy[0]), round(xy[1]))
+                found.setdefault(key, _Crossing(upper, lower, xy, *both))
+        return list(found.values())
+
+    def divide(self, crossings: list[_Crossing]) -> None:
+        """Puts nodes into long pieces that a ramp may reach."""
+        at = np.array([c.xy for c in crossings])
+        most = max(abs(level(way.tags)) for c in crossings for way in (c.upper, c.lower))
+        reach = 2 * RAMP_M * (1 + min(most, 5))
+        for _, nodes in self.ways:
+            whole = nodes[:1]
+            for a, b in itertools.pairwise(nodes):
+                p, q = np.array(self.xy[a]), np.array(self.xy[b])
+                if np.isfinite([p, q]).all() and _away(at, p, q) < reach:
+                    count = math.ceil(math.dist(p, q) / STEP_M)
+                    parts = np.arange(1, count) / count
+                    apart = [np.hypot(*(p + (q - p) * u - at).T).min() for u in parts]
+                    # netconvert makes one of two nodes at one place
+                    whole += [
+                        self._put(a, b, float(u))
+                        for u, metres in zip(parts, apart, strict=True)
+                        if metres > APART_M
+                    ]
+                whole.append(b)
+            nodes[:] = whole
+
+    def _put(self, a: str, b: str, part: float) -> str:
+        name = str(next(self._fresh))
+        for places in (self.xy, self.lon_lat):
+            (x0, y0), (x1, y1) = places[a], places[b]
+            places[name] = (x0 + (x1 - x0) * part, y0 + (y1 - y0) * part)
+        self.new[name] = self.lon_lat[name]
+        return name
+
+    def solve(self, crossings: list[_Crossing]) -> None:
+        """Heights at which crossings have their clearance, as far as the roads' lengths let."""
+        ways = {way.id: nodes for way, nodes in self.ways}
+        next_: dict[str, dict[str, float]] = {}
+        for _, nodes in self.ways:
+            for a, b in itertools.pairwise(nodes):
+                metres = math.dist(self.xy[a], self.xy[b])
+                next_.setdefault(a, {})[b] = next_.setdefault(b, {})[a] = metres
+        goal: dict[str, float] = {}  # of ways, level over their length
+        pinned: dict[str, set[str]] = {}  # nodes that a way's ramps leave alone
+        for c in crossings:
+            pinned.setdefault(c.upper.id, set()).update(c.on_lower)
+            pinned.setdefault(c.lower.id, set()).update(c.on_upper)
+        for _ in range(_ROUNDS):
+            done = True
+            for c in sorted(crossings, key=lambda c: level(c.upper.tags)):
+                lack = CLEARANCE_M - self.gap(c)
+                if lack < 0.01:
+                    continue
+                done = False
+                if level(c.upper.tags) > 0:
+                    name, z = c.upper.id, self.z_at(c.on_lower, c.xy) + CLEARANCE_M
+                    goal[name] = max(goal.get(name, 0.0), z)
+                else:
+                    name, z = c.lower.id, self.z_at(c.on_upper, c.xy) - CLEARANCE_M
+                    goal[name] = min(goal.get(name, 0.0), z)
+            if done:
+                return
+            high, low = dict[str, float](), dict[str, float]()
+            for name, z in goal.items():
+                side, still = (high if z > 0 else low), pinned[name] - set(ways[name])
+                for node, share in _ramps(next_, ways[name], still, abs(z)).items():
+                    side[node] = max(side.get(node, 0.0), abs(z) * share)
+            self.z = {i: high.get(i, 0.0) - low.get(i, 0.0) for i in {*high, *low}}
+
+    def z_at(self, piece: tuple[str, str], xy: tuple[float, float]) -> float:
+        """Of a piece of a way, where it comes by a place."""
+        a, b = piece
+        part = math.dist(self.xy[a], xy) / max(math.dist(self.xy[a], self.xy[b]), 1e-9)
+        return (1 - part) * self.z.get(a, 0.0) + part * self.z.get(b, 0.0)
+
+    def gap(self, c: _Crossing) -> float:
+        return self.z_at(c.on_upper, c.xy) - self.z_at(c.on_lower, c.xy)
+
+
+def _ramps(
+    next_: dict[str, dict[str, float]], way: list[str], still: set[str], height_m: float
+) -> dict[str, float]:
+    """Shares of a way's height: 1 on it, 0 at the end of its ramps and at nodes that stay."""
+    length = RAMP_M * max(1.0, height_m / CLEARANCE_M)
+    back = _distances(next_, still, length)
+    shares = {}
+    for node, metres in _distances(next_, way, length).items():
+        whole = min(length, metres + back.get(node, math.inf))
+        u = min(1.0, metres / whole) if whole > 0 else 1.0
+        shares[node] = 1 - u * u * (3 - 2 * u)
+    return shares
+
+
+def _distances(
+    next_: dict[str, dict[str, float]], sources: Iterable[str], limit: float
+) -> dict[str, float]:
+    """Metres along the ways to each node within the limit."""
+    found: dict[str, float] = {}
+    heap = [(0.0, i) for i in sorted(sources)]
+    while heap:
+        metres, node = heapq.heappop(heap)
+        if node in found:
+            continue
+        found[node] = metres
+        for other, step in next_.get(node, {}).items():
+            if other not in found and metres + step <= limit:
+                heapq.heappush(heap, (metres + step, other))
+    return found
+
+
+def _crossed(start: FloatArray, end: FloatArray, i: int) -> IntArray:
+    """Numbers of the pieces that cross piece i or end at it."""
+    a, b = start[i], end[i]
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    near = ((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low)).all(1)
+    some = np.flatnonzero(near)
+    p, q = start[some], end[some]
+    across = (_side(a, b, p) * _side(a, b, q) <= 0) & (_side(p, q, a) * _side(p, q, b) <= 0)
+    across &= _side(p, q, a) != _side(p, q, b)  # not one along the other
+    return np.asarray(some[across])
+
+
+def _side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+    return np.asarray(
+        (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+        - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+    )
+
+
+def _meeting(a: FloatArray, b: FloatArray, p: FloatArray, q: FloatArray) -> tuple[float, float]:
+    """Where a line from a to b crosses one from p to q."""
+    before, behind = _side(p, q, a), _side(p, q, b)
+    x, y = a + (b - a) * (before / (before - behind))
+    return float(x), float(y)
+
+
+def _away(at: FloatArray, p: FloatArray, q: FloatArray) -> float:
+    """Least distance of places (n, 2) to a piece."""
+    along = q - p
+    part = ((at - p) @ along / max(float(along @ along), 1e-9)).clip(0, 1)
+    return float(np.hypot(*(p + part[:, None] * along - at).T).min())

@@ -1,0 +1,145 @@
+"""Boxes that others recorded: a CSV with its own names of columns, or the labels of frames."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.csv_table import numbers, read_words
+from pyinfra.formats.kitti import frame_file, frames, read_labels, read_lidar
+from pyinfra.scenes.maps.box_links import link
+from pyinfra.scenes.maps.tracks import CLASSES
+
+MOST_OBJECTS = 100_000
+_NEEDED = ("x", "y", "z", "heading", "dx", "dy", "dz", "class")
+_COLUMNS = (*_NEEDED, "t", "frame", "id")
+_RULES = {
+    **dict.fromkeys("xyz", (-1e7, 1e7)),
+    **dict.fromkeys(("dx", "dy", "dz"), (0.1, 50.0)),
+    "heading": (-1e4, 1e4),
+    "t": (-1e10, 1e10),
+    "frame": (-1e10, 1e10),
+}
+
+
+@dataclass(frozen=True)
+class BoxColumns:
+    """How to read a CSV. names: ours to the file's; classes: the file's to ours."""
+
+    names: dict[str, str] = field(default_factory=dict)
+    classes: dict[str, str] = field(default_factory=dict)
+    rate_hz: float | None = None  # of the column `frame`
+    degrees: bool = False
+
+
+@dataclass(frozen=True)
+class BoxTrack:
+    """One object's rows in a file. times: (n,) s, rising; boxes: (n, 7) world."""
+
+    name: str
+    object_class: str
+    times: FloatArray
+    boxes: FloatArray
+
+
+def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
+    """The objects of a CSV; without a column `id` boxes are linked. Raises FormatError, OSError."""
+    unknown = sorted(set(how.names) - set(_COLUMNS))
+    if unknown:
+        raise ValueError(f"--columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
+    words = read_words(file)
+    ours = {theirs: own for own, theirs in how.names.items()}
+    words = words.rename(columns=ours)
+    clock = "frame" if how.rate_hz is not None else "t"
+    for name in (*_NEEDED, clock):
+        if name not in words.columns:
+            have = ", ".join(map(str, words.columns))[:200]
+            raise FormatError(f"{file}:1: found columns {have}, allowed with '{name}' (--columns)")
+    if not len(words):
+        raise FormatError(f"{file}: found no row, allowed one or more")
+    values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
+    times = values[clock] / (how.rate_hz or 1.0)
+    boxes = np.column_stack([values[n] for n in ("x", "y", "z", "dx", "dy", "dz", "heading")])
+    if how.degrees:
+        boxes[:, 6] = np.radians(boxes[:, 6])
+    elif (np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3).any():
+        row = int(np.argmax(np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3))
+        raise FormatError(f"{file}:{row + 2}: heading: found degrees, allowed --degrees or radians")
+    classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
+    ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
+    return _tracks(file, times, boxes, classes, ids)
+
+
+def read_frames(folder: Path) -> list[BoxTrack]:
+    """The labels of a LiDAR's folder (KITTI layout), linked, in the world. As read_boxes."""
+    lidar = read_lidar(folder)
+    pose = lidar.T_world_levelled
+    times, boxes, names = [], [np.zeros((0, 7))], [np.zeros(0, str)]
+    for frame in frames(folder):
+        labels = read_labels(frame_file(folder, "label_2", frame))
+        times += [(frame + 0.5) * lidar.period_s] * len(labels.boxes)
+        boxes.append(labels.boxes)
+        names.append(labels.names.astype(str))
+    if not times:
+        raise FormatError(f"{folder}: found no label, allowed one or more")
+    all_boxes, classes = np.concatenate(boxes), np.concatenate(names)
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    x, y = all_boxes[:, 0].copy(), all_boxes[:, 1].copy()
+    all_boxes[:, 0], all_boxes[:, 1] = cos * x - sin * y + pose.x, sin * x + cos * y + pose.y
+    all_boxes[:, 2] += pose.z
+    all_boxes[:, 6] += pose.yaw
+    wrong = sorted(set(classes) - set(CLASSES))
+    if wrong:
+        raise FormatError(f"{folder}: found class '{wrong[0]}', allowed {', '.join(CLASSES)}")
+    at = np.array(times)
+    return _tracks(folder, at, all_boxes, classes, link(at, all_boxes, classes))
+
+
+def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
+    """A column of numbers, each there and in range."""
+    values = numbers(file, words[name]).to_numpy(float)
+    low, high = _RULES[name]
+    wrong = ~((values >= low) & (values <= high))
+    if wrong.any():
+        row = int(wrong.argmax())
+        found = words[name].iloc[row]
+        raise FormatError(f"{file}:{row + 2}: {name}: found '{found}', allowed {low:g} to {high:g}")
+    return np.asarray(values)
+
+
+def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
+    ours = how.classes.get(name, name)
+    if ours not in CLASSES:
+        allowed = f"{', '.join(CLASSES)}, or --class-of {shlex.quote(f'{name}=Car')}"
+        raise FormatError(f"{file}:{row + 2}: class: found '{name[:40]}', allowed {allowed}")
+    return ours
+
+
+def _tracks(
+    file: Path, times: FloatArray, boxes: FloatArray, classes: np.ndarray, ids: np.ndarray
+) -> list[BoxTrack]:
+    names, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
+    if len(names) > MOST_OBJECTS:
+        raise FormatError(f"{file}: found {len(names)} objects, allowed {MOST_OBJECTS}")
+    order = np.argsort(inverse, kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(inverse))[:-1])
+    tracks = []
+    for i in np.argsort(first):
+        rows = groups[i]
+        back = np.flatnonzero(np.diff(times[rows]) <= 0)
+        if len(back):
+            line = rows[back[0] + 1] + 2
+            raise FormatError(
+                f"{file}:{line}: t: found {times[rows[back[0] + 1]]:g} after "
+                f"{times[rows[back[0]]]:g} of object '{names[i]}', allowed times that rise"
+            )
+        if len(set(classes[rows])) > 1:
+            raise FormatError(f"{file}: found object '{names[i]}' of two classes, allowed one")
+        tracks.append(BoxTrack(str(names[i]), str(classes[rows[0]]), times[rows], boxes[rows]))
+    return tracks

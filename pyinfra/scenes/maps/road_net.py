@@ -1,0 +1,171 @@
+"""What traffic needs of a SUMO network: which edges lead where, who may use them, how long."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+
+TURN_LIMIT_M_S2 = 2.5  # sideways, on ways over a junction
+_MARK_M = 5.0
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A road in one direction. shape: (n, 2) x y of its first lane for anything but walking."""
+
+    name: str
+    start: str
+    end: str
+    shape: FloatArray
+    speed_m_s: float
+    lanes: tuple[frozenset[str] | None, ...]  # whom each lane bears among the asked; None: all
+
+    def lanes_for(self, sumo_class: str) -> int:
+        """How many of its lanes bear this class."""
+        return sum(lane is None or sumo_class in lane for lane in self.lanes)
+
+    @cached_property
+    def length_m(self) -> float:
+        """Of its shape."""
+        return float(np.linalg.norm(np.diff(self.shape, axis=0), axis=1).sum())
+
+    @cached_property
+    def marks(self) -> FloatArray:
+        """Points (n, 2) of its shape, at most 5 m apart."""
+        pieces = []
+        for a, b in zip(self.shape, self.shape[1:], strict=False):
+            count = int(np.ceil(np.linalg.norm(b - a) / _MARK_M)) + 1
+            pieces.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
+        return np.concatenate(pieces)
+
+
+@dataclass(frozen=True)
+class RoadNet:
+    """Edges by name; links: which edge leads to which others, and whom (None: all).
+
+    offset: see `origin_m`.
+    """
+
+    edges: dict[str, Edge]
+    links: dict[str, dict[str, frozenset[str] | None]]
+    offset_m: tuple[float, float]  # what netconvert added to the map's coordinates
+    walkable: bool  # sidewalks and crossings are connected
+    turn_speed_limited: bool
+
+    def sources(self, sumo_class: str) -> list[Edge]:
+        """Where traffic enters the map: nothing leads there but a way back."""
+        led = {to for name, targets in self.links.items() for to in targets}
+        turns = {to for to in led if not self._leads_on(to)}
+        return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
+
+    def sinks(self, sumo_class: str) -> list[Edge]:
+        """Where it leaves the map."""
+        return [e for e in self._of(sumo_class) if not self._goes_on(e)]
+
+    def routes_from(self, source: Edge, sumo_class: str) -> dict[str, list[str]]:
+        """The fastest way, edges by name, to each edge that can be reached."""
+        best: dict[str, list[str]] = {}
+        heap: list[tuple[float, list[str]]] = [(0.0, [source.name])]
+        while heap:
+            seconds, way = heapq.heappop(heap)
+            edge = self.edges[way[-1]]
+            if edge.name in best:
+                continue
+            best[edge.name] = way
+            seconds += edge.length_m / edge.speed_m_s
+            for to, borne in sorted(self.links.get(edge.name, {}).items()):
+                if to not in best and (borne is None or sumo_class in borne):
+                    heapq.heappush(heap, (seconds, [*way, to]))
+        return best
+
+    def _of(self, sumo_class: str) -> list[Edge]:
+        return [e for e in self.edges.values() if e.lanes_for(sumo_class)]
+
+    def _goes_on(self, edge: Edge) -> bool:
+        return any(self.edges[to].end != edge.start for to in self.links.get(edge.name, ()))
+
+    def _leads_on(self, name: str) -> bool:
+        into = [e for e, targets in self.links.items() if name in targets]
+        return any(self.edges[e].start != self.edges[name].end for e in into)
+
+
+def read_road_net(file: Path) -> RoadNet:
+    """Reads a .net.xml. Raises FormatError, OSError."""
+    try:
+        root = ElementTree.parse(file).getroot()
+    except ElementTree.ParseError as error:
+        raise FormatError(f"{file}: found broken XML ({error}), allowed a SUMO network") from error
+    if root.tag != "net":
+        raise FormatError(f"{file}: found <{root.tag[:40]}>, allowed <net>")
+    try:
+        return _net(root)
+    except (KeyError, ValueError) as error:
+        raise FormatError(f"{file}: found an element without, or with a wrong, {error}") from error
+
+
+def _net(root: ElementTree.Element) -> RoadNet:
+    edges = {e.name: e for node in root.findall("edge") if (e := _edge(node)) is not None}
+    links: dict[str, dict[str, frozenset[str] | None]] = {}
+    for link in root.findall("connection"):
+        if link.attrib["from"] in edges and link.attrib["to"] in edges:
+            start, end = edges[link.attrib["from"]], edges[link.attrib["to"]]
+            borne = _led(link, start, end)
+            before = links.setdefault(start.name, {}).get(end.name, frozenset())
+            both = None if borne is None or before is None else before | borne
+            links[start.name][end.name] = both
+    location = root.find("location")
+    offset = "0,0" if location is None else location.attrib["netOffset"]
+    x, y = (float(v) for v in offset.split(","))
+    slow_turns = 0 < float(root.get("limitTurnSpeed", "0")) <= TURN_LIMIT_M_S2
+    functions = {node.get("function") for node in root.findall("edge")}
+    return RoadNet(edges, links, (x, y), "walkingarea" in functions, slow_turns)
+
+
+def _edge(node: ElementTree.Element) -> Edge | None:
+    """None for what lies in a junction, and for what has no lane."""
+    lanes = node.findall("lane")
+    if node.get("function", "normal") not in ("normal", "connector") or not lanes:
+        return None
+    driven = [lane for lane in lanes if lane.get("allow") != "pedestrian"] or lanes
+    points = [p.split(",")[:2] for p in driven[0].attrib["shape"].split()]
+    return Edge(
+        node.attrib["id"],
+        node.attrib["from"],
+        node.attrib["to"],
+        np.array(points, dtype=float),
+        max(float(driven[0].attrib["speed"]), 0.1),
+        tuple(_borne(lane) for lane in lanes),
+    )
+
+
+def _led(link: ElementTree.Element, start: Edge, end: Edge) -> frozenset[str] | None:
+    """Whom a connection leads from lane to lane; who walks goes from edge to edge."""
+    lanes = [_lane(start, link.get("fromLane")), _lane(end, link.get("toLane")), _borne(link)]
+    walks = start.lanes_for("pedestrian") and end.lanes_for("pedestrian")
+    some = [lane for lane in lanes if lane is not None]
+    if not some:
+        return None
+    return frozenset.intersection(*some) | (frozenset({"pedestrian"}) if walks else frozenset())
+
+
+def _lane(edge: Edge, index: str | None) -> frozenset[str] | None:
+    number = int(index or 0)
+    return edge.lanes[number] if 0 <= number < len(edge.lanes) else frozenset()
+
+
+_ASKED = {"passenger", "delivery", "truck", "bus", "motorcycle", "bicycle", "pedestrian"}
+
+
+def _borne(lane: ElementTree.Element) -> frozenset[str] | None:
+    if "allow" in lane.attrib:
+        names = set(lane.attrib["allow"].split())
+        return None if "all" in names else frozenset(_ASKED & names)
+    return frozenset(_ASKED - set(lane.get("disallow", "").split()))

@@ -1,0 +1,230 @@
+"""Roads, footways, junctions, terrain and houses of a map as triangles."""
+
+import itertools
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.formats.ply import Triangles, together
+from pyinfra.scenes.maps.lane_map import MapBody, MapLane, SiteMap
+
+TERRAIN_CELL_M = 4.0
+TERRAIN_MARGIN_M = 60.0
+TERRAIN_BELOW_M = 0.08  # under the road
+FILL_CELL_M = 1.0
+FILL_BELOW_M = 0.01  # of a junction's paving under its lanes
+SEAM_M = 0.02
+SINK_M = 0.5  # of a house into the ground
+ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+def strip(lane: MapLane) -> Triangles:
+    """The lane's surface, and walls down to its z on both sides if it is raised."""
+    up = np.array([0, 0, lane.kerb_m])
+    left, right = longer(lane.left, lane.right)
+    rows = [left, left + up, right + up, right] if lane.kerb_m else [left, right]
+    return together([ribbon(a, b) for a, b in itertools.pairwise(rows)])
+
+
+def longer(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Borders that go on by SEAM_M at both ends: no ray falls between a lane and the next."""
+    centre = (left + right) / 2
+    ends = []
+    for inner, end in ((1, 0), (-2, -1)):
+        step = centre[end] - centre[inner]
+        ends.append(step * (SEAM_M / max(float(np.hypot(*step[:2])), 1e-3)))
+    return tuple(np.vstack([b[:1] + ends[0], b, b[-1:] + ends[1]]) for b in (left, right))  # type: ignore[return-value]
+
+
+def ribbon(left: FloatArray, right: FloatArray) -> Triangles:
+    """Triangles between two lines (n, 3) of as many points, facing up if left is on the left."""
+    n = len(left)
+    i = np.arange(n - 1)
+    faces = np.concatenate([np.stack([i, n + i, n + i + 1], 1), np.stack([i, n + i + 1, i + 1], 1)])
+    return Triangles(np.concatenate([left, right]), faces)
+
+
+def paved_points(lanes: list[MapLane]) -> FloatArray:
+    """(n, 3) points on the lanes at most about a metre apart."""
+    rows = []
+    for lane in lanes:
+        step = np.hypot(*np.diff(lane.centre[:, :2], axis=0).T)
+        more = np.ceil(step).astype(int).clip(1)
+        index = np.repeat(np.arange(len(step)), more)
+        part = (np.arange(len(index)) - np.repeat(np.cumsum(more) - more, more)) / more[index]
+        at = np.append(index + part, len(step))
+        low = np.minimum(at.astype(int), len(step) - 1)
+        f = (at - low)[:, None]
+        left, right = (b[low] * (1 - f) + b[low + 1] * f for b in (lane.left, lane.right))
+        rows += [left + (right - left) * share for share in ACROSS]
+    return np.concatenate(rows)
+
+
+class Sheet:
+    """A grid of heights that lies nowhere above the points it was made of."""
+
+    def __init__(self, points: FloatArray, cell_m: float, margin_m: float, below_m: float) -> None:
+        self.cell_m = cell_m
+        self.low = points[:, :2].min(0) - margin_m
+        shape = np.ceil((points[:, :2].max(0) + margin_m - self.low) / cell_m).astype(int) + 1
+        cells = np.full(shape, np.inf)
+        at = ((points[:, :2] - self.low) / cell_m).astype(int)
+        np.minimum.at(cells, (at[:, 0], at[:, 1]), points[:, 2])
+        padded = np.pad(cells, ((1, 0), (1, 0)), constant_values=np.inf)
+        corners = [padded[1:, 1:], padded[:-1, 1:], padded[1:, :-1], padded[:-1, :-1]]
+        self.z = _filled(np.minimum.reduce(corners), 20 if margin_m > cell_m else 0) - below_m
+
+    def mesh(self, wanted: BoolArray | None = None) -> Triangles:
+        """All cells, or the wanted ones (nx - 1, ny - 1)."""
+        nx, ny = self.z.shape
+        x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
+        places = np.stack([x, y], -1) * self.cell_m + self.low
+        i, j = np.nonzero(np.ones((nx - 1, ny - 1), bool) if wanted is None else wanted)
+        a, b = i * ny + j, (i + 1) * ny + j
+        faces = np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
+        used, numbers = np.unique(faces, return_inverse=True)
+        vertices = np.concatenate([places, self.z[..., None]], -1).reshape(-1, 3)
+        return Triangles(vertices[used], numbers.reshape(-1, 3))
+
+    def at(self, xy: FloatArray) -> FloatArray:
+        """(n,) lowest corner of the cell of each place; of the nearest one outside."""
+        i, j = ((xy - self.low) / self.cell_m).astype(int).T
+        i, j = i.clip(0, self.z.shape[0] - 2), j.clip(0, self.z.shape[1] - 2)
+        corners = [self.z[i + a, j + b] for a in (0, 1) for b in (0, 1)]
+        return np.asarray(np.minimum.reduce(corners))
+
+
+def _filled(z: FloatArray, rounds: int) -> FloatArray:
+    """Heights where there are none grow in from those beside, and are evened out there."""
+    known = np.isfinite(z)
+    z = np.where(known, z, 0.0)
+    have = known.copy()
+    while not have.all():
+        z, have = _grown(z, have)
+    for _ in range(rounds):
+        around, _ = _means(z, np.ones_like(known))
+        z = np.where(known, z, around)
+    return z
+
+
+def _grown(z: FloatArray, have: BoolArray) -> tuple[FloatArray, BoolArray]:
+    around, counts = _means(z, have)
+    new = ~have & (counts > 0)
+    return np.where(new, around, z), have | new
+
+
+def _means(z: FloatArray, have: BoolArray) -> tuple[FloatArray, IntArray]:
+    padded, there = np.pad(z * have, 1), np.pad(have.astype(int), 1)
+    views = [(slice(None, -2), slice(1, -1)), (slice(2, None), slice(1, -1))]
+    views += [(slice(1, -1), slice(None, -2)), (slice(1, -1), slice(2, None))]
+    counts = sum((there[v] for v in views), np.zeros(z.shape, int))
+    return sum((padded[v] for v in views), np.zeros(z.shape)) / counts.clip(1), counts
+
+
+def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
+    """Whether points (n, 2) lie within an outline (m, 2), by the number of sides to their east."""
+    (x0, y0), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
+    x, y = xy[:, :1], xy[:, 1:]
+    cut = (y0 > y) != (y1 > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        east = x < x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+    return np.asarray((cut & east).sum(1) % 2 == 1)
+
+
+def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles]:
+    """Paving between the lanes of each junction, just under them."""
+    meshes = []
+    points = points[np.argsort(points[:, 0])]
+    for outline in areas:
+        low, high = outline.min(0) - 2, outline.max(0) + 2
+        beside = points[slice(*np.searchsorted(points[:, 0], [low[0], high[0]]))]
+        near = beside[(beside[:, 1] > low[1]) & (beside[:, 1] < high[1])]
+        if not len(near) or (high - low).max() > 500:
+            continue
+        sheet = Sheet(near, FILL_CELL_M, 1.0, FILL_BELOW_M)
+        nx, ny = sheet.z.shape
+        x, y = np.meshgrid(np.arange(nx - 1) + 0.5, np.arange(ny - 1) + 0.5, indexing="ij")
+        middles = np.stack([x, y], -1).reshape(-1, 2) * FILL_CELL_M + sheet.low
+        wanted = contains(outline, middles).reshape(nx - 1, ny - 1)
+        if wanted.any():
+            meshes.append(sheet.mesh(wanted))
+    return meshes
+
+
+def ears(outline: FloatArray) -> IntArray:
+    """Triangles (n - 2, 3) of an outline (n, 2) that does not cross itself, counter-clockwise."""
+    x, y = outline.T
+    area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    left = list(range(len(outline)) if area > 0 else range(len(outline) - 1, -1, -1))
+    found = []
+    while len(left) > 3:
+        for k in range(len(left)):
+            a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
+            if _turn(outline[a], outline[b], outline[c]) <= 1e-9:
+                continue
+            others = outline[[i for i in left if i not in (a, b, c)]]
+            if not _inside(outline[[a, b, c]], others).any():
+                break
+        else:  # what is left has no area
+            k = 0
+            a, b, c = left[-1], left[0], left[1]
+        found.append([a, b, c])
+        del left[k]
+    return np.array([*found, left])
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _inside(corners: FloatArray, xy: FloatArray) -> BoolArray:
+    sides = [
+        (q[0] - p[0]) * (xy[:, 1] - p[1]) - (q[1] - p[1]) * (xy[:, 0] - p[0])
+        for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    ]
+    return np.asarray((np.stack(sides) >= 0).all(0))
+
+
+def footway(shape: FloatArray, kerb_m: float) -> Triangles:
+    """A paved place (n, 3), raised by its kerb, with its side."""
+    top = shape + np.array([0, 0, kerb_m])
+    ring = np.arange(len(shape)) if _area(shape[:, :2]) < 0 else np.arange(len(shape))[::-1]
+    ring = np.append(ring, ring[0])
+    return together([Triangles(top, ears(shape[:, :2])), ribbon(top[ring], shape[ring])])
+
+
+def _area(outline: FloatArray) -> float:
+    x, y = outline.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+
+
+def body(thing: MapBody, terrain: Sheet) -> Triangles:
+    """Walls and roof; without a base of its own it stands on the lowest terrain under it."""
+    ground = float(terrain.at(thing.outline).min())
+    base = ground if thing.base_m is None else thing.base_m
+    outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
+    ring = np.append(np.arange(len(outline)), 0)
+    heights = (base + thing.height_m, base if thing.hangs else min(base, ground) - SINK_M)
+    top, bottom = (np.insert(outline, 2, z, axis=1) for z in heights)
+    parts = [Triangles(top, ears(outline)), ribbon(top[ring], bottom[ring])]
+    if thing.hangs:
+        parts.append(Triangles(bottom, ears(outline)[:, ::-1]))
+    return together(parts)
+
+
+def surfaces(found: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:
+    """Meshes by name (road, sidewalk, terrain, buildings), and the terrain."""
+    points = paved_points(found.lanes)
+    points = points[points[:, 2] >= found.covered_m]
+    terrain = Sheet(points, TERRAIN_CELL_M, TERRAIN_MARGIN_M, TERRAIN_BELOW_M)
+    road = [strip(lane) for lane in found.lanes if lane.kind == "road"]
+    fill = junction_fill(found.areas, paved_points([x for x in found.lanes if x.kind == "road"]))
+    walked = [strip(lane) for lane in found.lanes if lane.kind == "sidewalk"]
+    walked += [footway(shape, footway_kerb_m) for shape in found.footways if len(shape) >= 3]
+    meshes = {
+        "road": together([*road, *fill]),
+        "sidewalk": together(walked),
+        "terrain": terrain.mesh(),
+        "buildings": together([body(thing, terrain) for thing in found.bodies]),
+    }
+    return {name: mesh for name, mesh in meshes.items() if len(mesh.faces)}, terrain

@@ -1,0 +1,163 @@
+"""Traffic of a site by SUMO: its network, signals and right of way; tracks that move smoothly."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.fcd import Recorded, read_fcd
+from pyinfra.scenes.maps.netconvert import DETAIL
+from pyinfra.scenes.maps.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
+from pyinfra.scenes.maps.smoothing import smooth
+from pyinfra.scenes.maps.sumo import run_tool
+from pyinfra.scenes.maps.tracks import STEP_S, FrontPath, Track, from_zero
+from pyinfra.scenes.maps.traffic_demand import Demand, Trips, trips
+from pyinfra.scenes.maps.traffic_figures import without_overlaps
+
+NET = "map.net.xml"
+REACH_M = 300.0  # from a mount; who drives on is no more in the file, and may come back as another
+STRIPE_M = "0.8"  # as wide as anyone walks, so that two pass each other
+_WARM_UP_S, _WALKING_S = 200, 400
+MOST_UNROUTED = 0.5  # of the trips
+_AROUND_S = 4.0  # before and after, so that averages have neighbours
+_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
+_WALKS = (
+    *("--sidewalks.guess", "true", "--crossings.guess", "true"),
+    *("--sidewalks.guess.max-speed", "14"),  # beside roads of up to 50 km/h
+)
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Tracks, the first of them from 0 on, and what was left out and why."""
+
+    tracks: list[Track]
+    asked: int  # objects that were to depart
+    rough: list[str]  # no average made them smooth
+    overlapping: list[str]  # they stood in others
+    unrouted: list[str]  # SUMO found no valid route for them
+
+
+@dataclass(frozen=True)
+class SumoRun:
+    """What SUMO did. paths: their instants count from its own start, which lies before `start`."""
+
+    paths: list[FrontPath]
+    asked: int  # objects that were to depart
+    start: int  # instants
+    count: int
+    unrouted: list[str]  # names of those for whom SUMO found no valid route
+
+
+def simulate(
+    net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int
+) -> Traffic:
+    """Traffic on a SUMO network in the world's coordinates; feet: (k, 2) of the mounts.
+
+    Raises ValueError, FormatError, OSError, RuntimeError (of SUMO).
+    """
+    return cleaned(record(net_file, feet, demand, seconds, seed), feet)
+
+
+def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> SumoRun:
+    """As simulate, before anything is smoothed or left out."""
+    demand.check()
+    if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
+        raise ValueError("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
+    warm_up = _WALKING_S if demand.pedestrians_per_hour else _WARM_UP_S
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        net_used = _prepared(net_file, read_road_net(net_file), demand, work)
+        asked = trips(read_road_net(net_used), feet, demand, warm_up + seconds + _AROUND_S, seed)
+        recorded, unrouted = _run_sumo(net_used, asked, warm_up, seconds, seed, work)
+    paths = [_front_path(r, asked) for r in recorded]
+    start, count = round(warm_up / STEP_S), round(seconds / STEP_S)
+    return SumoRun(paths, len(asked.sizes), start, count, unrouted)
+
+
+def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
+    """Smoothed, cut to the time and to what is near the mounts, without overlaps."""
+    tracks, rough = [], []
+    start, end = sumo_run.start, sumo_run.start + sumo_run.count
+    for path in sumo_run.paths:
+        track = smooth(path)
+        if track is None:
+            rough.append(path.name)
+        elif (part := track.between(start, end)) is not None:
+            tracks += part.near(feet, REACH_M)
+    kept, overlapping = without_overlaps(tracks)
+    return Traffic(from_zero(kept), sumo_run.asked, rough, overlapping, sumo_run.unrouted)
+
+
+def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
+    object_class, size = asked.sizes[recorded.type_name]
+    first = round(float(recorded.rows[0, 0]) / STEP_S)
+    points = recorded.rows[:, 1:4]
+    return FrontPath(recorded.name, object_class, size, first, points, recorded.rows[:, 4])
+
+
+def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
+    """The net with slow turns, and with sidewalks where someone walks; rebuilt if it has none."""
+    walks = demand.pedestrians_per_hour > 0 and not net.walkable
+    if net.turn_speed_limited and not walks:
+        return net_file
+    out = work / NET
+    words = ["--sumo-net-file", str(net_file), "--output-file", str(out)]
+    words += ["--offset.disable-normalization", "true", *_TURN_LIMIT]
+    run_tool("netconvert", [*words, *(_WALKS if walks else ())])
+    return out
+
+
+def _run_sumo(
+    net: Path, asked: Trips, warm_up: float, seconds: float, seed: int, work: Path
+) -> tuple[list[Recorded], list[str]]:
+    """What moved, and who was left out because SUMO found no valid route."""
+    routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
+    begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
+    words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
+    words += ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--end", str(end)]
+    words += ["--fcd-output", str(fcd), "--device.fcd.begin", str(begin), "--precision", "4"]
+    words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
+    words += ["--collision.action", "none", "--pedestrian.model", "striping"]
+    words += ["--pedestrian.striping.stripe-width", STRIPE_M]
+    words += ["--no-step-log", "true", "--no-warnings", "true"]
+    xml, unrouted = asked.xml, list[str]()
+    while True:
+        routes.write_text(xml)
+        try:
+            run_tool("sumo", words)
+            break
+        except RuntimeError as error:
+            xml, gone = without_route(xml, str(error))
+            if not gone or len(unrouted) + len(gone) > MOST_UNROUTED * len(asked.sizes):
+                raise
+            unrouted += gone
+    return read_fcd(fcd), unrouted
+
+
+def without_route(xml: str, error: str) -> tuple[str, list[str]]:
+    """The trips less those that SUMO named, or that take the same turn by the same class of road.
+
+    Returns the trips and the names of those left out; none if the error is another one.
+    """
+    named = re.search(r"(?:[Vv]ehicle|[Pp]erson) '([^']+)'", error)
+    if not named or not re.search("no valid route|[Nn]o connection|[Nn]o route", error):
+        return xml, []
+    turn = re.search(r"between edge '([^']+)' and edge '([^']+)'", error)
+    object_class = named[1].rpartition("_")[0]
+    kept, gone = [], []
+    for line in xml.splitlines(keepends=True):
+        who = re.match(r'<(?:vehicle|person) id="([^"]+)"', line)
+        takes = turn is not None and re.search(
+            rf'[" ]{re.escape(turn[1])} {re.escape(turn[2])}[" ]', line
+        )
+        same = who and who[1].rpartition("_")[0] == object_class
+        if who and (who[1] == named[1] or (takes and same)):
+            gone.append(who[1])
+        else:
+            kept.append(line)
+    return "".join(kept), gone

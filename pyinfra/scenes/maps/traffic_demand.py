@@ -1,0 +1,194 @@
+"""Who drives and walks where: trips through the region that begin and end outside of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps.road_net import Edge, RoadNet
+from pyinfra.scenes.maps.tracks import CLASSES
+from pyinfra.scenes.maps.traffic_figures import REGION_M
+
+MARGIN_M = 20.0  # trips begin and end at least so far outside the region
+_MOST_SOURCES = 60  # of a map without ends, drawn
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What enters the region in an hour; shares are those of the vehicles."""
+
+    vehicles_per_hour: float
+    pedestrians_per_hour: float = 0
+    bicycles_per_hour: float = 0
+    class_shares: dict[str, float] = field(
+        default_factory=lambda: {
+            "Car": 0.74,
+            "Van": 0.10,
+            "Truck": 0.06,
+            "Bus": 0.03,
+            "Motorcycle": 0.07,
+        }
+    )
+
+    def check(self) -> None:
+        """Raises ValueError for a rate that no map bears."""
+        for name in ("vehicles_per_hour", "pedestrians_per_hour", "bicycles_per_hour"):
+            rate = getattr(self, name)
+            if not 0 <= rate <= 20_000:
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option}: found {rate:g}, allowed 0 to 20000")
+        if self.vehicles_per_hour + self.pedestrians_per_hour + self.bicycles_per_hour == 0:
+            raise ValueError("--vehicles-per-hour: found 0 of all, allowed more than 0")
+
+
+@dataclass(frozen=True)
+class Trips:
+    """SUMO's route file, and the classes and sizes of the types in it by name."""
+
+    xml: str
+    sizes: dict[str, tuple[str, FloatArray]]
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """Routes, and how often each is taken."""
+
+    routes: list[list[str]]
+    weights: FloatArray
+
+
+def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> Trips:
+    """Departures over so many seconds. feet: (k, 2) of the mounts, in the net's coordinates."""
+    rng = np.random.default_rng(seed)
+    lines: list[tuple[float, str]] = []
+    sizes: dict[str, tuple[str, FloatArray]] = {}
+    rates = [(demand.vehicles_per_hour, demand.class_shares)]
+    rates += [(demand.bicycles_per_hour, {"Cyclist": 1.0})]
+    rates += [(demand.pedestrians_per_hour, {"Pedestrian": 1.0})]
+    ways: dict[str, _Ways] = {}
+    for rate, shares in rates:
+        names = sorted(shares)
+        shares_of = np.array([shares[n] for n in names]) / sum(shares.values())
+        count = rng.poisson(rate * seconds / 3600) if rate else 0
+        for depart in np.sort(rng.uniform(0, seconds, count)):
+            object_class = names[int(rng.choice(len(names), p=shares_of))]
+            sumo_class = CLASSES[object_class].sumo_class
+            if sumo_class not in ways:
+                ways[sumo_class] = _ways(net, feet, sumo_class, np.random.default_rng([seed, 1]))
+            way = ways[sumo_class]
+            route = way.routes[int(rng.choice(len(way.routes), p=way.weights))]
+            name = f"{object_class}_{len(sizes)}"
+            sizes[name] = (object_class, _drawn_size(object_class, rng))
+            kind = _type(name, *sizes[name])
+            if object_class == "Pedestrian":
+                lines.append((depart, kind + _walk(name, depart, route, net, feet)))
+            else:
+                lines.append((depart, kind + _drive(name, depart, route)))
+    text = "".join(line for _, line in sorted(lines))
+    return Trips(f"<routes>\n{text}</routes>\n", sizes)
+
+
+def _drawn_size(object_class: str, rng: np.random.Generator) -> FloatArray:
+    row = CLASSES[object_class]
+    draw = np.clip(rng.normal(size=3), -2, 2)
+    return np.round(np.array(row.mean_m) + np.array(row.std_m) * draw, 4)
+
+
+def _type(name: str, object_class: str, size: FloatArray) -> str:
+    sumo_class = CLASSES[object_class].sumo_class
+    length, width, height = (float(v) for v in size)
+    shape = f'length="{length}" width="{width}" height="{height}"'
+    return f'<vType id="{name}" vClass="{sumo_class}" {shape} {_MANNERS[object_class]}/>\n'
+
+
+def _drive(name: str, depart: float, route: list[str]) -> str:
+    start = f'<vehicle id="{name}" type="{name}" depart="{depart:.1f}"'
+    how = 'departLane="best" departSpeed="max" departPos="base"'
+    return f"{start} {how}><route edges={quoteattr(' '.join(route))}/></vehicle>\n"
+
+
+def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatArray) -> str:
+    """From where the first edge comes near the region to where the last one has left it."""
+    ahead, back = _far_m(net.edges[route[0]], feet), _far_m(net.edges[route[-1]], feet, back=True)
+    start = f'<person id="{name}" type="{name}" depart="{depart:.1f}" departPos="{ahead:.1f}">'
+    ways = f'from={quoteattr(route[0])} to={quoteattr(route[-1])} arrivalPos="-{back:.1f}"'
+    return f"{start}<walk {ways}/></person>\n"
+
+
+def _far_m(edge: Edge, feet: FloatArray, *, back: bool = False) -> float:
+    """How far along an edge (or back from its end) no point is near the region."""
+    marks = edge.marks[::-1] if back else edge.marks
+    near = np.linalg.norm(marks[:, None] - feet, axis=2).min(1) < REGION_M + MARGIN_M
+    last = int(near.argmax()) - 1 if near.any() else len(marks) // 2
+    way = np.linalg.norm(np.diff(marks[: last + 1], axis=0), axis=1).sum()
+    return max(float(way), 0.1)
+
+
+_STEADY = 'sigma="0.2" decel="3.5" emergencyDecel="6" maxSpeedLat="0.8" minGapLat="0.5"'
+_MANNERS = {
+    "Car": f'accel="2.2" {_STEADY}',
+    "Van": f'accel="2.0" {_STEADY}',
+    "Truck": f'accel="1.2" {_STEADY}',
+    "Bus": f'accel="1.2" {_STEADY}',
+    "Motorcycle": f'accel="3.0" {_STEADY}',
+    "Cyclist": 'accel="1.0" sigma="0.2" decel="2.5" emergencyDecel="5" maxSpeed="5.5"',
+    "Pedestrian": "",
+}
+
+
+def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
+    """Routes from outside the region, through it, to outside; ends of the map where it has them."""
+    starts, ends = _ends(net, feet, sumo_class)
+    if len(starts) > _MOST_SOURCES:
+        starts = [starts[i] for i in sorted(rng.choice(len(starts), _MOST_SOURCES, replace=False))]
+    inside = {e.name for e in net.edges.values() if _distance(e.marks, feet) < REGION_M}
+    routes, weights = [], []
+    for start in starts:
+        reached = net.routes_from(start, sumo_class)
+        for end in ends:
+            way = reached.get(end.name)
+            if way is None or inside.isdisjoint(way) or len(way) < 2 - (start.name in inside):
+                continue
+            if end.start == start.end and end.end == start.start:
+                continue  # there and back
+            routes.append(way)
+            weights.append(start.lanes_for(sumo_class) * end.lanes_for(sumo_class))
+    if not routes:
+        raise ValueError(_too_small(net, feet, sumo_class))
+    return _Ways(routes, np.array(weights) / sum(weights))
+
+
+def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
+    """Edges where trips begin and end: of the map's ends, else any far enough away."""
+
+    def far(point: FloatArray) -> bool:
+        return _distance(point[None], feet) >= REGION_M + MARGIN_M
+
+    starts = [e for e in net.sources(sumo_class) if far(e.shape[0])]
+    ends = [e for e in net.sinks(sumo_class) if far(e.shape[-1])]
+    if not starts or not ends or sumo_class == "pedestrian":
+        every = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
+        starts = [e for e in every if far(e.shape[0])]
+        ends = [e for e in every if far(e.shape[-1])]
+    return starts, ends
+
+
+def _distance(points: FloatArray, feet: FloatArray) -> float:
+    """Least distance of points (n, 2) to feet (k, 2)."""
+    return float(np.linalg.norm(points[:, None] - feet, axis=2).min())
+
+
+def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
+    edges = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
+    reach = REGION_M + MARGIN_M
+    if not edges:
+        return f"the map: found no road for class '{sumo_class}', allowed maps that have one"
+    far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
+    return (
+        f"the map: found no way for class '{sumo_class}' from {reach:.0f} m outside the mount's "
+        f"foot, through the region, to {reach:.0f} m outside (it reaches {far:.0f} m), allowed "
+        "maps with such ways: nothing may appear or vanish inside"
+    )

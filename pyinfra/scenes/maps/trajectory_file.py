@@ -1,0 +1,68 @@
+"""`trajectories.csv`: written whole, and only what the simulator's reader takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core import files
+from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, SPEED, STEP_S, Track, table, wrap
+
+NAME = "trajectories.csv"
+MOST_TRACKS = 100_000
+_MAX_STEP_M, _MAX_TURN_RAD = 10.0, np.pi / 3
+_SIZES_M = (0.1, 50.0)
+_LEVEL_RAD = 1e-4
+
+
+def write_trajectories(file: Path, tracks: list[Track]) -> None:
+    """Writes the tracks, numbered from 1 as they begin; refuses what the reader would refuse.
+
+    The column `pitch` is there if any box leans.
+    """
+    ordered = sorted(tracks, key=lambda t: (t.first, t.name))
+    if not ordered or ordered[0].first != 0:
+        raise ValueError(f"{file}: found no object at t = 0, allowed one or more")
+    for track in ordered:
+        _check(track)
+    files.write(file, _text(ordered))
+
+
+def _text(tracks: list[Track]) -> str:
+    rows = table(tracks)
+    columns: dict[str, object] = {
+        "t": np.round(rows.instant * STEP_S, 1),
+        "id": rows.track + 1,
+        "class": np.array([t.object_class for t in tracks])[rows.track],
+    }
+    for i, name in enumerate("xyz"):
+        columns[name] = np.round(rows.boxes[:, i], 4)
+    columns["heading"] = np.round(wrap(rows.states[:, HEADING]), 6)
+    for i, name in enumerate(("dx", "dy", "dz")):
+        columns[name] = np.round(rows.boxes[:, 3 + i], 4)
+    columns["speed"] = np.round(rows.states[:, SPEED], 4)
+    if (np.abs(rows.states[:, PITCH]) > _LEVEL_RAD).any():
+        columns["pitch"] = np.round(rows.states[:, PITCH], 6) + 0.0
+    return str(pd.DataFrame(columns).to_csv(index=False, lineterminator="\n"))
+
+
+def _check(track: Track) -> None:
+    """The rules of the simulator's reader, by name of the track."""
+    if track.object_class not in CLASSES:
+        _refuse(track, f"class '{track.object_class}'", ", ".join(CLASSES))
+    if not np.isfinite(track.states).all() or not np.isfinite(track.size_m).all():
+        _refuse(track, "a value that is not finite", "numbers")
+    if (track.size_m < _SIZES_M[0]).any() or (track.size_m > _SIZES_M[1]).any():
+        _refuse(track, f"a size of {track.size_m.tolist()} m", "0.1 to 50 m")
+    steps = np.linalg.norm(np.diff(track.states[:, :3], axis=0), axis=1)
+    if (steps > _MAX_STEP_M).any():
+        _refuse(track, f"a step of {steps.max():.1f} m in 0.1 s", "10 m")
+    turns = np.abs(wrap(np.diff(track.states[:, HEADING])))
+    if (turns > _MAX_TURN_RAD).any():
+        _refuse(track, f"a turn of {np.degrees(turns.max()):.0f} degrees in 0.1 s", "60")
+
+
+def _refuse(track: Track, found: str, allowed: str) -> None:
+    raise ValueError(f"track '{track.name}': found {found}, allowed {allowed}")

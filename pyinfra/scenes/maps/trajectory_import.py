@@ -1,0 +1,237 @@
+"""Others' trajectories to tracks of ours: 10 Hz, no gaps, one size each, smooth."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.scenes.maps.fcd import Recorded
+from pyinfra.scenes.maps.geographic import Motion, Projection, about, check_place, in_degrees
+from pyinfra.scenes.maps.recorded_boxes import BoxTrack
+from pyinfra.scenes.maps.smoothing import smooth, unsmoothed, within_limits
+from pyinfra.scenes.maps.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
+
+FILLED_S = 1.0  # gaps up to this are filled, longer ones cut a track
+_FASTEST_M_S = 70.0  # what is faster is another object, or a clock that jumped
+_SHORTEST_S = 1.0
+_SAME_SIZE_M = 0.05
+_LONGEST_S = 7200.0
+
+_MOVED_M = 0.5  # of a bumper whose heading is that of its way
+
+# SUMO's own types, its classes and ours; of those that have none of ours the one of their size.
+_SUMO_TYPES = {
+    **{name: name for name in CLASSES},
+    **{row.sumo_class: name for name, row in CLASSES.items()},
+    "DEFAULT_VEHTYPE": "Car",
+    "DEFAULT_PEDTYPE": "Pedestrian",
+    "DEFAULT_BIKETYPE": "Cyclist",
+    "DEFAULT_TAXITYPE": "Car",
+    **dict.fromkeys("private taxi emergency authority army vip hov evehicle".split(), "Car"),
+    **{"coach": "Bus", "trailer": "Truck", "moped": "Motorcycle"},
+}
+_BY_LOWER_CASE = {name.lower(): ours for name, ours in _SUMO_TYPES.items()}
+_WITHOUT_TYPE = {"vehicle": "Car", "person": "Pedestrian"}
+
+
+@dataclass
+class ImportedTracks:
+    """Tracks, and what became of what was not taken as it was: a line each."""
+
+    tracks: list[Track] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def import_fcd(
+    objects: list[Recorded],
+    classes: dict[str, str],
+    offset_m: FloatArray,
+    projection: Projection | None = None,
+    *,
+    has_site: bool = False,
+) -> ImportedTracks:
+    """SUMO's front bumpers; sizes are the means of their classes.
+
+    classes: SUMO's types to ours, past those that say it themselves; offset_m: (3,), taken from
+    the file's coordinates; projection: of the site, for longitude and latitude. Without a site
+    these are metres from their middle. Raises FormatError for a type without a class.
+    """
+    out = ImportedTracks()
+    start = min(float(o.rows[0, 0]) for o in objects)
+    _check_length(start, max(float(o.rows[-1, 0]) for o in objects))
+    of_type = _classes(objects, classes, out)
+    to_metres = _to_metres(objects, offset_m, projection, has_site, out)
+    for o in objects:
+        object_class = of_type[o.kind, o.type_name]
+        size = np.array(CLASSES[object_class].mean_m)
+        places = np.column_stack([to_metres(o.rows[:, 1:4]), o.rows[:, 4]])
+        for first, piece in _pieces(o.name, o.rows[:, 0] - start, places, out):
+            heading = piece[:, 3]
+            if not np.isfinite(heading).all():
+                if object_class != "Pedestrian" and not _moves(piece):
+                    out.notes.append(f"{o.name}: left out: it has no angle and never moves")
+                    continue
+                heading = _headings(piece)
+            path = FrontPath(o.name, object_class, size, first, piece[:, :3], heading)
+            _take(path, smooth(path), out)
+    return _from_zero(out)
+
+
+def _classes(
+    objects: list[Recorded], classes: dict[str, str], out: ImportedTracks
+) -> dict[tuple[str, str], str]:
+    """Our class of each kind and type; what was guessed is a note. Raises FormatError."""
+    found: dict[tuple[str, str], str] = {}
+    unknown: dict[str, str] = {}
+    for o in objects:
+        if (o.kind, o.type_name) in found:
+            continue
+        ours = classes.get(o.type_name) or _SUMO_TYPES.get(o.type_name)
+        if ours is None and (ours := _guessed_class(o)):
+            of = f"type '{o.type_name}'" if o.type_name else f"{o.kind}s without a type"
+            out.notes.append(f"{of}: taken as {ours}")
+        if ours not in CLASSES:
+            unknown.setdefault(o.type_name, o.name)
+        found[o.kind, o.type_name] = ours or ""
+    if unknown:
+        hint = shlex.quote(",".join(f"{name}=Car" for name in unknown))
+        first, name = next(iter(unknown.items()))
+        raise FormatError(
+            f"object '{name[:40]}': found type '{first[:40]}', allowed {', '.join(_SUMO_TYPES)}, "
+            f"or --class-of {hint}"
+        )
+    return found
+
+
+def _guessed_class(o: Recorded) -> str | None:
+    """By the type's name in other letters, or its last word, as in `veh_passenger`."""
+    if not o.type_name:
+        return _WITHOUT_TYPE[o.kind]
+    words = re.split(r"[^a-z0-9]+", o.type_name.lower())
+    return _BY_LOWER_CASE.get(o.type_name.lower()) or _BY_LOWER_CASE.get(words[-1])
+
+
+def _to_metres(
+    objects: list[Recorded],
+    offset_m: FloatArray,
+    projection: Projection | None,
+    has_site: bool,
+    out: ImportedTracks,
+) -> Callable[[FloatArray], FloatArray]:
+    """What turns the file's places (n, 3) into the site's. Raises FormatError."""
+    motions = [Motion(o.rows[:, 0], o.rows[:, 1:3], o.speeds) for o in objects]
+    if not in_degrees(motions, projection):
+        return lambda places: np.asarray(places - offset_m)
+    lon_lat = np.concatenate([o.rows[:, 1:3] for o in objects])
+    if projection is not None:
+        check_place(lon_lat, projection)
+        out.notes.append("positions were longitude and latitude: projected as the site's map")
+    elif has_site:
+        raise FormatError(
+            "x, y: expected metres, got longitude and latitude, and the site's map has no "
+            "projection: write the file without --fcd-output.geo"
+        )
+    else:
+        projection = about(lon_lat)
+        lon, lat = projection.centre
+        out.notes.append(f"positions were longitude and latitude: metres from {lon:g} {lat:g}")
+    known = projection
+    return lambda places: np.column_stack([known.metres(places[:, :2]), places[:, 2]])
+
+
+def _moves(places: FloatArray) -> bool:
+    return bool(np.hypot(*(places[:, :2] - places[0, :2]).T).max() >= _MOVED_M)
+
+
+def _headings(places: FloatArray) -> FloatArray:
+    """(n,) rad, the direction of the way at each of (n, 4) places; 0 for who never moves."""
+    heading = np.zeros(len(places))
+    i = 0
+    for k in range(1, len(places)):
+        step = places[k, :2] - places[i, :2]
+        if math.hypot(*step) >= _MOVED_M:
+            heading[i:k] = heading[k:] = math.atan2(step[1], step[0])
+            i = k
+    return np.unwrap(heading)
+
+
+def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTracks:
+    """Boxes by their centres; what moves well already stays as it is. offset_m: as above."""
+    out = ImportedTracks()
+    start = min(float(o.times[0]) for o in objects)
+    _check_length(start, max(float(o.times[-1]) for o in objects))
+    without = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
+    if in_degrees(without, None):
+        raise FormatError("x, y: expected metres, got longitude and latitude by how little changes")
+    for o in objects:
+        size = np.median(o.boxes[:, 3:6], axis=0)
+        apart = float(np.abs(o.boxes[:, 3:6] - size).max())
+        if apart > _SAME_SIZE_M:
+            out.notes.append(f"{o.name}: its size varied by {apart:.2f} m: the median was taken")
+        places = o.boxes[:, [0, 1, 2, 6]].copy()
+        ahead = np.stack([np.cos(places[:, 3]), np.sin(places[:, 3])], axis=1)
+        places[:, :2] += ahead * size[0] / 2
+        places[:, 2] -= size[2] / 2
+        places[:, :3] -= offset_m
+        for first, piece in _pieces(o.name, o.times - start, places, out):
+            path = FrontPath(o.name, o.object_class, size, first, piece[:, :3], piece[:, 3])
+            as_is = unsmoothed(path)
+            _take(path, as_is if within_limits(as_is) else smooth(path), out)
+    return _from_zero(out)
+
+
+def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
+    if track is None:
+        at = path.first * STEP_S
+        out.notes.append(
+            f"{path.name}: dropped: it turns or accelerates too hard (from {at:.1f} s)"
+        )
+    else:
+        out.tracks.append(track)
+
+
+def _from_zero(out: ImportedTracks) -> ImportedTracks:
+    """The clock starts with the first track that was kept."""
+    if not out.tracks:
+        why = out.notes[0] if out.notes else "no rows"
+        raise FormatError(f"found no track that can be used ({why}), allowed one or more")
+    out.tracks = from_zero(out.tracks)
+    return out
+
+
+def _pieces(
+    name: str, times: FloatArray, places: FloatArray, out: ImportedTracks
+) -> Iterator[tuple[int, FloatArray]]:
+    """First instant and places (n, 4) x y z heading at 10 Hz, of each part without a long gap."""
+    gap_s = np.diff(times)
+    step_m = np.linalg.norm(np.diff(places[:, :3], axis=0), axis=1)
+    long = gap_s > FILLED_S + 1e-6
+    jump = ~long & (step_m > _FASTEST_M_S * gap_s)
+    for k in np.flatnonzero(long | jump):
+        what = f"gap of {gap_s[k]:.1f} s" if long[k] else f"jump of {step_m[k]:.1f} m"
+        out.notes.append(f"{name}: cut at {times[k]:.1f} s: {what}")
+    cuts = np.flatnonzero(long | jump) + 1
+    for t, rows in zip(np.split(times, cuts), np.split(places, cuts), strict=True):
+        first, last = int(np.ceil(t[0] / STEP_S - 1e-6)), int(np.floor(t[-1] / STEP_S + 1e-6))
+        if (last - first) * STEP_S < _SHORTEST_S - 1e-6:
+            out.notes.append(f"{name}: dropped {len(t)} rows from {t[0]:.1f} s: shorter than 1 s")
+            continue
+        at = np.arange(first, last + 1) * STEP_S
+        heading = np.interp(at, t, np.unwrap(rows[:, 3]))
+        xyz = [np.interp(at, t, rows[:, i]) for i in range(3)]
+        yield first, np.column_stack([*xyz, heading])
+
+
+def _check_length(start: float, end: float) -> None:
+    if end - start > _LONGEST_S:
+        raise FormatError(
+            f"found times from {start:g} to {end:g} s, allowed {_LONGEST_S:g} s together: "
+            "does the clock jump, or is it in another unit?"
+        )

@@ -1,1 +1,0 @@
-"""The `infrasim` binary, and what comes with it."""

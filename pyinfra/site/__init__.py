@@ -1,1 +1,0 @@
-"""Maps and traffic of others as folders that the simulator reads: sites."""

@@ -1,1 +1,0 @@
-"""Hits, points per vehicle, quality classes and patterns of data sets."""

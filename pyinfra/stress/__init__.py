@@ -1,1 +1,0 @@
-"""Where detectors fail: dials from none to breaking, and what breaks first."""

@@ -1,0 +1,1 @@
+"""Pictures, plots, site plans, the 3-D viewer and the report."""

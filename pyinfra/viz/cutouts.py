@@ -1,0 +1,172 @@
+"""Cut-outs of vehicles: the same ones as each LiDAR of a data set sees them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyinfra.core.arrays import FloatArray, Floats
+from pyinfra.dataset import frame_tables
+from pyinfra.dataset.data_set import field_of_view_mask, read_owners
+from pyinfra.formats import kitti
+from pyinfra.viz import clouds
+from pyinfra.viz.scene_pictures import Scene
+
+DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
+NEAR_M = 8.0  # a vehicle this far from a column's distance still stands for it
+CLASS, LEAST_VISIBILITY = "Car", 0.8
+MARGIN_M = 0.3  # around a box: what lies in it is the vehicle's where nothing says whose it is
+ROAD_M = 0.1  # from the bottom of a box: what lies below is the road
+AROUND, ABOVE = np.radians([40.0, 30.0])  # where a cut-out is seen from, behind and to the right
+EDGE_M = 0.25  # of empty paper around a cut-out
+_EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
+_HIDDEN = 0b011  # the corner in front, on the left, at the bottom: behind the box
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """A vehicle of one frame."""
+
+    frame: int
+    id: int
+    box: FloatArray  # (7,) levelled LiDAR frame
+    distance: float  # horizontal, sensor to box centre
+    in_view: tuple[bool, ...]  # of each LiDAR: inside its field of view and range
+
+    @property
+    def common(self) -> bool:
+        return all(self.in_view)
+
+
+def cutouts(scene: Scene, frame: int) -> Figure:
+    """The points of one vehicle at each of some distances, a row for each LiDAR.
+
+    All of a column are of one vehicle in one frame; its heading is up and to the right.
+    """
+    vehicles = choose_vehicles(scene, frame)
+    points = [
+        [np.empty((0, 3)) if v is None else vehicle_points(folder, v) for v in vehicles]
+        for folder in scene.folders
+    ]
+    boxes = [_corners(v.box) for v in vehicles if v is not None]
+    drawn = np.concatenate([np.eye(3), *boxes, *(own for row in points for own in row)])
+    half = np.abs(_flat(drawn)).max(axis=0) + EDGE_M
+    rows, columns = len(scene.lidars), len(vehicles)
+    width = 8.5 / columns
+    with mpl.rc_context(clouds.STYLE):
+        size = (8.5, rows * (width * half[1] / half[0] + 0.2) + 0.7)
+        figure = Figure(figsize=size, layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes, vehicle, distance in zip(grid[0], vehicles, DISTANCES_M, strict=True):
+            axes.set_title(_column_title(vehicle, distance, frame), fontsize=8)
+        for i, lidar in enumerate(scene.lidars):
+            grid[i, 0].set_ylabel(lidar.model)
+            for axes, vehicle, own in zip(grid[i], vehicles, points[i], strict=True):
+                axes.set(aspect="equal", xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
+                axes.set(xticks=[], yticks=[])
+                axes.spines[:].set_visible(False)
+                if vehicle is not None:
+                    _draw_cutout(axes, vehicle.box, own)
+                    seen = (
+                        vehicle.in_view[i] or len(own) > 0
+                    )  # a centre beyond the view may have an end in it
+                    caption = f"{len(own):,} points, {vehicle.distance:.0f} m"
+                    axes.set_xlabel(caption if seen else f"{caption}, out of view", labelpad=1)
+        title = f"{scene.name}: the same {CLASS.lower()} in each column, front at the upper right"
+        figure.suptitle(title, fontsize=9)
+    return figure
+
+
+def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
+    """The vehicle for each of DISTANCES_M, None if there is none within NEAR_M of it.
+
+    Of the class and visibility that are wanted, one in the common field of view if there is any;
+    then of this frame, else of any frame that all LiDARs have; then the nearest to the distance.
+    """
+    frames = set.intersection(*(set(kitti.frames(folder)) for folder in scene.folders))
+    here = _vehicles(scene, [frame])
+    anywhere: list[Vehicle] | None = None
+    chosen = []
+    for distance in DISTANCES_M:
+        found = _nearest([v for v in here if v.common], distance)
+        if found is None:
+            anywhere = _vehicles(scene, sorted(frames)) if anywhere is None else anywhere
+            for group in ([v for v in anywhere if v.common], here, anywhere):
+                found = found or _nearest(group, distance)
+        chosen.append(found)
+    return chosen
+
+
+def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
+    """A vehicle's points, (n, 3) from its box's centre, x forward: those with its object_id.
+
+    Without `fields`, those in its box with a margin but above the road.
+    """
+    velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
+    xyz = kitti.read_points(velodyne)[:, :3].astype(np.float64)
+    cos, sin = np.cos(vehicle.box[6]), np.sin(vehicle.box[6])
+    own = (xyz - vehicle.box[:3]) @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    if kitti.frame_file(lidar_folder, "fields", vehicle.frame).is_file():
+        return np.asarray(own[read_owners(lidar_folder, vehicle.frame, len(xyz)) == vehicle.id])
+    high = vehicle.box[3:6] / 2 + MARGIN_M
+    low = -high
+    low[2] = -vehicle.box[5] / 2 + ROAD_M
+    return np.asarray(own[((own >= low) & (own <= high)).all(axis=1)])
+
+
+def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
+    """Those that any LiDAR has in reach, of the class and visibility that are wanted."""
+    found: dict[tuple[int, int], Vehicle] = {}
+    for folder in scene.folders:
+        table = frame_tables.read_vehicles(folder, frames)
+        wanted = (table.names == CLASS) & (table.visibility >= LEAST_VISIBILITY)
+        table = table.select(wanted)
+        views = [
+            field_of_view_mask(lidar, tilt, table.mid_frame[:, :3])[1]
+            for lidar, tilt in zip(scene.lidars, scene.tilts, strict=True)
+        ]
+        in_view = np.stack(views, axis=1)
+        for i, box in enumerate(table.mid_frame):  # the same for all LiDARs
+            key = (frames[table.frame[i]], int(table.ids[i]))
+            found[key] = Vehicle(*key, box, float(np.hypot(box[0], box[1])), tuple(in_view[i]))
+    return list(found.values())
+
+
+def _nearest(vehicles: Sequence[Vehicle], distance: float) -> Vehicle | None:
+    best = min(vehicles, key=lambda v: abs(v.distance - distance), default=None)
+    return best if best is not None and abs(best.distance - distance) <= NEAR_M else None
+
+
+def _column_title(vehicle: Vehicle | None, distance: float, frame: int) -> str:
+    if vehicle is None:
+        return f"about {distance:g} m:\nno {CLASS.lower()}"
+    when = "" if vehicle.frame == frame else f", frame {vehicle.frame}"
+    return f"about {distance:g} m:\n{CLASS.lower()} {vehicle.id}{when}"
+
+
+def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
+    """Edges of a box, dotted behind it, an arrow ahead of it, and points on it."""
+    corners = _flat(_corners(box))
+    for edge in _EDGES:
+        style: dict[str, Any] = {"linestyle": ":" if _HIDDEN in edge else "-", "linewidth": 0.7}
+        axes.plot(*corners[list(edge)].T, color=clouds.COLOURS[0], zorder=1, **style)
+    size = 1.2 if len(points) > 200 else 2.2
+    axes.plot(*_flat(points).T, "o", color="black", markersize=size, markeredgewidth=0, zorder=2)
+
+
+def _corners(box: FloatArray) -> FloatArray:
+    """(8, 3) from the box's centre; the bits of a corner's index: ahead, left, up."""
+    bits = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+    return np.asarray((bits - 0.5) * box[3:6])
+
+
+def _flat(points: Floats) -> FloatArray:
+    """Points (n, 3) from a box's centre, x forward, in parallel projection: (n, 2)."""
+    across = np.cos(AROUND) * points[:, 0] - np.sin(AROUND) * points[:, 1]
+    away = np.sin(AROUND) * points[:, 0] + np.cos(AROUND) * points[:, 1]
+    return np.stack([across, np.sin(ABOVE) * away + np.cos(ABOVE) * points[:, 2]], axis=1)

@@ -1,0 +1,214 @@
+"""Figures of evaluations, from their tables; tables of several LiDARs one under another also work.
+
+They can be read in black and white and by the colour-blind: lines differ in style and marker,
+qualities of areas in lightness and hatch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import seaborn as sns
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Polygon
+
+from pyinfra.dataset.regions import WINDOW_M, WINDOW_STEP_M, Road
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
+from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
+
+LOOKS: dict[str, dict[str, Any]] = {
+    "high": {"facecolor": "#00204d", "hatch": ""},
+    "undecided": {"facecolor": "#7c7b78", "hatch": "///"},
+    "low": {"facecolor": "#ffe945", "hatch": ""},
+    "few": {"facecolor": "#ffffff", "hatch": "..."},
+}
+LABELS = {
+    "high": f"AP > {HIGH_QUALITY:g}",
+    "undecided": f"undecided: interval holds {HIGH_QUALITY:g}, or none",
+    "low": f"AP <= {HIGH_QUALITY:g}",
+    "few": "too few objects",
+}
+
+
+def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
+    """Writes every figure as SVG and PNG; returns the files. The plan needs roads."""
+    parts = evaluation.distance_ap if evaluation.cells is None else evaluation.cells
+    figures = {
+        "pr_curve": pr_curve(evaluation.pr_curve),
+        "distance_ap": distance_ap(evaluation.distance_ap),
+        "areas": areas(parts),
+    }
+    roads = evaluation.truth.roads
+    if roads:
+        sensor = evaluation.truth.lidar.T_world_levelled if evaluation.truth.lidar else None
+        place = (sensor.x, sensor.y) if sensor else None
+        figures["areas_plan"] = areas_plan(parts, roads, place)
+    files = []
+    for name, figure in figures.items():
+        save(figure, out / name)
+        files += [out / f"{name}.svg", out / f"{name}.png"]
+    return files
+
+
+def pr_curve(table: pd.DataFrame) -> Figure:
+    """Precision against recall with its interval; a line for each LiDAR, a panel a ground truth."""
+    with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
+        figure, panels = _panels(table, (4.2, 3.6))
+        for ax, rows in panels:
+            for name, part, style in _lidars(rows, table):
+                reached = part[part.precision > 0]
+                ax.plot(reached.recall, reached.precision, label=name, markevery=10, **style)
+                _band(ax, reached.recall, reached.precision_low, reached.precision_high, style)
+            ax.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="recall", ylabel="precision")
+        return _legend(figure)
+
+
+def distance_ap(table: pd.DataFrame) -> Figure:
+    """AP of the windows along each road with its interval, and the line above which it is high."""
+    with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
+        figure, panels = _panels(table, (5.2, 3.2), "road")
+        for ax, rows in panels:
+            for name, part, style in _lidars(rows, table):
+                ax.plot(part.s, part.ap, label=name, markersize=3, **style)
+                _band(ax, part.s, part.ap_low, part.ap_high, style)
+                if "ap_cut_first" in part:
+                    ax.plot(part.s, part.ap_cut_first, "k:", label="cut before matching")
+            ax.axhline(HIGH_QUALITY, color="black", linewidth=0.8, linestyle=(0, (8, 4)))
+            ends = (float(table.s.min()), float(table.s.max()))
+            ax.set(xlim=ends, ylim=(0, 102), xlabel=f"s, middle of {WINDOW_M:g} m (m)", ylabel="AP")
+        return _legend(figure)
+
+
+def areas(distance: pd.DataFrame) -> Figure:
+    """Stacked bars: how many areas of each quality a LiDAR has; a panel for each ground truth."""
+    with mpl.rc_context(STYLE), sns.axes_style("whitegrid", {"axes.grid.axis": "y"}):
+        lidars = list(distance.lidar.unique())
+        figure, panels = _panels(distance, (1.2 * len(lidars) + 1.6, 3.4))
+        for ax, rows in panels:
+            bottom = np.zeros(len(lidars))
+            for quality, look in LOOKS.items():
+                own = rows[rows.quality == quality]
+                count = np.array([(own.lidar == name).sum() for name in lidars])
+                ax.bar(lidars, count, bottom=bottom, width=0.6, edgecolor="black", **look)
+                _numbers(ax, count, bottom, dark=quality == "high")
+                bottom += count
+            ax.set_ylabel("areas")
+            ax.tick_params(axis="x", rotation=20)
+        return _legend(figure, _handles())
+
+
+def areas_plan(
+    distance: pd.DataFrame, roads: Sequence[Road], sensor: tuple[float, float] | None = None
+) -> Figure:
+    """The areas on the plan of the road, each drawn 5 m long around its middle; world frame.
+
+    distance: windows, or cells, of one LiDAR; sensor: x y in the world, a triangle.
+    """
+    with mpl.rc_context(STYLE), sns.axes_style("white"):
+        points = np.concatenate([road.xy for road in roads])
+        span = np.ptp(points, axis=0) + 40
+        width = 6.5 if span[0] >= span[1] else 4.0
+        figure, panels = _panels(distance, (width, min(width * span[1] / span[0] + 0.8, 7)))
+        by_name = {road.name: road for road in roads}
+        for ax, rows in panels:
+            for row in rows.itertuples():
+                is_cell = "x" in rows
+                outline = _square(row) if is_cell else _strip(by_name[str(row.road)], float(row.s))
+                ax.add_patch(Polygon(outline, edgecolor="black", lw=0.3, **LOOKS[row.quality]))
+            if sensor is not None:
+                ax.plot(*sensor, "^", color="#d55e00", markeredgecolor="white", markersize=8)
+            ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
+            ax.autoscale_view()
+        return _legend(figure, _handles())
+
+
+def _square(cell: Any) -> np.ndarray[Any, Any]:
+    """Outline (4, 2) of a cell."""
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    return np.asarray((cell.x, cell.y) + WINDOW_M / 2 * corners)
+
+
+def _strip(road: Road, middle: float) -> np.ndarray[Any, Any]:
+    """Outline (n, 2) of a piece of road, WINDOW_STEP_M long and cut at the road's ends."""
+    half = WINDOW_STEP_M / 2
+    ends = np.clip([middle - half, middle + half], road.s[0], road.s[-1])
+    s = np.linspace(ends[0], ends[1], 6)
+    x, y = (np.interp(s, road.s, road.xy[:, i]) for i in range(2))
+    heading = np.interp(s, road.s, np.unwrap(road.heading))
+    aside = np.interp(s, road.s, road.half_width)
+    left = np.stack([x - aside * np.sin(heading), y + aside * np.cos(heading)], axis=1)
+    right = np.stack([x + aside * np.sin(heading), y - aside * np.cos(heading)], axis=1)
+    return np.concatenate([left, right[::-1]])
+
+
+def _panels(
+    table: pd.DataFrame, size: tuple[float, float], down: str | None = None
+) -> tuple[Figure, Iterator[tuple[Axes, pd.DataFrame]]]:
+    """A column of axes for each ground truth, a row for each value of `down`, with their rows."""
+    across = list(table.ground_truth.unique())
+    rows = list(table[down].unique()) if down else [None]
+    figure = Figure(
+        figsize=(size[0] * len(across), size[1] * len(rows) + 0.6), layout="constrained"
+    )
+    axes = figure.subplots(len(rows), len(across), squeeze=False, sharey=True)
+
+    def named() -> Iterator[tuple[Axes, pd.DataFrame]]:
+        for i, row in enumerate(rows):
+            for j, which in enumerate(across):
+                part = table[table.ground_truth == which]
+                if row is not None:
+                    part = part[part[down] == row]
+                axes[i, j].set_title(f"{which}: {row}" if row else which)
+                yield axes[i, j], part
+
+    return figure, named()
+
+
+def _lidars(
+    rows: pd.DataFrame, table: pd.DataFrame
+) -> Iterator[tuple[str, pd.DataFrame, dict[str, Any]]]:
+    """Name, rows and style of each LiDAR; the style is the same in every panel."""
+    colours = sns.color_palette("colorblind")
+    for at, name in enumerate(table.lidar.unique()):
+        style = {
+            "color": colours[at % len(colours)],
+            "linestyle": LINES[at % len(LINES)],
+            "marker": MARKERS[at % len(MARKERS)],
+        }
+        yield name, rows[rows.lidar == name], style
+
+
+def _band(ax: Axes, x: Any, low: Any, high: Any, style: dict[str, Any]) -> None:
+    ax.fill_between(x, low, high, color=style["color"], alpha=0.2, linewidth=0)
+
+
+def _numbers(ax: Axes, count: Any, bottom: Any, *, dark: bool) -> None:
+    for at, (n, base) in enumerate(zip(count, bottom, strict=True)):
+        if n > 0:
+            box = None if dark else {"facecolor": "white", "edgecolor": "none", "pad": 1}
+            colour = "white" if dark else "black"
+            ax.text(at, base + n / 2, str(n), ha="center", va="center", color=colour, bbox=box)
+
+
+def _handles() -> list[Patch]:
+    return [Patch(edgecolor="black", label=LABELS[name], **look) for name, look in LOOKS.items()]
+
+
+def _legend(figure: Figure, handles: list[Patch] | None = None) -> Figure:
+    found: dict[str, Any] = {}
+    for ax in figure.axes:
+        found |= {label: h for h, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    if handles is not None:
+        found = {str(handle.get_label()): handle for handle in handles}
+    columns = min(4, max(1, int(figure.get_figwidth() / 2.2)))
+    figure.legend(
+        found.values(), found.keys(), loc="outside lower center", ncols=columns, frameon=False
+    )
+    return figure

@@ -1,0 +1,28 @@
+"""Pictures of data sets: `pyinfra pictures DATA...`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pyinfra.formats import kitti
+from pyinfra.viz import clouds
+from pyinfra.viz import cutouts as cutout_figures
+from pyinfra.viz import scene_pictures as scene_figures
+
+
+def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
+    """Writes the plan and the cut-outs of each data set; returns the files.
+
+    data_sets: the LiDAR folders of each data set; of a recording no scene is known, and none is
+    drawn. Raises OSError and FormatError.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    files = []
+    for folders in data_sets:
+        if kitti.read_lidar(folders[0]).preset == kitti.RECORDED:
+            continue
+        scene = scene_figures.read_scene(folders)
+        name = folders[0].parent.name
+        files += [out / f"plan_{name}.png", out / f"cutouts_{name}.png"]
+        clouds.save(scene_figures.plan([scene]), files[-2])
+        clouds.save(cutout_figures.cutouts(scene, frame), files[-1])
+    return files

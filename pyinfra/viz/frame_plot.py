@@ -1,0 +1,71 @@
+"""One frame from above: points, labels and detections."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.boxes import footprints
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frame_sequence import BOX, LidarFrame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LABEL, DETECTION = "#1b7837", "#d6604d"  # told apart by the colour-blind, and by line style
+
+
+def plot_frame(
+    frame: LidarFrame,
+    detections: pd.DataFrame | None = None,
+    *,
+    min_score: float = 0.5,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draws a frame from above.
+
+    Parameters
+    ----------
+    frame : of a sequence of frames
+    detections : of `detect`; those of other frames are left out
+    min_score : 0 to 1, from which a detection is drawn
+    ax : to draw into; by default a new figure's
+
+    Returns
+    -------
+    Matplotlib axes, metres in the levelled LiDAR frame: x to the right, y up
+
+    Raises
+    ------
+    Error : for a minimum score out of range
+    """
+    import matplotlib.pyplot as plt
+    from matplotlib.collections import PolyCollection
+
+    if not 0 <= min_score <= 1:
+        raise Error(f"min_score: expected 0 to 1, got {min_score:g}")
+    if ax is None:
+        ax = plt.subplots(figsize=(10, 6), layout="constrained")[1]
+    x, y, z = frame.points[:, :3].T
+    ax.scatter(x, y, s=0.3, c=z, cmap="Greys", vmin=-15, vmax=5, linewidths=0, rasterized=True)
+    parts = [("labels", frame.labels, LABEL, "-")]
+    if detections is not None:
+        own = detections[(detections.frame == frame.number) & (detections.score >= min_score)]
+        parts.append((f"detections, score {min_score:g} or more", own, DETECTION, "--"))
+    for name, table, colour, style in parts:
+        boxes: FloatArray = table[BOX].to_numpy(dtype=np.float64).reshape(-1, 7)
+        ax.add_collection(
+            PolyCollection(
+                list(footprints(boxes)),
+                facecolors="none",
+                edgecolors=colour,
+                linestyles=style,
+                label=f"{name}: {len(table)}",
+            )
+        )
+    ax.set(xlabel="x, m", ylabel="y, m", title=f"frame {frame.number}", aspect="equal")
+    ax.legend(loc="upper right")
+    return ax

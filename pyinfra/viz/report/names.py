@@ -1,0 +1,91 @@
+"""What LiDARs and detectors are called on the page, and their order."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyinfra.dataset.catalogue import LIDARS, configs
+from pyinfra.formats.kitti import read_keys
+from pyinfra.metrics import row_selection
+from pyinfra.viz.report.style import Look, look
+
+KINDS = {
+    "livox_avia": "non-repetitive",
+    "helios_16": "16 lines",
+    "pandar_64": "64 lines",
+    "ruby_plus": "128 lines",
+}
+DETECTORS = {
+    "pointpillars": "PointPillars",
+    "pv-rcnn": "PV-RCNN",
+    "dsvt": "DSVT",
+    "pointrcnn": "PointRCNN",
+    "pointrcnn-remedied": "PointRCNN, remedied",
+    "centerpoint-pillar": "CenterPoint-Pillar",
+    "background": "Background",
+}
+PRESETS = row_selection.PRESETS
+
+
+@dataclass(frozen=True)
+class Names:
+    """All LiDARs of a report, by their names in the tables, in the order of their looks."""
+
+    lidars: tuple[str, ...]
+    models: dict[str, str]
+
+    def model(self, lidar: str) -> str:
+        """A LiDAR's model, its own name if none is known."""
+        return self.models.get(lidar, lidar)
+
+    def label(self, lidar: str) -> str:
+        """Model and kind, for legends."""
+        kind = KINDS.get(lidar)
+        return f"{self.model(lidar)}, {kind}" if kind else self.model(lidar)
+
+    def spelled(self, text: str) -> str:
+        """A text with models in place of LiDARs' names."""
+        for name, model in self.models.items():
+            text = re.sub(rf"\b{re.escape(name)}\b", model, text)
+        return text
+
+    def look(self, lidar: str) -> Look:
+        return look(self.lidars.index(lidar))
+
+    def sorted(self, lidars: Iterable[str]) -> list[str]:
+        """Different ones, in the report's order."""
+        found = set(lidars)
+        return [name for name in self.lidars if name in found]
+
+
+def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
+    """Those of the paper first, so that their looks are the same in every report.
+
+    models: by name, where they are known; others are looked up among the LiDARs of this package.
+    """
+    order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
+    plain = [name for name in order if re.fullmatch(r"[\w-]+", name)]
+    own = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in plain}
+    return Names(order, {name: model for name, model in (own | dict(models)).items() if model})
+
+
+def detector(name: str) -> str:
+    """What a detector is called."""
+    return DETECTORS.get(name, name)
+
+
+def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
+    """Different names: those of `first` in its order, then the others sorted."""
+    found = set(names)
+    known = [name for name in first if name in found]
+    return known + sorted(found - set(known))
+
+
+def _model(file: Path) -> str:
+    """The model that a LiDAR's file names; nothing without one."""
+    if not file.is_file():
+        return ""
+    return str(read_keys(file).get("model", ""))

@@ -1,0 +1,78 @@
+"""The page from its sections, and the folder of CSV files beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from pyinfra.core.files import replacing
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.viz.report.blocks import Section
+from pyinfra.viz.report.style import themes
+from pyinfra.viz.report.svg import identifier
+
+HERE = Path(__file__).parent
+CSV_DIGITS = "%.6g"
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """A report without its place; tables: what is beside it besides what its sections name."""
+
+    title: str
+    subtitle: str
+    footer: str
+    sections: Sequence[Section]
+    tables: Sequence[TableFile] = ()
+
+
+def write_page(page: Page, file: Path) -> Path:
+    """Writes the page, and first the tables that it is from into NAME_data beside it."""
+    folder = file.with_name(f"{file.stem}_data")
+    folder.mkdir(parents=True, exist_ok=True)
+    for source in [*page.tables, *sources(page.sections)]:
+        _write_source(source, folder / source.name)
+    text = render(page, folder.name)
+    with replacing(file) as beside:
+        beside.write_text(text, encoding="utf-8")
+    return file
+
+
+def render(page: Page, folder: str) -> str:
+    """The page as HTML; folder: where the CSV files are, seen from the page."""
+    environment = jinja2.Environment(
+        autoescape=True,
+        loader=jinja2.FileSystemLoader(HERE),
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters["identifier"] = identifier
+    light, dark = themes()
+    return environment.get_template("page.html").render(
+        **vars(page),
+        folder=folder,
+        light=light,
+        dark=dark,
+        style=(HERE / "page.css").read_text(encoding="utf-8"),
+        script=(HERE / "page.js").read_text(encoding="utf-8"),
+    )
+
+
+def sources(sections: Sequence[Section]) -> Iterator[TableFile]:
+    """The tables that the sections name, each once."""
+    seen = set()
+    for block in (block for section in sections for block in section.blocks):
+        source = getattr(block, "source", None)
+        if source is not None and source.name not in seen:
+            seen.add(source.name)
+            yield source
+
+
+def _write_source(source: TableFile, file: Path) -> None:
+    with replacing(file) as beside:
+        if isinstance(source.content, Path):
+            beside.write_bytes(source.content.read_bytes())
+        else:
+            source.content.to_csv(beside, index=False, float_format=CSV_DIGITS)

@@ -1,0 +1,116 @@
+"""All that a report is made from: results, and, where they are given, data sets and runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.dataset.data_set import DataSet, read_data_set
+from pyinfra.experiments.options import Wish
+from pyinfra.experiments.result_tables import Results, read_results
+from pyinfra.formats import kitti
+from pyinfra.metrics.row_selection import preset_of_answers
+from pyinfra.viz.report.names import PRESETS, Names, in_order, read_names
+
+ANY_PRICE = Wish()
+
+
+@dataclass(frozen=True)
+class Run:
+    """Predictions of a detector, and on which frames it made them."""
+
+    folder: Path
+    scene: str
+    lidar: str
+    preset: str
+    detector: str
+
+    def prediction(self, frame: int) -> Path:
+        return self.folder / "predictions" / f"{frame:06d}.txt"
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What the sections take from."""
+
+    results: Results
+    names: Names
+    data: tuple[DataSet, ...]
+    runs: tuple[Run, ...]
+    wish: Wish = ANY_PRICE
+
+    def scenes(self) -> list[str]:
+        """Those of the results and of the data sets."""
+        found = set(self.results.table("cells").scene) | {d.scene for d in self.data}
+        return in_order(found, SCENES)
+
+    def is_of_the_paper(self) -> bool:
+        """Whether a scene of the paper is among those of the results; true of no scene at all."""
+        found = self.scenes()
+        return not found or any(scene in SCENES for scene in found)
+
+    def presets(self) -> list[str]:
+        return in_order(self.results.table("cells").preset, PRESETS)
+
+    def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """The rows of each scene under one preset, that of `preset_of_answers`.
+
+        rows: with columns scene, preset, lidar and detector.
+        """
+        chosen = {str(s): preset_of_answers(own) for s, own in rows.groupby("scene")}
+        return rows[rows.preset == rows.scene.map(chosen)]
+
+
+def read_material(
+    folder: Path,
+    data: Sequence[Path],
+    runs: Sequence[Path],
+    tier: str | None,
+    wish: Wish = ANY_PRICE,
+) -> Material:
+    """Reads everything but frames. Raises what read_results, read_data_set and read_run raise."""
+    results = read_results(folder, tier)
+    sets = tuple(read_data_set(folder) for folder in data)
+    named = [name for t in results.tables.values() if "lidar" in t for name in t.lidar]
+    own = {lidar.name: lidar.model for d in sets for lidar in d.lidars}
+    lidars = results.table("lidars")
+    models = dict(zip(lidars.lidar, lidars.model, strict=True)) if "model" in lidars else {}
+    return Material(
+        results=results,
+        names=read_names(_lidars([*named, *own]), models | own),
+        data=sets,
+        runs=tuple(read_run(run, sets) for run in runs),
+        wish=wish,
+    )
+
+
+def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
+    """What a run says of itself, else what its name says: SCENE_LIDAR_PRESET_DETECTOR_...
+
+    Raises FileNotFoundError without predictions, and ValueError if neither says it.
+    """
+    if not (folder / "predictions").is_dir():
+        raise FileNotFoundError(2, "found no folder predictions", str(folder))
+    if (folder / "run.yaml").is_file():
+        top = kitti.read_yaml(folder / "run.yaml")
+        own = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
+        return Run(folder, **own)
+    for one in data:
+        for lidar in one.names:
+            start = re.escape(f"{one.scene}_{lidar}_{one.preset}_")
+            if match := re.match(rf"{start}([^_]+)", folder.name):
+                return Run(folder, one.scene, lidar, one.preset, match[1])
+    raise ValueError(
+        f"{folder}: found no run.yaml, allowed one, or a name SCENE_LIDAR_PRESET_DETECTOR of a "
+        "data set that is given"
+    )
+
+
+def _lidars(names: Iterable[str]) -> list[str]:
+    """Names of LiDARs; some tables have variants such as avia_15_rays, which are none."""
+    return [name for name in names if not re.fullmatch(r"\w+_\d+_rays", name)]

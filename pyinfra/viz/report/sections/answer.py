@@ -1,0 +1,185 @@
+"""The answer first: which LiDAR with which detector, for what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.experiments.benchmark.replicates import CellDraws
+from pyinfra.experiments.options import FRAME_MS
+from pyinfra.metrics.row_selection import AP_OF, COUNTED
+from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
+from pyinfra.viz.report.names import detector
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections import accuracy, recommendation
+
+TITLE = "Which LiDAR and detector for what"
+UNTOLD = (
+    "The table is of a version that kept no draws: whether the best can be told from the next is "
+    "not known. A new pyinfra benchmark says it."
+)
+CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
+
+Choice = Callable[[Material, pd.DataFrame], CardLine | None]
+
+
+def section(material: Material) -> Section | None:
+    """What is recommended for own sites; for the paper's scenes the best for each purpose."""
+    done = material.results.done()
+    if done.empty:
+        return None
+    lead, blocks = "", list[Block]()
+    own = [s for s in material.scenes() if s in set(done.scene) and s not in SCENES]
+    if recommendation.can_answer(material):
+        lead, blocks = _of_own(material, own)
+        done = done[~done.scene.isin(own)]
+    if len(done) > 0:
+        blocks += _of_purposes(material, done)
+        lead = lead or _lead(material, material.of_answers(done))
+    return Section("answer", TITLE, lead, blocks)
+
+
+def _of_own(material: Material, scenes: list[str]) -> tuple[str, list[Block]]:
+    """The first scene's answer in words, then the blocks of all."""
+    lead, blocks = "", list[Block]()
+    for scene in scenes:
+        words, made = recommendation.answer_for(material, scene)
+        blocks += [Text(words), *made] if lead else made
+        lead = lead or words
+    return lead, blocks
+
+
+def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
+    """The best choice for each purpose, under one preset of each scene."""
+    cells = material.of_answers(done)
+    cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
+    blocks: list[Block] = [
+        Cards([card for card in cards if card.lines], material.results.source("cells"))
+    ]
+    chosen = cells.drop_duplicates(["scene", "preset"])
+    named = ", ".join(f"{row.scene} {row.preset}" for row in chosen.itertuples())
+    if len(done) > len(cells):
+        text = f'Presets here: {named}. Others are under "{accuracy.TITLE}"; the choice can differ.'
+        blocks.append(Text(text))
+    if material.results.table("draws").empty:
+        blocks.append(Text(UNTOLD))
+    return blocks
+
+
+def _lead(material: Material, cells: pd.DataFrame) -> str:
+    """The first scene in words."""
+    scene = next(s for s in material.scenes() if s in set(cells.scene))
+    rows = cells[cells.scene == scene]
+    best = rows.loc[rows.ap_fine.idxmax()]
+    text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
+    text += f" in its own field of view: AP {best.ap_fine:.1f}"
+    text += (
+        f" {span(best.ap_fine_low, best.ap_fine_high)}{_rest(material, rows, best, 'captured')}."
+    )
+    if rows.ap_whole_fine.notna().any():
+        whole = rows.loc[rows.ap_whole_fine.idxmax()]
+        text += f" Of {COUNTED[whole.whole]} on the road, {_name(material, whole)} finds most"
+        text += f" (AP {whole.ap_whole_fine:.1f}{_rest(material, rows, whole, whole.whole)})."
+    return text
+
+
+def _card(material: Material, cells: pd.DataFrame, question: str, choose: Choice) -> Card:
+    scenes = [s for s in material.scenes() if s in set(cells.scene)]
+    lines = [choose(material, cells[cells.scene == scene]) for scene in scenes]
+    return Card(question, [line for line in lines if line is not None])
+
+
+def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    best = rows.loc[rows.ap_fine.idxmax()]
+    rest = _rest(material, rows, best, "captured")
+    reason = f"AP {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{rest}"
+    return _line(material, best, reason)
+
+
+def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    if rows.ap_whole_fine.isna().all():
+        return None
+    best = rows.loc[rows.ap_whole_fine.idxmax()]
+    others = rows[rows.lidar != best.lidar]
+    reason = f"AP {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
+    if others.ap_whole_fine.notna().any():
+        second = others.loc[others.ap_whole_fine.idxmax()]
+        reason += f"; next {material.names.model(second.lidar)}, {second.ap_whole_fine:.1f}"
+    return _line(material, best, f"{reason}{_rest(material, rows, best, best.whole)}")
+
+
+def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    near = rows[(rows.ap_fine >= rows.ap_fine.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
+    if near.empty:
+        return None
+    best = near.loc[near.latency_p50_ms.idxmin()]
+    late = f", not real time ({FRAME_MS:g} ms)" if best.latency_p50_ms > FRAME_MS else ""
+    return _line(
+        material, best, f"{best.latency_p50_ms:.0f} ms a frame{late}, AP {best.ap_fine:.1f}"
+    )
+
+
+def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    prices = material.results.table("lidars").drop_duplicates("lidar").set_index("lidar")
+    price = rows.lidar.map((prices.price_low_usd + prices.price_high_usd) / 2)
+    near = rows[(rows.ap_fine >= rows.ap_fine.max() - CLOSE_AP) & price.notna()]
+    if near.empty:
+        return None
+    cheap = near[price[near.index] == price[near.index].min()]
+    best = cheap.loc[cheap.ap_fine.idxmax()]
+    whole = (
+        f", but {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
+        if best.ap_whole_fine < best.ap_fine - CLOSE_AP
+        else ""
+    )
+    return _line(material, best, f"US$ {price[best.name]:,.0f}, AP {best.ap_fine:.1f}{whole}")
+
+
+def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    own = rows[rows.detector == "background"]
+    if own.empty:
+        return None
+    best = own.loc[own.ap_fine.idxmax()]
+    speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
+    return _line(
+        material, best, f"AP {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{speed}"
+    )
+
+
+PURPOSES: tuple[tuple[str, Choice], ...] = (
+    ("Most accurate where it looks", _in_view),
+    ("Sees the whole road", _whole_road),
+    (f"Fastest within {CLOSE_AP:g} AP of the best", _fastest),
+    (f"Cheapest LiDAR within {CLOSE_AP:g} AP of the best", _cheapest),
+    ("Without labels to train on", _untrained),
+)
+
+
+def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
+    return CardLine(str(row.scene), _name(material, row), reason, str(row.origin))
+
+
+def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
+    """Which others cannot be told from the best, by the paired difference of fine AP."""
+    others = rows[rows.index != best.name].sort_values(f"{AP_OF[truth]}_fine", ascending=False)
+    draws = CellDraws(material.results.table("draws"))
+    if others.empty:
+        return ""
+    if draws.row(best, truth) is None:
+        return ""
+    alike = draws.alike(best, (row for _, row in others.iterrows()), truth)
+    return f"; cannot be told from {_listed(material, others.iloc[alike])}" if alike else ""
+
+
+def _name(material: Material, row: pd.Series) -> str:
+    return f"{material.names.model(row.lidar)} with {detector(row.detector)}"
+
+
+def _listed(material: Material, rows: pd.DataFrame, most: int = 2) -> str:
+    """The first rows by name, and how many more there are."""
+    names = [_name(material, row) for _, row in rows.head(most).iterrows()]
+    if len(rows) > most:
+        return f"{', '.join(names)} and {len(rows) - most} more"
+    return " and ".join(names)

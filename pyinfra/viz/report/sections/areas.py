@@ -1,0 +1,184 @@
+"""High-quality detection areas: how many, and where on the road."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.patches import Patch
+
+from pyinfra.dataset import regions
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.dataset.data_set import DataSet
+from pyinfra.metrics.evaluation_tables import LANES
+from pyinfra.metrics.row_selection import first_seed
+from pyinfra.viz.evaluation_plots import LABELS, LOOKS, areas_plan
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import (
+    Block,
+    Column,
+    Figure,
+    LegendEntry,
+    Panel,
+    Section,
+    Table,
+    TableCell,
+    number,
+    shown,
+    span,
+)
+from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.distance import MEANING
+from pyinfra.viz.report.style import INK, drawing, panel
+
+TRUTHS = ("captured", "all")
+
+
+def section(material: Material) -> Section | None:
+    """Stacked bars, the plan of the road where there is a data set, and the table."""
+    areas = material.results.table("areas")
+    distance = material.results.table("distance")
+    if areas.empty:
+        return None
+    blocks: list[Block] = []
+    if len(distance) > 0:
+        distance = first_seed(distance)
+        blocks += _bars(material, distance)
+        blocks += [plan for data in material.data for plan in _plans(material, distance, data)]
+    lead = (
+        "An area is 20 m of road, one every 5 m. It is of high quality if its AP is above 85, and "
+        "undecided if the interval of its AP holds 85. Counted on vehicles that the LiDAR "
+        "captured, and on all vehicles, where every LiDAR has the same areas."
+    )
+    return Section(
+        "areas", "High-quality areas", lead, [*blocks, _table(material, first_seed(areas))]
+    )
+
+
+def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
+    """Figures of stacked bars: a panel for each scene and detector."""
+    found: list[Block] = []
+    for preset in in_order(distance.preset, PRESETS):
+        for truth in TRUTHS:
+            rows = distance[(distance.preset == preset) & (distance.ground_truth == truth)]
+            panels = _bar_panels(material, rows)
+            caption = f"Areas by quality, preset {preset}: {MEANING[truth]}."
+            source = material.results.source("distance")
+            name = f"figure-areas-{preset}-{truth}"
+            closed = len(found) > 0
+            if panels:
+                found.append(Figure(name, caption, panels, source, _legend(), closed=closed))
+    return found
+
+
+def _legend() -> list[LegendEntry]:
+    return [
+        LegendEntry(LABELS[q], svg.patch_swatch(look["facecolor"], _hatch(look["hatch"])))
+        for q, look in LOOKS.items()
+    ]
+
+
+def _bar_panels(material: Material, rows: pd.DataFrame) -> list[Panel]:
+    return [
+        _bar_panel(material, rows[(rows.scene == scene) & (rows.detector == name)])
+        for scene in in_order(rows.scene, SCENES)
+        for name in in_order(rows[rows.scene == scene].detector, DETECTORS)
+    ]
+
+
+def _bar_panel(material: Material, rows: pd.DataFrame) -> Panel:
+    first = rows.iloc[0]
+    lidars = material.names.sorted(rows.lidar)
+    counts = rows.groupby(["lidar", "quality"]).size()
+    with drawing():
+        figure, ax = panel(3.7, 0.36 * len(lidars) + 0.6, left=1.45)
+        left = np.zeros(len(lidars))
+        for quality, look in LOOKS.items():
+            width = np.array([counts.get((lidar, quality), 0) for lidar in lidars])
+            style = {"facecolor": look["facecolor"], "hatch": _hatch(look["hatch"])}
+            ax.barh(
+                range(len(lidars)), width, left=left, height=0.66, edgecolor=INK, lw=0.5, **style
+            )
+            left += width
+        ax.set_yticks(range(len(lidars)), [material.names.model(x) for x in lidars])
+        ax.invert_yaxis()
+        ax.grid(visible=False, axis="y")
+        ax.set_xlabel("areas")
+        title = f"{first.scene}: {detector(first.detector)}"
+        label = f"Areas by quality, {title}, preset {first.preset}, {first.ground_truth}"
+        keys = (first.scene, first.detector, first.preset, first.ground_truth)
+        return Panel(title, svg.inline(figure, svg.identifier("areas", *keys), label))
+
+
+def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Block]:
+    """The areas of every LiDAR on the plan of the road, with the scene's best detector."""
+    own = material.results.done()
+    own = own[(own.scene == data.scene) & (own.preset == data.preset)]
+    rows = distance[
+        (distance.scene == data.scene)
+        & (distance.preset == data.preset)
+        & (distance.ground_truth == "all")
+        & (distance.road != LANES)  # whose areas are no windows
+    ]
+    if own.empty or rows.empty:
+        return []
+    best = str(own.loc[own.ap.idxmax()].detector)
+    rows = rows[rows.detector == best]
+    panels = [
+        _plan(material, data, rows[rows.lidar == lidar])
+        for lidar in material.names.sorted(rows.lidar)
+        if lidar in data.names
+    ]
+    caption = (
+        f"Where the areas of high quality are, {data.scene}, preset {data.preset}, "
+        f"{detector(best)}: {MEANING['all']}. The triangle is the LiDAR."
+    )
+    source = material.results.source("distance")
+    name = f"figure-plan-{data.scene}-{data.preset}"
+    return [Figure(name, caption, panels, source, _legend())]
+
+
+def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
+    lidar = str(rows.lidar.iloc[0])
+    pose = next(x for x in data.lidars if x.name == lidar).T_world_levelled
+    roads = regions.read_roads(data.folder / "roads.csv")
+    figure = areas_plan(rows, roads, (pose.x, pose.y))
+    title = material.names.label(lidar)
+    high = int((rows.quality == "high").sum())
+    for ax in figure.axes:
+        ax.set_title("")
+    for legend in figure.legends:
+        legend.remove()
+    for patch in figure.findobj(Patch):
+        patch.set_hatch(_hatch(patch.get_hatch()))
+    label = f"Plan of {data.scene} with {high} areas of {title} that are surely of high quality"
+    keys = (data.scene, data.preset, lidar)
+    return Panel(
+        f"{title}: surely {high} of {len(rows)}",
+        svg.inline(figure, svg.identifier("plan", *keys), label),
+    )
+
+
+def _hatch(hatch: str | None) -> str:
+    """Without dots, each of which is a circle of its own in an SVG."""
+    return "" if hatch is None or "." in hatch else hatch
+
+
+def _table(material: Material, areas: pd.DataFrame) -> Table:
+    heads = [Column(c) for c in ("Scene, road", "LiDAR", "Preset", "Detector", "Ground truth")]
+    heads += [Column(c, number=True) for c in ("Areas", "High", "Undecided", "Share of high, %")]
+    caption = "Detection areas with enough vehicles, and those of high quality among them."
+    rows = [_row(material, row) for row in areas.itertuples()]
+    return Table(caption, heads, rows, material.results.source("areas"), closed=len(rows) > 24)
+
+
+def _row(material: Material, row: Any) -> list[TableCell]:
+    share = TableCell(
+        shown(row.p_hqda), row.p_hqda, str(row.origin), below=span(row.p_low, row.p_high, ".0f")
+    )
+    texts = [f"{row.scene}, {row.road}", material.names.model(row.lidar), row.preset]
+    texts += [detector(row.detector), row.ground_truth]
+    counts = [number(n, ".0f", str(row.origin)) for n in (row.n_tda, row.n_hqda, row.undecided)]
+    return [*(TableCell(text) for text in texts), *counts, share]

@@ -1,0 +1,105 @@
+"""The paper's claims under each preset: holds, fails, undecided."""
+
+from __future__ import annotations
+
+import re
+
+import pandas as pd
+
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.viz.report.blocks import NOTHING, Column, Section, Table, TableCell, Text, shown, span
+from pyinfra.viz.report.names import PRESETS, Names, in_order
+from pyinfra.viz.report.report_data import Material
+
+CLAIMS = {
+    "comparable": "The non-repetitive and the 128-line LiDAR have about the same AP",
+    "far-range": "Beyond 90 m the non-repetitive LiDAR has about twice the points on a vehicle",
+    "near-range": "Close by, the 128 lines have the most points",
+    "ratio": "128, 64 and 16 lines get points on a vehicle as 8 : 4 : 1",
+    "gentle": "Points and AP of the non-repetitive LiDAR fall off more slowly with distance",
+    "areas": "It has as large a share of high-quality areas as the 128 lines, but fewer of them",
+    "algorithms": "PointRCNN is far behind; PV-RCNN and PointPillars lead",
+    "value": "The non-repetitive LiDAR is the better buy",
+    "deskew": "Points collected over a frame differ from a frozen instant on moving vehicles",
+    "tilt": "Tilting the non-repetitive LiDAR does not help overall",
+    "only-one": "Far vehicles are hit by the non-repetitive LiDAR alone",
+    "64-below": "128 lines and non-repetitive both stay above the 64 lines",
+    "similar": "Pillar, voxel and transformer detectors are within a few points of each other",
+}
+VERDICTS = ("holds", "fails", "undecided")
+
+
+def section(material: Material) -> Section | None:
+    """A row for each thing that was tested, with the verdict under each preset.
+
+    Nothing for own sites alone: these claims are the paper's.
+    """
+    if not material.is_of_the_paper():
+        return None
+    parts = [material.results.table(name) for name in ("claims", "ap_claims")]
+    rows = pd.concat(parts, ignore_index=True)
+    if rows.empty:
+        return None
+    rows = rows.assign(key=[thing_tested(text) for text in rows.statement])
+    if "scene" in rows:
+        rows["key"] = [
+            f"{s}, {k}" if isinstance(s, str) else k for s, k in rows[["scene", "key"]].values
+        ]
+    presets = in_order(rows.preset, PRESETS)
+    table = Table(
+        "A row for each thing tested. A claim holds if its 95 % interval lies inside the stated "
+        "range, fails if outside, and is undecided otherwise.",
+        [Column("Claim"), Column("Tested on"), *(Column(f"Preset {p}") for p in presets)],
+        _table_rows(rows, presets, material.names),
+        TableFile("report_claims.csv", rows.drop(columns=["key"])),
+    )
+    left = [f"{name} ({text[0].lower()}{text[1:]})" for name, text in CLAIMS.items()]
+    left = [text for name, text in zip(CLAIMS, left, strict=True) if name not in set(rows.claim)]
+    more = [Text(f"Not tested in these results: {'; '.join(left)}.")] if left else []
+    return Section("claims", "The paper's claims", _lead(rows, presets), [table, *more])
+
+
+def thing_tested(statement: str) -> str:
+    """A statement without what differs from preset to preset: counts, and what is in brackets."""
+    what, _, where = re.sub(r"\s*\([^)]*\)", "", statement).partition(";")
+    words = [w.strip() for w in where.split(",") if not re.search(r"\d+ (moving )?vehicles", w)]
+    return "; ".join([what.strip(), *([", ".join(words)] if any(words) else [])])
+
+
+def _lead(rows: pd.DataFrame, presets: list[str]) -> str:
+    """How many tests hold, preset by preset."""
+    parts = []
+    for preset in presets:
+        counts = rows[rows.preset == preset].verdict.value_counts()
+        found = [f"{counts[v]} {_plural(v, counts[v])}" for v in VERDICTS if v in counts]
+        parts.append(f"under preset {preset} {', '.join(found)}")
+    tested = rows.claim.nunique()
+    of_all = f"{tested} of the paper's {len(CLAIMS)} claims were tested, some in several ways."
+    return f"{of_all} Of the tests, {'; '.join(parts)}."
+
+
+def _plural(verdict: str, count: int) -> str:
+    return verdict.removesuffix("s") if count > 1 else verdict
+
+
+def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[list[TableCell]]:
+    order = in_order(rows.claim, CLAIMS)
+    rows = rows.assign(rank=rows.claim.map(order.index)).sort_values("rank", kind="stable")
+    found = []
+    for (claim, key), group in rows.groupby(["claim", "key"], sort=False):
+        by_preset = {row.preset: row for row in group.itertuples()}
+        cells = [_verdict(by_preset.get(preset)) for preset in presets]
+        head = TableCell(str(claim), below=CLAIMS.get(str(claim), ""))
+        found.append([head, TableCell(names.spelled(str(key))), *cells])
+    return found
+
+
+def _verdict(row: object) -> TableCell:
+    if row is None:
+        return TableCell(NOTHING)
+    value, low, high = (float(getattr(row, name)) for name in ("value", "low", "high"))
+    verdict = str(getattr(row, "verdict", ""))
+    known = verdict if verdict in VERDICTS else "undecided"
+    text = f"{shown(value, '.3g')} {span(low, high, '.3g')}".strip()
+    origin = f"{getattr(row, 'origin', '')}: {getattr(row, 'statement', '')}"
+    return TableCell("", verdict=known, below=text, origin=origin)

@@ -1,0 +1,89 @@
+"""AP along the road."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.dataset.regions import WINDOW_M
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
+from pyinfra.metrics.row_selection import first_seed
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import Figure, LegendEntry, Panel, Section
+from pyinfra.viz.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.style import FAINT, drawing, panel
+
+MEANING = {
+    "captured": "vehicles with at least one point of the LiDAR",
+    "common": "vehicles in the view of all LiDARs",
+    "all": "all visible vehicles of the region, the same for every LiDAR",
+}
+
+
+def section(material: Material) -> Section | None:
+    """A panel for each road and detector; a figure for each preset and ground truth."""
+    table = material.results.table("distance")
+    if table.empty:
+        return None
+    table = first_seed(table)
+    figures = [
+        _figure(material, table, preset, truth)
+        for preset in in_order(table.preset, PRESETS)
+        for truth in in_order(table[table.preset == preset].ground_truth, ("captured", "all"))
+        if truth in ("captured", "all")
+    ]
+    lead = (
+        f"AP in windows of {WINDOW_M:g} m along the road, s = 0 at the LiDAR and growing along its "
+        f"view; with 95 % intervals. The thin line is the AP of {HIGH_QUALITY:g} above which an "
+        "area is of high quality."
+    )
+    opened = [Figure(**vars(f) | {"closed": i > 0}) for i, f in enumerate(figures)]
+    return Section("distance", "Distance", lead, opened)
+
+
+def legend(names: Names, lidars: list[str]) -> list[LegendEntry]:
+    """The LiDARs and their lines."""
+    looks = [(names.label(name), names.look(name)) for name in lidars]
+    return [LegendEntry(x, svg.line_swatch(k.colour, k.line, k.marker)) for x, k in looks]
+
+
+def _figure(material: Material, table: pd.DataFrame, preset: str, truth: str) -> Figure:
+    rows = table[(table.preset == preset) & (table.ground_truth == truth)]
+    panels = []
+    for scene in in_order(rows.scene, SCENES):
+        of_scene = rows[rows.scene == scene]
+        for road in of_scene.road.unique():
+            for name in in_order(of_scene.detector, DETECTORS):
+                own = of_scene[(of_scene.road == road) & (of_scene.detector == name)]
+                if own.ap.notna().any():
+                    panels.append(_panel(material, own))
+    return Figure(
+        f"figure-distance-{preset}-{truth}",
+        f"AP along the road, preset {preset}: {MEANING[truth]}.",
+        panels,
+        material.results.source("distance"),
+        legend(material.names, material.names.sorted(rows.lidar)),
+    )
+
+
+def _panel(material: Material, rows: pd.DataFrame) -> Panel:
+    first = rows.iloc[0]
+    roads = material.results.table("distance")
+    several = roads[roads.scene == first.scene].road.nunique() > 1
+    place = f"{first.scene}, {first.road}" if several else str(first.scene)
+    title = f"{place}: {detector(first.detector)}"
+    with drawing():
+        figure, ax = panel()
+        ax.axhline(HIGH_QUALITY, color=FAINT, linewidth=0.8, linestyle=(0, (6, 3)))
+        for lidar in material.names.sorted(rows.lidar):
+            own = rows[rows.lidar == lidar].sort_values("s")
+            look = material.names.look(lidar)
+            ax.plot(own.s, own.ap, markersize=2.8, markevery=4, linewidth=1.2, **look.style())
+            ax.fill_between(
+                own.s, own.ap_low, own.ap_high, color=look.colour, alpha=0.18, linewidth=0
+            )
+        ax.set(ylim=(0, 102), xlim=(rows.s.min(), rows.s.max()), xlabel="s (m)", ylabel="AP")
+        label = f"AP along the road, {title}, preset {first.preset}, {first.ground_truth}"
+        keys = (first.scene, first.road, first.detector, first.preset, first.ground_truth)
+        return Panel(title, svg.inline(figure, svg.identifier("distance", *keys), label))

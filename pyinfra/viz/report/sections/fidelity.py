@@ -1,0 +1,182 @@
+"""What the model of a scene costs, and what it changes; the cheapest that changes nothing."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import (
+    Block,
+    Column,
+    Figure,
+    Panel,
+    Section,
+    Table,
+    TableCell,
+    number,
+)
+from pyinfra.viz.report.names import in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections import ladder as models
+from pyinfra.viz.report.sections.distance import legend
+from pyinfra.viz.report.style import FAINT, drawing, log_ticks, panel
+
+DETAILS = ("box", "low", "mid", "fine")
+REFERENCE = "fine"
+ALLOWED_PERCENT = 1.0  # points on a vehicle may differ by this much at any distance
+
+
+def section(material: Material) -> Section | None:
+    """Error against cost over the detail of the vehicles, and over the aggregation."""
+    detail, aggregation = (material.results.table(n) for n in ("fidelity", "aggregation"))
+    blocks: list[Block] = []
+    lead = ""
+    if len(detail) > 0:
+        ladder = _ladder(detail)
+        source = TableFile("report_fidelity.csv", ladder)
+        lead = recommendation(ladder)
+        blocks += [_figure(material, ladder, source), _ladder_table(material, ladder, source)]
+    if len(aggregation) > 0:
+        lead = f"{lead} {_cost_of_slices(aggregation)}".strip()
+        blocks.append(_aggregation(material, aggregation))
+    words, made = models.blocks(material)
+    lead = f"{lead} {words}".strip()
+    blocks += made
+    beam = material.results.table("beam")
+    if len(beam) > 0:
+        blocks.append(_beam(material, beam))
+    return Section("fidelity", "Fidelity of the simulation", lead, blocks) if blocks else None
+
+
+def _ladder(detail: pd.DataFrame) -> pd.DataFrame:
+    """For each detail and LiDAR the mean and the largest change of points, and the time."""
+    rows = detail.assign(change=detail.change_percent.abs())
+    groups = rows.groupby(["detail", "lidar"], sort=False)
+    table = groups.agg(
+        mean_change_percent=("change", "mean"),
+        largest_change_percent=("change", "max"),
+        relative_time=("relative_time", "mean"),
+        distances=("distance_m", "nunique"),
+    ).reset_index()
+    order = in_order(table.detail, DETAILS)
+    return table.assign(rank=table.detail.map(order.index)).sort_values(
+        ["rank", "lidar"], ignore_index=True
+    )
+
+
+def recommendation(ladder: pd.DataFrame) -> str:
+    """The cheapest detail whose points stay within ALLOWED_PERCENT of the finest one's."""
+    worst = ladder.groupby("detail", sort=False).largest_change_percent.max()
+    time = ladder.groupby("detail", sort=False).relative_time.mean()
+    good = [d for d in worst.index if worst[d] <= ALLOWED_PERCENT and d != REFERENCE]
+    rule = (
+        f"the points on a vehicle stay within {ALLOWED_PERCENT:g} % of those of the finest meshes "
+        "at every distance and for every LiDAR"
+    )
+    if not good:
+        return f"No coarser model of the vehicles is recommended: with none of them {rule}."
+    best = good[0]
+    return (
+        f"Recommended: detail {best}, the coarsest model of the vehicles with which {rule} "
+        f"({worst[best]:.2f} % at most), in {time[best]:.2f} of their time."
+    )
+
+
+def _cost_of_slices(table: pd.DataFrame) -> str:
+    """What the other ways of collecting points cost and change, in words."""
+    means = table.groupby("aggregation", sort=False)[["ms_per_frame_set", "outside_box_percent"]]
+    rows = means.mean()
+    if "exact" not in rows.index:
+        return ""
+    exact = rows.loc["exact"]
+    others = [
+        f"{name} takes {row.ms_per_frame_set:.1f} ms, with {row.outside_box_percent:.1f} %"
+        for name, row in rows.drop(index="exact").iterrows()
+    ]
+    text = (
+        f"Aggregation exact takes {exact.ms_per_frame_set:.1f} ms for a frame of all LiDARs, with "
+        f"{exact.outside_box_percent:.1f} % of the points on moving vehicles outside their boxes"
+    )
+    return f"{text}; {'; '.join(others)}." if others else f"{text}."
+
+
+def _figure(material: Material, ladder: pd.DataFrame, source: TableFile) -> Figure:
+    with drawing():
+        figure, ax = panel(4.6, 2.9)
+        rows = ladder[ladder.detail != REFERENCE]
+        for lidar in material.names.sorted(rows.lidar):
+            own = rows[rows.lidar == lidar]
+            style = material.names.look(lidar).style() | {"linestyle": "-"}
+            ax.plot(own.relative_time, own.mean_change_percent, linewidth=0.8, **style)
+            for row in own.itertuples():
+                place = (float(row.relative_time), float(row.mean_change_percent))
+                ax.annotate(str(row.detail), place, (4, 4), textcoords="offset points", fontsize=7)
+        ax.axhline(ALLOWED_PERCENT, color=FAINT, linewidth=0.8, linestyle=(0, (6, 3)))
+        ax.set(yscale="log", xlabel=f"time, detail {REFERENCE} = 1")
+        ax.set(ylabel="change of points (%)")
+        log_ticks(ax.yaxis)
+        label = "Change of the points on vehicles against time, by detail of the meshes"
+        drawn = Panel("", svg.inline(figure, "fidelity", label))
+    caption = (
+        "Error against cost: mean change of the points on a vehicle against the finest meshes, "
+        f"and the time of the run. The line is the {ALLOWED_PERCENT:g} % that is allowed."
+    )
+    lidars = material.names.sorted(ladder.lidar)
+    return Figure("figure-fidelity", caption, [drawn], source, legend(material.names, lidars))
+
+
+def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -> Table:
+    heads = [Column("Detail"), Column("LiDAR")]
+    titles = ("Mean change, %", "Largest change, %", "Time")
+    heads += [Column(c, number=True) for c in titles]
+    rows = [
+        [
+            TableCell(str(row.detail)),
+            TableCell(material.names.label(str(row.lidar))),
+            number(float(row.mean_change_percent), ".2f"),
+            number(float(row.largest_change_percent), ".2f"),
+            number(float(row.relative_time), ".3f"),
+        ]
+        for row in ladder.itertuples()
+    ]
+    caption = "Change of the points on a vehicle, from fidelity.csv over its bins of distance."
+    return Table(caption, heads, rows, source, closed=True)
+
+
+def _aggregation(material: Material, table: pd.DataFrame) -> Table:
+    heads = [Column("Aggregation"), Column("LiDAR")]
+    titles = ("Points per vehicle", "Outside its box, %", "Time of a frame set, ms")
+    heads += [Column(c, number=True) for c in titles]
+    rows = [
+        [
+            TableCell(str(row.aggregation)),
+            TableCell(material.names.label(str(row.lidar))),
+            number(float(row.points_per_vehicle), ".1f", str(row.origin)),
+            number(float(row.outside_box_percent), ".1f", str(row.origin)),
+            number(float(row.ms_per_frame_set), ".1f", str(row.origin)),
+        ]
+        for row in table.itertuples()
+    ]
+    caption = (
+        "How the points of a frame are collected: each at its own time (exact), in slices of a "
+        "frozen world, or in one instant."
+    )
+    return Table(caption, heads, rows, material.results.source("aggregation"))
+
+
+def _beam(material: Material, table: pd.DataFrame) -> Table:
+    heads = [Column("Rays of a beam"), Column("Distance, m")]
+    heads += [Column(c, number=True) for c in ("Vehicles", "Points per vehicle", "In its box")]
+    rows = [
+        [
+            TableCell(str(row.lidar).replace("_", " ")),
+            TableCell(str(row.distance)),
+            number(float(row.vehicles), ".0f", str(row.origin)),
+            number(float(row.points_per_vehicle), ".1f", str(row.origin)),
+            number(float(row.in_box), ".1f", str(row.origin)),
+        ]
+        for row in table.itertuples()
+    ]
+    caption = "The Avia's beam as one ray or as several side by side."
+    return Table(caption, heads, rows, material.results.source("beam"), closed=True)

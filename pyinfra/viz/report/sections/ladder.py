@@ -1,0 +1,199 @@
+"""What cheaper models of a scene do to its conclusions, dial by dial."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.metrics import comparison
+from pyinfra.metrics.replicates import are_pairs, difference, drawn
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.distance import legend
+from pyinfra.viz.report.style import drawing, panel
+
+UNTOLD = "The table keeps no draws: which model leaves the conclusions as they are is not known."
+# Of each dial the values from cheap to dear; the last is what the others are held against.
+DIALS = {
+    "detail": ("box", "low", "mid", "fine"),
+    "aggregation": ("instant", "slices:100", "exact"),
+    "parts": ("none", "glass", "gap", "coat", "tyres", "reflectors", "glass+gap+coat", "all"),
+    "vegetation": ("none", "scene"),
+    "label_time": ("frame", "scan"),
+    "frames": ("50", "100", "200", "500", "1000"),
+}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One value of a dial against the dearest one."""
+
+    dial: str
+    value: str
+    seconds: float  # CPU time of the simulation
+    change: float  # of AP, the largest of all LiDARs
+    same: bool  # conclusions
+    known: bool  # every LiDAR has an interval
+
+
+def blocks(material: Material) -> tuple[str, list[Block]]:
+    """What is recommended, and the figure and table behind it; nothing without a ladder."""
+    table = material.results.table("ladder")
+    if table.empty:
+        return "", []
+    table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
+    found = rungs(table)
+    words = recommendation(found) if keeps_draws(table) else UNTOLD
+    return words, [_figure(material, table), _table(material, found)]
+
+
+def rungs(table: pd.DataFrame) -> list[Rung]:
+    """Every value of every dial, the other dials at what most rows have."""
+    usual = usual_of(table)
+    found = []
+    for dial, values in dials_of(table).items():
+        own = _turned(table, dial, usual)
+        own = own[own.ap_fine.notna()]
+        there = [value for value in values if value in set(own[dial])]
+        if not there:
+            continue
+        dearest = own[own[dial] == there[-1]].set_index("lidar")
+        for value in there:
+            rows = own[own[dial] == value].set_index("lidar")
+            change = (rows.ap_fine - dearest.ap_fine).abs().max()
+            seconds = float(rows.seconds.mean())
+            found.append(
+                Rung(
+                    dial,
+                    value,
+                    seconds,
+                    float(change),
+                    agrees(rows, dearest, of_frames=dial == "frames"),
+                    rows.ap_fine_low.notna().all(),
+                )
+            )
+    return found
+
+
+def dials_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
+    """The dials that a table knows: one of version 0.2 has neither parts nor label_time."""
+    return {dial: values for dial, values in DIALS.items() if dial in table}
+
+
+def usual_of(table: pd.DataFrame) -> dict[str, str]:
+    """The value that most rows have, of each dial."""
+    return {dial: table[dial].astype(str).mode()[0] for dial in dials_of(table)}
+
+
+def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFrame:
+    """The rows in which only this dial differs from the usual."""
+    keep = pd.Series(True, index=table.index)
+    for other, value in usual.items():
+        if other != dial:
+            keep &= table[other].astype(str) == value
+    return table[keep].assign(**{dial: table[dial].astype(str)})
+
+
+def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False) -> bool:
+    """Whether no AP can be told from the dearest model's, and every pair that it decides stays so.
+
+    Both by LiDAR, on one traffic; of_frames: other frames have other draws, so the order alone. A
+    pair is decided where the interval of its paired difference does not hold 0; of a table that
+    keeps no draws nothing is known, so nothing agrees.
+    """
+    if set(rows.index) != set(dearest.index) or not (keeps_draws(rows) and keeps_draws(dearest)):
+        return False
+    if not of_frames:
+        both = [(rows.loc[name], dearest.loc[name]) for name in dearest.index]
+        if not all(are_pairs(a, b) for a, b in both):
+            return False
+        apart = [difference(a, b).measured() for a, b in both]
+        if not all(found.is_known and not found.is_told for found in apart):
+            return False
+    own, theirs = figures(rows), figures(dearest)
+    return all(
+        own[a].less(own[b]).measured().low > 0
+        for a, b in itertools.permutations(theirs, 2)
+        if theirs[a].less(theirs[b]).measured().low > 0
+    )
+
+
+def keeps_draws(rows: pd.DataFrame) -> bool:
+    return bool((rows.draws > 0).all())
+
+
+def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
+    return {str(name): drawn(row) for name, row in rows.iterrows()}
+
+
+def recommendation(found: list[Rung]) -> str:
+    """Of each dial the cheapest value from which on nothing changes."""
+    parts = []
+    for dial in dict.fromkeys(rung.dial for rung in found):
+        values = [rung for rung in found if rung.dial == dial]
+        good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
+        if good:
+            best, dearest = min(good[::-1], key=lambda rung: rung.seconds), values[-1]
+            share = best.seconds / dearest.seconds
+            parts.append(f"{dial} {best.value} ({share:.2f} of the time of {dearest.value})")
+    if not parts:
+        return "No model of the scene leaves all conclusions as the dearest one has them."
+    return (
+        "The cheapest model of the scene that leaves all conclusions as they are (no AP can be "
+        "told from the dearest model's, and every order of two LiDARs that it decides stays): "
+        + ", ".join(parts)
+        + "."
+    )
+
+
+def _figure(material: Material, table: pd.DataFrame) -> Figure:
+    panels = []
+    lidars = material.names.sorted(table.lidar)
+    usual = usual_of(table)
+    for dial, values in dials_of(table).items():
+        own = _turned(table, dial, usual)
+        with drawing():
+            figure, ax = panel(3.2, 2.7, bottom=0.58)
+            places = [value for value in values if value in set(own[dial])]
+            for i, lidar in enumerate(lidars):
+                rows = own[own.lidar == lidar].set_index(dial).reindex(places)
+                x = [place + 0.12 * (i - (len(lidars) - 1) / 2) for place in range(len(places))]
+                spread = [rows.ap_fine - rows.ap_fine_low, rows.ap_fine_high - rows.ap_fine]
+                look = material.names.look(lidar)
+                ax.errorbar(
+                    x, rows.ap_fine, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
+                )
+            seconds = own.groupby(dial).seconds.mean().reindex(places)
+            labels = [f"{v}\n{s:.3g} s" for v, s in zip(places, seconds, strict=True)]
+            ax.set_xticks(range(len(places)), labels)
+            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel="AP")
+            panels.append(Panel(dial, svg.inline(figure, f"ladder-{dial}", f"AP by {dial}")))
+    caption = (
+        "Accuracy against the cost of the simulation: AP of Background on the highway with one "
+        "dial of the model turned at a time, with 95 % intervals."
+    )
+    source = material.results.source("ladder")
+    return Figure("figure-ladder", caption, panels, source, legend(material.names, lidars))
+
+
+def _table(material: Material, found: list[Rung]) -> Table:
+    heads = [Column("Dial"), Column("Value")]
+    heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
+    rows = [
+        [
+            TableCell(rung.dial),
+            TableCell(rung.value),
+            number(rung.seconds, ".1f"),
+            number(rung.change, ".2f"),
+            TableCell(("same" if rung.same else "change") if rung.known else "no interval"),
+        ]
+        for rung in found
+    ]
+    made = pd.DataFrame([vars(rung) for rung in found])
+    caption = "Conclusions with a cheaper model, from ladder.csv."
+    source = TableFile("report_ladder.csv", made)
+    return Table(caption, [*heads, Column("Conclusions")], rows, source)

@@ -1,0 +1,255 @@
+"""What the LiDARs see: pictures from data sets, counterparts of the paper's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure as Drawing
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.boxes import footprints
+from pyinfra.dataset import frame_tables
+from pyinfra.dataset.data_set import DataSet
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.metrics.scanning_statistics import described, speed_table
+from pyinfra.viz import clouds, cutouts, scene_pictures
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import Block, Figure, LegendEntry, Panel, Section
+from pyinfra.viz.report.names import detector
+from pyinfra.viz.report.report_data import Material, Run
+from pyinfra.viz.report.style import drawing, panel
+
+PATTERN_S = 2.0
+SHOWN_SCORE = 0.3  # of predicted boxes
+FIRST_RUNS = ("pv-rcnn", "pointpillars")  # the paper's pair
+PREDICTED = "#b3006e"
+WIDE_DPI = 110
+
+
+def section(material: Material) -> Section | None:
+    """Patterns, plans, clouds, points per vehicle, one vehicle, boxes and speeds."""
+    if not material.data:
+        return None
+    exact = [d for d in material.data if d.aggregation == "exact"] or list(material.data)
+    blocks: list[Block] = [*_patterns(material, exact[0]), _plans(exact), _sheet(material, exact)]
+    blocks += [_cutouts(material, d) for d in exact]
+    blocks += [*_aggregations(material), *_boxes(material), _speeds(exact)]
+    lead = "Drawn from frames on disk; x is along the LiDAR's view, y to its left, in metres."
+    return Section("pictures", "What the LiDARs see", lead, blocks)
+
+
+def frame_of(material: Material, data: DataSet) -> int:
+    """The frame that is drawn: the first one that all runs of the data set made boxes for."""
+    runs = [run for run in material.runs if is_of(run, data)]
+    common = [k for k in data.frames if all(run.prediction(k).is_file() for run in runs)]
+    return common[0] if common else data.frames[0]
+
+
+def is_of(run: Run, data: DataSet) -> bool:
+    """Whether a run was on this data set."""
+    return (run.scene, run.preset) == (data.scene, data.preset) and run.lidar in data.names
+
+
+def folders(material: Material, data: DataSet) -> list[Path]:
+    """The LiDAR folders in the report's order."""
+    return [data.lidar_folder(name) for name in material.names.sorted(data.names)]
+
+
+def _drawn(figure: Drawing, name: str, label: str, title: str = "") -> Panel:
+    return Panel(title, svg.inline(figure, svg.identifier(name), label, WIDE_DPI))
+
+
+def _patterns(material: Material, data: DataSet) -> list[Block]:
+    """Where the rays go; nothing without the compiled extension."""
+    try:
+        from pyinfra.metrics import scan_patterns
+    except ImportError:
+        return []
+    found = {}
+    for folder in folders(material, data):
+        if not scan_patterns.has_pattern(folder / "lidar.yaml"):
+            continue
+        rays = scan_patterns.read_rays(folder / "lidar.yaml", PATTERN_S, data.period_s)
+        angles = np.radians([rays.azimuth_deg, rays.elevation_deg])
+        found[material.names.model(folder.name)] = np.stack([*angles, rays.time_s], axis=1)
+    if not found:
+        return []
+    picture = clouds.pattern_picture(found)
+    drawn = _drawn(picture, "patterns", f"Rays of {', '.join(found)} in one frame")
+    caption = f"Scanning patterns, preset {data.preset}: a frame, and a car's rear 60 m ahead."
+    return [Figure("figure-patterns", caption, [drawn], layout="wide", plate=True)]
+
+
+def _plans(data_sets: Sequence[DataSet]) -> Block:
+    first = list({d.scene: d for d in data_sets}.values())
+    panels = []
+    for data in first:
+        read = scene_pictures.read_scene([data.lidar_folder(name) for name in data.names])
+        label = f"Plan of {data.scene} with the LiDAR's pose and the fields of view"
+        panels.append(_drawn(scene_pictures.plan([read]), f"plan {data.scene}", label))
+    caption = "Plans of the scenes: pose of the LiDARs, fields of view, evaluation region."
+    return Figure("figure-plans", caption, panels, layout="wide", plate=True)
+
+
+def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
+    """A picture from above for each data set and LiDAR."""
+    panels = []
+    for data in data_sets:
+        frame = frame_of(material, data)
+        for folder in folders(material, data):
+            view = clouds.read_snapshot(folder, frame)
+            title = f"{view.lidar.model}: {view.counts()}"
+            title = f"{data.scene}, {data.preset}: {title}" if len(data_sets) > 1 else title
+            name = f"above {data.scene} {data.preset} {folder.name}"
+            panels.append(_drawn(_above(view), name, f"{title}, from above", title))
+    caption = (
+        "One frame from above. Boxes of vehicles are darker and more solid the more points they "
+        "have; those without a point are crossed out. Dashed: field of view and range."
+    )
+    return Figure("figure-sheet", caption, panels, legend=_box_legend(), layout="half", plate=True)
+
+
+def _box_legend() -> list[LegendEntry]:
+    return [
+        LegendEntry(q.name, svg.line_swatch(q.colour, q.line, "x" if q.most == 0 else ""))
+        for q in clouds.QUALITIES
+    ]
+
+
+def _above(view: clouds.Snapshot, boxes: FloatArray | None = None) -> Drawing:
+    """A frame from above, with boxes (k, 7) over it."""
+    window = clouds.region_window(view)
+    width, height = window.shape()
+    with mpl.rc_context(clouds.STYLE):
+        figure = Drawing(figsize=(5.6, 5.6 * height / width + 0.3), layout="constrained")
+        axes = figure.subplots()
+        clouds.bird_view(axes, view, window, point_size=0.6, headings=False)
+        axes.tick_params(labelsize=7, length=2)
+        if boxes is not None:
+            _outline(axes, boxes)
+    return figure
+
+
+def _cutouts(material: Material, data: DataSet) -> Block:
+    frame = frame_of(material, data)
+    picture = cutouts.cutouts(scene_pictures.read_scene(folders(material, data)), frame)
+    label = f"The same cars as each LiDAR sees them, {data.scene}"
+    drawn = _drawn(picture, f"cutouts {data.scene} {data.preset} {data.aggregation}", label)
+    name = f"figure-cutouts-{data.scene}-{data.preset}"
+    caption = f"Cars cut out, at five distances, {data.scene}, preset {data.preset}."
+    return Figure(name, caption, [drawn], layout="wide", plate=True)
+
+
+def _aggregations(material: Material) -> list[Block]:
+    """The same vehicles with the points collected in several ways, where there are such data."""
+    groups: dict[tuple[str, str, int], list[DataSet]] = {}
+    for data in material.data:
+        groups.setdefault((data.scene, data.preset, data.seed), []).append(data)
+    found: list[Block] = []
+    for (place, preset, _), own in groups.items():
+        if len({d.aggregation for d in own}) < 2:
+            continue
+        frame = min(set.intersection(*(set(d.frames) for d in own)), default=None)
+        if frame is not None:
+            panels = [_one_way(material, data, frame) for data in own]
+            caption = f"The same cars under each aggregation, {place}, preset {preset}."
+            name = f"figure-aggregation-{place}-{preset}"
+            found.append(Figure(name, caption, panels, layout="wide", plate=True))
+    return found
+
+
+def _one_way(material: Material, data: DataSet, frame: int) -> Panel:
+    picture = cutouts.cutouts(scene_pictures.read_scene(folders(material, data)), frame)
+    name = f"aggregation {data.scene} {data.preset} {data.aggregation}"
+    return _drawn(picture, name, f"Cars, aggregation {data.aggregation}", data.aggregation)
+
+
+def _boxes(material: Material) -> list[Block]:
+    """Predicted boxes of two detectors on one frame of a LiDAR, for each data set."""
+    found: list[Block] = []
+    for data in material.data:
+        frame = frame_of(material, data)
+        own = [r for r in material.runs if is_of(r, data) and r.prediction(frame).is_file()]
+        pairs = [_pair(own, lidar) for lidar in material.names.sorted(data.names)]
+        runs = max(pairs, key=lambda pair: (_of_the_paper(pair), len(pair)))
+        if runs:
+            found.append(_boxes_figure(material, data, runs, frame))
+    return found
+
+
+def _pair(runs: list[Run], lidar: str) -> list[Run]:
+    """At most two runs of a LiDAR, those of the paper's pair first."""
+    own = [run for run in runs if run.lidar == lidar]
+    return sorted(own, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
+
+
+def _of_the_paper(runs: list[Run]) -> int:
+    return sum(run.detector in FIRST_RUNS for run in runs)
+
+
+def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int) -> Block:
+    lidar = runs[0].lidar
+    view = clouds.read_snapshot(data.lidar_folder(lidar), frame)
+    panels = [_boxes_panel(data, view, run, frame) for run in runs]
+    caption = (
+        f"Predicted boxes (thick, score {SHOWN_SCORE:g} or more) on frame {frame} of "
+        f"{material.names.model(lidar)}, {data.scene}, preset {data.preset}. Thin: vehicles."
+    )
+    predicted = LegendEntry("predicted", svg.line_swatch(PREDICTED, "-", ""))
+    entries = [predicted, *_box_legend()]
+    name = f"figure-boxes-{data.scene}-{data.preset}-{lidar}"
+    return Figure(name, caption, panels, None, entries, layout="half", plate=True)
+
+
+def _boxes_panel(data: DataSet, view: clouds.Snapshot, run: Run, frame: int) -> Panel:
+    boxes = _predicted(data, run, frame)
+    title = f"{detector(run.detector)}: {len(boxes)} boxes"
+    label = f"Boxes of {title} on {view.lidar.model}, {data.scene}, frame {frame}"
+    name = f"boxes {data.scene} {data.preset} {run.lidar} {run.detector}"
+    return _drawn(_above(view, boxes), name, label, title)
+
+
+def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
+    """Predicted boxes (k, 7) of a frame with a score that is shown."""
+    folder = data.lidar_folder(run.lidar)
+    cameras = frame_tables.read_cameras(folder, [frame])
+    found = frame_tables.read_predictions([run.prediction(frame)], cameras)
+    return np.asarray(found.boxes[found.scores >= SHOWN_SCORE])
+
+
+def _outline(axes: Axes, boxes: FloatArray) -> None:
+    look: dict[str, Any] = {"facecolors": "none", "edgecolors": PREDICTED, "linewidths": 1.4}
+    axes.add_collection(PolyCollection(list(footprints(boxes)), zorder=4, **look))
+
+
+def _speeds(data_sets: Sequence[DataSet]) -> Block:
+    """Histogram of the vehicles' speeds in each scene."""
+    first = list({d.scene: d for d in data_sets}.values())
+    table = pd.concat([described(d, speed_table(d), above_road=False) for d in first])
+    panels = [_speed_panel(rows) for _, rows in table.groupby("scene", sort=False)]
+    caption = "Speeds of all vehicles at the times of the frames."
+    return Figure("figure-speeds", caption, panels, TableFile("report_speeds.csv", table))
+
+
+def _speed_panel(rows: pd.DataFrame) -> Panel:
+    place = str(rows.scene.iloc[0])
+    inside = rows[np.isfinite(rows.to_km_h)]
+    beyond = int(rows.samples.sum() - inside.samples.sum())
+    with drawing():
+        figure, ax = panel()
+        width = inside.to_km_h - inside.from_km_h
+        share = 100 * inside.samples / max(int(rows.samples.sum()), 1)
+        style: dict[str, Any] = {"color": "#0b5cad", "edgecolor": "none", "align": "edge"}
+        ax.bar(inside.from_km_h, share, width=width * 0.92, **style)
+        ax.grid(visible=False, axis="x")
+        ax.set(xlabel="speed (km/h)", ylabel="samples (%)")
+        label = f"Speeds of vehicles, {place}"
+        drawn = svg.inline(figure, svg.identifier("speeds", place), label)
+    return Panel(f"{place}, {beyond:,} beyond" if beyond else place, drawn)

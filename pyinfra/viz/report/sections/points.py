@@ -1,0 +1,91 @@
+"""Points per vehicle by distance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.dataset.data_set import DataSet
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.metrics import scanning_tables
+from pyinfra.metrics.observations import blocks_of, read_sightings
+from pyinfra.metrics.scanning_statistics import sets_of
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import Figure, Panel, Section
+from pyinfra.viz.report.names import PRESETS, in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.distance import legend
+from pyinfra.viz.report.style import drawing, log_ticks, panel
+
+SETS = ("common", "view")
+
+
+def section(material: Material) -> Section | None:
+    """A panel for each scene and set; a figure for each preset."""
+    table, source = _measured(material)
+    table = table[table.apv > 0]
+    if table.empty:
+        return None
+    presets = in_order(table.preset, PRESETS)
+    figures = [_figure(material, table, source, preset, presets) for preset in presets]
+    lead = (
+        "The mean number of points on a vehicle, hit or not, in bins of 5 m of distance, with 95 % "
+        "intervals where there are frames enough. Common: vehicles in view and range of every "
+        "LiDAR; view: the same without the range, so what lies beyond a LiDAR's range counts."
+    )
+    return Section("points", "Points per vehicle", lead, figures)
+
+
+def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
+    """The results' own table, else what is counted in the data sets."""
+    table = material.results.table("points")
+    exact = [data for data in material.data if data.aggregation == "exact"]
+    if len(table) > 0 or not exact:
+        return table, material.results.source("points")
+    table = pd.concat([_counted(data) for data in exact], ignore_index=True)
+    return table, TableFile("report_points_per_vehicle.csv", table)
+
+
+def _counted(data: DataSet) -> pd.DataFrame:
+    """Points per vehicle over all frames of a data set."""
+    vehicles = read_sightings(data)
+    chosen, blocks = sets_of(vehicles), blocks_of(data, vehicles)
+    parts = [
+        scanning_tables.points_per_vehicle(chosen[name], blocks).assign(set=name) for name in SETS
+    ]
+    return pd.concat(parts).assign(scene=data.scene, preset=data.preset)
+
+
+def _figure(
+    material: Material, table: pd.DataFrame, source: TableFile, preset: str, presets: list[str]
+) -> Figure:
+    rows = table[table.preset == preset]
+    panels = [
+        _panel(material, rows[(rows.scene == scene) & (rows["set"] == name)])
+        for scene in in_order(rows.scene, SCENES)
+        for name in in_order(rows[rows.scene == scene]["set"], SETS)
+    ]
+    lidars = legend(material.names, material.names.sorted(rows.lidar))
+    caption = f"Points per vehicle by distance, preset {preset}."
+    closed = preset != presets[0]
+    return Figure(f"figure-points-{preset}", caption, panels, source, lidars, closed=closed)
+
+
+def _panel(material: Material, rows: pd.DataFrame) -> Panel:
+    first = rows.iloc[0]
+    title = f"{first.scene}: {first['set']}"
+    with drawing():
+        figure, ax = panel(left=0.55)
+        for lidar in material.names.sorted(rows.lidar):
+            own = rows[rows.lidar == lidar].sort_values("from_m")
+            middle, look = (own.from_m + own.to_m) / 2, material.names.look(lidar)
+            ax.plot(middle, own.apv, markersize=3, linewidth=1.2, **look.style())
+            style: dict[str, Any] = {"color": look.colour, "alpha": 0.18, "linewidth": 0}
+            ax.fill_between(middle, own.ci_low, own.ci_high, **style)
+        ax.set(yscale="log", xlabel="horizontal distance (m)", ylabel="points per vehicle")
+        log_ticks(ax.yaxis)
+        label = f"Points per vehicle by distance, {title}, preset {first.preset}"
+        name = svg.identifier("points", title, first.preset)
+        return Panel(title, svg.inline(figure, name, label))

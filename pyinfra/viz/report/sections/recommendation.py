@@ -1,0 +1,96 @@
+"""The answer for an own site: what `pyinfra recommend` says of its scenes."""
+
+from __future__ import annotations
+
+import math
+
+from pyinfra.experiments.options import Option, Wish, options_of
+from pyinfra.experiments.recommend import Answer, recommend, relaxation, with_interval
+from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.row_selection import COUNTED
+from pyinfra.viz.report.blocks import Block, Column, Table, TableCell, Text, number, span
+from pyinfra.viz.report.names import detector
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.value import spelled
+
+NEEDED = ("cells", "value", "distance")
+
+
+def can_answer(material: Material) -> bool:
+    """Whether the tables are there that an answer is of."""
+    return all(len(material.results.table(name)) > 0 for name in NEEDED)
+
+
+def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
+    """The answer in a sentence, and the options with what is to be known about them."""
+    options = options_of(material.results, scene, "", material.wish)
+    answer = recommend(options, material.wish)
+    lead = _lead(material, answer, options[0])
+    blocks: list[Block] = [_table(material, answer)] if answer.named else []
+    blocks += [Text(spelled(material, remark.replace("`", ""))) for remark in answer.remarks]
+    return lead, blocks
+
+
+def _lead(material: Material, answer: Answer, any_one: Option) -> str:
+    text = f"{any_one.scene.capitalize()}, preset {any_one.preset}, {_asked(material.wish)}: "
+    if not answer.named:
+        return f"{text}no option meets this."
+    first = answer.named[0]
+    name = _name(material, first)
+    reach = (
+        f"AP of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, {first.price_usd:,.0f} USD"
+    )
+    if answer.meets:
+        return f"{text}{name}. {reach}."
+    relaxed = relaxation(first, material.wish)
+    return f"{text}no option meets this. The nearest is {name}: {reach}; it needs {relaxed}."
+
+
+def _asked(wish: Wish) -> str:
+    money = f"at most {wish.budget_usd:,.0f} USD" if math.isfinite(wish.budget_usd) else "any price"
+    ap = f"AP {wish.min_ap:g} of the whole road's vehicles or more"
+    asked = f"{money}, {ap}, {wish.range_m:g} m either way"
+    return f"{asked}, {wish.latency_ms:g} ms a frame or less"
+
+
+def _table(material: Material, answer: Answer) -> Table:
+    titles = ("AP, whole road", "AP", "Price, US$", "Road covered, m", "Median, ms")
+    heads = [Column("LiDAR and detector"), *(Column(title, number=True) for title in titles)]
+    heads += [] if answer.meets else [Column("To relax")]
+    rows = [_row(material, option, relax=not answer.meets) for option in answer.named]
+    caption = (
+        f"What pyinfra recommend names, by AP of {COUNTED[answer.named[0].whole]} (whole road); AP "
+        "is of those that the LiDAR captures. Road is covered where AP of the whole road is above "
+        "what is asked."
+    )
+    if not answer.meets:
+        caption = f"The nearest, and what to relax. {caption}"
+    return Table(caption, heads, rows, material.results.source("cells"))
+
+
+def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
+    prices = Measured(option.price_usd, option.price_low_usd, option.price_high_usd)
+    cells = [
+        TableCell(_name(material, option)),
+        _cell(option.ap_whole, ".1f"),
+        _cell(option.ap, ".1f"),
+        _cell(prices, ",.0f") if prices.low < prices.high else number(prices.value, ",.0f"),
+        _covered(option),
+        number(option.latency_ms, ".0f"),
+    ]
+    return [*cells, TableCell(relaxation(option, material.wish))] if relax else cells
+
+
+def _covered(option: Option) -> TableCell:
+    if math.isnan(option.road_m):
+        return TableCell("")  # a site of lanes
+    return _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}")
+
+
+def _cell(figure: Measured, form: str, more: str = "") -> TableCell:
+    text = f"{figure.value:{form}}{more}"
+    return TableCell(text, figure.value, below=span(figure.low, figure.high, form))
+
+
+def _name(material: Material, option: Option) -> str:
+    return f"{material.names.model(option.lidar)} with {detector(option.detector)}"

@@ -1,0 +1,145 @@
+"""Accuracy against time: to answer, and to train."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.experiments.options import FRAME_MS
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
+from pyinfra.viz.report.blocks import number as number_cell
+from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
+from pyinfra.viz.scanning_plots import MARKERS
+
+COSTS = {
+    "latency_p50_ms": ("latency", "median latency (ms)", "AP against median latency of a frame"),
+    "train_seconds": ("training", "training (s of one core)", "AP against training time"),
+}
+
+
+def section(material: Material) -> Section | None:
+    """AP against latency and training time, with the Pareto front of each."""
+    cells = material.results.done()
+    presets = in_order(cells.preset, PRESETS)
+    made = [_figure(material, cells, preset, cost) for cost in COSTS for preset in presets]
+    figures = [f for f in made if f is not None]
+    if not figures:
+        return None
+    blocks = [Figure(**vars(f) | {"closed": not f.name.endswith(presets[0])}) for f in figures]
+    fronts = [_fronts(cells[cells.preset == preset]) for preset in presets]
+    table = _table(material, pd.concat(fronts, ignore_index=True))
+    lead = (
+        "Latency is from the points of a frame to its boxes, on one core; a LiDAR delivers a frame "
+        f"every {FRAME_MS:g} ms (the upright line). Training is CPU time of one core."
+    )
+    return Section("speed", "Speed against accuracy", lead, [*blocks, table])
+
+
+def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
+    """Which rows no other beats: none is as cheap or cheaper, and as good or better, and not equal.
+
+    A row without its cost is on no front.
+    """
+    price, ap = rows[cost].to_numpy(np.float64), rows.ap.to_numpy(np.float64)
+    cheaper = (price[None] <= price[:, None]) & (ap[None] >= ap[:, None])
+    better = (price[None] < price[:, None]) | (ap[None] > ap[:, None])
+    return pd.Series(~(cheaper & better).any(axis=1) & ~np.isnan(price), index=rows.index)
+
+
+def _fronts(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows on the front of their scene, by latency."""
+    parts = [own[pareto(own, "latency_p50_ms")] for _, own in rows.groupby("scene", sort=False)]
+    return pd.concat(parts).sort_values(["scene", "latency_p50_ms"])
+
+
+def _figure(material: Material, cells: pd.DataFrame, preset: str, cost: str) -> Figure | None:
+    rows = cells[(cells.preset == preset) & (cells[cost] > 0)]
+    if rows.empty:
+        return None
+    name, _, what = COSTS[cost]
+    caption = (
+        f"{what} (logarithmic), preset {preset}, with intervals. The line is the Pareto front: "
+        "filled marks are beaten by no other in both."
+    )
+    if cost == "latency_p50_ms":
+        caption += " A mark reaches to the right up to the 95th percentile of its latency."
+    panels = [_panel(material, rows[rows.scene == s], cost) for s in in_order(rows.scene, SCENES)]
+    source = material.results.source("cells")
+    legend = _legend(material, rows)
+    return Figure(f"figure-{name}-{preset}", caption, panels, source, legend)
+
+
+def _marker(name: str) -> str:
+    """Detectors have markers here, as LiDARs have colours."""
+    names = list(DETECTORS)
+    return MARKERS[names.index(name)] if name in names else "*"
+
+
+def _legend(material: Material, rows: pd.DataFrame) -> list[LegendEntry]:
+    lidars = material.names.sorted(rows.lidar)
+    found = [
+        LegendEntry(material.names.label(x), svg.patch_swatch(material.names.look(x).colour, ""))
+        for x in lidars
+    ]
+    return found + [
+        LegendEntry(detector(d), svg.line_swatch(FAINT, "none", _marker(d)))
+        for d in in_order(rows.detector, DETECTORS)
+    ]
+
+
+def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
+    first = rows.iloc[0]
+    name, label, what = COSTS[cost]
+    with drawing():
+        figure, ax = panel()
+        on_front = pareto(rows, cost)
+        front = rows[on_front].sort_values(cost)
+        ax.step(front[cost], front.ap, where="post", color=FAINT, linewidth=0.9)
+        if cost == "latency_p50_ms":
+            ax.axvline(FRAME_MS, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
+        for row in rows.assign(front=on_front).itertuples():
+            _mark(material, ax, row, cost)
+        ax.set(xscale="log", xlabel=label, ylabel="AP")
+        log_ticks(ax.xaxis)
+        title = str(first.scene)
+        text = f"{what} with the Pareto front, {title}, preset {first.preset}"
+        return Panel(title, svg.inline(figure, svg.identifier(name, title, first.preset), text))
+
+
+def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
+    colour = material.names.look(row.lidar).colour
+    up = np.nan_to_num([[row.ap - row.ap_low], [row.ap_high - row.ap]]).clip(min=0)
+    right = None
+    if cost == "latency_p50_ms":
+        right = np.nan_to_num([[0.0], [row.latency_p95_ms - row.latency_p50_ms]]).clip(min=0)
+    style: dict[str, Any] = {
+        "color": colour,
+        "marker": _marker(row.detector),
+        "markerfacecolor": colour if row.front else GROUND,
+    }
+    ax.errorbar(getattr(row, cost), row.ap, up, right, markersize=5, elinewidth=0.7, **style)
+
+
+def _table(material: Material, rows: pd.DataFrame) -> Table:
+    """What no other beats in AP and latency."""
+    heads = [Column(c) for c in ("Scene", "Preset", "LiDAR", "Detector")]
+    heads += [Column(c, number=True) for c in ("AP", "Median, ms", "95 %, ms", "Training, s")]
+    found = []
+    for row in rows.itertuples():
+        origin = str(row.origin)
+        texts = [str(row.scene), str(row.preset)]
+        texts += [material.names.model(str(row.lidar)), detector(str(row.detector))]
+        times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
+        numbers = [number_cell(float(row.ap), origin=origin)]
+        numbers += [number_cell(float(t), ".0f", origin) for t in times]
+        found.append([*(TableCell(t) for t in texts), *numbers])
+    source = TableFile("report_pareto_latency.csv", rows)
+    caption = "The Pareto front of AP and latency."
+    return Table(caption, heads, found, source, closed=len(found) > 12)

@@ -1,0 +1,181 @@
+"""Where detectors break: AP over the dials of each stressor."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.experiments.stress.stressors import NONE
+from pyinfra.metrics.row_selection import first_stress
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import (
+    Block,
+    Column,
+    Figure,
+    LegendEntry,
+    Panel,
+    Section,
+    Table,
+    TableCell,
+)
+from pyinfra.viz.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.style import FAINT, drawing, panel
+from pyinfra.viz.scanning_plots import LINES, MARKERS
+from pyinfra.viz.stress_plots import UNITS
+
+CURVE = ["detector", "lidar", "preset", "scene"]
+
+
+def section(material: Material) -> Section | None:
+    """A panel for each stressor, a line for each detector and LiDAR, and the tables of them."""
+    table = first_stress(material.results.table("stress"))
+    blocks: list[Block] = []
+    for scene in in_order(table.scene, SCENES):
+        own = table[table.scene == scene]
+        for preset in in_order(own.preset, PRESETS):
+            blocks += _figure(material, own[own.preset == preset], scene, preset)
+    for name in ("stress_ranking", "stress_summary"):
+        rows = material.results.table(name)
+        if len(rows) > 0:
+            blocks.append(_plain(material, rows, material.results.source(name), TITLES[name]))
+    if not blocks:
+        return None
+    lead = (
+        "Each dial goes from no stress to breaking; nothing was tuned against it. A detector that "
+        "fails gently keeps its AP far along the dial."
+    )
+    return Section("stability", "Stability", lead, blocks)
+
+
+TITLES = {
+    "stress_ranking": "Detectors by how gently they fail: mean share of the AP that is left.",
+    "stress_summary": (
+        "For each curve: the dial at which AP is down by 10 points and to half, and the error "
+        "that is to blame first."
+    ),
+}
+
+
+def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) -> list[Block]:
+    stressors = [name for name in table.stressor.unique() if name != NONE.name]
+    drawn = [_panel(material.names, table, name) for name in stressors]
+    panels = [p for p in drawn if p is not None]
+    if not panels:
+        return []
+    caption = (
+        f"AP under stress, {scene}, preset {preset}, with 95 % intervals; colours are LiDARs, "
+        "lines detectors."
+    )
+    source = material.results.source("stress")
+    legend = _legend(material.names, table)
+    return [Figure(f"figure-stress-{scene}-{preset}", caption, panels, source, legend)]
+
+
+def _legend(names: Names, table: pd.DataFrame) -> list[LegendEntry]:
+    lidars = names.sorted(table.lidar)
+    found = [
+        LegendEntry(names.label(x), svg.patch_swatch(names.look(x).colour, "")) for x in lidars
+    ]
+    for name in in_order(table.detector, DETECTORS):
+        line, marker = _style(name)
+        found.append(LegendEntry(detector(name), svg.line_swatch(FAINT, line, marker)))
+    return found
+
+
+def _style(name: str) -> tuple[Any, str]:
+    at = list(DETECTORS).index(name) if name in DETECTORS else len(DETECTORS)
+    return LINES[at % len(LINES)], MARKERS[at % len(MARKERS)]
+
+
+def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
+    """The rows of a stressor with those without stress before them, and their place `at`.
+
+    Places are dials, or 0, 1, .. for dials that are names.
+    """
+    own, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
+    base = base[base[CURVE].apply(tuple, axis=1).isin(own[CURVE].apply(tuple, axis=1))]
+    at = pd.to_numeric(own.dial, errors="coerce")
+    if at.isna().any():
+        order = list(dict.fromkeys(own.dial))
+        rows = pd.concat([base.assign(at=0.0), own.assign(at=own.dial.map(order.index) + 1.0)])
+    else:
+        start = _start(base, own)
+        rows = pd.concat([base.assign(at=start), own.assign(at=at)])
+        rows = rows[rows["at"].notna()]
+    return rows.sort_values([*CURVE, "at"])
+
+
+def _start(base: pd.DataFrame, own: pd.DataFrame) -> Any:
+    """The dial that is no stress: all frames, once the scene's own, else nothing."""
+    if own.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
+        return pd.to_numeric(base["trained_frames"], errors="coerce")
+    return 1.0 if own.unit.iloc[0] == "times" else 0.0
+
+
+def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
+    rows = curve(table, stressor)
+    if rows.ap_fine.isna().all():
+        return None
+    own = table[table.stressor == stressor]
+    named = pd.to_numeric(own.dial, errors="coerce").isna().any()
+    unit = str(own.unit.iloc[0])
+    title = stressor.replace("_", " ")
+    with drawing():
+        figure, ax = panel()
+        for key, line in rows.groupby(["lidar", "detector"], sort=False):
+            _line(names, ax, line, str(key[0]), str(key[1]), named=bool(named))
+        if named:
+            ticks = ["own", *dict.fromkeys(own.dial)]
+            ax.set_xticks(range(len(ticks)), [names.model(t).split(" ")[-1] for t in ticks])
+        if stressor == "training_frames":
+            ax.invert_xaxis()
+        ax.set(ylim=(0, 102), ylabel="AP", xlabel=UNITS.get(unit, unit))
+        label = f"AP under {title}, {table.scene.iloc[0]}, preset {table.preset.iloc[0]}"
+        return Panel(title, svg.inline(figure, svg.identifier("stress", label), label))
+
+
+def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, named: bool) -> None:
+    colour = names.look(lidar).colour
+    line, marker = _style(by)
+    style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 3.2, "linewidth": 1.1}
+    if named:  # names have no order: marks and no line
+        reach = [
+            (rows.ap_fine - rows.ap_fine_low).clip(lower=0),
+            (rows.ap_fine_high - rows.ap_fine).clip(lower=0),
+        ]
+        shift = 0.07 * (list(DETECTORS).index(by) if by in DETECTORS else 0)
+        ends = np.nan_to_num(np.array(reach))
+        ax.errorbar(rows["at"] + shift, rows.ap_fine, ends, linestyle="", elinewidth=0.6, **style)
+        return
+    ax.plot(rows["at"], rows.ap_fine, linestyle=line, **style)
+    ax.fill_between(
+        rows["at"], rows.ap_fine_low, rows.ap_fine_high, color=colour, alpha=0.12, linewidth=0
+    )
+
+
+def _plain(material: Material, rows: pd.DataFrame, source: TableFile, caption: str) -> Table:
+    """A table with the columns that its file has."""
+    columns = [c for c in rows if c not in ("origin", "command", "version", "machine", "run")]
+    numeric = {c: pd.to_numeric(rows[c], errors="coerce") for c in columns}
+    is_number = {c: bool(v.notna().any()) and c != "seed" for c, v in numeric.items()}
+    heads = [Column(c.replace("_", " "), number=is_number[c]) for c in columns]
+    found = [
+        [
+            _cell(material.names, str(row[c]), float(numeric[c][at]), row.origin, is_number[c])
+            for c in columns
+        ]
+        for at, row in rows.iterrows()
+    ]
+    return Table(caption, heads, found, source, closed=len(rows) > 12)
+
+
+def _cell(names: Names, text: str, value: float, origin: str, is_number: bool) -> TableCell:
+    if not is_number:
+        return TableCell(DETECTORS.get(text, names.spelled(text)))
+    return TableCell(f"{value:.4g}" if math.isfinite(value) else text, value, origin)

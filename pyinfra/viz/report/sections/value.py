@@ -1,0 +1,187 @@
+"""Price against performance."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import pandas as pd
+
+from pyinfra.dataset.catalogue import SCENES
+from pyinfra.experiments.value import mounts_of
+from pyinfra.metrics.row_selection import first_seed
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import (
+    Block,
+    Column,
+    Figure,
+    Panel,
+    Section,
+    Table,
+    TableCell,
+    number,
+)
+from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.distance import legend
+from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
+
+HEADS = {
+    "price_usd": ("Price, US$", ",.0f"),
+    "ap_per_1000_usd": ("AP per US$ 1,000", ".2f"),
+    "usd_per_hq_area": ("US$ per high-quality area", ",.0f"),
+    "usd_per_m_road": ("US$ per metre of road", ",.1f"),
+    "points_per_1000_usd": ("Vehicle points per US$ 1,000", ",.0f"),
+}
+
+
+def section(material: Material) -> Section | None:
+    """Prices of the LiDARs, the Pareto front of AP against price, and what a dollar buys."""
+    prices = material.results.table("lidars")
+    value = _value(material)
+    blocks: list[Block] = []
+    if len(value) > 0:
+        blocks += _fronts(material, value)
+        blocks.append(_table(material, value))
+    if len(prices) > 0:
+        blocks.append(_prices(material, prices))
+    if not blocks:
+        return None
+    return Section("value", "Price", _lead(material, value), blocks)
+
+
+def _value(material: Material) -> pd.DataFrame:
+    value = first_seed(material.results.table("value"))
+    return value.assign(ap_whole=value.ap_whole.fillna(value.ap_all))  # of version 0.3
+
+
+def _lead(material: Material, value: pd.DataFrame) -> str:
+    text = "Prices are of LiDARs alone, as their sources state them: no pole, computer or power."
+    if value.site_usd.max() > 0:
+        site = f"US$ {value.site_usd.max():,.0f}"
+        text = (
+            f"Prices are of LiDARs, as their sources state them, and {site} assumed for the site."
+        )
+    if mounts_of(value).max() > 1:
+        text += " Of a scene with several mounts they are the sum over these."
+    if value.empty:
+        return text
+    best = material.of_answers(value)
+    parts = []
+    for scene in in_order(best.scene, SCENES):
+        rows = best[(best.scene == scene) & _on_front(best)]
+        names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
+        parts += [f"{scene} ({rows.preset.iloc[0]}): {', '.join(names)}"] if names else []
+    found = "Beaten by no other in price and AP of the whole road"
+    return f"{text} {found}: {'; '.join(parts)}." if parts else text
+
+
+def _on_front(value: pd.DataFrame) -> pd.Series:
+    return value.pareto.str.lower().isin(("true", "1", "yes"))
+
+
+def _fronts(material: Material, value: pd.DataFrame) -> list[Figure]:
+    """A figure for each preset; those that the text is of are open, and first."""
+    of_text = set(material.of_answers(value).preset)
+    presets = in_order(value.preset, PRESETS)
+    presets.sort(key=lambda preset: preset not in of_text)
+    figures = [(_front(material, value, preset), preset in of_text) for preset in presets]
+    return [Figure(**vars(figure) | {"closed": not is_open}) for figure, is_open in figures]
+
+
+def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
+    rows = value[value.preset == preset]
+    panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
+    return Figure(
+        f"figure-price-{preset}",
+        f"AP of the whole road's vehicles against price, preset {preset}. Every detector is a "
+        "mark; the line joins the choices that no other beats in both, and what is beaten is "
+        "hollow.",
+        panels,
+        material.results.source("value"),
+        legend(material.names, material.names.sorted(rows.lidar)),
+    )
+
+
+def _panel(material: Material, rows: pd.DataFrame) -> Panel:
+    first = rows.iloc[0]
+    with drawing():
+        figure, ax = panel()
+        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_whole"])
+        ax.step(front.price_usd, front.ap_whole, where="post", color=FAINT, linewidth=0.9)
+        for row in rows.assign(front=_on_front(rows)).itertuples():
+            look = material.names.look(str(row.lidar))
+            face = look.colour if row.front else GROUND
+            style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
+            ax.plot(row.price_usd, row.ap_whole, marker=look.marker, markersize=5, **style)
+        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP, whole road")
+        log_ticks(ax.xaxis)
+        title = str(first.scene)
+        label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
+        return Panel(title, svg.inline(figure, svg.identifier("price", title, first.preset), label))
+
+
+def _table(material: Material, value: pd.DataFrame) -> Table:
+    heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
+    heads += [Column("AP", number=True), Column("AP, whole road", number=True)]
+    heads += [Column(title, number=True) for title, _ in HEADS.values()]
+    rows = [_row(material, row) for _, row in value.iterrows()]
+    return Table(
+        "What a dollar buys, and what beats a choice that is not on the Pareto front.",
+        [*heads, Column("Beaten by")],
+        rows,
+        material.results.source("value"),
+        closed=len(rows) > 16,
+    )
+
+
+def _row(material: Material, row: pd.Series) -> list[TableCell]:
+    texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
+    values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
+    beaten = TableCell(spelled(material, str(row.dominated_by)))
+    return [
+        *(TableCell(str(t)) for t in texts),
+        number(row.ap),
+        number(row.ap_whole),
+        *values,
+        beaten,
+    ]
+
+
+def spelled(material: Material, text: str) -> str:
+    """A text with models and detectors as the page calls them."""
+    for name, shown in DETECTORS.items():
+        text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", shown, text)
+    return material.names.spelled(text)
+
+
+def _prices(material: Material, prices: pd.DataFrame) -> Table:
+    """The LiDARs, and what else their file says of them."""
+    known = ("lidar", "model", "units", "origin")
+    more = [c for c in prices if c not in known and not c.startswith("price_")]
+    numbers = prices[more].apply(pd.to_numeric, errors="coerce")
+    heads = [Column("LiDAR"), Column("Units", number=True), Column("Price, US$", number=True)]
+    heads += [Column(_title(c), number=bool(numbers[c].notna().any())) for c in more]
+    rows = []
+    for at, row in prices.iterrows():
+        low, high = float(row.price_low_usd), float(row.price_high_usd)
+        price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
+        first = [TableCell(material.names.label(row.lidar)), number(row.units, ".0f")]
+        others = [_value_cell(str(row[c]), float(numbers[c][at]), row.origin) for c in more]
+        source = TableCell(f"{row.price_source}, {row.price_date}".strip(", "))
+        rows.append([*first, TableCell(price, low, row.origin), *others, source])
+    heads.append(Column("Source of the price"))
+    return Table("The LiDARs.", heads, rows, material.results.source("lidars"))
+
+
+def _title(column: str) -> str:
+    """horizontal_fov_deg: Horizontal fov, °."""
+    for unit, shown in (("_deg", ", °"), ("_m", ", m")):
+        if column.endswith(unit):
+            column = column.removesuffix(unit) + shown
+    return column.replace("_", " ").replace("fov", "field of view").capitalize()
+
+
+def _value_cell(text: str, value: float, origin: str) -> TableCell:
+    return TableCell(text) if math.isnan(value) else TableCell(f"{value:.4g}", value, origin)

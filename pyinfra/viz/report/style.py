@@ -1,0 +1,116 @@
+"""Colours, lines and markers: a LiDAR looks the same in every figure of the report.
+
+Figures are drawn in light colours; the page gives each of them a name, so that the dark page can
+have others. Lines and markers differ too, for black and white and the colour-blind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import seaborn as sns
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from pyinfra.viz.scanning_plots import LINES, MARKERS
+
+INK, FAINT, GRID, GROUND = "#262626", "#6a6a6a", "#cccccc", "#ffffff"
+ACCENT = "#0b5cad"
+SERIES = (  # light, dark; the first four are those of the paper's LiDARs
+    ("#0072b2", "#5ab4ee"),
+    ("#b65a00", "#f2a65a"),
+    ("#00805c", "#46cfa2"),
+    ("#a03a7a", "#ea93c8"),
+    ("#5b4bc4", "#aaa0ff"),
+    ("#7a6a00", "#d9c64a"),
+    ("#00737f", "#57cbd6"),
+    ("#777777", "#b4b4b4"),
+)
+QUALITIES = {  # of areas: what pyinfra.evaluation draws, name, here on the light and dark page
+    "#00204d": ("high", "#0b5cad", "#6fb4f6"),
+    "#7c7b78": ("undecided", "#9dc0e2", "#35587a"),
+    "#ffe945": ("low", "#e4e4e0", "#3b3c40"),
+}
+DARK = {INK: "#e8e8e6", FAINT: "#a9a9a6", GRID: "#3d3f43", GROUND: "#17181b", ACCENT: "#6fb4f6"}
+NAMES = {INK: "ink", FAINT: "faint", GRID: "grid", GROUND: "ground", ACCENT: "accent"} | {
+    light: f"series-{i}" for i, (light, _) in enumerate(SERIES)
+}
+NAMES |= {colour: name for colour, (name, _, _) in QUALITIES.items()}
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "text.parse_math": False,  # a name may hold dollars
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "hatch.linewidth": 0.6,
+}
+AXES: dict[str, Any] = {
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.5,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+}
+
+
+@dataclass(frozen=True)
+class Look:
+    """How the lines of something are drawn."""
+
+    colour: str
+    line: Any
+    marker: str
+
+    def style(self) -> dict[str, Any]:
+        return {"color": self.colour, "linestyle": self.line, "marker": self.marker}
+
+
+def look(place: int) -> Look:
+    """The look of the LiDAR at a place in the order of all LiDARs."""
+    return Look(
+        SERIES[place % len(SERIES)][0], LINES[place % len(LINES)], MARKERS[place % len(MARKERS)]
+    )
+
+
+def themes() -> tuple[dict[str, str], dict[str, str]]:
+    """Colours by name on the light and on the dark page."""
+    light = {c: c for c in NAMES} | {c: own for c, (_, own, _) in QUALITIES.items()}
+    dark = DARK | dict(SERIES) | {c: own for c, (_, _, own) in QUALITIES.items()}
+    return {n: light[c] for c, n in NAMES.items()}, {n: dark[c] for c, n in NAMES.items()}
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Figures made inside have the report's style."""
+    with mpl.rc_context(STYLE), sns.axes_style("whitegrid", AXES):
+        yield
+
+
+def panel(
+    width: float = 3.7, height: float = 2.6, left: float = 0.5, bottom: float = 0.43
+) -> tuple[Figure, Axes]:
+    """A small figure with one set of axes; inches, left and bottom being room for its labels."""
+    figure = Figure(figsize=(width, height))
+    edges = {"left": left / width, "bottom": bottom / height}
+    return figure, figure.subplots(
+        gridspec_kw=edges | {"right": 1 - 0.12 / width, "top": 1 - 0.08 / height}
+    )
+
+
+def log_ticks(axis: Any) -> None:
+    """Plain numbers at 1, 2 and 5 times the powers of ten."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter("{x:,g}")

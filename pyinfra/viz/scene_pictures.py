@@ -1,0 +1,167 @@
+"""Plans of data sets' scenes: roads, lanes, stations, buildings, sensor and fields of view.
+
+They can be read in black and white: the fields of view differ in the style of their lines.
+"""
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
+
+from pyinfra.core.boxes import footprints
+from pyinfra.dataset import regions
+from pyinfra.dataset.regions import Road
+from pyinfra.dataset.surroundings import Surroundings, read_surroundings, road_lines
+from pyinfra.formats import kitti
+from pyinfra.viz import clouds
+
+STATION_STEP_M = 20.0
+SCALE_M = 20.0
+LABEL_LETTERS = 60  # of a line in the legend
+ARROW_M = 14.0
+CLEAR_M = 6.0  # around a crossing road no station is written
+BUILDING: dict[str, Any] = {"facecolor": "#D0D0D0", "edgecolor": "0.35"}
+ROAD_LINES: dict[str, dict[str, Any]] = {
+    "edge": {"linewidth": 0.8, "color": "black"},
+    "solid": {"linewidth": 0.4, "color": "0.4"},
+    "dashed": {"linewidth": 0.4, "color": "0.4", "linestyle": (0, (5, 5))},
+}
+LINES = ("-", (0, (6, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A data set without its frames."""
+
+    name: str
+    folders: tuple[Path, ...]  # one per LiDAR
+    lidars: tuple[kitti.Lidar, ...]
+    tilts: tuple[kitti.Tilt, ...]
+    around: Surroundings
+
+
+def read_scene(folders: Sequence[Path]) -> Scene:
+    """The data set of some LiDAR folders. Raises OSError, and FormatError with the line."""
+    data_set = folders[0].parent
+    top = kitti.read_yaml(data_set / "dataset.yaml")
+    if top.maybe("lanes") is None:
+        top.at("roads").items()  # a plan is of roads or lanes
+    return Scene(
+        name=top.at("name").text(),
+        folders=tuple(folders),
+        lidars=tuple(kitti.read_lidar(folder) for folder in folders),
+        tilts=tuple(kitti.read_tilt(folder) for folder in folders),
+        around=read_surroundings(data_set),
+    )
+
+
+def plan(scenes: Sequence[Scene]) -> Figure:
+    """Roads, stations, buildings, sensor, fields of view of scenes side by side, to one scale.
+
+    LiDARs that see the same area share a line.
+    """
+    outlines = [
+        [clouds.strip(r.xy, r.heading, r.half_width) for r in s.around.roads] for s in scenes
+    ]
+    windows = [clouds.window_around(rings) for rings in outlines]
+    widths = [window.shape()[0] for window in windows]
+    height = max(window.shape()[1] for window in windows)
+    width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # leaves room for the stations
+    size = (width, 0.93 * width * height / sum(widths) + 1.1)
+    with mpl.rc_context(clouds.STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        grid = figure.subplots(1, len(scenes), squeeze=False, width_ratios=widths)[0]
+        views: dict[str, dict[str, Any]] = {}
+        built = any(len(scene.around.buildings) for scene in scenes)
+        for axes, scene, window, rings in zip(grid, scenes, windows, outlines, strict=True):
+            for ring in rings:
+                axes.add_patch(Polygon(ring, color=clouds.REGION_COLOUR, zorder=0))
+            _draw_surroundings(axes, scene)
+            _draw_views(axes, scene, views)
+            _draw_scale(axes, window)
+            axes.set(aspect="equal", xlim=window.x, ylim=window.y, title=scene.name)
+            axes.set_xlabel("x, east (m)")
+        grid[0].set_ylabel("y, north (m)")
+        handles = [
+            Patch(color=clouds.REGION_COLOUR, label="evaluation region; s in m"),
+            *([Patch(**BUILDING, label="building")] if built else []),
+            Line2D([], [], color="black", marker="^", linestyle="none", label="sensor, its yaw"),
+            *(Line2D([], [], label=label, **style) for label, style in views.items()),
+        ]
+        clouds.legend_below(figure, handles)
+    return figure
+
+
+def _draw_surroundings(axes: Axes, scene: Scene) -> None:
+    """Buildings, edges and lane lines of the roads, and their stations."""
+    for corners in footprints(scene.around.buildings):
+        axes.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
+    for line in road_lines(scene.around):
+        axes.plot(line.xyz[:, 0], line.xyz[:, 1], zorder=1, **ROAD_LINES[line.kind])
+    for road in scene.around.roads:
+        _draw_stations(axes, road, scene)
+
+
+def _draw_stations(axes: Axes, road: Road, scene: Scene) -> None:
+    """Metres along a road, beside it, but not where another road crosses."""
+    others = [other for other in scene.around.roads if other is not road]
+    side = -1 if _is_left(road, scene.lidars[0].T_world_levelled) else 1
+    edge, end, text = (
+        regions.offset_curve(road.xy, road.heading, side * (road.half_width + aside))
+        for aside in (0.0, 1.5, 5.5)
+    )
+    wider = [replace(other, half_width=other.half_width + CLEAR_M) for other in others]
+    written = (road.s % STATION_STEP_M == 0) & ~regions.locate(text, wider).inside
+    for i in np.flatnonzero(written):
+        axes.plot(*np.stack([edge[i], end[i]]).T, color="black", linewidth=0.6, zorder=1)
+        station = f"{road.s[i]:g}".replace("-", "\N{MINUS SIGN}")
+        x, y = text[i]
+        axes.text(x, y, station, fontsize=6, ha="center", va="center", zorder=4)
+
+
+def _is_left(road: Road, pose: kitti.WorldPose) -> bool:
+    """Whether a sensor stands on the left of a road, or over its middle."""
+    nearest = np.hypot(*(road.xy - (pose.x, pose.y)).T).argmin()
+    x, y = (pose.x, pose.y) - road.xy[nearest]
+    heading = road.heading[nearest]
+    return bool(np.cos(heading) * y - np.sin(heading) * x >= 0)
+
+
+def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> None:
+    """Sensor and fields of view; adds the look of each area, by what the legend says of it."""
+    areas: dict[tuple[Any, ...], list[kitti.Lidar]] = {}
+    for lidar in scene.lidars:
+        units = [(u.at, u.yaw, u.azimuth, u.range_m[1]) for u in lidar.field_of_view]
+        areas.setdefault((lidar.T_world_levelled, *units), []).append(lidar)
+    for lidars in areas.values():
+        first = lidars[0]
+        pose = first.T_world_levelled
+        reach = max(unit.range_m[1] for unit in first.field_of_view)
+        models = f"{', '.join(lidar.model for lidar in lidars)}: to {reach:g} m"
+        label = textwrap.fill(models, LABEL_LETTERS)
+        colour = clouds.COLOURS[len(looks) % len(clouds.COLOURS)]
+        line = LINES[len(looks) % len(LINES)]
+        style = looks.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
+        for unit in first.field_of_view:
+            axes.plot(*regions.to_world(clouds.sector(unit), pose).T, zorder=3, **style)
+        for at in first.sensors:
+            x, y = at.x + ARROW_M * np.cos(at.yaw), at.y + ARROW_M * np.sin(at.yaw)
+            foot, tip = regions.to_world(np.array([(at.x, at.y), (x, y)]), pose)
+            arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0}
+            axes.annotate("", tip, foot, arrowprops=arrow, zorder=5)
+            axes.plot(*foot, marker="^", color="black", markersize=5, zorder=5)
+
+
+def _draw_scale(axes: Axes, window: clouds.DrawnArea) -> None:
+    """A bar at the lower edge, off the stations and the circles around the sensor."""
+    x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
+    axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
+    axes.text(x + SCALE_M + 1.5, y, f"{SCALE_M:g} m", ha="left", va="center", fontsize=7)

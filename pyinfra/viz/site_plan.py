@@ -1,0 +1,152 @@
+"""The plan of a site: surfaces, houses, lanes with their direction, trees, poles and their view."""
+
+import csv
+import math
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import yaml
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.files import replacing
+from pyinfra.formats.ply import read_ply
+from pyinfra.scenes.maps.lane_map import MapError
+from pyinfra.viz import clouds
+
+COLOURS = {
+    "terrain": "#F4F4EE",
+    "road": "#D9D9D9",
+    "sidewalk": "#BFC8D2",
+    "structure": "#8C7B6B",
+    "vegetation": "#9CBF94",
+    "glass": "#B9D7E8",
+}
+ARROW_EVERY_M = 25.0
+ARROW_M = 20.0
+SIZE_IN = 8.0
+SCALES_M = (10, 20, 50, 100, 200, 500, 1000)
+
+
+def read_lanes(file: Path) -> dict[str, FloatArray]:
+    """x y z width (n, 4) of each lane of lanes.csv. Raises MapError with the line."""
+    lanes: dict[str, list[list[float]]] = defaultdict(list)
+    with file.open(newline="") as stream:
+        rows = csv.reader(stream)
+        if next(rows, None) != ["lane", "x", "y", "z", "width"]:
+            raise MapError(f"{file}:1: allowed the columns lane,x,y,z,width")
+        for number, row in enumerate(rows, start=2):
+            try:
+                name, x, y, z, width = row
+                lanes[name].append([float(v) for v in (x, y, z, width)])
+            except ValueError as error:
+                raise MapError(
+                    f"{file}:{number}: found {row}, allowed a name, 4 numbers"
+                ) from error
+    return {name: np.array(rows_) for name, rows_ in lanes.items()}
+
+
+def read_scene(folder: Path) -> dict[str, Any]:
+    """site.yaml as it is. Raises MapError."""
+    file = folder / "site.yaml"
+    try:
+        scene = yaml.safe_load(file.read_text())
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise MapError(f"{file}: {' '.join(str(error).split())}") from error
+    if not isinstance(scene, dict) or "lanes" not in scene:
+        raise MapError(f"{file}: lanes: not there; allowed is a site of `pyinfra site import`")
+    return scene
+
+
+def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
+    """Raises MapError and OSError."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as beside:
+        plan(folder, radius_m).savefig(beside, format=out.suffix.lstrip(".") or "svg", dpi=150)
+
+
+def plan(folder: Path, radius_m: float | None = None) -> Figure:
+    """The site's lanes with 20 m around them, or what is so near to the first mount."""
+    scene = read_scene(folder)
+    lanes = read_lanes(folder / scene["lanes"])
+    places = np.concatenate(list(lanes.values()))[:, :2]
+    low, high = places.min(0) - 20, places.max(0) + 20
+    if radius_m is not None:
+        mount = next(iter(scene["mounts"].values()))
+        foot = np.array([mount["x_m"], mount["y_m"]])
+        low, high = foot - radius_m, foot + radius_m
+    width, height = high - low
+    with mpl.rc_context(clouds.STYLE):
+        size = SIZE_IN / max(width, height)
+        figure = Figure(
+            figsize=(max(4.0, width * size), max(3.0, height * size) + 0.8), layout="constrained"
+        )
+        axes = figure.subplots()
+        used = [_draw_mesh(axes, folder, mesh) for mesh in scene.get("meshes", [])]
+        _draw_lanes(axes, lanes)
+        for tree in (row["tree"] for row in scene.get("vegetation", []) if "tree" in row):
+            axes.add_patch(
+                Circle((tree["x_m"], tree["y_m"]), 2.5, color=COLOURS["vegetation"], zorder=4)
+            )
+        for name, mount in scene["mounts"].items():
+            _draw_pole(axes, name, mount)
+        _draw_scale(axes, low, float(width))
+        axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set(title=scene["name"], xlabel="x, east (m)", ylabel="y, north (m)")
+        handles = [Patch(color=COLOURS[m], label=m) for m in dict.fromkeys(used) if m != "terrain"]
+        clouds.legend_below(figure, handles)
+    return figure
+
+
+def _draw_mesh(axes: Axes, folder: Path, mesh: dict[str, str]) -> str:
+    """Triangles from above, all but the terrain; returns the material."""
+    material = mesh["material"]
+    if material != "terrain":
+        triangles = read_ply(folder / mesh["file"])
+        corners = triangles.vertices[triangles.faces][..., :2]
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        colour = COLOURS[material]
+        flat = corners[np.abs(ax * by - ay * bx) > 1e-3]
+        above = {"road": 1, "sidewalk": 2}.get(material, 3)
+        looks: dict[str, Any] = {"facecolor": colour, "edgecolor": colour, "linewidth": 0.1}
+        axes.add_collection(PolyCollection(list(flat), rasterized=True, zorder=above, **looks))
+    return material
+
+
+def _draw_lanes(axes: Axes, lanes: dict[str, FloatArray]) -> None:
+    lines = [lane[:, :2] for lane in lanes.values()]
+    axes.add_collection(LineCollection(lines, colors="0.35", linewidths=0.3, zorder=3))
+    starts, ways = [], []
+    for line in lines:
+        s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+        at = np.arange(ARROW_EVERY_M / 2, s[-1], ARROW_EVERY_M)
+        i = np.searchsorted(s, at).clip(1) - 1
+        step = line[i + 1] - line[i]
+        starts.append(line[i])
+        ways.append(step / np.hypot(*step.T)[:, None])
+    xy, uv = np.concatenate(starts), np.concatenate(ways)
+    axes.quiver(
+        *xy.T, *uv.T, angles="xy", scale_units="xy", scale=0.3, width=0.001, color="0.2", zorder=4
+    )
+
+
+def _draw_pole(axes: Axes, name: str, mount: dict[str, float]) -> None:
+    x, y, yaw = mount["x_m"], mount["y_m"], math.radians(mount.get("yaw_deg", 0))
+    tip = (x + ARROW_M * math.cos(yaw), y + ARROW_M * math.sin(yaw))
+    arrow = {"arrowstyle": "-|>", "color": "#C00000", "linewidth": 1.2, "shrinkA": 0}
+    axes.annotate("", tip, (x, y), arrowprops=arrow, zorder=6)
+    axes.plot(x, y, marker="^", color="#C00000", markersize=5, zorder=6)
+    axes.annotate(name, (x, y), (5, -9), textcoords="offset points", fontsize=7, zorder=6)
+
+
+def _draw_scale(axes: Axes, low: FloatArray, width: float) -> None:
+    metres = max((s for s in SCALES_M if s < width / 4), default=SCALES_M[0])
+    x, y = low + 5
+    axes.plot([x, x + metres], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
+    axes.text(x + metres, y, f" {metres} m", ha="left", va="center", fontsize=7)

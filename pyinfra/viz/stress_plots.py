@@ -1,0 +1,100 @@
+"""AP over the dials of each stressor, a panel each, from the table of rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import pandas as pd
+import seaborn as sns
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
+from pyinfra.experiments.stress.summary import curves
+from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
+
+ACROSS = 4
+UNITS = {"1/km": "extinction, 1/km", "times": "times the scene's own", "name": ""}
+
+
+def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:
+    """Writes a figure for each LiDAR, preset and scene, as SVG and PNG; returns the files."""
+    files = []
+    for key, rows in table.groupby(["scene", "preset", "lidar"], sort=False):
+        if any(curves(rows)):
+            stem = out / ("stress_" + "_".join(key))
+            save(stress(rows), stem)
+            files += [Path(f"{stem}.svg"), Path(f"{stem}.png")]
+    return files
+
+
+def stress(table: pd.DataFrame) -> Figure:
+    """A line with its interval for each detector; of one LiDAR."""
+    found = list(curves(table))
+    names = [name for name in STRESSORS if any(s.name == name for _, s, _ in found)]
+    looks = list(dict.fromkeys(key["detector"] for key, _, _ in found))
+    with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
+        down = math.ceil(len(names) / ACROSS)
+        across = min(ACROSS, len(names))
+        size = (2.8 * across + 0.4, 2.3 * down + 0.6)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(down, across, squeeze=False, sharey=True)
+        for ax, name in zip(axes.flat, names, strict=False):
+            own = [
+                (key["detector"], curve) for key, stressor, curve in found if stressor.name == name
+            ]
+            for detector, curve in own:
+                _line(ax, curve, STRESSORS[name], looks, detector)
+            _finish(ax, STRESSORS[name], pd.concat([curve for _, curve in own]))
+        for ax in axes[:, 0]:
+            ax.set_ylabel("AP")
+        for ax in axes.flat[len(names) :]:
+            ax.remove()
+        drawn = [ax.get_legend_handles_labels() for ax in figure.axes]
+        handles = {label: handle for pair in drawn for handle, label in zip(*pair, strict=True)}
+        shown = [handles[name] for name in looks]
+        figure.legend(shown, looks, loc="outside lower center", ncols=len(looks), frameon=False)
+    return figure
+
+
+def _line(
+    ax: Axes, curve: pd.DataFrame, stressor: Stressor, labels: Sequence[str], label: str
+) -> None:
+    at = labels.index(label)
+    colour = sns.color_palette("colorblind")[at % 10]
+    style = {"color": colour, "marker": MARKERS[at % len(MARKERS)], "markersize": 4}
+    if stressor.named:
+        # Names have no order: points beside each other, and no line.
+        ax.errorbar(
+            curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
+            curve.ap_fine,
+            yerr=_reach(curve),
+            linestyle="",
+            elinewidth=0.8,
+            label=label,
+            **style,
+        )
+        return
+    ax.plot(curve["at"], curve.ap_fine, label=label, linestyle=LINES[at % len(LINES)], **style)
+    ax.fill_between(
+        curve["at"], curve.ap_fine_low, curve.ap_fine_high, color=colour, alpha=0.2, linewidth=0
+    )
+
+
+def _reach(curve: pd.DataFrame) -> list[pd.Series]:
+    """Below and above AP; the interval of a bootstrap may leave the value out."""
+    low, high = curve.ap_fine - curve.ap_fine_low, curve.ap_fine_high - curve.ap_fine
+    return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
+
+
+def _finish(ax: Axes, stressor: Stressor, curves: pd.DataFrame) -> None:
+    if stressor.named:
+        named = curves.drop_duplicates("dial")
+        ax.set_xticks(named["at"], named.dial, rotation=25, ha="right")
+    ax.set(title=stressor.name.replace("_", " "), ylim=(0, 102))
+    ax.set_xlabel(UNITS.get(stressor.unit, stressor.unit))
+    if stressor.name == "training_frames":
+        ax.invert_xaxis()

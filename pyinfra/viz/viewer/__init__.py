@@ -1,0 +1,1 @@
+"""Frames in 3-D as one HTML file."""

@@ -1,0 +1,119 @@
+"""Frames of one LiDAR as a viewer shows them: points and boxes in the world frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import (
+    Float32Array,
+    FloatArray,
+    Floats,
+    Int32Array,
+    IntArray,
+    NameArray,
+    Points,
+    Records,
+)
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset import frame_tables
+from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.regions import to_world
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti import Labels, WorldPose
+from pyinfra.metrics.prediction_checks import find_files
+
+
+@dataclass(frozen=True, eq=False)
+class ViewFrame:
+    """One frame of one LiDAR; metres, radians, world frame."""
+
+    frame: int
+    period_s: float  # the frame starts at frame * period_s
+    sensor: WorldPose
+    points: Points  # (n, 3)
+    intensity: Float32Array  # (n,) [0, 1]
+    boxes: FloatArray  # (k, 7) of the vehicles
+    names: NameArray  # (k,) class
+    hits: IntArray | None  # (k,) returns from each; None where only labels are known
+    time_s: Float32Array | None = None  # (n,) since the start of the frame
+    object_id: Int32Array | None = None  # (n,) -1 for background
+    predictions: Labels | None = None  # of this frame, world frame; None where there is no file
+
+
+def read_view_frames(
+    lidar_folder: Path, frames: Sequence[int], predictions: Path | None = None
+) -> list[ViewFrame]:
+    """Reads frames of a folder in the KITTI layout; one without lidar.yaml stands at the origin.
+
+    predictions: folder of NNNNNN.txt or NNNNNN.csv. A frame's time and objects are known where its
+    `fields` file is. Raises OSError and FormatError.
+    """
+    has_lidar = (lidar_folder / "lidar.yaml").is_file()
+    lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
+    pose = lidar.T_world_levelled if lidar else WorldPose(0, 0, 0, 0)
+    vehicles = frame_tables.read_vehicles(lidar_folder, frames)
+    counted = (lidar_folder / "training/objects").is_dir()
+    found = _predictions(lidar_folder, frames, predictions, pose)
+    views = []
+    for i, frame in enumerate(frames):
+        points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
+        own = vehicles.select(vehicles.frame == i)
+        fields = _fields(lidar_folder, frame, len(points))
+        views.append(
+            ViewFrame(
+                frame=frame,
+                period_s=lidar.period_s if lidar else PERIOD_S,
+                sensor=pose,
+                points=_in_world(points[:, :3], pose).astype(np.float32),
+                intensity=points[:, 3],
+                boxes=boxes_in_world(own.boxes, pose),
+                names=own.names,
+                hits=own.points if counted else None,
+                time_s=None if fields is None else fields["time_s"],
+                object_id=None if fields is None else fields["object_id"],
+                predictions=found[i],
+            )
+        )
+    return views
+
+
+def boxes_in_world(boxes: FloatArray, pose: WorldPose) -> FloatArray:
+    """Boxes (k, 7) of the levelled LiDAR frame in the world frame."""
+    return np.column_stack([_in_world(boxes[:, :3], pose), boxes[:, 3:6], boxes[:, 6] + pose.yaw])
+
+
+def _in_world(points: Floats, pose: WorldPose) -> FloatArray:
+    exact = points.astype(np.float64)
+    return np.column_stack([to_world(exact, pose), exact[:, 2] + pose.z])
+
+
+def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
+    file = kitti.frame_file(lidar_folder, "fields", frame)
+    if not file.is_file():
+        return None
+    fields = kitti.read_fields(file)
+    if len(fields) != points:
+        raise FormatError(f"{file}: found {len(fields)} records, allowed {points} as in velodyne")
+    return fields
+
+
+def _predictions(
+    lidar_folder: Path, frames: Sequence[int], folder: Path | None, pose: WorldPose
+) -> list[Labels | None]:
+    """Of each frame."""
+    if folder is None:
+        return [None] * len(frames)
+    known = kitti.frames(lidar_folder)
+    files = find_files(folder, frames, known, allow_missing=True).files
+    cameras = frame_tables.read_cameras(lidar_folder, frames)
+    table = frame_tables.read_predictions(files, cameras)
+    views: list[Labels | None] = []
+    for i, file in enumerate(files):
+        own = table.select(table.frame == i)
+        labels = Labels(own.names, boxes_in_world(own.boxes, pose), own.scores)
+        views.append(None if file is None else labels)
+    return views

@@ -1,0 +1,248 @@
+"""The interactive view as HTML: a fragment for each view, and the library once in a page.
+
+Nothing is fetched: the library, the style and the data are in the page. The data stands in a script
+element of JSON in which every `<` is escaped; names become text and never markup.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.files import replacing
+from pyinfra.core.version import __version__
+from pyinfra.dataset.surroundings import Surroundings, road_lines
+from pyinfra.formats import kitti
+from pyinfra.viz.viewer.encoding import STEP_M, pack_points
+from pyinfra.viz.viewer.frames import ViewFrame
+
+Views = Mapping[str, Sequence[ViewFrame]]
+
+DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
+LARGEST_MB = 40.0  # of a page
+STANDING = ("buildings", "further_mounts")
+LINE_STEP = 5  # of the points along a road every so many are kept
+MIN_SCORE = 0.3  # of the predictions shown at first
+_GROUND_PERCENTILE = 20  # of the points' heights: a sensor at the roadside sees mostly ground
+# No request can leave the page, whatever a name in the data may hold.
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="generator" content="pyinfra {version}">
+<title>{title}</title>
+<style>
+:root {{ color-scheme: light dark; }}
+:root[data-theme="light"] {{ color-scheme: light; }}
+:root[data-theme="dark"] {{ color-scheme: dark; }}
+body {{
+  box-sizing: border-box; min-height: 100dvh; margin: 0; padding: 0.75rem 1rem;
+  display: flex; flex-direction: column; gap: 0.5rem;
+  background: light-dark(#fff, #0b0f14); font-family: system-ui, sans-serif;
+}}
+h1 {{ margin: 0; font-size: 1.125rem; line-height: 1.3; overflow-wrap: anywhere; }}
+.lidar-view {{ flex: 1; }}
+.lidar-view .lv-stage {{ flex: 1; min-height: 20rem; height: auto; }}
+</style>
+</head>
+<body>
+<h1>{title}</h1>
+{fragment}
+{library}
+</body>
+</html>
+"""
+
+
+def library() -> str:
+    """The style and the script that must be once in a page, after its fragments."""
+    folder = files("pyinfra.viz.viewer")
+    style = (folder / "viewer.css").read_text(encoding="utf-8")
+    script = (folder / "viewer.min.js").read_text(encoding="utf-8")
+    return f"<style>\n{style}</style>\n<script>\n{script}</script>"
+
+
+def fragment(
+    views: Views,
+    *,
+    element_id: str,
+    most_points: int | None = None,
+    around: Surroundings | None = None,
+) -> str:
+    """An interactive view of the frames of some LiDARs that see one world.
+
+    views: frames by the name that is shown, the same frames for each. element_id: of the figure,
+    letters, digits, - and _. most_points: frames with more are thinned to so many, and the page
+    says so. around: roads and buildings to draw. Raises ValueError without a frame and for LiDARs
+    that have different frames.
+    """
+    if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
+        raise ValueError(
+            f"element_id: found '{element_id}', allowed a letter, then letters, - or _"
+        )
+    data = json.dumps(_view(views, most_points, around), separators=(",", ":"), allow_nan=False)
+    safe = data.replace("<", "\\u003c")
+    label = html.escape(f"Interactive 3-D view: {', '.join(views)}")
+    return (
+        f'<figure class="lidar-view" id="{element_id}" aria-label="{label}">\n'
+        f'<script type="application/json">{safe}</script>\n'
+        "<noscript>The 3-D view needs JavaScript.</noscript>\n</figure>"
+    )
+
+
+def page(
+    views: Views,
+    *,
+    title: str,
+    most_points: int | None = None,
+    around: Surroundings | None = None,
+) -> str:
+    """A whole page with one view. Raises ValueError as fragment() does."""
+    return _PAGE.format(
+        policy=_POLICY,
+        version=__version__,
+        title=html.escape(title),
+        fragment=fragment(views, element_id="view", most_points=most_points, around=around),
+        library=library(),
+    )
+
+
+def write_page(
+    views: Views,
+    title: str,
+    out: Path,
+    most_points: int | None = None,
+    around: Surroundings | None = None,
+) -> int:
+    """Writes the page and returns its size in bytes.
+
+    Raises ValueError, and writes nothing, above LARGEST_MB and if `out` is a folder.
+    """
+    check_file(out)
+    text = page(views, title=title, most_points=most_points, around=around).encode()
+    if len(text) > 1e6 * LARGEST_MB:
+        raise ValueError(
+            f"{out}: found {len(text) / 1e6:.1f} MB, allowed {LARGEST_MB:g} MB: "
+            "fewer --frames, one --lidar, or --most-points"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as beside:
+        beside.write_bytes(text)
+    return len(text)
+
+
+def check_file(out: Path) -> None:
+    """Raises ValueError if a file cannot be written there because a folder has its name."""
+    if out.is_dir():
+        raise ValueError(f"--out: found the folder {out}, allowed the name of a file")
+
+
+def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:
+    frames = _common_frames(views)
+    first = next(iter(views.values()))[0]
+    lidars = [
+        {"name": name, "frames": [_frame(view, most_points) for view in own]}
+        for name, own in views.items()
+    ]
+    return {
+        "frames": [{"number": k, "start_s": round(k * first.period_s, 6)} for k in frames],
+        "period_s": first.period_s,
+        "sensor": vars(first.sensor),
+        "ground_m": _ground([view for own in views.values() for view in own]),
+        "min_score": MIN_SCORE,
+        "boxes_of": _boxes_of(views),
+        "note": f"{_note(lidars)}{DRAWN if around and around.roads else ''}",
+        "around": _around(around),
+        "lidars": lidars,
+    }
+
+
+def _boxes_of(views: Views) -> str:
+    names = np.concatenate([view.names for own in views.values() for view in own])
+    return "vehicles and people" if np.isin(names, kitti.PERSON_TYPES).any() else "vehicles"
+
+
+def _around(around: Surroundings | None) -> dict[str, Any]:
+    """Lines along the roads by kind, as lists of x y z, and buildings as boxes."""
+    packed: dict[str, Any] = {key: [] for key in ("edge", "solid", "dashed", *STANDING)}
+    if around is None:
+        return packed
+    for line in road_lines(around):
+        packed[line.kind] += [_short(part.ravel(), 2) for part in _parts(line.xyz)]
+    for key in STANDING:
+        packed[key] = [_short(row) for row in getattr(around, key)]
+    return packed
+
+
+def _parts(xyz: FloatArray) -> list[FloatArray]:
+    """The pieces of a line between rows of NaN, with fewer points."""
+    gaps = np.flatnonzero(np.isnan(xyz[:, 0]))
+    pieces = [part[~np.isnan(part[:, 0])] for part in np.split(xyz, gaps)]
+    thinned = [np.append(part[:-1:LINE_STEP], part[-1:], axis=0) for part in pieces]
+    return [part for part in thinned if len(part) > 1]
+
+
+def _common_frames(views: Views) -> list[int]:
+    lists = {name: [view.frame for view in own] for name, own in views.items()}
+    if not lists or not all(lists.values()):
+        raise ValueError("view: found no frame, allowed one or more for each LiDAR")
+    frames = next(iter(lists.values()))
+    for name, own in lists.items():
+        if own != frames:
+            raise ValueError(f"view: {name}: found frames {own}, allowed {frames} as for the first")
+    return frames
+
+
+def _frame(view: ViewFrame, most_points: int | None) -> dict[str, Any]:
+    hits = [None] * len(view.boxes) if view.hits is None else view.hits.tolist()
+    vehicles = zip(view.names, view.boxes, hits, strict=True)
+    packed: dict[str, Any] = {
+        "points": pack_points(view, most_points),
+        "vehicles": [{"name": str(n), "box": _short(b), "points": h} for n, b, h in vehicles],
+    }
+    found = view.predictions
+    if found is not None and found.scores is not None:
+        rows = zip(found.names, found.boxes, found.scores, strict=True)
+        packed["predictions"] = [
+            {"name": str(n), "box": _short(b), "score": round(float(s), 4)} for n, b, s in rows
+        ]
+    return packed
+
+
+def _short(values: FloatArray, digits: int = 4) -> list[float]:
+    return [round(float(value), digits) for value in values]
+
+
+def _ground(views: Sequence[ViewFrame]) -> float:
+    """Height of the ground: where vehicles stand, else where most points are, else 0."""
+    boxes = np.concatenate([view.boxes for view in views])
+    if len(boxes):
+        return float(np.median(boxes[:, 2] - boxes[:, 5] / 2))
+    heights = np.concatenate([view.points[:, 2] for view in views])
+    return float(np.percentile(heights, _GROUND_PERCENTILE)) if len(heights) else 0.0
+
+
+def _note(lidars: Sequence[Mapping[str, Any]]) -> str:
+    """How to use it, and what the picture leaves out."""
+    packed = [frame["points"] for lidar in lidars for frame in lidar["frames"]]
+    step = max((p["step_m"] for p in packed), default=STEP_M)
+    note = (
+        "Drag to turn; right button or two fingers to move; wheel or pinch to zoom; or the arrow "
+        "keys, with Shift to move, + and -. Point at a box to read it. Squares on the ground are "
+        f"20 m wide; positions are rounded to {100 * step:.2g} cm."
+    )
+    if any(p["count"] < p["of"] for p in packed):
+        note += " Some frames have more points than are shown: see the count of each."
+    return note

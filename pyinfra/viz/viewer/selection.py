@@ -1,0 +1,107 @@
+"""Which LiDARs, frames and predictions a view shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pyinfra.dataset.frames import lidar_folders
+from pyinfra.formats import kitti
+from pyinfra.viz.viewer.frames import ViewFrame, read_view_frames
+
+
+def read_views(
+    folders: Sequence[Path], frames: Sequence[int], predictions: Mapping[Path, Path]
+) -> dict[str, list[ViewFrame]]:
+    """Frames of LiDAR folders by the LiDAR's model, with the data set where two are the same.
+
+    predictions: folders of predictions by LiDAR folder. Raises what read_view_frames() raises.
+    """
+    names = _names(folders)
+    return {
+        name: read_view_frames(folder, frames, predictions.get(folder))
+        for name, folder in zip(names, folders, strict=True)
+    }
+
+
+def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[Path]:
+    """The LiDAR folders of data sets and LiDAR folders, those named in `lidars` if any are.
+
+    Raises FileNotFoundError for a folder that is neither, and ValueError for an unknown LiDAR.
+    """
+    folders = []
+    for path in data:
+        folders += [path] if (path / "training").is_dir() else lidar_folders(path)
+    if lidars is None:
+        return folders
+    known = [folder.name for folder in folders]
+    for name in lidars:
+        if name not in known:
+            raise ValueError(f"--lidar: found '{name}', allowed {', '.join(known)}")
+    return [folder for folder in folders if folder.name in lidars]
+
+
+def chosen_frames(folder: Path, words: str | None, predictions: Path | None = None) -> list[int]:
+    """The frames of a folder in A:B or A:B:STEP, or frame A alone; the first without words.
+
+    predictions: the first frame is then the first that has some.
+
+    Raises ValueError for other words, and for a folder that has none of them.
+    """
+    present = kitti.frames(folder)
+    if words is None:
+        stems = {file.stem for file in predictions.iterdir()} if predictions else set()
+        return [frame for frame in present if f"{frame:06d}" in stems][:1] or present[:1]
+    try:
+        numbers = [int(word) for word in words.split(":")]
+        wanted = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
+    except (TypeError, ValueError):
+        raise ValueError(f"--frames: found '{words}', allowed A:B or A:B:STEP") from None
+    found = [frame for frame in present if frame in wanted]
+    if not found:
+        raise ValueError(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
+    return found
+
+
+def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:
+    """Folders of predictions by LiDAR folder, from LIDAR=DIR, or DIR if there is one LiDAR.
+
+    Raises ValueError for an unknown LiDAR, for DIR with several, and for two of one LiDAR.
+    """
+    by_name = {folder.name: folder for folder in folders}
+    chosen = {}
+    for word in words:
+        name, equals, folder = word.partition("=")
+        if not equals and len(folders) == 1:
+            name, folder = folders[0].name, word
+        if name not in by_name or not folder:
+            raise ValueError(
+                f"--pred: found '{word}', allowed LIDAR=DIR with LIDAR {', '.join(by_name)}"
+            )
+        if by_name[name] in chosen:
+            raise ValueError(
+                f"--pred: found '{word}' beside another of {name}, allowed one of each"
+            )
+        chosen[by_name[name]] = Path(folder)
+    return chosen
+
+
+def title_of(folders: Sequence[Path], frames: Sequence[int]) -> str:
+    scenes = dict.fromkeys(folder.resolve().parent.name for folder in folders)
+    last = f" to {frames[-1]}" if len(frames) > 1 else ""
+    return f"{', '.join(scenes)}: frame{'s' if last else ''} {frames[0]}{last}"
+
+
+def _names(folders: Sequence[Path]) -> list[str]:
+    """Models of the LiDARs; where two are the same, with data set and folder."""
+    models = [
+        kitti.read_lidar(folder).model if (folder / "lidar.yaml").is_file() else folder.name
+        for folder in folders
+    ]
+    names = [
+        f"{model} ({'/'.join(folder.resolve().parts[-2:])})" if models.count(model) > 1 else model
+        for model, folder in zip(models, folders, strict=True)
+    ]
+    if len(set(names)) < len(names):
+        raise ValueError(f"found {', '.join(map(str, folders))}, allowed each LiDAR once")
+    return names

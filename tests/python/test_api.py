@@ -1,0 +1,258 @@
+"""The public API: frames in memory, detections as a table, results that equal those from disk."""
+
+from __future__ import annotations
+
+import doctest
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pyinfra as pi
+from pyinfra.dataset.frame_sequence import BOX, FrameSequence, SimulatedFrames
+
+ROOT = Path(__file__).resolve().parents[2]
+SHORT = {"duration_s": 6, "traffic.warm_up_s": 20}
+NUMBERS = range(0, 60, 6)
+Infrasim = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module")
+def frames() -> SimulatedFrames:
+    return pi.simulate(pi.load_scene("highway", seed=1, set=SHORT), "helios_16", NUMBERS)
+
+
+@pytest.fixture(scope="module")
+def noisy(frames: FrameSequence) -> pd.DataFrame:
+    """Boxes of the labels, some displaced, some of nothing."""
+    rng = np.random.default_rng(1)
+    table = frames.labels[["frame", "type", *BOX]].copy()
+    table["score"] = rng.uniform(0.1, 1, len(table))
+    table.loc[rng.random(len(table)) < 0.3, "x"] += 3
+    return table
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same frames on disk."""
+    out = tmp_path_factory.mktemp("api") / "highway"
+    scene = ROOT / "configs/scenes/highway.yaml"
+    lidar = ROOT / "configs/lidars/helios_16.yaml"
+    words = ["run", scene, "--lidar", lidar, "--preset", "datasheet", "--frames", "0:60:6"]
+    sets = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
+    command = [ROOT / ".venv/bin/infrasim", *words, "--seed", "1", *sets, "--out", out]
+    subprocess.run([str(word) for word in command], check=True, capture_output=True)
+    return out / "helios_16"
+
+
+def test_points_in_memory_are_those_on_disk(frames: FrameSequence, written: Path) -> None:
+    recorded = pi.load_dataset(written)
+    assert isinstance(recorded, FrameSequence)
+    assert recorded.numbers == frames.numbers
+    for ours, theirs in zip(frames, recorded, strict=True):
+        np.testing.assert_array_equal(ours.points, theirs.points)
+
+
+def test_labels_in_memory_are_those_on_disk(frames: FrameSequence, written: Path) -> None:
+    recorded = pi.load_dataset(written)
+    assert isinstance(recorded, FrameSequence)
+    pd.testing.assert_frame_equal(frames.labels, recorded.labels, atol=2e-3, rtol=0)
+
+
+def test_evaluation_in_memory_is_that_on_disk(
+    frames: FrameSequence, written: Path, noisy: pd.DataFrame
+) -> None:
+    settings = pi.Settings(ground_truths=("captured", "all", "present"))
+    ours = pi.evaluate(frames, noisy, settings)
+    theirs = pi.evaluate(written, noisy, settings)
+    pd.testing.assert_frame_equal(ours.ap, theirs.ap, atol=0.01, rtol=0)
+    pd.testing.assert_frame_equal(ours.by_distance, theirs.by_distance, atol=0.01, rtol=0)
+    assert pi.compare(ours, theirs).value == pytest.approx(0, abs=0.01)
+
+
+def test_matches_count_every_prediction_and_every_object(
+    frames: FrameSequence, noisy: pd.DataFrame
+) -> None:
+    result = pi.evaluate(frames, noisy)
+    count = result.matches.outcome.value_counts()
+    vehicles = noisy[~noisy.type.isin(["Pedestrian", "Cyclist"])]
+    assert len(result.matches) - count.get("missed", 0) == len(vehicles)
+    objects = result.ap.set_index("ground_truth").objects["captured"]
+    assert count["true positive"] + count.get("missed", 0) == objects
+
+
+def test_distance_is_that_from_the_sensor(frames: FrameSequence) -> None:
+    """Only boxes beyond 58 m are given: rings to 40 m have an AP of 0, those from 60 m 100."""
+    labels = frames.labels
+    far = labels[np.hypot(labels.x, labels.y) > 58].assign(score=1.0)
+    rings = pi.evaluate(frames, far).by_distance.query("ground_truth == 'captured'")
+    rings = rings[rings.objects > 0].set_index("distance_m").ap_r1000
+    assert (rings[rings.index < 40] == 0).all()
+    assert (rings[rings.index > 60] == 100).all()
+
+
+def test_a_callable_is_a_detector(frames: FrameSequence) -> None:
+    """One box of a car where points lie; its columns alone are needed."""
+
+    def nearest(points: np.ndarray[Any, Any]) -> pd.DataFrame:
+        x, y, z = points[0, :3].astype(float)
+        return pd.DataFrame([[x, y, z, 4.0, 2.0, 1.5, 0.0]], columns=BOX)
+
+    table = pi.detect(nearest, frames)
+    assert table.frame.tolist() == list(frames.numbers)
+    assert set(table.type) == {"vehicle"}
+    assert set(table.score) == {1.0}
+
+
+def test_several_lidars_share_a_scene() -> None:
+    both = pi.simulate(
+        pi.load_scene("highway", set=SHORT), ["helios_16", "livox_avia"], range(0, 20, 10)
+    )
+    assert list(both) == ["helios_16", "livox_avia"]
+    perfect = both["helios_16"].labels.assign(score=1.0)
+    settings = pi.Settings(ground_truths=("common",))
+    assert pi.evaluate(both["helios_16"], perfect, settings).ap.objects.iloc[0] > 0
+
+
+def test_common_needs_several_lidars(frames: FrameSequence, noisy: pd.DataFrame) -> None:
+    settings = pi.Settings(ground_truths=("common",))
+    with pytest.raises(pi.Error, match="common"):
+        pi.evaluate(frames, noisy, settings)
+
+
+def test_a_slice_is_a_sequence(frames: FrameSequence) -> None:
+    part = frames[2:5]
+    assert isinstance(part, FrameSequence)
+    assert part.numbers == frames.numbers[2:5]
+    np.testing.assert_array_equal(part[0].points, frames[2].points)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.drop(columns="dx"), "'dx'"),
+        (lambda t: t.rename(columns={"heading": "headng"}), "did you mean 'headng'"),
+        (lambda t: t.assign(score=2.0), "score: expected 0 to 1, got 2"),
+        (lambda t: t.assign(x=np.nan), "x: expected a finite number"),
+        (lambda t: t.assign(dz=0.0), "dz"),
+        (lambda t: t.assign(frame=5), "frame: expected one of the 10 evaluated frames, got 5"),
+        (lambda t: t.assign(y="left"), "y: expected numbers"),
+    ],
+)
+def test_a_wrong_table_is_refused(
+    frames: FrameSequence,
+    noisy: pd.DataFrame,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    message: str,
+) -> None:
+    with pytest.raises(pi.Error, match="predictions: ") as raised:
+        pi.evaluate(frames, change(noisy))
+    assert message in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: pi.load_scene("highwy"), "scene: .*did you mean 'highway'"),
+        (lambda: pi.load_lidar("ruby"), "lidar: expected a file or a name, got 'ruby'"),
+        (lambda: pi.load_lidar("ruby_plus", preset="papr"), "papr"),
+        (lambda: pi.load_scene("highway", set={"duraton_s": 3}), "duraton_s"),
+        (lambda: pi.load_detector("generalst"), "model: .*did you mean 'generalist'"),
+        (lambda: pi.load_dataset("/no/such"), "folder: expected a folder"),
+        (lambda: pi.simulate("highway", "helios_16", []), "frames: expected one or more"),
+        (lambda: pi.simulate("highway", "helios_16", [9999]), "frames: expected 0 to 4999"),
+        (lambda: pi.simulate("highway", "helios_16", [3, 1]), "frames: expected ascending"),
+        (lambda: pi.simulate("highway", [], [1]), "lidar: expected one or more"),
+    ],
+)
+def test_wrong_arguments_are_named(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(pi.Error, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (lambda points: None, "expected a table of boxes, got NoneType"),
+        (lambda points: 1 / 0, "ZeroDivisionError"),
+        (lambda points: pd.DataFrame({"x": [1.0]}), "'y'"),
+        (lambda points: pd.DataFrame([[np.nan] * 7], columns=BOX), "finite"),
+        (3, "expected a detector or a callable, got int"),
+    ],
+)
+def test_a_wrong_detector_is_named(frames: FrameSequence, model: Any, message: str) -> None:
+    with pytest.raises(pi.Error, match="model: ") as raised:
+        pi.detect(model, frames[:1])
+    assert message in str(raised.value)
+
+
+def test_results_of_other_frames_are_not_compared(
+    frames: FrameSequence, noisy: pd.DataFrame
+) -> None:
+    whole = pi.evaluate(frames, noisy)
+    part = pi.evaluate(frames[:5], noisy[noisy.frame < 30])
+    with pytest.raises(pi.Error, match="compare"):
+        pi.compare(whole, part)
+    with pytest.raises(pi.Error, match="compare"):
+        pi.compare([whole], [whole])
+
+
+def test_frames_are_drawn_from_above(frames: FrameSequence, noisy: pd.DataFrame) -> None:
+    ax = pi.plot_frame(frames[0], noisy, min_score=0.0)
+    assert len(ax.collections) == 3
+    assert len(ax.collections[1].get_paths()) == len(frames[0].labels)
+
+
+IMPORT = """
+import sys, time
+calls = []
+sys.addaudithook(lambda event, _: calls.append(event) if event == "subprocess.Popen" else None)
+since = time.perf_counter()
+import pyinfra
+assert not {"torch", "pandas", "numpy", "matplotlib"} & set(sys.modules)
+assert not calls
+"""
+
+
+def test_import_is_light_and_starts_no_process() -> None:
+    subprocess.run([sys.executable, "-c", IMPORT], check=True, cwd=ROOT)
+
+
+IN_MEMORY = """
+import sys
+import pyinfra as pi
+written = []
+def watch(event, arguments):
+    if event == "open" and isinstance(arguments[1], str) and set(arguments[1]) & set("wax+"):
+        written.append(arguments[0])
+    if event in ("subprocess.Popen", "os.system", "os.fork", "os.mkdir"):
+        written.append(event)
+scene = pi.load_scene("highway", set={"duration_s": 2, "traffic.warm_up_s": 5})
+frames = pi.simulate(scene, "helios_16", range(0, 20, 10))
+import matplotlib, matplotlib.pyplot, torch, pyinfra.models.detectors.centerpoint_pillar
+sys.addaudithook(watch)
+result = pi.evaluate(frames, pi.detect("generalist", frames))
+result.by_distance, result.matches, pi.compare(result, result)
+assert not written, written
+"""
+
+
+def test_nothing_is_written_and_no_process_started() -> None:
+    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    subprocess.run([sys.executable, "-c", IN_MEMORY], check=True, cwd=ROOT)
+
+
+@pytest.mark.parametrize("name", [n for n in pi.__all__ if n != "__version__"])
+def test_examples_of_docstrings_hold(name: str) -> None:
+    """Those of the public names; a function that writes no file has one."""
+    finder, runner = doctest.DocTestFinder(recurse=False), doctest.DocTestRunner()
+    for test in finder.find(getattr(pi, name), name):
+        runner.run(test, out=lambda text: None)
+    assert runner.failures == 0
+    if name in {"load_scene", "load_lidar", "simulate", "load_detector", "detect", "evaluate"}:
+        assert runner.tries > 0
