@@ -29,6 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
+RULE = "as long as a stay"  # of the blocks of time
 DRAWS = 200
 CHANGES_S, BOUTS_S = 4.0, 5.0  # after which a vehicle's chance, and the rate of ghosts, is another
 OF_THE_VEHICLE = 0.6  # share of the spread that stays as long as the vehicle
@@ -171,25 +172,22 @@ def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
     truth = truths(every)
     stay_s = float(np.median([block_s(t) for t, _ in every]))
     for span_s in SPANS_S:
-        for rule, length_s in (("0.2: percentiles, 5 s", 5.0), ("as long as a stay", stay_s)):
-            if span_s < intervals.MIN_BLOCKS * length_s:
-                continue
-            ends: dict[str, list[tuple[float, float]]] = {name: [] for name in truth}
-            for t, found in every:
-                for name, one in figures(t, found, span_s, length_s).items():
-                    m = one.measured()
-                    old = np.percentile(one.draws, [2.5, 97.5]).tolist()
-                    ends[name].append((old[0], old[1]) if rule[0] == "0" else (m.low, m.high))
-            for name, own in ends.items():
-                low, high = np.array(own).T
-                held = 100 * np.mean((low <= truth[name]) & (truth[name] <= high))
-                about = {"scene": scene, "span_s": span_s, "rule": rule, "block_s": length_s}
-                width = round(float((high - low).mean()), 2)
-                yield {**about, "figure": name, "truth": round(truth[name], 2)} | {
-                    "held_percent": round(float(held), 1),
-                    "width": width,
-                    "studies": len(own),
-                }
+        if span_s < intervals.MIN_BLOCKS * stay_s:
+            continue
+        ends: dict[str, list[tuple[float, float]]] = {name: [] for name in truth}
+        for t, found in every:
+            for name, one in figures(t, found, span_s, stay_s).items():
+                m = one.measured()
+                ends[name].append((m.low, m.high))
+        for name, own in ends.items():
+            low, high = np.array(own).T
+            held = 100 * np.mean((low <= truth[name]) & (truth[name] <= high))
+            about = {"scene": scene, "span_s": span_s, "rule": RULE, "block_s": stay_s}
+            yield {**about, "figure": name, "truth": round(truth[name], 2)} | {
+                "held_percent": round(float(held), 1),
+                "width": round(float((high - low).mean()), 2),
+                "studies": len(own),
+            }
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
-"""Speed of the simulator; `make bench` runs it and docs/benchmarks.md explains each row.
+"""Speed of the simulator; `make bench` runs it and docs/results.md has its table.
 
 Rates are compared as ratios of medians whose runs alternate in one process. Rays are those that a
 pattern has, whether they are cast or answered by the static layer. With the checkout of an earlier
 version, its binary built, also against that. Writes out/speed.csv; the committed
-results/speed.csv, from which docs/benchmarks.md has its table, only if it is named:
-    .venv/bin/python benchmarks/run.py [--before ../0.2.0] [--out results/speed.csv]
+results/speed.csv only if it is named:
+    .venv/bin/python benchmarks/run.py [--before ../before] [--out results/speed.csv]
 """
 
 from __future__ import annotations

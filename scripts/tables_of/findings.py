@@ -142,18 +142,13 @@ def scanning() -> str:
     """Value, interval and verdict of each claim about scanning."""
     rows = []
     for claim, words, said, where in OF_SCANNING:
-        cells = []
-        for preset in PRESETS:
-            now, before = (
-                scanned_row(name, claim, words, preset) for name in ("claims", "claims_0.2.0")
-            )
-            cells.append(f"{now} (was {before})")
+        cells = (scanned_row(claim, words, preset) for preset in PRESETS)
         rows.append([said, where, *cells])
     return markdown(["claim", "set, distance", *PRESETS], rows)
 
 
-def scanned_row(name: str, claim: str, words: str, preset: str) -> str:
-    found = rows_of(results(name), claim, words, preset=preset)
+def scanned_row(claim: str, words: str, preset: str) -> str:
+    found = rows_of(results("claims"), claim, words, preset=preset)
     ((value, low, high, verdict),) = found[["value", "low", "high", "verdict"]].itertuples(
         index=False
     )

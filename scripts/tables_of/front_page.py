@@ -27,7 +27,10 @@ def far_points() -> list[str]:
         f"under [the study's settings](#the-study), {equal} times at equal range, {datasheet} "
         "times by data sheets."
     )
-    where = "[highway](docs/findings.md), beyond 90 m, within range of all LiDARs; one traffic seed"
+    where = (
+        "[highway](docs/results.md#points-on-vehicles), beyond 90 m, within range of all LiDARs; "
+        "one traffic seed"
+    )
     return [finding, where]
 
 
@@ -43,7 +46,7 @@ def wrong_yaw() -> list[str]:
         f"{costs.max():.0f} AP (average precision, in percent)."
     )
     where = (
-        f"[highway](docs/benchmarks.md) (section 28), {WORDS[detectors]} detectors, "
+        f"[highway](docs/results.md#stress), {WORDS[detectors]} detectors, "
         f"{WORDS[turned.lidar.nunique()]} LiDARs; one seed and training, no intervals"
     )
     return [finding, where]

@@ -6,14 +6,15 @@ from tables_of.common import LIDARS, markdown, results
 
 
 def coverage() -> str:
-    """How often intervals held the truth, and how wide they were, by scene, span and rule."""
+    """How often intervals held the truth, and how wide they were, by scene and span."""
     table = results("coverage")
+    table = table[table.rule == "as long as a stay"]
     rows = []
-    for (scene, span, rule), own in table.groupby(["scene", "span_s", "rule"], sort=False):
+    for (scene, span), own in table.groupby(["scene", "span_s"], sort=False):
         cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in own.itertuples()]
-        rows.append([scene, f"{span}", rule, f"{own.block_s.iloc[0]:.0f}", *cells])
+        rows.append([scene, f"{span}", f"{own.block_s.iloc[0]:.0f}", *cells])
     figures = list(dict.fromkeys(table.figure))
-    return markdown(["scene", "test, s", "rule", "block, s", *figures], rows)
+    return markdown(["scene", "test, s", "block, s", *figures], rows)
 
 
 def correlation() -> str:
@@ -26,14 +27,3 @@ def correlation() -> str:
         for scene, own in table.groupby("scene", sort=False)
     ]
     return markdown(["scene", "block, s", *LIDARS.values()], rows)
-
-
-def differences() -> str:
-    """Of each pair of LiDARs and ground truth `all`: the interval by each rule."""
-    table = results("differences")
-    table = table[table.ground_truth == "all"]
-    rows = []
-    for (scene, a, b), own in table.groupby(["scene", "lidar", "less"], sort=False):
-        cells = [f"{r.value:+.1f} [{r.low:+.1f}, {r.high:+.1f}]" for r in own.itertuples()]
-        rows.append([scene, f"{LIDARS[a]} less {LIDARS[b]}", *cells])
-    return markdown(["scene", "LiDARs", *dict.fromkeys(table.rule)], rows)

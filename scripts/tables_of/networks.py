@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple
 
 import numpy as np
 import pandas as pd
 
-from pyinfra.metrics.comparison import Measured, over_worlds
-from pyinfra.metrics.replicates import difference
+from pyinfra.metrics.comparison import over_worlds
 from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
 
 ARMS = {
@@ -20,26 +19,13 @@ ARMS = {
     "tuned_120": "120 s",
     "specialist": "a specialist",
 }
-# AP of a first trial (PointPillars, 36 random sites, 1,500 steps): captured, boxes at mid-frame.
-TRIAL = {
-    ("highway", "ruby_plus"): 75,
-    ("highway", "livox_avia"): 82,
-    ("highway", "helios_16"): 50,
-    ("crossroad", "ruby_plus"): 80,
-    ("crossroad", "livox_avia"): 69,
-    ("curve", "ruby_plus"): 77,
-    ("curve", "livox_avia"): 66,
-}
 STRESSED = {
     "background": "Background",
     "centerpoint": "specialist",
     "generalist": "generalist",
 }  # by the end of the run's name
-WAYS = (("stacked", "newest"), ("aged", "newest"), ("aged", "middle"))
 HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
 MANY_LABELS = 200  # in the frames of test
-LEAST_SEEDS = 3  # for an interval over them
-TIME_HEADS = ("points alone", "with their age", "with their age, label in the middle")
 
 
 def generalist_sites() -> str:
@@ -119,33 +105,6 @@ def beside_specialists() -> str:
     return markdown(heads, rows)
 
 
-def tuned_scores() -> str:
-    """What boxes from the cut on are and what their scores say of them, in cells with all arms."""
-    table = results("generalist").query("preset == 'datasheet' and arm != 'specialist'")
-    columns = ["precision", "precision_said", "recall"]
-    cells = table.pivot_table(columns, ["site", "seed", "lidar"], "arm").dropna()
-    rows = []
-    for arm in list(ARMS)[:-1]:
-        own = cells.xs(arm, axis=1, level="arm")
-        off = (own.precision_said - own.precision).abs()
-        means = (f"{own[name].mean():.2f}" for name in columns)
-        close = f"{100 * (off <= 0.05).mean():.0f} %"
-        rows.append([ARMS[arm], str(len(own)), *means, f"{off.median():.3f}", close])
-    heads = ["precision", "precision said", "recall", "off by (median)", "within 0.05"]
-    return markdown(["trained there", "cells", *heads], rows)
-
-
-def first_trial() -> str:
-    """Fine AP of the shipped network as the study simulates, beside the AP of a first trial."""
-    rows = []
-    table = results("generalist").query("preset == 'paper' and arm == 'none'")
-    for (site, lidar), trial in TRIAL.items():
-        own = table[(table.site == site) & (table.lidar == lidar)].sort_values("seed")
-        worlds = ", ".join(with_interval_of_ap(*ends(row, "ap_fine")) for _, row in own.iterrows())
-        rows.append([site, LIDARS[lidar], str(trial), worlds])
-    return markdown(["scene", "LiDAR", "first trial", "worlds 1, 2, 3"], rows)
-
-
 def _unseen() -> pd.DataFrame:
     """Rows of unseen sites, with one measure of each class."""
     table = results("unseen")
@@ -203,58 +162,6 @@ def unseen_shown() -> str:
     return markdown(["sites", "class", *heads], rows)
 
 
-def budget() -> str:
-    """Fine AP by class at unseen sites over the steps of a training, beside the shipped network."""
-    table, rows = results("generalist_budget"), []
-    table = table[table.measure.isin(["BEV IoU 0.5", "BEV IoU 0.25"])]
-    for _, own in table.sort_values("steps", kind="stable").groupby("model", sort=False):
-        of, first = own.set_index("class"), own.iloc[0]
-        ap = (with_interval_of_ap(*ends(of.loc[name], "ap_fine")) for name in of.index)
-        less = ends(of.loc["vehicle"], "difference")
-        spent = "" if math.isnan(first.train_cpu_s) else f"{first.train_cpu_s:.0f}"
-        bits = {"bfloat16": "16", "float32": "32"}.get(first.precision, "")
-        last = "shipped" if math.isnan(less[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*less)
-        rows.append([str(first.steps), bits, spent, *ap, last])
-    heads = ["steps", "bits", "CPU s", "vehicles", "pedestrians", "cyclists"]
-    return markdown([*heads, "vehicles, less than shipped"], rows)
-
-
-def unlabelled() -> str:
-    """Precision promised and found after a minute without labels, over sites and minutes."""
-    rows, table = [], results("unlabelled")
-    for way, own in table.groupby("way", sort=False):
-        own = own[own.boxes >= LEAST_BOXES]
-        off = (own.precision_said - own.precision).abs()
-        right, objects = (own.precision * own.boxes).sum(), own.objects.sum()
-        rows.append(
-            [
-                str(way),
-                str(len(own)),
-                f"{right / own.boxes.sum():.2f}",
-                f"{(own.precision_said * own.boxes).sum() / own.boxes.sum():.2f}",
-                f"{off.median():.3f}",
-                f"{100 * (off <= 0.05).mean():.0f} %",
-                f"{(own.recall * own.objects).sum() / objects:.2f}",
-            ]
-        )
-    rows.append(_between_minutes(table[table.way == "as it comes"]))
-    heads = ["boxes", "minutes", "precision", "said", "off by (median)", "within 0.05", "recall"]
-    return markdown(heads, rows)
-
-
-def _between_minutes(table: pd.DataFrame) -> list[str]:
-    """What a labelled minute of a site says of its other one."""
-    table = table[table.boxes >= LEAST_BOXES]
-    table = table.assign(error=table.precision_said - table.precision)
-    both = table.pivot(index="site", columns="seed", values=["precision", "error"]).dropna()
-    off = (both.precision[1] - both.precision[2]).abs()
-    alike = f"errors of both correlate by {both.error[1].corr(both.error[2]):.2f}"
-    share = f"{100 * (off <= 0.05).mean():.0f} %"
-    name = "as it comes; said: what the site's other minute has"
-    said = ["", alike, f"{off.median():.3f}", share, ""]
-    return [name, str(len(both)), *said]
-
-
 def stress_generalist() -> str:
     """Where AP falls by 10 and to half, and AP under names, of three detectors and two LiDARs."""
     curves, trials = (
@@ -280,47 +187,6 @@ def stress_generalist() -> str:
 def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
     own = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
     return with_interval_of_ap(*ends(own.iloc[0], "ap_fine"))
-
-
-def integration() -> str:
-    """Fine AP of stacked frames, of captured vehicles and of all, each way of input and label."""
-
-    def cell(own: pd.DataFrame) -> str:
-        captured = [Measured(*ends(row, "ap_fine")) for _, row in own.iterrows()]
-        return f"{_of_seeds(captured)}; {own.ap_all.mean():.1f}"
-
-    return _over_time(results("integration"), cell)
-
-
-def integration_differences() -> str:
-    """Differences of fine AP, captured, to one frame of the same LiDAR, traffic and seed."""
-    table, key = results("integration"), ["lidar", "speed_km_h", "seed"]
-    one = table[table.accumulate == 1].set_index(key)
-
-    def cell(own: pd.DataFrame) -> str:
-        rows = (row for _, row in own.iterrows())
-        return _of_seeds([difference(row, one.loc[tuple(row[key])]).measured() for row in rows])
-
-    return _over_time(table[table.accumulate > 1], cell)
-
-
-def _over_time(table: pd.DataFrame, cell: Callable[[pd.DataFrame], str]) -> str:
-    """A row for each LiDAR, speed and time; a cell for each way, of its rows by seed."""
-    rows = []
-    order = [table.lidar.map(list(LIDARS).index), -table.speed_km_h, table.accumulate]
-    for (_, slow, frames), own in table.sort_values("seed").groupby(order):
-        by_way = own.groupby(["input", "label_at"])
-        cells = [cell(by_way.get_group(way)) if way in by_way.groups else "" for way in WAYS]
-        what = [LIDARS[own.lidar.iloc[0]], f"{-slow} km/h", f"{frames / 10:g} s"]
-        rows.append([*what, str(own.seed.nunique()), *cells])
-    return markdown(["LiDAR", "traffic at", "time", "seeds", *TIME_HEADS], rows)
-
-
-def _of_seeds(found: list[Measured]) -> str:
-    """The mean over seeds with Student's interval; of too few for one, each with its own."""
-    if len(found) >= LEAST_SEEDS:
-        return with_interval_of_ap(*astuple(over_worlds([one.value for one in found])))
-    return ", ".join(with_interval_of_ap(*astuple(one)) for one in found)
 
 
 def engines() -> str:

@@ -1,4 +1,4 @@
-"""Any site: maps, traffic, hills, people, several poles."""
+"""Any site: maps, traffic, people, several poles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from pyinfra.metrics.replicates import difference
 from tables_of.common import (
     DETECTORS,
     LIDARS,
-    ends,
     markdown,
     results,
     with_interval,
@@ -52,40 +51,6 @@ def people_reach(own: pd.DataFrame) -> str:
         return f"{end[last]}"
     unbroken = first + (~enough[first:]).argmax() - 1
     return f"{end[last]} (all to {end[unbroken]})"
-
-
-HEIGHTS = {"local": "local height", "one": "one height", "plane": "the clouds' plane"}
-
-
-def hill() -> str:
-    """AP of the generalist by grade, with the road's height at each place, one, and a plane."""
-    rows = []
-    key = ["lidar", "grade_percent", "seed"]
-    for (lidar, percent, seed), own in (
-        results("hill").sort_values(key[1:]).groupby(key, sort=False)
-    ):
-        by_height = own.set_index("height")
-        ap = (with_interval_of_ap(*ends(by_height.loc[h], "ap_fine")) for h in HEIGHTS)
-        iou = by_height.iou_3d.iloc[0]
-        rows.append([LIDARS[str(lidar)], f"{percent} %", str(seed), *ap, f"{iou:.2f}"])
-    rows.sort(key=lambda row: list(LIDARS.values()).index(row[0]))
-    return markdown(["LiDAR", "grade", "world", *HEIGHTS.values(), "3-D IoU"], rows)
-
-
-ROADS = {"map": "the map's road", "found": "found of the road", "plane": "its plane alone"}
-
-
-def recorded_road() -> str:
-    """AP of the generalist on imported frames by what is known of the road."""
-    rows = []
-    key = ["scene", "lidar", "seed"]
-    for (scene, lidar, seed), own in results("recorded_road").groupby(key, sort=False):
-        by_road = own.set_index("road")
-        ap = (with_interval_of_ap(*ends(by_road.loc[road], "ap_fine")) for road in ROADS)
-        shaped = "yes" if by_road.shaped.iloc[0] else "no"
-        rows.append([str(scene), LIDARS[str(lidar)], str(seed), *ap, shaped])
-    heads = [*ROADS.values(), "found to be no plane"]
-    return markdown(["scene", "LiDAR", "world", *heads], rows)
 
 
 def traffic() -> str:

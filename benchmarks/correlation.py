@@ -1,0 +1,116 @@
+"""How long errors of Background last, by its own detections on two scenes, beside the block.
+
+Each LiDAR is tested on 800 frames of 400 s. The time is the integrated autocorrelation of the
+frames' influence on AP at 1,000 recalls. Writes results/correlation.csv:
+    .venv/bin/python benchmarks/correlation.py --work data/correlation
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.frame_tables import read_cameras, read_predictions
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.formats import kitti
+from pyinfra.metrics import ap
+from pyinfra.metrics.ground_truth import SETS, read_ground_truth
+from pyinfra.metrics.match_results import Settings, contest, judge
+from pyinfra.metrics.prediction_checks import find_files
+from pyinfra.models.inference import detect
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
+
+ROOT = Path(__file__).resolve().parent.parent
+LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
+SCENES = ("highway", "crossroad")
+LONG_TEST = Parts(train_until_s=90, val_from_s=100)  # 400 s hold four stays at a signal
+
+
+def simulated(scene: str, work: Path) -> Path:
+    lidars = [lidar_file(name) for name in LIDARS]
+    words = ["--preset", "paper", "--frames", "0:5000:5"]
+    infrasim("run", scene_file(scene), "--lidar", *lidars, *words, "--out", work / scene)
+    split_by_time(work / scene, LONG_TEST)
+    return work / scene
+
+
+def predictions(folder: Path) -> Path:
+    run = folder.parent / f"{folder.name}_run"
+    train(
+        read_recipe(ROOT / "configs/detectors/background.yaml", "quick"),
+        [read_source(folder, "quick")],
+        run,
+        quiet=True,
+    )
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    detect.detect(detect.load_detector(run), files, run / "predictions")
+    return run / "predictions"
+
+
+def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
+    """By ground truth the integrated correlation of the frames' influence on fine AP, seconds."""
+    frames = frame_numbers(folder)
+    truth = read_ground_truth(folder, frames, beyond_range=True)
+    files = find_files(pred, frames, frames).files
+    own = read_predictions(files, read_cameras(folder, frames))
+    one = contest(truth, own, "vehicle", Settings(), "bev")
+    took = one.match(Settings().ious[0], strict=False)
+    for which in SETS:
+        judged = judge(one, which, took, 1)
+        use = np.flatnonzero(judged.hit | judged.wrong)
+        counts = np.bincount(one.vehicles.frame[judged.counted], minlength=len(frames))
+        ranking = ap.rank(
+            one.predictions.scores[use], judged.hit[use], counts, one.predictions.frame[use]
+        )
+        without = np.ones((len(frames), len(frames)), np.int64) - np.eye(
+            len(frames), dtype=np.int64
+        )
+        influence = ap.average_precision(ranking, ap.FINE_RECALLS, without)
+        apart_s = float(np.median(np.diff(frames))) * truth.period_s
+        lasts = apart_s * integrated(influence)
+        figures = {"correlation_s": round(lasts, 2), "block_s": one.blocks.block_s}
+        yield {"ground_truth": which, **figures}
+
+
+def integrated(series: FloatArray) -> float:
+    """Sum of the autocorrelation over both sides, to where it first falls to 0.05."""
+    centred = series - series.mean()
+    spectrum = np.fft.rfft(centred, 2 * len(series))
+    at = np.fft.irfft(spectrum * np.conj(spectrum))[: len(series)]
+    at /= np.arange(len(series), 0, -1)
+    at /= at[0]
+    ends = int(np.argmax(at <= 0.05))
+    return float(1 + 2 * at[1:ends].sum())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 2 GB")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "correlation.csv")
+    args = parser.parse_args()
+    rows = []
+    for scene in SCENES:
+        data = simulated(scene, args.work)
+        for lidar in LIDARS:
+            found = correlation(data / lidar, predictions(data / lidar))
+            rows += [{"scene": scene, "lidar": lidar} | row for row in found]
+    about = {"command": "benchmarks/correlation.py", "seed": 1, "version": __version__}
+    table = pd.DataFrame(rows)
+    table.assign(**about, machine=machine()).to_csv(args.out, index=False)
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
