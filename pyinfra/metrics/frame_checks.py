@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import FormatError
@@ -34,6 +35,13 @@ from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_f
 
 MOST_ERRORS = 20  # listed
 CLOUDS = 50  # looked into, spread over all
+COUNTED = 1000  # clouds whose points in boxes are counted, spread over all
+POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
+NEIGHBOURS = 21  # frames whose median size a cloud is held against
+SMALL = 0.5  # of that median
+FEW_POINTS = 10  # of a frame's objects may be missing, and LOST_SHARE of all
+LOST_SHARE = 0.05
+FAR_MARGIN_M = 5.0  # beyond the LiDAR's range: noise
 USUAL_LOW_Z = -3.0  # where the point range of the usual car-mounted configurations ends
 USUAL_FAR_M = 70.4
 HEIGHT_FILTER_PX = 25.0  # of the 2-D box; KITTI's tools leave out lower ones
@@ -62,6 +70,7 @@ def validate(
     ):
         found.append(Finding("warning", "other-types", other))
     found += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
+    found += [*_sizes(folder, frames), *_counts(folder, frames)]
     if pred is not None:
         found += _predictions(folder, pred, split, allow_missing)
     return found
@@ -168,14 +177,85 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         yield Finding("warning", "labels-off-points", text)
 
 
+def _sizes(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
+    """Clouds whose size does not fit their fields, or is far below that of the frames around."""
+    if not (folder / "training/velodyne").is_dir():
+        return
+    files = [kitti.frame_file(folder, "velodyne", frame) for frame in frames]
+    points = np.array([file.stat().st_size / POINT_BYTES for file in files])
+    has_fields = (folder / "training/fields").is_dir()
+    errors = []
+    for frame, file, count in zip(frames, files, points, strict=True):
+        fields = kitti.frame_file(folder, "fields", frame)
+        if has_fields and fields.is_file() and fields.stat().st_size != count * FIELD_BYTES:
+            rows = fields.stat().st_size / FIELD_BYTES
+            text = f"{file}: expected {rows:g} points as {fields.name} of fields has, got {count:g}"
+            errors.append(Finding("error", "cloud-size", text))
+    around = median_filter(points, size=min(NEIGHBOURS, len(points)), mode="nearest")
+    small = np.flatnonzero((points < SMALL * around) & (points > 0))
+    for i in small[:MOST_ERRORS]:
+        text = f"{files[i]}: {points[i]:g} points, the frames around have {around[i]:g}: is it cut?"
+        yield Finding("warning", "small-cloud", text)
+    yield from errors[:MOST_ERRORS]
+
+
+def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
+    """Clouds that lack points which their objects have, or have points beyond the LiDAR's range.
+
+    A cloud that was cut or swapped with another frame's lacks points in the objects' boxes.
+    """
+    has_objects = (folder / "training/objects").is_dir() and (folder / "lidar.yaml").is_file()
+    if not has_objects or not (folder / "training/velodyne").is_dir():
+        return
+    lidar = kitti.read_lidar(folder)
+    if lidar.preset == kitti.RECORDED:
+        return  # objects of a recording have the points that its import counted
+    farthest = max(unit.range_m[1] for unit in lidar.field_of_view) + FAR_MARGIN_M
+    farthest += max(float(np.hypot(sensor.x, sensor.y)) for sensor in lidar.sensors)
+    errors = []
+    for frame in frames[:: max(1, len(frames) // COUNTED)]:
+        file = kitti.frame_file(folder, "velodyne", frame)
+        try:
+            points = kitti.read_points(file)
+        except FormatError:
+            continue  # is said by _clouds
+        objects = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
+        hit = objects.points_in_box > 0
+        expected = objects.points_in_box[hit]
+        counts = [_points_in(box, points) for box in objects.boxes[hit]]
+        lost = int(np.maximum(expected - np.array(counts, dtype=np.int64), 0).sum())
+        if lost > max(FEW_POINTS, LOST_SHARE * expected.sum()):
+            text = (
+                f"{file}: its objects have {expected.sum()} points in their boxes, the cloud lacks "
+                f"{lost} of them: is it cut, or of another frame?"
+            )
+            errors.append(Finding("error", "cloud-objects", text))
+        distance = np.linalg.norm(points[:, :3], axis=1)
+        if len(points) and distance.max() > farthest:
+            text = (
+                f"{file}: expected points within {farthest:.0f} m, got one at {distance.max():.1f}"
+            )
+            errors.append(Finding("error", "cloud-range", text))
+    yield from errors[:MOST_ERRORS]
+    if len(errors) > MOST_ERRORS:
+        more = f"{folder}: {len(errors) - MOST_ERRORS} more clouds that do not fit"
+        yield Finding("error", "more-errors", more)
+
+
 def _holds_points(box: FloatArray, points: Points) -> bool:
-    offset = points[:, :3] - box[:3]
+    return _points_in(box, points) > 0
+
+
+def _points_in(box: FloatArray, points: Points) -> int:
+    """Points in a box and MARGIN_M around it."""
+    near = np.abs(points[:, 0] - box[0]) <= np.hypot(box[3], box[4]) / 2 + 2 * MARGIN_M
+    offset = points[near, :3] - box[:3]
     cos, sin = np.cos(box[6]), np.sin(box[6])
     ahead = cos * offset[:, 0] + sin * offset[:, 1]
     left = cos * offset[:, 1] - sin * offset[:, 0]
     half = box[3:6] / 2 + MARGIN_M
     inside = (np.abs(ahead) <= half[0]) & (np.abs(left) <= half[1])
-    return bool((inside & (np.abs(offset[:, 2]) <= half[2])).any())
+    return int(np.count_nonzero(inside & (np.abs(offset[:, 2]) <= half[2])))
 
 
 def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:

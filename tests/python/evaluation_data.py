@@ -28,6 +28,14 @@ field_of_view:
 """
 
 
+def fill_clouds(folder: Path, frames: Sequence[Sequence[Vehicle]]) -> None:
+    """Clouds in which each vehicle has its points, in the middle of its box."""
+    for k, vehicles in enumerate(frames):
+        rows = [[*box(v)[:3], 0.5] for v in vehicles for _ in range(int(str(v["points"])))]
+        points = np.array(rows, dtype="<f4").reshape(-1, 4)
+        points.tofile(kitti.frame_file(folder, "velodyne", k))
+
+
 def car(x: float, y: float = 3.0, **changes: object) -> dict[str, object]:
     """A car on the road: box at mid-frame, class, points, visibility; scanned `ahead`."""
     standard = {

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from evaluation_data import (
     car,
+    fill_clouds,
     perfect,
     traffic,
     write_lidar,
@@ -40,6 +41,7 @@ def data_set(tmp_path: Path) -> Path:
     frames = [[*vehicles, car(150)] for vehicles in traffic(12)]  # the last beyond the region
     folder = tmp_path / "data"
     write_lidar(folder / "near", frames)
+    fill_clouds(folder / "near", frames)
     write_roads(folder)
     (folder / "dataset.yaml").write_text(DATASET)
     replace(folder / "near/lidar.yaml", 'preset: "recorded"', 'preset: "paper"')

@@ -9,6 +9,7 @@ import pytest
 from evaluation_data import (
     box,
     car,
+    fill_clouds,
     noisy,
     perfect,
     traffic,
@@ -242,3 +243,53 @@ def test_command_checks_every_lidar_of_a_data_set(
     assert f"{tmp_path / 'other'}: " in out
     assert main.main(["validate", str(tmp_path), "--pred", str(tmp_path / "pred")]) == 2
     assert "allowed one of lidar, other" in capsys.readouterr().err
+
+
+@pytest.fixture
+def simulated(tmp_path: Path) -> Path:
+    """Clouds of a simulated LiDAR that hold the points that the objects have."""
+    frames = traffic(12)
+    folder = write_lidar(tmp_path / "simulated", frames)
+    fill_clouds(folder, frames)
+    text = (folder / "lidar.yaml").read_text()
+    (folder / "lidar.yaml").write_text(text.replace('"recorded"', '"paper"'))
+    return folder
+
+
+def errors_of(folder: Path) -> list[tuple[str, str]]:
+    """Names of errors and of warnings of a cloud's size, with the file that they start with."""
+    found = [f for f in validate(folder) if f.level == "error" or f.name == "small-cloud"]
+    return [(f.name, Path(f.text.split(": ")[0]).name) for f in found]
+
+
+def test_whole_clouds_have_the_points_of_their_objects(simulated: Path) -> None:
+    assert errors_of(simulated) == []
+
+
+def test_a_cloud_that_was_cut_is_an_error(simulated: Path) -> None:
+    file = kitti.frame_file(simulated, "velodyne", 7)
+    file.write_bytes(file.read_bytes()[: 16 * 25])
+    assert ("cloud-objects", "000007.bin") in errors_of(simulated)
+    assert ("small-cloud", "000007.bin") in errors_of(simulated)
+
+
+def test_two_swapped_clouds_are_errors(simulated: Path) -> None:
+    files = [kitti.frame_file(simulated, "velodyne", k) for k in (2, 9)]
+    contents = [file.read_bytes() for file in files]
+    for file, content in zip(files, reversed(contents), strict=True):
+        file.write_bytes(content)
+    assert [name for name, _ in errors_of(simulated)] == ["cloud-objects"] * 2
+
+
+def test_a_point_beyond_the_range_is_an_error(simulated: Path) -> None:
+    file = kitti.frame_file(simulated, "velodyne", 3)
+    file.write_bytes(file.read_bytes() + np.array([900, 0, 0, 0.5], "<f4").tobytes())
+    assert errors_of(simulated) == [("cloud-range", "000003.bin")]
+
+
+def test_fields_of_another_length_are_an_error(simulated: Path) -> None:
+    (simulated / "training/fields").mkdir()
+    for k in kitti.frames(simulated):
+        count = kitti.frame_file(simulated, "velodyne", k).stat().st_size // 16
+        np.zeros(count - (k == 4), kitti.FIELDS).tofile(kitti.frame_file(simulated, "fields", k))
+    assert errors_of(simulated) == [("cloud-size", "000004.bin")]
