@@ -14,6 +14,7 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.dataset.frames import frame_numbers, has_labels, period_of
 from pyinfra.dataset.ground import MOST_HEIGHT_M, Ground, level_ground
+from pyinfra.dataset.prediction_origin import origin_of, write_origin
 from pyinfra.dataset.regions import Region, outline_region
 from pyinfra.exchange import pcd
 from pyinfra.exchange.bin_columns import USUAL, columns_of
@@ -110,6 +111,8 @@ def run(args: argparse.Namespace) -> int:
     files, read = _clouds(args, accumulation)
     if args.data is not None:
         warn(model, args)
+        args.out.mkdir(parents=True, exist_ok=True)
+        write_origin(args.out, origin_of(args.data, model))
     if args.height_m is not None:
         chosen = spread(range(len(files)), LOOKED_AT)
         _warn_of_height([read(files[i]) for i in chosen], args.height_m)

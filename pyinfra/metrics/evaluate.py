@@ -117,7 +117,8 @@ def _evaluate_memory(
         files: tuple[Path | None, ...] = tuple(Path(f"frame {k}") for k in gt.numbers)
         findings: list[Finding] = []
     else:
-        read = find_files(Path(pred), list(gt.numbers), list(gt.numbers))
+        folder = gt.folder if isinstance(gt, RecordedFrames) else None
+        read = find_files(Path(pred), gt.numbers, gt.numbers, lidar_folder=folder)
         cameras = Cameras((kitti.simulated(),), np.zeros(len(gt), dtype=np.int64))
         if isinstance(gt, RecordedFrames):
             cameras = read_cameras(gt.folder, gt.numbers)
@@ -151,7 +152,7 @@ def _evaluate_files(
 ) -> Evaluation:
     known = frame_numbers(gt, "all")
     chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
-    found = find_files(pred, chosen, known, allow_missing=allow_missing)
+    found = find_files(pred, chosen, known, lidar_folder=gt, allow_missing=allow_missing)
     truth = read_ground_truth(gt, chosen, beyond_range=True)
     predictions = read_predictions(found.files, read_cameras(gt, chosen))
     types = settings.types
@@ -178,7 +179,7 @@ def judged(
     """
     frames = frame_numbers(gt, split) if frames is None else sorted(frames)
     truth = read_ground_truth(gt, frames, beyond_range=True)
-    files = find_files(pred, frames, frame_numbers(gt, "all")).files
+    files = find_files(pred, frames, frame_numbers(gt, "all"), lidar_folder=gt).files
     predictions = read_predictions(files, read_cameras(gt, frames))
     one = contest(truth, predictions, next(iter(settings.classes)), settings, "bev")
     took = one.match(settings.ious[0], strict=False)

@@ -284,7 +284,7 @@ def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
 def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: bool) -> list[Finding]:
     chosen, known = frame_numbers(folder, split), frame_numbers(folder, "all")
     try:
-        found = find_files(pred, chosen, known, allow_missing=allow_missing)
+        found = find_files(pred, chosen, known, lidar_folder=folder, allow_missing=allow_missing)
         predictions = read_predictions(found.files, read_cameras(folder, chosen))
         vehicles = read_vehicles(folder, chosen)
         checks = check_predictions(predictions, found.files, vehicles, Settings().types)

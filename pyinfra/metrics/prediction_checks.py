@@ -16,6 +16,7 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
+from pyinfra.dataset.prediction_origin import ORIGIN_FILE, check_origin
 from pyinfra.formats import kitti
 from pyinfra.metrics.matching import pairs_of_frames
 
@@ -59,12 +60,18 @@ class PredictionFiles:
 
 
 def find_files(
-    folder: Path, frames: Sequence[int], known: Sequence[int], *, allow_missing: bool = False
+    folder: Path,
+    frames: Sequence[int],
+    known: Sequence[int],
+    *,
+    lidar_folder: Path | None = None,
+    allow_missing: bool = False,
 ) -> PredictionFiles:
     """The prediction files NNNNNN.txt (KITTI results) or NNNNNN.csv of some frames.
 
-    frames: those to be evaluated; known: all of the ground truth. Raises FormatError for a frame
-    that is not known, for a missing file unless allowed, and if there is no file at all.
+    frames: those to be evaluated; known: all of the ground truth; lidar_folder: whose frames they
+    are. Raises FormatError for a frame that is not known, for a missing file unless allowed, and if
+    there is no file at all; Error for predictions of other frames, by their origin.yaml.
     """
     present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
     by_frame = {int(file.stem): file for file in present if _of_frame(file)}
@@ -80,6 +87,9 @@ def find_files(
             f"{_and_more(unknown)}, allowed one of its {len(known)}, {min(known)} to {max(known)}"
         )
     findings = []
+    if lidar_folder is not None and not check_origin(folder, lidar_folder):
+        text = f"{folder}: no {ORIGIN_FILE} says which frames these predictions are of"
+        findings.append(Finding("note", "origin", text))
     named = set(by_frame.values())
     odd = [file for file in present if file not in named]
     if odd:

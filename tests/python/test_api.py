@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +15,7 @@ import pandas as pd
 import pytest
 
 import pyinfra as pi
+from pyinfra.cli import main
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence, SimulatedFrames
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -256,3 +258,25 @@ def test_examples_of_docstrings_hold(name: str) -> None:
     assert runner.failures == 0
     if name in {"load_scene", "load_lidar", "simulate", "load_detector", "detect", "evaluate"}:
         assert runner.tries > 0
+
+
+def test_predictions_of_other_frames_or_another_model_are_refused(
+    written: Path, tmp_path: Path
+) -> None:
+    """Where `pyinfra detect` wrote them: their origin.yaml says the LiDAR and the data set."""
+    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    out = tmp_path / "pred"
+    words = ["detect", "--model", "generalist", "--data", str(written), "--out", str(out)]
+    assert main.main(words) == 0
+    assert not [f for f in pi.evaluate(written, out).findings if f.name == "origin"]
+    other = Path(shutil.copytree(written.parent, tmp_path / "other"))
+    text = (other / "dataset.yaml").read_text()
+    (other / "dataset.yaml").write_text(text.replace("seed: 1", "seed: 2"))
+    with pytest.raises(pi.Error, match=r"origin.yaml: seed: expected 2, got 1"):
+        pi.evaluate(other / "helios_16", out)
+    assert main.main([*words[:4], str(other / "helios_16"), *words[5:]]) == 2
+    origin = (out / "origin.yaml").read_text()
+    (out / "origin.yaml").write_text(origin.replace("model_sha256: ", "model_sha256: 0"))
+    assert main.main(words) == 2
+    (out / "origin.yaml").unlink()
+    assert [f for f in pi.evaluate(written, out).findings if f.name == "origin"]

@@ -309,7 +309,8 @@ def test_only_the_split_is_evaluated(tmp_path: Path) -> None:
     result = evaluate(gt, pred)
     assert result.ap.frames[0] == 2
     assert [finding.name for finding in result.findings if finding.level == "note"] == [
-        "outside-split"
+        "origin",
+        "outside-split",
     ]
     assert evaluate(gt, pred, split="all").ap.frames[0] == 6
     (gt / "ImageSets/val.txt").write_text("000004\n000007\n")

@@ -67,7 +67,7 @@ def edited(index: int, change: Callable[[float], float]) -> Callable[[list[float
 def test_good_frames_and_predictions_have_no_warning(lidar: Path, tmp_path: Path) -> None:
     found = validate(lidar, tmp_path / "pred")
     assert {finding.level for finding in found} == {"note"}
-    assert {finding.name for finding in found} == {"z-range", "xy-range"}
+    assert {finding.name for finding in found} == {"origin", "z-range", "xy-range"}
 
 
 def test_noisy_predictions_have_no_warning(tmp_path: Path) -> None:

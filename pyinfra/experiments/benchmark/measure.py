@@ -12,6 +12,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.prediction_origin import origin_of, write_origin
 from pyinfra.experiments.benchmark.matrix import Cell
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
@@ -80,6 +81,8 @@ def detected(run: Path, folder: Path, device: str, *, every: int = 1) -> FloatAr
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)[::every]]
     detector = detect.detector_at(run, folder, device=device)
     detect.detect(detector, files[:5], None)  # the first calls are slower
+    (run / "predictions").mkdir(exist_ok=True)
+    write_origin(run / "predictions", origin_of(folder, detect.model_file(run)), anew=True)
     return detect.detect(detector, files, run / "predictions")[1]
 
 

@@ -33,7 +33,13 @@ def trust_of(
     FileNotFoundError, FormatError for files that are none, and ValueError without a point.
     """
     frames = frame_numbers(folder, split or "all")
-    files = find_files(pred, frames, frame_numbers(folder, "all"), allow_missing=allow_missing)
+    files = find_files(
+        pred,
+        frames,
+        frame_numbers(folder, "all"),
+        lidar_folder=folder,
+        allow_missing=allow_missing,
+    )
     predictions = read_predictions(files.files, read_cameras(folder, frames))
     predictions = predictions.select(~np.isin(predictions.names, kitti.PERSON_TYPES))
     lidar = kitti.read_lidar(folder) if (folder / "lidar.yaml").is_file() else None

@@ -108,7 +108,7 @@ def _predictions(
     if folder is None:
         return [None] * len(frames)
     known = kitti.frames(lidar_folder)
-    files = find_files(folder, frames, known, allow_missing=True).files
+    files = find_files(folder, frames, known, lidar_folder=lidar_folder, allow_missing=True).files
     cameras = frame_tables.read_cameras(lidar_folder, frames)
     table = frame_tables.read_predictions(files, cameras)
     views: list[Labels | None] = []

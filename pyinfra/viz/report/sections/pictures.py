@@ -17,6 +17,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
 from pyinfra.dataset import frame_tables
 from pyinfra.dataset.data_set import DataSet
+from pyinfra.dataset.prediction_origin import check_origin
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.scanning_statistics import described, speed_table
 from pyinfra.viz import clouds, cutouts, scene_pictures
@@ -219,6 +220,7 @@ def _boxes_panel(data: DataSet, view: clouds.Snapshot, run: Run, frame: int) -> 
 def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
     """Predicted boxes (k, 7) of a frame with a score that is shown."""
     folder = data.lidar_folder(run.lidar)
+    check_origin(run.prediction(frame).parent, folder)
     cameras = frame_tables.read_cameras(folder, [frame])
     found = frame_tables.read_predictions([run.prediction(frame)], cameras)
     return np.asarray(found.boxes[found.scores >= SHOWN_SCORE])

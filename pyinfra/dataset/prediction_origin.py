@@ -1,0 +1,95 @@
+"""Which model and which frames a folder of predictions comes from: `origin.yaml` beside them.
+
+Predictions of other tools have no such file; then nothing is checked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+from pyinfra.core.errors import Error
+from pyinfra.core.files import write
+from pyinfra.core.version import __version__
+from pyinfra.dataset.frames import data_set_of
+from pyinfra.formats import kitti
+
+ORIGIN_FILE = "origin.yaml"
+OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256")
+OF_MODEL = ("model_sha256",)
+
+
+def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
+    """What is known of a LiDAR's frames, and of the file of the model that looks at them.
+
+    Raises FormatError for a wrong lidar.yaml or dataset.yaml.
+    """
+    origin = {"version": __version__}
+    if model is not None:
+        origin["model"] = model.stem if model.parent.name != "" else str(model)
+        origin["model_sha256"] = _digest(model)
+    if (lidar_folder / "lidar.yaml").is_file():
+        lidar = kitti.read_lidar(lidar_folder)
+        origin |= {"lidar": lidar.name, "preset": lidar.preset}
+    description = data_set_of(lidar_folder) / "dataset.yaml"
+    if description.is_file():
+        top = kitti.read_yaml(description)
+        for key, name in (("name", "scene"), ("seed", "seed")):
+            if (node := top.maybe(key)) is not None:
+                origin[name] = node.text()
+        origin["dataset_sha256"] = _digest(description)
+    return origin
+
+
+def read_origin(predictions: Path) -> dict[str, str] | None:
+    """That of a folder of predictions; None where it is not known. Raises FormatError."""
+    file = predictions / ORIGIN_FILE
+    if not file.is_file():
+        return None
+    return {key: str(value) for key, value in kitti.read_keys(file).items()}
+
+
+def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = False) -> None:
+    """Writes the file, or checks that it says the same; anew: what was there is replaced.
+
+    Raises Error if the folder holds predictions of another model or of other frames.
+    """
+    there = None if anew else read_origin(predictions)
+    if there is not None:
+        _check(predictions, there, origin, OF_FRAMES + OF_MODEL, "another folder for these")
+    write(predictions / ORIGIN_FILE, yaml.safe_dump(dict(origin), sort_keys=False))
+
+
+def check_origin(predictions: Path, lidar_folder: Path) -> bool:
+    """Whether the folder of predictions says where it comes from.
+
+    Raises Error if that is not the LiDAR's folder.
+    """
+    there = read_origin(predictions)
+    if there is None:
+        return False
+    _check(predictions, there, origin_of(lidar_folder), OF_FRAMES, f"predictions of {lidar_folder}")
+    return True
+
+
+def _check(
+    predictions: Path,
+    there: Mapping[str, str],
+    origin: Mapping[str, str],
+    keys: tuple[str, ...],
+    wanted: str,
+) -> None:
+    """Compares the keys that both have."""
+    for key in keys:
+        if key in there and key in origin and there[key] != origin[key]:
+            raise Error(
+                f"{predictions / ORIGIN_FILE}: {key}: expected {origin[key]}, got {there[key]}; "
+                f"expected {wanted}"
+            )
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
