@@ -21,8 +21,10 @@ import pandas as pd
 
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.benchmark.latency import put_latency
 from pyinfra.experiments.benchmark.matrix import Cell, Plan, read_plan
-from pyinfra.experiments.benchmark.runner import Workspace, put_latency, simulate_worlds
+from pyinfra.experiments.benchmark.runner import simulate_worlds
+from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import Pool, call_all
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
@@ -73,9 +75,8 @@ def learn(task: Task, plan: Plan, workspace: Workspace) -> None:
 def measured(task: Task, workspace: Workspace, every: int) -> None:
     """Times a task on one thread; into the table of latencies, and into its cell's own row."""
     folder = workspace.data(task.cell.world) / task.cell.lidar
-    times = measure.detected(task.run(workspace), folder, "cpu", every=every)
-    columns = measure.latency_columns(times)
-    about = {"frames": len(times), "command": "benchmarks/latency.py"}
+    columns, _ = measure.timed_alone(task.run(workspace), folder, "cpu", every=every)
+    about = {"frames": columns["latency_frames"], "command": "benchmarks/latency.py"}
     row = pd.DataFrame([{**task.key, **columns, **about}])
     store.put(workspace.results / "latency.csv", row, [*KEY, "budget"])
     put_latency(task.cell, workspace, columns)

@@ -196,8 +196,8 @@ def benchmark(
     Error : for an unknown name or a wrong key
     """
     from pyinfra.experiments.benchmark.matrix import read_plan
-    from pyinfra.experiments.benchmark.runner import Workspace
     from pyinfra.experiments.benchmark.runner import benchmark as run
+    from pyinfra.experiments.benchmark.workspace import Workspace
     from pyinfra.experiments.pool import Pool
     from pyinfra.experiments.store import read
 

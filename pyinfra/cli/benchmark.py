@@ -9,8 +9,10 @@ from pathlib import Path
 
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.dry_run import outlook
+from pyinfra.experiments.benchmark.latency import time_again
 from pyinfra.experiments.benchmark.matrix import read_plan
-from pyinfra.experiments.benchmark.runner import Workspace, benchmark, time_again
+from pyinfra.experiments.benchmark.runner import benchmark
+from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import BACKENDS, Pool
 from pyinfra.models.training.sources import TIERS
 

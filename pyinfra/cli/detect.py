@@ -12,6 +12,7 @@ from typing import TextIO
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.dataset.frames import frame_numbers, has_labels, period_of
 from pyinfra.dataset.ground import MOST_HEIGHT_M, Ground, level_ground
 from pyinfra.dataset.prediction_origin import origin_of, write_origin
@@ -116,15 +117,16 @@ def run(args: argparse.Namespace) -> int:
     if args.height_m is not None:
         chosen = spread(range(len(files)), LOOKED_AT)
         _warn_of_height([read(files[i]) for i in chosen], args.height_m)
-    if args.drop_standing:
-        found, times = _without_standing(detector, files, args, read)
-    else:
-        found, times = detect(detector, files, args.out, read=read)
+    with other_load() as load:
+        if args.drop_standing:
+            found, times = _without_standing(detector, files, args, read)
+        else:
+            found, times = detect(detector, files, args.out, read=read)
     if args.out is None:
         _print_boxes(files, found)
     else:
         _warn_of_others(args.out, files)
-    _print_summary(found, times, sys.stderr if args.out is None else sys.stdout)
+    _print_summary(found, times, load, sys.stderr if args.out is None else sys.stdout)
     return 0
 
 
@@ -284,14 +286,16 @@ def _warn_of_others(out: Path, files: Sequence[Path]) -> None:
         print(f"pyinfra: warning: {out}: {text}", file=sys.stderr)
 
 
-def _print_summary(found: Sequence[Detections], times: FloatArray, to: TextIO) -> None:
+def _print_summary(
+    found: Sequence[Detections], times: FloatArray, load: OtherLoad, to: TextIO
+) -> None:
     if not any(map(len, found)):
         print(f"pyinfra: warning: {NOTHING}", file=sys.stderr)
     likely = sum(int((one.scores >= LIKELY).sum()) for one in found)
     low, high = np.percentile(times, PERCENTILES)
     print(
         f"{len(found)} frames, {sum(map(len, found))} boxes ({likely} with a score of {LIKELY} or "
-        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %)",
+        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %); {load.text}",
         file=to,
     )
 

@@ -93,7 +93,8 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
         nargs="+",
         choices=PROTOCOLS,
         default=default.protocols,
-        help="definition: 40 recalls; r11: 11 recalls; kitti: the devkit's sampling, strict IoU",
+        help="definition: AP (R1000), in ap.csv also AP (R40); r11: 11 recalls; kitti: the "
+        "devkit's 40 recalls and sampling, strict IoU",
     )
 
 

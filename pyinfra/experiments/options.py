@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,13 @@ from pyinfra.experiments.value import KEY, MOUNTS, REGION_M, SITE_ITEMS, covered
 from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.replicates import difference
-from pyinfra.metrics.row_selection import hidden_share, preset_of_answers, with_whole
+from pyinfra.metrics.row_selection import (
+    AP_R1000,
+    ap_name,
+    hidden_share,
+    preset_of_answers,
+    with_whole,
+)
 
 FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
 
@@ -74,7 +80,9 @@ class Option:
     latency_ms: float  # of a frame on one core, median; NaN if it was not measured
     latency_p95_ms: float
     machine: str  # on which latency was measured; empty if the table does not say
+    other_cores: float  # that other processes used meanwhile; NaN if the table does not say
     draws: pd.Series | None  # of ap_whole; None of an earlier version
+    ap_name: str = AP_R1000  # what these AP are; of a table of version 0.2 AP (R40)
     whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
     mounts: int = 1  # LiDARs, whose frames are fused
 
@@ -116,7 +124,8 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
     here = distance[(distance.scene == scene) & (distance.preset == preset)]
     table = joined(table, road(here, wish, truth), file_of(found, "distance"))
     draws = CellDraws(found.table("draws"))
-    options = [option(row, draws) for _, row in table.iterrows()]
+    name = ap_name(table)
+    options = [replace(option(row, draws), ap_name=name) for _, row in table.iterrows()]
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
 
 
@@ -186,16 +195,16 @@ def prices(results: Results) -> pd.DataFrame:
 def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
     """By cell covered_m, low_m and high_m, the ends of what is covered, and road_m.
 
-    distance: windows of the cells of one scene, with columns ap, ap_low and ap_high.
+    distance: windows of the cells of one scene, as of `with_fine`.
     """
     values = {
-        "covered_m": distance.ap,
-        "low_m": distance.ap_low,
-        "high_m": distance.ap_high.fillna(math.inf),
+        "covered_m": distance.ap_fine,
+        "low_m": distance.ap_fine_low,
+        "high_m": distance.ap_fine_high.fillna(math.inf),
         "road_m": math.inf,
     }
     metres = [
-        covered(distance.assign(ap=ap), wish.min_ap, wish.range_m, truth)
+        covered(distance.assign(ap_fine=ap), wish.min_ap, wish.range_m, truth)
         .set_index(KEY)
         .covered_m.rename(name)
         for name, ap in values.items()
@@ -223,6 +232,7 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         latency_ms=row.latency_p50_ms,
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
+        other_cores=row.latency_other_cores,
         draws=draws.row(row, row.whole),
         whole=row.whole,
         mounts=int(row[MOUNTS]),

@@ -11,7 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+from pyinfra.core.machine_load import load_text
 from pyinfra.experiments.options import Option, Wish
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Measured
@@ -25,6 +27,7 @@ NEAREST = 3  # of those that fall short, if none meets the wish
 class Shortfall:
     """A limit that an option breaks."""
 
+    of: Literal["price", "ap", "latency"]
     reason: str
     relax: str  # the words of a command line that would let it in; nothing if none do
     share: float  # of the limit, by which it is broken
@@ -47,7 +50,11 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
         rest = [option for option in options if option not in near]
         return Answer(False, near, [*about(options), *left_out(rest, wish)])
     named, more = good[:MOST], good[MOST:]
-    remarks = [*about(options), *doubts(named, wish), *left_out(options, wish)]
+    before = options[: options.index(named[0])]  # of a higher AP
+    slow = [option for option in before if misses(option, wish) == ["latency"]]
+    rest = [option for option in options if option not in slow]
+    remarks = [*too_slow(slow, wish), *about(options), *doubts(named, wish)]
+    remarks += left_out(rest, wish)
     if more:
         meet = "meets" if len(more) == 1 else "meet"
         remarks.insert(0, f"And {len(more)} more that {meet} this: {names(more)}.")
@@ -71,31 +78,53 @@ def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
     if option.price_usd > wish.budget_usd:
         over = option.price_usd / wish.budget_usd - 1
         relax = f"--budget {math.ceil(option.price_usd)}"
-        found.append(Shortfall(f"costs {price(option, wish)}", relax, over))
+        found.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
     ap, counted = option.ap_whole.value, COUNTED[option.whole]
     if not ap >= wish.min_ap:
         relax = f"--min-ap {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
         reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
-        found.append(Shortfall(reason, relax, 1 - ap / wish.min_ap))
+        found.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
     if not option.latency_ms <= wish.latency_ms:
         known = math.isfinite(option.latency_ms)
         relax = f"--latency {math.ceil(option.latency_ms)}" if known else ""
-        reason = f"{option.latency_ms:.0f} ms a frame" if known else "no latency was measured"
-        found.append(Shortfall(reason, relax, option.latency_ms / wish.latency_ms - 1))
+        share = option.latency_ms / wish.latency_ms - 1 if known else math.inf
+        found.append(Shortfall("latency", latency(option), relax, share))
     return found
 
 
+def misses(option: Option, wish: Wish) -> list[str]:
+    """Which limits an option breaks."""
+    return [one.of for one in shortfalls(option, wish)]
+
+
 def nearest(options: Iterable[Option], wish: Wish) -> list[Option]:
-    """Those that break limits by the least share in sum; none that nothing would let in."""
+    """Those that break budget and AP by the least share in sum, and among equals the latency.
+
+    A detector can be made faster, or run on another computer; its AP stays. An option of which no
+    AP or price would be enough is not near.
+    """
     broken = [(shortfalls(option, wish), option) for option in options]
-    can = [(own, option) for own, option in broken if all(one.relax for one in own)]
-    can.sort(key=lambda pair: sum(one.share for one in pair[0]))
-    return [option for _, option in can[:NEAREST]]
+    can = [
+        (own, option)
+        for own, option in broken
+        if all(one.relax for one in own if one.of != "latency")
+    ]
+
+    def away(pair: tuple[list[Shortfall], Option]) -> tuple[float, float]:
+        own = pair[0]
+        first = sum(one.share for one in own if one.of != "latency")
+        return first, next((one.share for one in own if one.of == "latency"), 0.0)
+
+    return [option for _, option in sorted(can, key=away)[:NEAREST]]
 
 
 def relaxation(option: Option, wish: Wish) -> str:
-    """The words of a command line that would let an option in."""
-    return " ".join(one.relax for one in shortfalls(option, wish))
+    """The words of a command line that would let an option in, and what is to be measured."""
+    found = shortfalls(option, wish)
+    words = " ".join(one.relax for one in found if one.relax)
+    unknown = any(not one.relax for one in found)
+    measured = f"a measured latency of {wish.latency_ms:g} ms or less" if unknown else ""
+    return " and ".join(text for text in (words, measured) if text)
 
 
 def sentence(option: Option, wish: Wish) -> str:
@@ -104,10 +133,17 @@ def sentence(option: Option, wish: Wish) -> str:
         hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
         visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
     return (
-        f"{option.name}: AP of {COUNTED[option.whole]} {with_interval(option.ap_whole)}, {visible}"
-        f"of the vehicles it captures {with_interval(option.ap)}; {price(option, wish)}; "
-        f"{covered_road(option, wish)}{option.latency_ms:.0f} ms a frame"
+        f"{option.name}: {option.ap_name} of {COUNTED[option.whole]} "
+        f"{with_interval(option.ap_whole)}, {visible}of the vehicles it captures "
+        f"{with_interval(option.ap)}; {price(option, wish)}; {covered_road(option, wish)}"
+        f"{latency(option)}"
     )
+
+
+def latency(option: Option) -> str:
+    if math.isnan(option.latency_ms):
+        return "no latency was measured"
+    return f"{option.latency_ms:.0f} ms a frame"
 
 
 def covered_road(option: Option, wish: Wish) -> str:
@@ -147,9 +183,26 @@ def about(options: Sequence[Option]) -> Iterator[str]:
             "cannot see are not counted; `pyinfra benchmark` of this version counts them."
         )
     yield from about_costs(options[0])
-    machines = ", ".join(sorted({option.machine for option in options} - {""}))
+    yield about_latency(options)
+
+
+def about_latency(options: Iterable[Option]) -> str:
+    """Where and under which load latencies were measured."""
+    timed = [option for option in options if math.isfinite(option.latency_ms)]
+    if not timed:
+        return "No latency was measured; `pyinfra benchmark --latency` measures it."
+    machines = ", ".join(sorted({option.machine for option in timed} - {""}))
     where = f"one core of {machines}" if machines else "one core"
-    yield f"Latency is of {where}; `pyinfra benchmark --latency` measures yours."
+    load = load_text([option.other_cores for option in timed])
+    return f"Latency is of {where} ({load}); `pyinfra benchmark --latency` measures yours."
+
+
+def too_slow(slow: Iterable[Option], wish: Wish) -> Iterator[str]:
+    """Options that meet budget and AP, but not the latency that is asked."""
+    for option in slow:
+        what = "not timed" if math.isnan(option.latency_ms) else "too slow"
+        relaxed = relaxation(option, wish)
+        yield f"More accurate, but {what}: {sentence(option, wish)}; meets it with {relaxed}."
 
 
 def about_costs(option: Option) -> Iterator[str]:

@@ -78,7 +78,7 @@ KINDS = {
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _CELL,
-        f"{' '.join(AP_COLUMNS)} objects_all objects_present",
+        f"{' '.join(AP_COLUMNS)} objects_all objects_present latency_other_cores latency_frames",
     ),
     "draws": _kind(
         "{tier}_draws.csv",
@@ -97,6 +97,7 @@ KINDS = {
         f"{_CELL} ground_truth road quality",
         "s ap ap_low ap_high objects predictions",
         f"{_CELL} ground_truth road s",
+        "ap_fine ap_fine_low ap_fine_high",
     ),
     "hits": _kind(
         "{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame", "scene lidar preset"
@@ -113,7 +114,7 @@ KINDS = {
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
         _CELL,
-        f"{' '.join(SITE_ITEMS)} ap_all_fine ap_whole ap_whole_fine",
+        f"{' '.join(SITE_ITEMS)} ap_fine ap_all_fine ap_whole ap_whole_fine",
     ),
     "lidars": _kind(
         "lidars.csv",
@@ -207,7 +208,7 @@ def read_results(folder: Path, tier: str | None = None) -> Results:
     if all(table.empty for table in tables.values()):
         raise ValueError(f"{folder}: found no table of results, allowed one or more")
     tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
-    tables |= {name: with_fine(tables[name]) for name in ("stress", "ladder")}
+    tables |= {name: with_fine(tables[name]) for name in ("stress", "ladder", "distance")}
     return Results(folder, chosen, tables)
 
 

@@ -59,7 +59,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     """
     cells = with_whole(with_fine(tables["cells"].dropna(subset=["ap"])))
     truth = "all" if cells.empty else str(cells.whole.iloc[0])
-    cells = cells[[*KEY, "ap", "ap_all", "ap_all_fine", "ap_whole", "ap_whole_fine"]]
+    cells = cells[[*KEY, "ap", "ap_fine", "ap_all", "ap_all_fine", "ap_whole", "ap_whole_fine"]]
     price = tables["lidars"].assign(lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2)[
         ["lidar", "preset", "lidar_usd"]
     ]
@@ -69,13 +69,13 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     hits = tables["hits"][["scene", "preset", "lidar", *of_hits]]
     t = cells.merge(price, on=["lidar", "preset"])
     t = of_mounts(t, mounts_of(t.merge(hits, how="left")), costs)
-    road = covered(tables["distance"], truth=truth)
+    road = covered(with_fine(tables["distance"]), truth=truth)
     t = t.merge(areas, on=KEY, how="left").merge(road, on=KEY, how="left")
     t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
     usd = t.lidar_usd + t.site_usd
     t.insert(len(KEY), "price_usd", usd)
-    t["ap_per_1000_usd"] = 1000 * t.ap / usd
-    t["ap_all_per_1000_usd"] = 1000 * t.ap_all / usd
+    t["ap_per_1000_usd"] = 1000 * t.ap_fine / usd
+    t["ap_all_per_1000_usd"] = 1000 * t.ap_all_fine / usd
     t["usd_per_hq_area"] = (usd / t.n_hqda).replace(np.inf, np.nan)
     t["usd_per_m_road"] = (usd / t.covered_m).replace(np.inf, np.nan)
     t["points_per_1000_usd"] = 1000 * t.vehicle_points_per_frame / usd
@@ -121,9 +121,11 @@ def covered(
     at_once = distance.road == LANES  # whose metres of s are no metres of road
     lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
     distance = distance[~at_once]
+    if "ap_fine" not in distance:
+        distance = with_fine(distance)
     windows = distance[distance.ground_truth == truth]
     ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
-    good = windows[windows.ap > above]
+    good = windows[windows.ap_fine > above]
     steps = round(WINDOW_M / WINDOW_STEP_M)
     pieces = pd.concat(
         [

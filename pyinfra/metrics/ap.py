@@ -83,6 +83,16 @@ def average_precision(
     return np.asarray(100 * precision_at_recalls(ranking, count, first, weights).mean(axis=1))
 
 
+def coarse_and_fine(
+    ranking: Ranking, weights: IntArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """AP at 40 and at 1,000 recalls, (draws,) each, as of `average_precision`."""
+    step = FINE_RECALLS // RECALLS  # every 25th of the 1,000 recalls is one of the 40
+    precision = precision_at_recalls(ranking, FINE_RECALLS, 1, weights)
+    coarse = np.ascontiguousarray(precision[:, step - 1 :: step])
+    return np.asarray(100 * coarse.mean(axis=1)), np.asarray(100 * precision.mean(axis=1))
+
+
 def precision_at_recalls(
     ranking: Ranking, count: int, first: int = 1, weights: IntArray | None = None
 ) -> FloatArray:

@@ -22,6 +22,7 @@ from pyinfra.metrics.evaluation_tables import (
     error_table,
     false_positive_table,
     pr_table,
+    shown_ap,
 )
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import MIN_BLOCKS
@@ -160,7 +161,7 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
             windows = one.truth.windows()
             cut = cut_first_ap(one, which, enough, settings.min_points, windows)
             distance["ap_cut_first"] = cut
-            distance["difference"] = distance.ap_cut_first - distance.ap
+            distance["difference"] = distance.ap_cut_first - distance.ap_fine
         areas = (distance, draws)
         own = {"pr_curve": pr_table(judgement), "distance_ap": distance}
         if one.truth.of_lanes:
@@ -201,9 +202,10 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
         kind = name if are_people(settings.classes[name]) else "vehicle"
         near = f"centres within {CENTRE_M:g} m" if math.isnan(row.iou) else f"IoU {row.iou:g}"
         what = f"{row.ground_truth}, {near}, {row.protocol}"
-        if math.isnan(row.ap):
+        value = shown_ap(row)[0]
+        if math.isnan(value):
             found.append(("no-objects", f"{what}: no {kind} to be found, so AP is undefined"))
-        elif row.ap == 0:
+        elif value == 0:
             text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
             found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:

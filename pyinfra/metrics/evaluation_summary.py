@@ -5,22 +5,26 @@ from __future__ import annotations
 import math
 
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, shown_ap
+from pyinfra.metrics.row_selection import AP_R1000
+
+MEASURES = {"definition": AP_R1000, "r11": "AP (R11)", "kitti": "AP (R40), devkit"}
 
 
 def summary(evaluation: Evaluation) -> str:
     """AP, areas and causes of false positives as lines of text."""
     lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
     iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # none where centres decide
-    head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'protocol':<15}{'AP':>6}  "
-    lines.append(f"{head}{'95 % interval':<16}{'objects':>8}{'predictions':>12}")
-    lines += [
-        f"{row['class']:<12}{row.ground_truth:<14}{iou[at]:>5} {row.protocol:<15}{row.ap:>6.2f}  "
-        f"{_span(row.ap_low, row.ap_high):<16}{row.objects:>8}{row.predictions:>12}"
-        for at, (_, row) in enumerate(evaluation.ap.iterrows())
-    ]
+    head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'measure':<26}{'':>5}  "
+    lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}")
+    for at, (_, row) in enumerate(evaluation.ap.iterrows()):
+        value, low, high = shown_ap(row)
+        lines.append(
+            f"{row['class']:<12}{row.ground_truth:<14}{iou[at]:>5} {measure(row.protocol):<26}"
+            f"{value:>5.1f}  {_span(low, high):<14}{row.objects:>8}{row.predictions:>12}"
+        )
     wide = max([12, *(len(road) + 1 for road in evaluation.areas.road)])
-    lines.append(f"high-quality areas (AP > {HIGH_QUALITY:g}), undecided ones included")
+    lines.append(f"high-quality areas ({AP_R1000} > {HIGH_QUALITY:g}), undecided ones included")
     lines += [
         f"{row.road:<{wide}}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} "
         f"{row.p_hqda:>15.1f} %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
@@ -36,5 +40,11 @@ def summary(evaluation: Evaluation) -> str:
     return "\n".join(lines)
 
 
+def measure(protocol: str) -> str:
+    """The name of what a row of a protocol shows; `definition-centre`: AP (R1000), centre."""
+    name, _, metric = protocol.partition("-")
+    return f"{MEASURES[name]}, {metric}" if metric else MEASURES[name]
+
+
 def _span(low: float, high: float) -> str:
-    return "no interval" if math.isnan(low) else f"{low:.2f} to {high:.2f}"
+    return "no interval" if math.isnan(low) else f"[{low:.1f}, {high:.1f}]"

@@ -69,6 +69,13 @@ def fine_columns(judgement: Judgement, fine: Bootstrapped) -> dict[str, float]:
     return {"ap_fine": fine.value, "ap_fine_low": float(low), "ap_fine_high": float(high)}
 
 
+def shown_ap(row: Any) -> tuple[float, float, float]:
+    """The AP of a row of `ap.csv` with the ends of its interval: R1000, or what was asked for."""
+    if str(row.protocol).startswith("definition"):
+        return row.ap_fine, row.ap_fine_low, row.ap_fine_high
+    return row.ap, row.ap_low, row.ap_high
+
+
 def pr_table(judgement: Judgement) -> pd.DataFrame:
     """Highest precision at or beyond the recalls 0.01 .. 1, 0 where they are not reached.
 
@@ -88,7 +95,7 @@ def pr_table(judgement: Judgement) -> pd.DataFrame:
 
 
 def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
-    """AP of each window by the definition, and its draws (windows, draws)."""
+    """AP of each window, at 40 and 1,000 recalls; the draws of the latter (windows, draws)."""
     truth = judgement.contest.truth
     names = dict(enumerate(road.name for road in truth.roads)) or {0: "distance"}
     names[EVERY_ROAD] = LANES
@@ -105,34 +112,40 @@ def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, Fl
 def _ap_of(
     judgement: Judgement, parts: Mapping[Any, dict[str, Any]], min_objects: int
 ) -> tuple[pd.DataFrame, FloatArray]:
-    """A row and the draws of each window or cell; parts: the columns that name it."""
+    """A row and the draws of AP (R1000) of each window or cell; parts: the columns that name it."""
     rows, draws = [], []
     for part, named in parts.items():
         ranking = judgement.ranking(part)
-        value, low, high, drawn = _ap_with_interval(judgement, ranking, "definition")
+        (value,), (fine,) = ap.coarse_and_fine(ranking)
+        drawn, fine_drawn = ap.coarse_and_fine(ranking, judgement.weights)
+        low, high = judgement.interval(value, drawn, ranking.objects)
+        fine_low, fine_high = judgement.interval(fine, fine_drawn, ranking.objects)
         row = {
             **named,
-            "ap": value,
-            "ap_low": low,
-            "ap_high": high,
+            "ap": float(value),
+            "ap_low": float(low),
+            "ap_high": float(high),
+            "ap_fine": float(fine),
+            "ap_fine_low": float(fine_low),
+            "ap_fine_high": float(fine_high),
             "objects": int(ranking.objects.sum()),
             "predictions": len(ranking.slot),
         }
         row["quality"] = area_quality(row, min_objects)
         rows.append(row)
-        draws.append(drawn)
+        draws.append(fine_drawn)
     return pd.DataFrame(rows), np.array(draws)
 
 
 def cut_first_ap(
     contest: Contest, which: Set, iou: float, min_points: int, windows: Sequence[Window]
 ) -> list[float]:
-    """AP of each window when what lies outside is cut away before matching."""
+    """AP (R1000) of each window when what lies outside is cut away before matching."""
     values = []
     for window in windows:
         took = contest.match(iou, strict=False, within=window)
         alone = judge(contest, which, took, min_points)
-        values.append(float(ap.average_precision(alone.ranking(window))[0]))
+        values.append(float(ap.average_precision(alone.ranking(window), ap.FINE_RECALLS)[0]))
     return values
 
 
@@ -140,9 +153,9 @@ def area_quality(row: dict[str, Any], min_objects: int) -> str:
     """Which of QUALITIES an area has."""
     if row["objects"] < min_objects:
         return "few"
-    if math.isnan(row["ap_low"]) or row["ap_low"] <= HIGH_QUALITY < row["ap_high"]:
+    if math.isnan(row["ap_fine_low"]) or row["ap_fine_low"] <= HIGH_QUALITY < row["ap_fine_high"]:
         return "undecided"
-    return "high" if row["ap"] > HIGH_QUALITY else "low"
+    return "high" if row["ap_fine"] > HIGH_QUALITY else "low"
 
 
 def area_table(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
@@ -162,7 +175,7 @@ def area_table(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) 
 def _areas(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> dict[str, Any]:
     counts = (distance.quality != "few").to_numpy()
     total = int(counts.sum())
-    high = int((distance.ap[counts] > HIGH_QUALITY).sum())
+    high = int((distance.ap_fine[counts] > HIGH_QUALITY).sum())
     share = 100 * high / total if total > 0 else math.nan
     objects = judgement.per_slot(judgement.contest.vehicles.frame[judgement.counted])
     low, top = judgement.interval(share, high_quality_share(distance, draws), objects)
@@ -179,7 +192,7 @@ def _areas(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> d
 
 def high_quality_share(distance: pd.DataFrame, draws: FloatArray) -> FloatArray:
     """Of the areas with an interval, in each draw: percent; NaN where none has an AP."""
-    shown = ((distance.quality != "few") & distance.ap_low.notna()).to_numpy()
+    shown = ((distance.quality != "few") & distance.ap_fine_low.notna()).to_numpy()
     defined = (~np.isnan(draws[shown])).sum(0)
     return _ratio(100.0 * (draws[shown] > HIGH_QUALITY).sum(0), defined)
 

@@ -46,7 +46,7 @@ def figures(
     yield "ap_fine", fine_ap(judgement)
     table, draws = areas
     counts = (table.quality != "few").to_numpy()
-    high = (table.ap[counts] > HIGH_QUALITY).sum()
+    high = (table.ap_fine[counts] > HIGH_QUALITY).sum()
     yield (
         "n_hqda",
         Bootstrapped(float(high), (draws[counts] > HIGH_QUALITY).sum(0).astype(float), blocks),
@@ -61,18 +61,18 @@ def _slope_ahead(
     distance: pd.DataFrame, draws: FloatArray, blocks: float
 ) -> Iterator[tuple[str, Bootstrapped]]:
     ahead = (distance.road == distance.road.iloc[0]) & distance.s.between(*AHEAD_M)
-    ahead &= distance.ap_high > distance.ap_low
+    ahead &= distance.ap_fine_high > distance.ap_fine_low
     if ahead.sum() >= LEAST_WINDOWS:
         yield "ap_slope", slope(distance[ahead], draws[ahead], blocks)
 
 
 def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Bootstrapped:
     """AP per 10 m: lines by least squares, windows weighted by their intervals; draws (w, d)."""
-    weight = 1 / (windows.ap_high - windows.ap_low).to_numpy() ** 2
+    weight = 1 / (windows.ap_fine_high - windows.ap_fine_low).to_numpy() ** 2
     tens = windows.s.to_numpy() / 10
     away = weight * (tens - np.average(tens, weights=weight))
     gain = away / (away @ tens)
-    return Bootstrapped(float(gain @ windows.ap), gain @ draws, blocks)
+    return Bootstrapped(float(gain @ windows.ap_fine), gain @ draws, blocks)
 
 
 def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:

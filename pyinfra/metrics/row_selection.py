@@ -11,19 +11,35 @@ CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
 AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
 AP_ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
+AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # what these are called wherever one is shown
 PRESETS = ("paper", "equal", "datasheet")  # of the catalogue; the last is nearest to what one buys
 
 
 def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
-    """With AP at 1,000 recalls; where an earlier version measured none, that at 40 stands in."""
+    """With AP at 1,000 recalls; where an earlier version measured none, that at 40 stands in.
+
+    Column `recalls` says which of both a row has: see `ap_name`.
+    """
     found = {}
     for name in AP_OF.values():
+        own = cells.get(f"{name}_fine", pd.Series(np.nan, cells.index))
         for end in ("", "_low", "_high"):
             if f"{name}{end}" in cells:
-                fine = cells.get(f"{name}_fine{end}")
-                coarse = cells[f"{name}{end}"]
-                found[f"{name}_fine{end}"] = coarse if fine is None else fine.fillna(coarse)
+                fine = cells.get(f"{name}_fine{end}", np.nan)
+                found[f"{name}_fine{end}"] = cells[f"{name}{end}"].where(own.isna(), fine)
+    if "ap" in cells and "recalls" not in cells:
+        fine = cells.get("ap_fine", pd.Series(np.nan, cells.index))
+        recalls = pd.Series(np.where(fine.notna(), 1000.0, 40.0), cells.index)
+        found["recalls"] = recalls.where(cells.ap.notna() | fine.notna())
     return cells.assign(**found)
+
+
+def ap_name(rows: pd.DataFrame) -> str:
+    """What the column ap_fine of rows (of `with_fine`) is called."""
+    recalls = set(rows.recalls.dropna()) if "recalls" in rows else set()
+    if recalls == {40.0}:
+        return AP_R40
+    return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
 
 
 # What the AP of the whole road counts: see `with_whole`.

@@ -21,6 +21,7 @@ from matplotlib.patches import Patch, Polygon
 from pyinfra.dataset.regions import WINDOW_M, WINDOW_STEP_M, Road
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
+from pyinfra.metrics.row_selection import ap_name, with_fine
 from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
 
 LOOKS: dict[str, dict[str, Any]] = {
@@ -72,17 +73,19 @@ def pr_curve(table: pd.DataFrame) -> Figure:
 
 def distance_ap(table: pd.DataFrame) -> Figure:
     """AP of the windows along each road with its interval, and the line above which it is high."""
+    table = with_fine(table)
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         figure, panels = _panels(table, (5.2, 3.2), "road")
         for ax, rows in panels:
             for name, part, style in _lidars(rows, table):
-                ax.plot(part.s, part.ap, label=name, markersize=3, **style)
-                _band(ax, part.s, part.ap_low, part.ap_high, style)
+                ax.plot(part.s, part.ap_fine, label=name, markersize=3, **style)
+                _band(ax, part.s, part.ap_fine_low, part.ap_fine_high, style)
                 if "ap_cut_first" in part:
                     ax.plot(part.s, part.ap_cut_first, "k:", label="cut before matching")
             ax.axhline(HIGH_QUALITY, color="black", linewidth=0.8, linestyle=(0, (8, 4)))
             ends = (float(table.s.min()), float(table.s.max()))
-            ax.set(xlim=ends, ylim=(0, 102), xlabel=f"s, middle of {WINDOW_M:g} m (m)", ylabel="AP")
+            ax.set(xlim=ends, ylim=(0, 102), ylabel=ap_name(table))
+            ax.set_xlabel(f"s, middle of {WINDOW_M:g} m (m)")
         return _legend(figure)
 
 

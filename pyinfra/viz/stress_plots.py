@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import curves
+from pyinfra.metrics.row_selection import ap_name, with_fine
 from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
 
 ACROSS = 4
@@ -50,7 +51,7 @@ def stress(table: pd.DataFrame) -> Figure:
                 _line(ax, curve, STRESSORS[name], looks, detector)
             _finish(ax, STRESSORS[name], pd.concat([curve for _, curve in own]))
         for ax in axes[:, 0]:
-            ax.set_ylabel("AP")
+            ax.set_ylabel(ap_name(with_fine(table)))
         for ax in axes.flat[len(names) :]:
             ax.remove()
         drawn = [ax.get_legend_handles_labels() for ax in figure.axes]

@@ -6,10 +6,12 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
+from pyinfra.metrics.row_selection import ap_name, with_fine
 from tables_of.common import (
     DETECTORS,
     LIDARS,
     PRESETS,
+    ends,
     markdown,
     number,
     results,
@@ -190,16 +192,16 @@ def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shap
 
 def detectors(scene: str, preset: str) -> str:
     """AP of the smallest seed with its interval, and the time of training."""
-    table = results("quick")
+    table = with_fine(results("quick"))
     table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
     rows = []
     for name, words in DETECTORS.items():
         own = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
         cells = [
-            with_interval_of_ap(*own.loc[x, ["ap", "ap_low", "ap_high"]]) if x in own.index else ""
+            with_interval_of_ap(*ends(own.loc[x], "ap_fine")) if x in own.index else ""
             for x in LIDARS
         ]
         seconds = own.train_seconds.dropna()
         span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
         rows.append([words, *cells, span])
-    return markdown(["detector", *LIDARS.values(), "train, CPU s"], rows)
+    return markdown([f"{ap_name(table)} of", *LIDARS.values(), "train, CPU s"], rows)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.metrics.comparison import over_worlds
+from pyinfra.metrics.row_selection import AP_R1000
 from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
 
 ARMS = {
@@ -169,7 +170,7 @@ def stress_generalist() -> str:
         for name in ("stress_generalist_summary", "stress_generalist")
     )
     columns = [(lidar, who) for lidar in curves.lidar.unique() for who in STRESSED]
-    rows = [["AP (fine) without", *(_unstressed(trials, *own) for own in columns)]]
+    rows = [[f"{AP_R1000} without", *(_unstressed(trials, *own) for own in columns)]]
     for (stressor, unit), own in curves[curves.unit != "name"].groupby(
         ["stressor", "unit"], sort=False
     ):

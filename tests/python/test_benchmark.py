@@ -17,11 +17,14 @@ import ray
 from pool_tasks import dies, dies_once, its_gpus, takes_a_gpu
 
 from pyinfra.cli import main
+from pyinfra.core import machine_load as load
 from pyinfra.core.errors import ConfigError
 from pyinfra.dataset.catalogue import configs
 from pyinfra.experiments import gpus, pool, store
 from pyinfra.experiments.benchmark import frames, measure
+from pyinfra.experiments.benchmark.latency import time_untimed
 from pyinfra.experiments.benchmark.matrix import Cell, read_plan
+from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.gpus import own_gpu
 from pyinfra.experiments.value import KEY, Costs, covered, value_table
 from pyinfra.models.training.recipe import read_recipe
@@ -46,7 +49,7 @@ matrix:
     presets: [paper]
     detectors: [background, tiny.yaml]
 """
-MEASURED = ["train_seconds", "latency_p50_ms", "latency_p95_ms"]
+MEASURED = ["train_seconds", "latency_p50_ms", "latency_p95_ms", "latency_other_cores"]
 CELLS = 4
 
 
@@ -115,6 +118,71 @@ def test_the_same_command_again_computes_nothing(results: Path, config: Path) ->
     assert (results / "smoke.csv").read_bytes() == before
 
 
+def test_detectors_are_timed_one_by_one_after_the_last_experiment(
+    config: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    config.write_text(MATRIX.replace("tiny.yaml", "background").replace("[background, b", "[b"))
+    assert main.main(words(config, tmp_path / "out", "--jobs", 2)) == 0
+    lines = capfd.readouterr().err.splitlines()
+    done = [i for i, line in enumerate(lines) if ": AP " in line]
+    timed = [i for i, line in enumerate(lines) if " ms a frame; other processes used " in line]
+    assert len(done) == len(timed) == 2
+    assert max(done) < min(timed)
+    table = pd.read_csv(tmp_path / "out/smoke.csv")
+    assert (table.latency_p50_ms > 0).all()
+    assert (table.latency_other_cores >= 0).all()
+    assert (table.latency_frames > 0).all()
+
+
+def test_a_benchmark_stopped_before_the_timing_is_timed_by_the_same_command(
+    results: Path, tmp_path: Path
+) -> None:
+    file = results / "smoke.csv"
+    before = pd.read_csv(file)
+    columns = [name for name in before if name.startswith("latency_")]
+    untimed = before.astype(dict.fromkeys(columns, object))
+    untimed.loc[0, columns] = None
+    untimed.to_csv(file, index=False)
+    assert main.main(words(results.parent / "small.yaml", results, "--jobs", 1)) == 0
+    after = pd.read_csv(file).sort_values(KEY, ignore_index=True)
+    assert (after.latency_p50_ms > 0).all()
+    same = before.sort_values(KEY, ignore_index=True)
+    assert (after.latency_p50_ms == same.latency_p50_ms).sum() == CELLS - 1  # no other is timed
+
+
+def test_nothing_is_timed_while_another_command_runs_experiments(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = read_plan(results.parent / "small.yaml", "smoke")
+    workspace = Workspace(Path(f"{results}-work"), results, "smoke")
+    monkeypatch.setattr(Workspace, "without_row", lambda *_: list(plan.cells[:1]))
+    monkeypatch.setattr(measure, "timed_alone", lambda *_, **_how: pytest.fail("timed"))
+    said: list[str] = []
+    time_untimed(plan, workspace, say=said.append)
+    assert len(said) == 1
+
+
+def test_the_load_of_others_is_what_they_compute_and_not_what_is_timed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ticks = os.sysconf("SC_CLK_TCK")
+    clocks = {"perf_counter": iter([10.0, 12.0]), "process_time": iter([5.0, 6.0])}
+    for name, clock in clocks.items():
+        monkeypatch.setattr(
+            f"pyinfra.core.machine_load.time.{name}", lambda clock=clock: next(clock)
+        )
+    monkeypatch.setattr(load, "_TIMES", tmp_path / "stat")
+    (tmp_path / "stat").write_text(f"cpu  {100 * ticks} 0 0 70 80 0 0 0 9 9\ncpu0 1 1 1\n")
+    with load.other_load() as found:  # three seconds of two cores, one of them its own
+        (tmp_path / "stat").write_text(f"cpu  {103 * ticks} 0 0 90 99 0 0 0 99 99\ncpu0 1 1 1\n")
+    assert found.cores == pytest.approx(1.0)
+    assert found.text == "other processes used 1.0 cores"
+    monkeypatch.undo()
+    with load.other_load() as real:
+        sum(range(100_000))
+    assert 0 <= real.cores <= (os.cpu_count() or 1)
+
+
 def test_latency_can_be_measured_again_alone(results: Path) -> None:
     before = pd.read_csv(results / "smoke.csv")
     before.assign(latency_p50_ms=-1.0).to_csv(results / "smoke.csv", index=False)
@@ -122,7 +190,7 @@ def test_latency_can_be_measured_again_alone(results: Path) -> None:
     after = pd.read_csv(results / "smoke.csv")
     assert (after.latency_p50_ms > 0).all()
     assert list(after.columns) == list(before.columns)
-    assert after.ap.to_list() == before.ap.to_list()
+    assert sorted(after.ap) == sorted(before.ap)
 
 
 def test_latency_without_a_run_is_an_error(

@@ -107,8 +107,8 @@ def test_algorithms_are_compared_with_the_best() -> None:
 
 
 def test_a_straight_line_has_its_slope_in_every_draw() -> None:
-    windows = pd.DataFrame({"s": range(0, 50, 10), "ap": [90.0, 88, 86, 84, 82]})
-    windows = windows.assign(ap_low=windows.ap - 2, ap_high=windows.ap + 2)
+    windows = pd.DataFrame({"s": range(0, 50, 10), "ap_fine": [90.0, 88, 86, 84, 82]})
+    windows = windows.assign(ap_fine_low=windows.ap_fine - 2, ap_fine_high=windows.ap_fine + 2)
     draws = np.outer(np.arange(5), [-1.0, -3.0]) + 90
     found = slope(windows, draws, 10)
     assert found.value == pytest.approx(-2)

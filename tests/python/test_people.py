@@ -147,8 +147,8 @@ def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
     assert main.main([*words, "--no-figures", "--class", "pedestrian"]) == 0
     text = capsys.readouterr().out
-    assert "pedestrian  captured       0.25 definition" in text
-    assert "pedestrian  captured            definition-centre" in text
+    assert "pedestrian  captured       0.25 AP (R1000)" in text
+    assert "pedestrian  captured            AP (R1000), centre" in text
     assert main.main([*words, "--no-figures", "--class", "pedestrian", "vehicle"]) == 2
     assert "allowed vehicles, or people, or both with --iou" in capsys.readouterr().err
     both = ["--class", "pedestrian", "vehicle", "--iou", "0.3"]

@@ -40,7 +40,7 @@ def test_the_answer_comes_first_and_names_lidar_and_detector(whole: Path) -> Non
     assert answer < claims
     first = text[answer : answer + 200]
     assert "RoboSense Ruby Plus with PointPillars" in first
-    assert "AP 92.5 [90.5, 93.5]; cannot be told from Livox Avia with PointPillars" in first
+    assert "AP (R40) 92.5 [90.5, 93.5]; cannot be told from Livox Avia with PointPillars" in first
 
 
 def test_without_draws_it_is_said_once_that_nothing_is_told_apart(tmp_path: Path) -> None:
@@ -52,11 +52,11 @@ def test_without_draws_it_is_said_once_that_nothing_is_told_apart(tmp_path: Path
 
 
 def test_the_cheapest_choice_says_what_it_does_not_see(whole: Path) -> None:
-    assert "US$ 2,079, AP 91.2, but 45.6 on all visible vehicles" in Read(whole).text
+    assert "US$ 2,079, AP (R40) 91.2, but 45.6 on all visible vehicles" in Read(whole).text
 
 
 def test_ap_stands_beside_the_papers(whole: Path) -> None:
-    assert re.search(r"92\.5 \[90\.5, 93\.5\] paper 92\.4 ", Read(whole).text)
+    assert re.search(r"92\.5 \[90\.5, 93\.5\] R40 92\.5, paper 92\.4 ", Read(whole).text)
 
 
 def test_hits_stand_beside_the_papers(whole: Path) -> None:
@@ -223,7 +223,7 @@ def test_the_lowest_seed_stands_for_a_cell(tmp_path: Path) -> None:
 
 def test_pareto_keeps_what_no_other_beats() -> None:
     rows = pd.DataFrame(
-        {"cost": [1.0, 2.0, 2.0, 3.0, None, 1.0], "ap": [50.0, 60.0, 55.0, 60.0, 99.0, 50.0]}
+        {"cost": [1.0, 2.0, 2.0, 3.0, None, 1.0], "ap_fine": [50.0, 60.0, 55.0, 60.0, 99.0, 50.0]}
     )
     assert list(pareto(rows, "cost")) == [True, True, False, False, False, True]
 
@@ -350,8 +350,8 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     text = Read(report(results, "--budget", 3000, "--min-ap", 40)).text
     assert "at most 3,000 USD, AP 40 of the whole road's vehicles or more, 100 m either way" in text
     assert (
-        "Livox Avia with PointPillars. AP of all visible vehicles 45.6 (no interval), 2,079 USD."
-        in text
+        "Livox Avia with PointPillars. AP (R40) of all visible vehicles 45.6 (no interval), 2,079 "
+        "USD." in text
     )
     assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
     assert main.main(["report", str(results), "--min-ap", "0.85"]) == 2
@@ -379,7 +379,7 @@ def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path)
 def test_what_is_slower_than_its_lidar_is_said_to_be(tmp_path: Path) -> None:
     cells = report_data.cells().assign(latency_p50_ms=544.0)
     text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": cells}))).text
-    assert "544 ms a frame, not real time (100 ms), AP" in text
+    assert "544 ms a frame, not real time (100 ms), AP (R40)" in text
 
 
 def test_other_presets_are_under_a_section_of_that_name(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pandas as pd
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.matrix import Cell, Plan
 from pyinfra.experiments.benchmark.provenance import stale
-from pyinfra.experiments.benchmark.runner import Workspace
+from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.value import KEY
 
 # CPU seconds of a cell on one core where no row says better: training, detection, evaluation.

@@ -1,7 +1,8 @@
-"""One cell: train, detect, evaluate, time."""
+"""One cell: train, detect, evaluate; and, when nothing else runs, time."""
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.prediction_origin import origin_of, write_origin
@@ -28,10 +30,12 @@ from pyinfra.models.training.train import train
 
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SETS)
+TIMED_FRAMES = 100
+LATENCY = tuple(f"latency_{w}" for w in "p50_ms p95_ms other_cores frames version machine".split())
 MEASURED = (
     *AP_COLUMNS,
     *("objects", "objects_all", "objects_present", "train_seconds"),
-    *("latency_p50_ms", "latency_p95_ms", "latency_version", "latency_machine"),
+    *LATENCY,
 )
 
 
@@ -43,7 +47,7 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
     ValueError if no vehicle counts.
     """
     seconds = trained(cell, recipe, folder, run, device)
-    times = detected(run, folder, device)
+    detected(run, folder, device)
     evaluation = evaluate(folder, run / "predictions", SETTINGS)
     check_counted(evaluation)
     windows = evaluation.distance_ap
@@ -51,7 +55,7 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
         "areas": keyed(cell, evaluation.areas),
         "distance": keyed(cell, windows[windows.ground_truth != "common"]),
         "draws": keyed(cell, evaluation.draws),
-        "cells": pd.DataFrame([row(cell, evaluation, seconds, times)]),
+        "cells": pd.DataFrame([row(cell, evaluation, seconds)]),
     }
 
 
@@ -76,27 +80,46 @@ def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) ->
     return time.process_time() - before
 
 
-def detected(run: Path, folder: Path, device: str, *, every: int = 1) -> FloatArray:
-    """Milliseconds of each `every`-th test frame, points to boxes; writes the predictions."""
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)[::every]]
-    detector = detect.detector_at(run, folder, device=device)
-    detect.detect(detector, files[:5], None)  # the first calls are slower
+def detected(run: Path, folder: Path, device: str) -> None:
+    """Writes the predictions of the test frames."""
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     (run / "predictions").mkdir(exist_ok=True)
     write_origin(run / "predictions", origin_of(folder, detect.model_file(run)), anew=True)
-    return detect.detect(detector, files, run / "predictions")[1]
+    detect.detect(detect.detector_at(run, folder, device=device), files, run / "predictions")
 
 
-def latency_columns(times: FloatArray) -> dict[str, object]:
+def timed_alone(
+    run: Path, folder: Path, device: str, *, every: int | None = None
+) -> tuple[dict[str, object], OtherLoad]:
+    """The columns of latency, points to boxes, and under which load it was measured.
+
+    every: takes each `every`-th test frame; by default as many as give TIMED_FRAMES at most. It is
+    the caller's part that nothing else runs.
+    """
+    numbers = frame_numbers(folder)
+    chosen = numbers[:: every or math.ceil(len(numbers) / TIMED_FRAMES)]
+    files = [kitti.frame_file(folder, "velodyne", k) for k in chosen]
+    detector = detect.detector_at(run, folder, device=device)
+    detect.detect(detector, files[:5], None)  # the first calls are slower
+    with other_load() as load:
+        times = detect.detect(detector, files, None)[1]
+    return latency_columns(times, load), load
+
+
+def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
     p50, p95 = np.percentile(times, (50, 95))
     return {
         "latency_p50_ms": round(p50, 2),
         "latency_p95_ms": round(p95, 2),
+        "latency_other_cores": round(load.cores, 2),
+        "latency_frames": len(times),
         "latency_version": __version__,
         "latency_machine": machine(),
     }
 
 
-def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -> dict[str, object]:
+def row(cell: Cell, evaluation: Evaluation, seconds: float) -> dict[str, object]:
+    """Without a latency: detectors are timed when nothing else runs."""
     found = evaluation.ap.set_index("ground_truth")
     return {
         **asdict(cell),
@@ -110,7 +133,7 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, times: FloatArray) -
         "objects_present": int(found.objects["present"]),
         "block_s": found.block_s["captured"],
         "train_seconds": round(seconds, 1),
-        **latency_columns(times),
+        **dict.fromkeys(LATENCY, np.nan),
         **provenance(),
         "findings": " ".join(dict.fromkeys(finding.name for finding in evaluation.findings)),
     }

@@ -1,9 +1,9 @@
-"""The way of a benchmark: simulate, describe the data sets, fill the cells, put prices to them."""
+"""The way of a benchmark: simulate, describe the data sets, fill the cells, price and time them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,61 +14,18 @@ from pyinfra.core.files import held
 from pyinfra.experiments import pool, store
 from pyinfra.experiments.benchmark import frames, inputs, measure
 from pyinfra.experiments.benchmark.detection_claims import claims_table
+from pyinfra.experiments.benchmark.latency import time_untimed
 from pyinfra.experiments.benchmark.matrix import Cell, Plan
 from pyinfra.experiments.benchmark.paper import paper_table
 from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
+from pyinfra.experiments.benchmark.workspace import KEYS, Workspace
 from pyinfra.experiments.gpus import own_gpu
 from pyinfra.experiments.pool import Say, silent
 from pyinfra.experiments.value import KEY, mounts_of, value_table
+from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.models.training.recipe import read_recipe
 
-KEYS = {  # of the rows of each table
-    "cells": KEY,
-    "areas": KEY,
-    "distance": KEY,
-    "draws": KEY,
-    "value": KEY,
-    "lidars": ["lidar", "preset"],
-    "hits": ["scene", "preset", "lidar"],
-    "claims": ["scene", "preset"],
-    "paper": ["scene", "preset"],
-    **{name: ["scene", "preset"] for name in frames.STATISTICS},
-}
 READ = ("cells", "areas", "distance", "lidars", "hits")
-
-
-@dataclass(frozen=True)
-class Workspace:
-    """Where a benchmark works, and where its tables are."""
-
-    work: Path
-    results: Path
-    tier: str
-
-    def data(self, world: str) -> Path:
-        """The data set of a world; of several mounts the fused one."""
-        folder = self.work / "data" / world
-        fused = folder / "fused"
-        return fused if (fused / "dataset.yaml").is_file() else folder
-
-    def table(self, name: str) -> Path:
-        """`TIER.csv` has the cells, `TIER_areas.csv` their areas; LiDARs know no tier."""
-        file = {"lidars": "lidars", "cells": self.tier}.get(name, f"{self.tier}_{name}")
-        return self.results / f"{file}.csv"
-
-    def put(self, tables: dict[str, pd.DataFrame]) -> None:
-        for name, rows in tables.items():
-            store.put(self.table(name), rows, KEYS[name])
-
-    def finished(self) -> pd.DataFrame:
-        """The rows of cells that did not fail."""
-        table = store.read(self.table("cells"))
-        return table[table.ap.notna()] if len(table) else table
-
-    def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
-        table = store.read(self.table("cells"))
-        known = store.has_each(table, [vars(cell) for cell in cells])
-        return [cell for cell, there in zip(cells, known, strict=True) if not there]
 
 
 def benchmark(
@@ -80,6 +37,8 @@ def benchmark(
     say: Say = silent,
 ) -> None:
     """Fills the tables; cells with a row are left out, those that failed are tried again.
+
+    Detectors are timed at the end, one at a time, when nothing else of the benchmark runs.
 
     say: is told of each step and cell; it is sent to the pool's processes.
     Raises SimulatorError if a data set cannot be made, ConfigError if the tables are of other
@@ -105,6 +64,7 @@ def benchmark(
             say=say,
         )
     conclude(workspace, plan)
+    time_untimed(plan, workspace, device=device, say=say)
 
 
 def check_costs(workspace: Workspace, plan: Plan) -> None:
@@ -199,39 +159,9 @@ def fill(
 def progress(cell: Cell, row: pd.Series) -> str:
     if pd.notna(row.get("reason")):
         return f"{cell.title}: failed: {row.reason}"
-    ap = f"AP {row.ap_fine:.1f} [{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
+    ap = f"{AP_R1000} {row.ap_fine:.1f} [{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
     found = f"; {row.findings}" if row.findings else ""
     return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
-
-
-def time_again(plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent) -> None:
-    """Measures the latency of every finished cell whose run is here, one after the other.
-
-    Raises FileNotFoundError if there is none.
-    """
-    check_cells(workspace.table("cells"), plan, say)
-    digests = inputs.digests(plan)
-    runs, table = workspace.work / "runs", workspace.finished()
-    known = store.has_each(table, [vars(cell) for cell in plan.cells])
-    finished = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
-    here = [cell for cell in finished if (runs / cell.name).is_dir()]
-    if not here:
-        raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
-    for cell in here:
-        recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
-        claim_run(runs / cell.name, inputs_of(cell, recipe, digests))
-        times = measure.detected(runs / cell.name, workspace.data(cell.world) / cell.lidar, device)
-        columns = measure.latency_columns(times)
-        put_latency(cell, workspace, columns)
-        say(f"{cell.title}: {columns['latency_p50_ms']} ms")
-
-
-def put_latency(cell: Cell, workspace: Workspace, columns: Mapping[str, object]) -> None:
-    """Puts a latency in place of that of the cell's row, if the cell is finished."""
-    table = workspace.finished()
-    rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
-    if len(rows):
-        workspace.put({"cells": rows.assign(**columns)})
 
 
 def conclude(workspace: Workspace, plan: Plan) -> None:

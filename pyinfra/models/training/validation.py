@@ -28,7 +28,7 @@ def is_due(done: int, steps: int) -> bool:
 
 
 def average_precision(network: Network, frames: Frames) -> float:
-    """AP of all vehicles with a point, 0 to 100; leaves the network as it is.
+    """AP (R1000) of all vehicles with a point, 0 to 100; leaves the network as it is.
 
     Of several classes the mean over those that are there.
     """
@@ -47,7 +47,8 @@ def average_precision(network: Network, frames: Frames) -> float:
         columns = _frame_of(boxes), np.concatenate(boxes), scores
         there = _frame_of(truth), np.concatenate(truth)
         hit = matching.hits(*columns, *there, METRICS[name])
-        values.append(ap.average_precision(ap.rank(scores, hit, len(there[1])))[0])
+        ranking = ap.rank(scores, hit, len(there[1]))
+        values.append(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
     return float(np.mean(values))
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.paper_tables import paper_ap
 from pyinfra.experiments.result_tables import TableFile
-from pyinfra.metrics.row_selection import hidden_share
+from pyinfra.metrics.row_selection import AP_R40, ap_name, hidden_share
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     NOTHING,
@@ -29,6 +29,7 @@ from pyinfra.viz.report.blocks import (
 )
 from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
 from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.speed import timing_load
 from pyinfra.viz.report.style import FAINT, drawing, panel
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
@@ -71,7 +72,8 @@ def _agreement(material: Material) -> list[Block]:
     ]
     caption = (
         "Whether LiDAR and detector stand in the paper's order, preset paper: Spearman's rank "
-        "correlation over the cells that both have, and the mean of AP here less the paper's."
+        "correlation over the cells that both have, and the mean of AP (R40) here less "
+        "the paper's."
     )
     columns = [Column(head, number=head != "Scene") for head in heads]
     return [Table(caption, columns, found, TableFile(material.results.file("paper"), rows))]
@@ -80,8 +82,8 @@ def _agreement(material: Material) -> list[Block]:
 def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
     finished = int(cells.ap.notna().sum())
     text = (
-        f"{finished} of {len(cells)} cells have an AP (0 to 100; bird's-eye overlap of 0.5 or "
-        "more; vehicles with at least one point), each with its 95 % interval over "
+        f"{finished} of {len(cells)} cells have an {ap_name(done)} (0 to 100; bird's-eye overlap "
+        "of 0.5 or more; vehicles with at least one point), each with its 95 % interval over "
         "blocks of time."
     )
     seeds = cells.seed.nunique()
@@ -99,9 +101,9 @@ def _grid(material: Material, rows: pd.DataFrame, paper: pd.Series) -> Table:
         cells = [_ap(own, d, printed[d] if preset == "paper" else np.nan) for d in detectors]
         found.append([TableCell(material.names.label(lidar)), *cells])
     compared = preset == "paper" and scene in paper.index.get_level_values("scene")
-    versus = " Below: the interval, and the paper's AP." if compared else ""
+    versus = f" Below: the interval, {AP_R40} and the paper's {AP_R40}." if compared else ""
     return Table(
-        f"{scene.capitalize()}, preset {preset}.{versus}",
+        f"{scene.capitalize()}, preset {preset}: {ap_name(rows)}.{versus}",
         [Column("LiDAR"), *(Column(detector(d), number=True) for d in detectors)],
         found,
         material.results.source("cells"),
@@ -112,10 +114,10 @@ def _ap(own: pd.DataFrame, name: str, printed: float) -> TableCell:
     if name not in own.index:
         return TableCell(NOTHING, np.nan)
     row = own.loc[name]
-    below = span(row.ap_low, row.ap_high)
+    below = span(row.ap_fine_low, row.ap_fine_high)
     if np.isfinite(printed):
-        below = f"{below}\npaper {printed:.1f}"
-    return TableCell(shown(row.ap), float(row.ap), str(row.origin), below=below)
+        below = f"{below}\nR40 {row.ap:.1f}, paper {printed:.1f}"
+    return TableCell(shown(row.ap_fine), float(row.ap_fine), str(row.origin), below=below)
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:
@@ -140,7 +142,8 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         if d in set(rows.detector)
     ]
     caption = (
-        "AP measured here (preset paper, with intervals) against the paper's; equal on the line."
+        f"{AP_R40} measured here (preset paper, with intervals) against the paper's; equal on the "
+        "line."
     )
     return [Figure("figure-ap-paper", caption, panels, source, legend)]
 
@@ -157,7 +160,9 @@ def _versus(material: Material, rows: pd.DataFrame) -> Panel:
                 "marker": PAPER_DETECTORS.get(str(row.detector), "x"),
             }
             ax.errorbar(row.paper_ap, row.ap, np.nan_to_num(ends).clip(min=0), **style)
-        ax.set(xlim=(0, 100), ylim=(0, 100), xlabel="AP, the paper", ylabel="AP, here")
+        ax.set(
+            xlim=(0, 100), ylim=(0, 100), xlabel=f"{AP_R40}, the paper", ylabel=f"{AP_R40}, here"
+        )
         label = f"AP measured against the paper's, {scene}, {len(rows)} pairs"
         return Panel(scene, svg.inline(figure, svg.identifier("versus", scene), label))
 
@@ -178,12 +183,13 @@ def _failed(cells: pd.DataFrame) -> list[Block]:
 def _all(material: Material, cells: pd.DataFrame) -> Table:
     """Every row of the benchmark."""
     heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
+    name = ap_name(cells)
     numbers = [
         "Seed",
-        "AP",
-        "AP common",
-        "AP all",
-        "AP present",
+        name,
+        f"{name}, common",
+        f"{name}, all",
+        f"{name}, present",
         "Hidden, %",
         "Objects",
         "Training, s",
@@ -196,8 +202,10 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
         origin = str(row.origin)
         first = TableCell(str(row.scene), origin=origin, below=str(row.reason))
         texts = [material.names.model(str(row.lidar)), str(row.preset), detector(str(row.detector))]
-        ap = TableCell(shown(row.ap), row.ap, origin, below=span(row.ap_low, row.ap_high))
-        ap_of = [number(value) for value in (row.ap_common, row.ap_all, row.ap_present)]
+        ends = span(row.ap_fine_low, row.ap_fine_high)
+        ap = TableCell(shown(row.ap_fine), row.ap_fine, origin, below=ends)
+        fine = (row.ap_common_fine, row.ap_all_fine, row.ap_present_fine)
+        ap_of = [number(value) for value in fine]
         values = [*ap_of, number(100 * row.hidden, ".0f"), number(row.objects, ".0f")]
         times = [row.train_seconds, row.latency_p50_ms, row.latency_p95_ms]
         seed = TableCell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
@@ -214,6 +222,7 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
     caption = (
         "Every cell. Common: vehicles in the view of all LiDARs; all: every vehicle of the region "
         "that the mount can see; present: every one; hidden: those that it cannot see. Training: "
-        "CPU time of one core; latency: from points to boxes, one core."
+        "CPU time of one core; latency: from points to boxes, one core "
+        f"({timing_load(cells)})."
     )
     return Table(caption, heads, rows, material.results.source("cells"), closed=True)

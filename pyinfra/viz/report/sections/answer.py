@@ -9,7 +9,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.benchmark.replicates import CellDraws
 from pyinfra.experiments.options import FRAME_MS
-from pyinfra.metrics.row_selection import AP_OF, COUNTED
+from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
@@ -74,14 +74,15 @@ def _lead(material: Material, cells: pd.DataFrame) -> str:
     rows = cells[cells.scene == scene]
     best = rows.loc[rows.ap_fine.idxmax()]
     text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
-    text += f" in its own field of view: AP {best.ap_fine:.1f}"
+    text += f" in its own field of view: {ap_name(rows)} {best.ap_fine:.1f}"
     text += (
         f" {span(best.ap_fine_low, best.ap_fine_high)}{_rest(material, rows, best, 'captured')}."
     )
     if rows.ap_whole_fine.notna().any():
         whole = rows.loc[rows.ap_whole_fine.idxmax()]
         text += f" Of {COUNTED[whole.whole]} on the road, {_name(material, whole)} finds most"
-        text += f" (AP {whole.ap_whole_fine:.1f}{_rest(material, rows, whole, whole.whole)})."
+        rest = _rest(material, rows, whole, whole.whole)
+        text += f" ({ap_name(rows)} {whole.ap_whole_fine:.1f}{rest})."
     return text
 
 
@@ -94,7 +95,7 @@ def _card(material: Material, cells: pd.DataFrame, question: str, choose: Choice
 def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
     best = rows.loc[rows.ap_fine.idxmax()]
     rest = _rest(material, rows, best, "captured")
-    reason = f"AP {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{rest}"
+    reason = f"{ap_name(rows)} {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{rest}"
     return _line(material, best, reason)
 
 
@@ -103,7 +104,7 @@ def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
         return None
     best = rows.loc[rows.ap_whole_fine.idxmax()]
     others = rows[rows.lidar != best.lidar]
-    reason = f"AP {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
+    reason = f"{ap_name(rows)} {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
     if others.ap_whole_fine.notna().any():
         second = others.loc[others.ap_whole_fine.idxmax()]
         reason += f"; next {material.names.model(second.lidar)}, {second.ap_whole_fine:.1f}"
@@ -117,7 +118,9 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     best = near.loc[near.latency_p50_ms.idxmin()]
     late = f", not real time ({FRAME_MS:g} ms)" if best.latency_p50_ms > FRAME_MS else ""
     return _line(
-        material, best, f"{best.latency_p50_ms:.0f} ms a frame{late}, AP {best.ap_fine:.1f}"
+        material,
+        best,
+        f"{best.latency_p50_ms:.0f} ms a frame{late}, {ap_name(rows)} {best.ap_fine:.1f}",
     )
 
 
@@ -134,7 +137,9 @@ def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
         if best.ap_whole_fine < best.ap_fine - CLOSE_AP
         else ""
     )
-    return _line(material, best, f"US$ {price[best.name]:,.0f}, AP {best.ap_fine:.1f}{whole}")
+    return _line(
+        material, best, f"US$ {price[best.name]:,.0f}, {ap_name(rows)} {best.ap_fine:.1f}{whole}"
+    )
 
 
 def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
@@ -144,7 +149,9 @@ def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
     best = own.loc[own.ap_fine.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
     return _line(
-        material, best, f"AP {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{speed}"
+        material,
+        best,
+        f"{ap_name(rows)} {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{speed}",
     )
 
 

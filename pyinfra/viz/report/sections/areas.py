@@ -12,7 +12,7 @@ from pyinfra.dataset import regions
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.metrics.evaluation_tables import LANES
-from pyinfra.metrics.row_selection import first_seed
+from pyinfra.metrics.row_selection import ap_name, first_seed
 from pyinfra.viz.evaluation_plots import LABELS, LOOKS, areas_plan
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
@@ -47,9 +47,10 @@ def section(material: Material) -> Section | None:
         distance = first_seed(distance)
         blocks += _bars(material, distance)
         blocks += [plan for data in material.data for plan in _plans(material, distance, data)]
+    name = ap_name(distance)
     lead = (
-        "An area is 20 m of road, one every 5 m. It is of high quality if its AP is above 85, and "
-        "undecided if the interval of its AP holds 85. Counted on vehicles that the LiDAR "
+        f"An area is 20 m of road, one every 5 m. It is of high quality if its {name} is above 85, "
+        "and undecided if the interval of that holds 85. Counted on vehicles that the LiDAR "
         "captured, and on all vehicles, where every LiDAR has the same areas."
     )
     return Section(
@@ -124,7 +125,7 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
     ]
     if own.empty or rows.empty:
         return []
-    best = str(own.loc[own.ap.idxmax()].detector)
+    best = str(own.loc[own.ap_fine.idxmax()].detector)
     rows = rows[rows.detector == best]
     panels = [
         _plan(material, data, rows[rows.lidar == lidar])

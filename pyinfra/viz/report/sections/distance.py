@@ -7,7 +7,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.regions import WINDOW_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
-from pyinfra.metrics.row_selection import first_seed
+from pyinfra.metrics.row_selection import ap_name, first_seed
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, LegendEntry, Panel, Section
 from pyinfra.viz.report.names import DETECTORS, PRESETS, Names, detector, in_order
@@ -34,9 +34,8 @@ def section(material: Material) -> Section | None:
         if truth in ("captured", "all")
     ]
     lead = (
-        f"AP in windows of {WINDOW_M:g} m along the road, s = 0 at the LiDAR and growing along its "
-        f"view; with 95 % intervals. The thin line is the AP of {HIGH_QUALITY:g} above which an "
-        "area is of high quality."
+        f"{ap_name(table)} in windows of {WINDOW_M:g} m along the road, s = 0 at the LiDAR and "
+        f"growing along its view; with 95 % intervals. The thin line is an AP of {HIGH_QUALITY:g}."
     )
     opened = [Figure(**vars(f) | {"closed": i > 0}) for i, f in enumerate(figures)]
     return Section("distance", "Distance", lead, opened)
@@ -56,7 +55,7 @@ def _figure(material: Material, table: pd.DataFrame, preset: str, truth: str) ->
         for road in of_scene.road.unique():
             for name in in_order(of_scene.detector, DETECTORS):
                 own = of_scene[(of_scene.road == road) & (of_scene.detector == name)]
-                if own.ap.notna().any():
+                if own.ap_fine.notna().any():
                     panels.append(_panel(material, own))
     return Figure(
         f"figure-distance-{preset}-{truth}",
@@ -79,11 +78,11 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
         for lidar in material.names.sorted(rows.lidar):
             own = rows[rows.lidar == lidar].sort_values("s")
             look = material.names.look(lidar)
-            ax.plot(own.s, own.ap, markersize=2.8, markevery=4, linewidth=1.2, **look.style())
-            ax.fill_between(
-                own.s, own.ap_low, own.ap_high, color=look.colour, alpha=0.18, linewidth=0
-            )
-        ax.set(ylim=(0, 102), xlim=(rows.s.min(), rows.s.max()), xlabel="s (m)", ylabel="AP")
+            ax.plot(own.s, own.ap_fine, markersize=2.8, markevery=4, linewidth=1.2, **look.style())
+            ends = own.ap_fine_low, own.ap_fine_high
+            ax.fill_between(own.s, *ends, color=look.colour, alpha=0.18, linewidth=0)
+        ax.set(ylim=(0, 102), xlim=(rows.s.min(), rows.s.max()), xlabel="s (m)")
+        ax.set_ylabel(ap_name(rows))
         label = f"AP along the road, {title}, preset {first.preset}, {first.ground_truth}"
         keys = (first.scene, first.road, first.detector, first.preset, first.ground_truth)
         return Panel(title, svg.inline(figure, svg.identifier("distance", *keys), label))

@@ -10,6 +10,7 @@ import pandas as pd
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import comparison
 from pyinfra.metrics.replicates import are_pairs, difference, drawn
+from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
 from pyinfra.viz.report.report_data import Material
@@ -170,7 +171,7 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
             seconds = own.groupby(dial).seconds.mean().reindex(places)
             labels = [f"{v}\n{s:.3g} s" for v, s in zip(places, seconds, strict=True)]
             ax.set_xticks(range(len(places)), labels)
-            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel="AP")
+            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel=ap_name(own))
             panels.append(Panel(dial, svg.inline(figure, f"ladder-{dial}", f"AP by {dial}")))
     caption = (
         "Accuracy against the cost of the simulation: AP of Background on the highway with one "

@@ -38,7 +38,8 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
     first = answer.named[0]
     name = _name(material, first)
     reach = (
-        f"AP of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, {first.price_usd:,.0f} USD"
+        f"{first.ap_name} of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, "
+        f"{first.price_usd:,.0f} USD"
     )
     if answer.meets:
         return f"{text}{name}. {reach}."
@@ -54,14 +55,15 @@ def _asked(wish: Wish) -> str:
 
 
 def _table(material: Material, answer: Answer) -> Table:
-    titles = ("AP, whole road", "AP", "Price, US$", "Road covered, m", "Median, ms")
+    name = answer.named[0].ap_name
+    titles = (f"{name}, whole road", name, "Price, US$", "Road covered, m", "Median, ms")
     heads = [Column("LiDAR and detector"), *(Column(title, number=True) for title in titles)]
     heads += [] if answer.meets else [Column("To relax")]
     rows = [_row(material, option, relax=not answer.meets) for option in answer.named]
     caption = (
-        f"What pyinfra recommend names, by AP of {COUNTED[answer.named[0].whole]} (whole road); AP "
-        "is of those that the LiDAR captures. Road is covered where AP of the whole road is above "
-        "what is asked."
+        f"What pyinfra recommend names, by {name} of {COUNTED[answer.named[0].whole]} (whole "
+        "road); the other AP is of those that the LiDAR captures. Road is covered where AP of the "
+        "whole road is above what is asked."
     )
     if not answer.meets:
         caption = f"The nearest, and what to relax. {caption}"

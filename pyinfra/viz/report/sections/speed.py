@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.machine_load import load_text
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.options import FRAME_MS
 from pyinfra.experiments.result_tables import TableFile
+from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
 from pyinfra.viz.report.blocks import number as number_cell
@@ -37,9 +39,15 @@ def section(material: Material) -> Section | None:
     table = _table(material, pd.concat(fronts, ignore_index=True))
     lead = (
         "Latency is from the points of a frame to its boxes, on one core; a LiDAR delivers a frame "
-        f"every {FRAME_MS:g} ms (the upright line). Training is CPU time of one core."
+        f"every {FRAME_MS:g} ms (the upright line). While it was measured "
+        f"{timing_load(cells)}. Training is CPU time of one core."
     )
     return Section("speed", "Speed against accuracy", lead, [*blocks, table])
+
+
+def timing_load(cells: pd.DataFrame) -> str:
+    """Under which load the latencies of some cells were measured, in words."""
+    return load_text(cells.latency_other_cores[cells.latency_p50_ms.notna()].tolist())
 
 
 def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
@@ -47,7 +55,7 @@ def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
 
     A row without its cost is on no front.
     """
-    price, ap = rows[cost].to_numpy(np.float64), rows.ap.to_numpy(np.float64)
+    price, ap = rows[cost].to_numpy(np.float64), rows.ap_fine.to_numpy(np.float64)
     cheaper = (price[None] <= price[:, None]) & (ap[None] >= ap[:, None])
     better = (price[None] < price[:, None]) | (ap[None] > ap[:, None])
     return pd.Series(~(cheaper & better).any(axis=1) & ~np.isnan(price), index=rows.index)
@@ -101,12 +109,12 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
         figure, ax = panel()
         on_front = pareto(rows, cost)
         front = rows[on_front].sort_values(cost)
-        ax.step(front[cost], front.ap, where="post", color=FAINT, linewidth=0.9)
+        ax.step(front[cost], front.ap_fine, where="post", color=FAINT, linewidth=0.9)
         if cost == "latency_p50_ms":
             ax.axvline(FRAME_MS, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
         for row in rows.assign(front=on_front).itertuples():
             _mark(material, ax, row, cost)
-        ax.set(xscale="log", xlabel=label, ylabel="AP")
+        ax.set(xscale="log", xlabel=label, ylabel=ap_name(rows))
         log_ticks(ax.xaxis)
         title = str(first.scene)
         text = f"{what} with the Pareto front, {title}, preset {first.preset}"
@@ -115,7 +123,8 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
 
 def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
     colour = material.names.look(row.lidar).colour
-    up = np.nan_to_num([[row.ap - row.ap_low], [row.ap_high - row.ap]]).clip(min=0)
+    ends = [[row.ap_fine - row.ap_fine_low], [row.ap_fine_high - row.ap_fine]]
+    up = np.nan_to_num(ends).clip(min=0)
     right = None
     if cost == "latency_p50_ms":
         right = np.nan_to_num([[0.0], [row.latency_p95_ms - row.latency_p50_ms]]).clip(min=0)
@@ -124,22 +133,24 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
         "marker": _marker(row.detector),
         "markerfacecolor": colour if row.front else GROUND,
     }
-    ax.errorbar(getattr(row, cost), row.ap, up, right, markersize=5, elinewidth=0.7, **style)
+    ax.errorbar(getattr(row, cost), row.ap_fine, up, right, markersize=5, elinewidth=0.7, **style)
 
 
 def _table(material: Material, rows: pd.DataFrame) -> Table:
     """What no other beats in AP and latency."""
     heads = [Column(c) for c in ("Scene", "Preset", "LiDAR", "Detector")]
-    heads += [Column(c, number=True) for c in ("AP", "Median, ms", "95 %, ms", "Training, s")]
+    heads += [
+        Column(c, number=True) for c in (ap_name(rows), "Median, ms", "95 %, ms", "Training, s")
+    ]
     found = []
     for row in rows.itertuples():
         origin = str(row.origin)
         texts = [str(row.scene), str(row.preset)]
         texts += [material.names.model(str(row.lidar)), detector(str(row.detector))]
         times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
-        numbers = [number_cell(float(row.ap), origin=origin)]
+        numbers = [number_cell(float(row.ap_fine), origin=origin)]
         numbers += [number_cell(float(t), ".0f", origin) for t in times]
         found.append([*(TableCell(t) for t in texts), *numbers])
     source = TableFile("report_pareto_latency.csv", rows)
-    caption = "The Pareto front of AP and latency."
+    caption = f"The Pareto front of {ap_name(rows)} and latency."
     return Table(caption, heads, found, source, closed=len(found) > 12)

@@ -11,7 +11,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.experiments.stress.stressors import NONE
-from pyinfra.metrics.row_selection import first_stress
+from pyinfra.metrics.row_selection import ap_name, first_stress
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
@@ -69,8 +69,8 @@ def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) ->
     if not panels:
         return []
     caption = (
-        f"AP under stress, {scene}, preset {preset}, with 95 % intervals; colours are LiDARs, "
-        "lines detectors."
+        f"{ap_name(table)} under stress, {scene}, preset {preset}, with 95 % intervals; colours "
+        "are LiDARs, lines detectors."
     )
     source = material.results.source("stress")
     legend = _legend(material.names, table)
@@ -135,7 +135,7 @@ def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
             ax.set_xticks(range(len(ticks)), [names.model(t).split(" ")[-1] for t in ticks])
         if stressor == "training_frames":
             ax.invert_xaxis()
-        ax.set(ylim=(0, 102), ylabel="AP", xlabel=UNITS.get(unit, unit))
+        ax.set(ylim=(0, 102), ylabel=ap_name(rows), xlabel=UNITS.get(unit, unit))
         label = f"AP under {title}, {table.scene.iloc[0]}, preset {table.preset.iloc[0]}"
         return Panel(title, svg.inline(figure, svg.identifier("stress", label), label))
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.value import mounts_of
-from pyinfra.metrics.row_selection import first_seed
+from pyinfra.metrics.row_selection import ap_name, first_seed, with_fine
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
@@ -52,8 +52,9 @@ def section(material: Material) -> Section | None:
 
 
 def _value(material: Material) -> pd.DataFrame:
-    value = first_seed(material.results.table("value"))
-    return value.assign(ap_whole=value.ap_whole.fillna(value.ap_all))  # of version 0.3
+    value = with_fine(first_seed(material.results.table("value")))
+    whole = value.ap_whole_fine.fillna(value.ap_whole)
+    return value.assign(ap_whole_fine=whole.fillna(value.ap_all_fine))  # of version 0.3
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
@@ -95,9 +96,9 @@ def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
     panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
     return Figure(
         f"figure-price-{preset}",
-        f"AP of the whole road's vehicles against price, preset {preset}. Every detector is a "
-        "mark; the line joins the choices that no other beats in both, and what is beaten is "
-        "hollow.",
+        f"{ap_name(rows)} of the whole road's vehicles against price, preset {preset}. Every "
+        "detector is a mark; the line joins the choices that no other beats in both, and what is "
+        "beaten is hollow.",
         panels,
         material.results.source("value"),
         legend(material.names, material.names.sorted(rows.lidar)),
@@ -108,14 +109,14 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     with drawing():
         figure, ax = panel()
-        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_whole"])
-        ax.step(front.price_usd, front.ap_whole, where="post", color=FAINT, linewidth=0.9)
+        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_whole_fine"])
+        ax.step(front.price_usd, front.ap_whole_fine, where="post", color=FAINT, linewidth=0.9)
         for row in rows.assign(front=_on_front(rows)).itertuples():
             look = material.names.look(str(row.lidar))
             face = look.colour if row.front else GROUND
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
-            ax.plot(row.price_usd, row.ap_whole, marker=look.marker, markersize=5, **style)
-        ax.set(xscale="log", xlabel="price (US$)", ylabel="AP, whole road")
+            ax.plot(row.price_usd, row.ap_whole_fine, marker=look.marker, markersize=5, **style)
+        ax.set(xscale="log", xlabel="price (US$)", ylabel=f"{ap_name(rows)}, whole road")
         log_ticks(ax.xaxis)
         title = str(first.scene)
         label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
@@ -124,7 +125,8 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
     heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
-    heads += [Column("AP", number=True), Column("AP, whole road", number=True)]
+    name = ap_name(value)
+    heads += [Column(name, number=True), Column(f"{name}, whole road", number=True)]
     heads += [Column(title, number=True) for title, _ in HEADS.values()]
     rows = [_row(material, row) for _, row in value.iterrows()]
     return Table(
@@ -142,8 +144,8 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
     beaten = TableCell(spelled(material, str(row.dominated_by)))
     return [
         *(TableCell(str(t)) for t in texts),
-        number(row.ap),
-        number(row.ap_whole),
+        number(row.ap_fine),
+        number(row.ap_whole_fine),
         *values,
         beaten,
     ]

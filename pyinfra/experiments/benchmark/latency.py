@@ -1,0 +1,91 @@
+"""Detectors timed alone: one at a time in one process, after the experiments of a benchmark.
+
+While other experiments run a detector takes up to four times as long, so nothing is timed then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import pandas as pd
+
+from pyinfra.core.files import held
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark import inputs, measure
+from pyinfra.experiments.benchmark.matrix import Cell, Plan
+from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
+from pyinfra.experiments.benchmark.workspace import Workspace
+from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.pool import Say, silent
+from pyinfra.experiments.value import KEY
+from pyinfra.models.training.recipe import read_recipe
+
+LOCK = "latency.lock"  # of all commands that share a folder of work
+
+
+def time_untimed(
+    plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent
+) -> None:
+    """Times the finished cells that have no latency, if all of the plan's experiments have ended.
+
+    Where another command still runs some of them, that one times them all.
+    """
+    if workspace.without_row(plan.cells):
+        say("pyinfra: another command still runs experiments: it measures the latencies at its end")
+        return
+    with held(workspace.work / LOCK, wait=True):
+        table = workspace.finished()
+        untimed = table[table.latency_p50_ms.isna()] if len(table) else table
+        known = store.has_each(untimed, [vars(cell) for cell in plan.cells])
+        left = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
+        digests = inputs.digests(plan)
+        for cell in with_run(left, workspace):
+            try:
+                time_cell(cell, plan, workspace, digests, device, say)
+            except Exception as error:  # whatever it is, the others are timed
+                say(f"{cell.title}: no latency: {type(error).__name__}: {error}")
+
+
+def with_run(cells: Sequence[Cell], workspace: Workspace) -> list[Cell]:
+    return [cell for cell in cells if (workspace.work / "runs" / cell.name).is_dir()]
+
+
+def time_cell(
+    cell: Cell, plan: Plan, workspace: Workspace, digests: pd.DataFrame, device: str, say: Say
+) -> None:
+    """Puts the latency of a finished cell into its row. Raises what detectors and files raise."""
+    run = workspace.work / "runs" / cell.name
+    recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
+    claim_run(run, inputs_of(cell, recipe, digests))
+    with own_gpu(device, workspace.work) as own:
+        folder = workspace.data(cell.world) / cell.lidar
+        columns, load = measure.timed_alone(run, folder, own)
+    put_latency(cell, workspace, columns)
+    say(f"{cell.title}: {columns['latency_p50_ms']} ms a frame; {load.text}")
+
+
+def put_latency(cell: Cell, workspace: Workspace, columns: dict[str, object]) -> None:
+    """Puts a latency in place of that of the cell's row, if the cell is finished."""
+    table = workspace.finished()
+    rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
+    if len(rows):
+        workspace.put({"cells": rows.assign(**columns)})
+
+
+def time_again(plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent) -> None:
+    """Times every finished cell whose run is here.
+
+    Raises FileNotFoundError if there is none.
+    """
+    check_cells(workspace.table("cells"), plan, say)
+    known = store.has_each(workspace.finished(), [vars(cell) for cell in plan.cells])
+    finished = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
+    here = with_run(finished, workspace)
+    if not here:
+        runs = workspace.work / "runs"
+        raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
+    with held(workspace.work / LOCK, wait=True):
+        digests = inputs.digests(plan)
+        for cell in here:
+            time_cell(cell, plan, workspace, digests, device, say)

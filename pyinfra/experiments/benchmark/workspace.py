@@ -1,0 +1,61 @@
+"""Where a benchmark works, and where its tables are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark import frames
+from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.value import KEY
+
+KEYS = {  # of the rows of each table
+    "cells": KEY,
+    "areas": KEY,
+    "distance": KEY,
+    "draws": KEY,
+    "value": KEY,
+    "lidars": ["lidar", "preset"],
+    "hits": ["scene", "preset", "lidar"],
+    "claims": ["scene", "preset"],
+    "paper": ["scene", "preset"],
+    **{name: ["scene", "preset"] for name in frames.STATISTICS},
+}
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where a benchmark works, and where its tables are."""
+
+    work: Path
+    results: Path
+    tier: str
+
+    def data(self, world: str) -> Path:
+        """The data set of a world; of several mounts the fused one."""
+        folder = self.work / "data" / world
+        fused = folder / "fused"
+        return fused if (fused / "dataset.yaml").is_file() else folder
+
+    def table(self, name: str) -> Path:
+        """`TIER.csv` has the cells, `TIER_areas.csv` their areas; LiDARs know no tier."""
+        file = {"lidars": "lidars", "cells": self.tier}.get(name, f"{self.tier}_{name}")
+        return self.results / f"{file}.csv"
+
+    def put(self, tables: dict[str, pd.DataFrame]) -> None:
+        for name, rows in tables.items():
+            store.put(self.table(name), rows, KEYS[name])
+
+    def finished(self) -> pd.DataFrame:
+        """The rows of cells that did not fail."""
+        table = store.read(self.table("cells"))
+        return table[table.ap.notna()] if len(table) else table
+
+    def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
+        table = store.read(self.table("cells"))
+        known = store.has_each(table, [vars(cell) for cell in cells])
+        return [cell for cell, there in zip(cells, known, strict=True) if not there]

@@ -1,0 +1,158 @@
+"""One AP has one name, one value and one interval, wherever it is shown."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from evaluation_data import car, noisy, traffic, write_lidar, write_predictions, write_roads
+from report_data import Read
+
+from pyinfra import evaluate
+from pyinfra.cli import main
+from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.value import Costs, value_table
+from pyinfra.metrics import ap
+from pyinfra.metrics.row_selection import ap_name, with_fine
+
+SPAN = r"(\d+\.\d) +\[(\d+\.\d), (\d+\.\d)\]"
+LIDAR = {"lidar": "livox_avia", "preset": "paper"}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """90 s of a road, and predictions of it."""
+    top = tmp_path_factory.mktemp("one_ap")
+    write_roads(top)
+    frames = traffic(450, per_frame=4)
+    predictions = write_predictions(top / "predictions", noisy(frames))
+    for k, cars in enumerate(frames):  # one in three frames is hidden, another has no points
+        cars[0] |= {"points": 0 if k % 3 else 9, "visibility": 0.0 if k % 3 == 1 else 1.0}
+    # A vehicle's id is its place in a frame: these let others stand there after 10 s.
+    away = [[car(900, points=0, visibility=0.0)] * (4 * (k // 50)) for k in range(len(frames))]
+    later = [[*others, *cars] for others, cars in zip(away, frames, strict=True)]
+    return write_lidar(top / "livox_avia", later, period_s=0.2), predictions
+
+
+@pytest.fixture(scope="module", params=["highway", "bridge"])
+def results(
+    request: pytest.FixtureRequest,
+    folders: tuple[Path, Path],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """The tables of a benchmark of these predictions, at a scene of the paper or an own site."""
+    out = tmp_path_factory.mktemp(request.param) / "results"
+    out.mkdir()
+    cell = Cell(request.param, "livox_avia", "paper", "pointpillars", "quick", 1)
+    evaluation = evaluate(*folders, measure.SETTINGS)
+    row = measure.row(cell, evaluation, 9.0) | {"latency_p50_ms": 10.0, "latency_p95_ms": 12.0}
+    tables = {
+        "cells": pd.DataFrame([row]),
+        "areas": measure.keyed(cell, evaluation.areas),
+        "distance": measure.keyed(cell, evaluation.distance_ap),
+        "draws": measure.keyed(cell, evaluation.draws),
+        "lidars": pd.DataFrame([LIDAR]).assign(
+            price_low_usd=2000, price_high_usd=2000, units=1, price_source="x", price_date="2026"
+        ),
+        "hits": pd.DataFrame([LIDAR]).assign(
+            scene=request.param, frames=9, hits_per_frame=9.0, vehicle_points_per_frame=9.0
+        ),
+    }
+    tables["value"] = value_table(tables, Costs())
+    names = {"cells": "quick.csv", "lidars": "lidars.csv"}
+    for name, table in tables.items():
+        table.to_csv(out / names.get(name, f"quick_{name}.csv"), index=False, float_format="%.6g")
+    return out
+
+
+@pytest.fixture
+def evaluated(
+    folders: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> dict[str, tuple[str, ...]]:
+    """By ground truth what `pyinfra evaluate` prints: AP (R1000) and its ends."""
+    words = ["--gt", folders[0], "--pred", folders[1], "--out", tmp_path, "--no-figures"]
+    truths = ["--ground-truth", "captured", "all", "present"]
+    assert main.main(["evaluate", *map(str, words), *truths]) == 0
+    text = capsys.readouterr().out
+    lines = re.findall(rf"^vehicle +(\w+) +0.5 AP \(R1000\) +{SPAN}", text, re.MULTILINE)
+    return {truth: tuple(numbers) for truth, *numbers in lines}
+
+
+def shown(numbers: tuple[str, ...]) -> str:
+    return "{} [{}, {}]".format(*numbers)
+
+
+def test_evaluate_report_and_recommend_show_the_same_digits(
+    evaluated: dict[str, tuple[str, ...]], results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert len({numbers[0] for numbers in evaluated.values()}) == 3
+    captured, whole = shown(evaluated["captured"]), shown(evaluated["present"])
+    assert main.main(["recommend", str(results), "--budget", "9000", "--min-ap", "20"]) == 0
+    said = capsys.readouterr().out
+    assert f"AP (R1000) of every vehicle {whole}, of those visible" in said
+    assert f"of the vehicles it captures {captured};" in said
+    out = results.parent / "report.html"
+    assert main.main(["report", str(results), "--out", str(out)]) == 0
+    text = Read(out).text
+    head, rest = text.split("cells have an AP (R1000)", 1)
+    if "highway" in str(results):
+        assert f"AP (R1000) {captured}" in head
+    else:
+        assert f"AP (R1000) of every vehicle {whole}" in head
+    # The grid of LiDARs and detectors; every cell of the benchmark.
+    assert rest.count(captured) >= 2
+
+
+def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Path) -> None:
+    """The AP at 40 recalls, shifted to a value that nothing else has, is beside the paper's."""
+    for file in results.glob("*.csv"):
+        table = pd.read_csv(file)
+        coarse = [n for n in table if re.fullmatch(r"ap(_common|_all|_present|_whole)?", n)]
+        ends = [f"{name}{end}" for name in coarse for end in ("_low", "_high")]
+        known = [name for name in (*coarse, *ends) if name in table]
+        table.assign(**dict.fromkeys(known, 12.34)).to_csv(tmp_path / file.name, index=False)
+    out = tmp_path / "report.html"
+    assert main.main(["report", str(tmp_path), "--out", str(out)]) == 0
+    text = Read(out).text
+    found = [text[at.start() - 12 : at.start()] for at in re.finditer(r"12\.3", text)]
+    assert all("R40" in before for before in found), found
+    assert len(found) == ("highway" in str(results))
+
+
+def test_an_ap_of_an_old_table_is_called_what_it_is() -> None:
+    old = pd.DataFrame({"ap": [80.0, np.nan], "ap_low": [79.0, np.nan], "ap_high": [81.0, np.nan]})
+    new = old.assign(ap_fine=81.5, ap_fine_low=np.nan, ap_fine_high=np.nan)
+    assert ap_name(with_fine(old)) == "AP (R40)"
+    assert ap_name(with_fine(new)) == "AP (R1000)"
+    both = with_fine(pd.concat([old, new], ignore_index=True))
+    assert "R40" in ap_name(both)
+    assert "R1000" in ap_name(both)
+    # An interval of the other measure never stands beside an AP that has none.
+    assert with_fine(new).ap_fine_low.isna().all()
+
+
+def rankings() -> Iterator[ap.Ranking]:
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        count = int(random.integers(1, 300))
+        slot = random.integers(0, 9, count)
+        hit = random.random(count) < random.random()
+        missed = random.integers(0, 9, 9)
+        objects = np.bincount(slot[hit], minlength=9) + missed
+        yield ap.rank(random.random(count), hit, objects, slot)
+
+
+def test_both_ap_of_one_pass_are_those_of_one_pass_each() -> None:
+    weights = np.random.default_rng(0).integers(0, 3, (20, 9))
+    for ranking in rankings():
+        for drawn in (None, weights):
+            coarse, fine = ap.coarse_and_fine(ranking, drawn)
+            one, other = (
+                ap.average_precision(ranking, recalls, drawn)
+                for recalls in (ap.RECALLS, ap.FINE_RECALLS)
+            )
+            np.testing.assert_array_equal(coarse, one)
+            np.testing.assert_array_equal(fine, other)
