@@ -45,6 +45,7 @@ COMMANDS = (
     Command("statistics", "pyinfra.cli.statistics", "hits, points per vehicle, patterns"),
     Command("claims", "pyinfra.cli.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.cli.evaluate", "average precision of predictions, with intervals"),
+    Command("compare", "pyinfra.cli.compare", "poles and heights over the same traffic, paired"),
     Command("report", "pyinfra.cli.report", "the results as one page that opens from disk"),
     Command("validate", "pyinfra.cli.validate", "checks of data sets and predictions"),
     Command("train", "pyinfra.cli.train", "a detector learns from frames"),

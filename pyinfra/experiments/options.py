@@ -16,7 +16,7 @@ from pyinfra.experiments.result_tables import Results, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, REGION_M, SITE_ITEMS, covered, mounts_of
 from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
-from pyinfra.metrics.replicates import difference
+from pyinfra.metrics.replicates import difference, drawn
 from pyinfra.metrics.row_selection import (
     AP_R1000,
     ap_name,
@@ -83,6 +83,7 @@ class Option:
     other_cores: float  # that other processes used meanwhile; NaN if the table does not say
     draws: pd.Series | None  # of ap_whole; None of an earlier version
     ap_name: str = AP_R1000  # what these AP are; of a table of version 0.2 AP (R40)
+    found: Measured | None = None  # percent of the whole road's vehicles, by boxes of any score
     whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
     mounts: int = 1  # LiDARs, whose frames are fused
 
@@ -213,6 +214,7 @@ def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
 
 
 def option(row: pd.Series, draws: CellDraws) -> Option:
+    recall = draws.row(row, row.whole, "recall")
     return Option(
         scene=row.scene,
         preset=row.preset,
@@ -234,6 +236,7 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         machine=str(row.get("latency_machine", "")),
         other_cores=row.latency_other_cores,
         draws=draws.row(row, row.whole),
+        found=None if recall is None else drawn(recall).measured(),
         whole=row.whole,
         mounts=int(row[MOUNTS]),
     )

@@ -128,13 +128,15 @@ def relaxation(option: Option, wish: Wish) -> str:
 
 
 def sentence(option: Option, wish: Wish) -> str:
-    visible = ""
+    visible, found = "", ""
+    if option.found is not None:
+        found = f"finds {option.found.value:.0f} % of them, "
     if option.whole == "present":
         hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
         visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
     return (
         f"{option.name}: {option.ap_name} of {COUNTED[option.whole]} "
-        f"{with_interval(option.ap_whole)}, {visible}of the vehicles it captures "
+        f"{with_interval(option.ap_whole)}, {found}{visible}of the vehicles it captures "
         f"{with_interval(option.ap)}; {price(option, wish)}; {covered_road(option, wish)}"
         f"{latency(option)}"
     )

@@ -16,7 +16,7 @@ WORDS = frozenset(
     (
         "scene lidar preset detector tier run stressor dial unit ground_truth measure world "
         "label_time road set quality aggregation detail source what claim statement verdict "
-        "dominated_by pareto model "
+        "dominated_by pareto model class protocol place minus "
         "price_source price_date inputs recipe findings reason command commit version "
         "frames_version "
         "latency_version latency_machine machine"

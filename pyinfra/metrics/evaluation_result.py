@@ -152,7 +152,6 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
     """The other tables: first class, metric and threshold, by the definition, each ground truth."""
     enough = threshold_of(one.metric, settings.ious[0])
     took = one.match(enough, strict=False)
-    same = same_of(one.truth, one.blocks, settings.seed)
     tables: dict[str, list[pd.DataFrame]] = {}
     for which in settings.ground_truths:
         judgement = judge(one, which, took, settings.min_points)
@@ -168,6 +167,7 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
             areas = cell_table(judgement, settings.min_objects)
             own["cells"] = areas[0].copy()
             areas[0].insert(0, "road", EVERYWHERE)
+        same = same_of(one.truth, judgement.blocks, settings.seed)
         kept = draw_rows(same, which, figures(judgement, (distance, draws), areas))
         own |= {
             "areas": area_table(judgement, *areas),
@@ -191,7 +191,9 @@ def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.Dat
 def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
     """Warnings about the results themselves."""
     found = []
-    blocks = blocks_of(truth, settings)
+    kinds = {which == "present" for which in settings.ground_truths}
+    every = [blocks_of(truth, settings, present=kind) for kind in kinds]
+    blocks = max(every, key=lambda one: one.block_s)
     if len(blocks.draws) == 0:
         text = (
             f"found {blocks.count:.1f} blocks of {blocks.block_s:g} s, as long as a vehicle stays, "

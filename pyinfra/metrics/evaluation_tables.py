@@ -51,7 +51,7 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
         "objects": judgement.objects,
         "predictions": len(ranking.slot),
         "frames": len(judgement.contest.truth.frames),
-        "block_s": judgement.contest.blocks.block_s,
+        "block_s": judgement.blocks.block_s,
     }
 
 
@@ -60,7 +60,7 @@ def fine_ap(judgement: Judgement) -> Bootstrapped:
     ranking = judgement.ranking()
     value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
     draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
-    return Bootstrapped(value, draws, judgement.contest.blocks.count)
+    return Bootstrapped(value, draws, judgement.blocks.count)
 
 
 def fine_columns(judgement: Judgement, fine: Bootstrapped) -> dict[str, float]:
@@ -221,7 +221,7 @@ def error_table(judgement: Judgement) -> pd.DataFrame:
         "heading": ("deg", (turn + 90) % 180 - 90),
         "reversed": ("percent", 100.0 * (np.abs(away) > 90)),
     }
-    slot = contest.blocks.slot[contest.predictions.frame[judgement.hit]]
+    slot = judgement.blocks.slot[contest.predictions.frame[judgement.hit]]
     return pd.DataFrame(
         [
             {"error": name, "unit": unit, **_error(judgement, values, slot)}
@@ -253,7 +253,7 @@ def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> p
     """Wrong predictions by cause; share: of the wrong ones, in percent."""
     names = causes(judgement, iou, strict=strict)
     contest, weights = judgement.contest, judgement.weights
-    slot = contest.blocks.slot[contest.predictions.frame[judgement.wrong]]
+    slot = judgement.blocks.slot[contest.predictions.frame[judgement.wrong]]
     total = np.bincount(slot, minlength=weights.shape[1])
     rows = []
     for cause in CAUSES:

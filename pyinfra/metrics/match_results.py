@@ -111,6 +111,7 @@ class Contest:
     vehicles: Vehicles
     predictions: Predictions
     blocks: Blocks
+    present_blocks: Blocks  # of ground truth `present`, the same for all mounts
     metric: Metric
     beside_m: float = 0.0  # the carriageway, where its vehicles count too
 
@@ -159,6 +160,7 @@ class Judgement:
     counted: BoolArray  # (v,) vehicles to be found
     hit: BoolArray  # (p,) right
     wrong: BoolArray  # (p,) the rest is ignored
+    blocks: Blocks
 
     @property
     def objects(self) -> int:
@@ -178,17 +180,17 @@ class Judgement:
             contest.predictions.scores[use],
             hit[use],
             self.per_slot(contest.vehicles.frame[counted]),
-            contest.blocks.slot[contest.predictions.frame[use]],
+            self.blocks.slot[contest.predictions.frame[use]],
         )
 
     @property
     def weights(self) -> IntArray:
         """How often each draw takes each slot: (draws, slots); no draws of a short time."""
-        return self.contest.blocks.draws
+        return self.blocks.draws
 
     def per_slot(self, frame: IntArray) -> IntArray:
         """How many of the frames (n,) are in each slot."""
-        blocks = self.contest.blocks
+        blocks = self.blocks
         return np.bincount(blocks.slot[frame], minlength=blocks.draws.shape[1]).astype(np.int64)
 
     def interval(
@@ -203,7 +205,7 @@ class Judgement:
 
         objects: (slots,), what they rest on; NaN if they are in too few blocks.
         """
-        blocks = self.contest.blocks
+        blocks = self.blocks
         held = np.count_nonzero(np.add.reduceat(objects, np.arange(0, len(objects), blocks.length)))
         few = held < intervals.MIN_BLOCKS
         low, high = intervals.interval(np.asarray(value), draws[: 0 if few else None], blocks.count)
@@ -225,29 +227,39 @@ def contest(
         vehicles=truth.vehicles.select(is_vehicle),
         predictions=predictions.select(named & (predictions.scores >= settings.min_score)),
         blocks=blocks_of(truth, settings),
+        present_blocks=blocks_of(truth, settings, present=True),
         metric=metric,
         beside_m=FOOTWAYS_M if are_people(types) else 0.0,
     )
 
 
-def blocks_of(truth: GroundTruth, settings: Settings) -> Blocks:
-    """Of one length for all LiDARs of a world, by the vehicles that are there to be found."""
+def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) -> Blocks:
+    """Of one length for all LiDARs of a mount, by the vehicles that can be seen from there.
+
+    present: by every vehicle of the region, so that the length is the same for all mounts too.
+    """
     frames = np.array(truth.frames, dtype=np.int64)
     types = [t for own in settings.classes.values() for t in own]
-    block_s = settings.block_s or block_seconds(truth, people=are_people(types))
+    people = are_people(types)
+    block_s = settings.block_s or block_seconds(truth, people=people, present=present)
     return intervals.time_blocks(
         frames, truth.period_s, block_s=block_s, draws=settings.draws, seed=settings.seed
     )
 
 
-def block_seconds(truth: GroundTruth, *, people: bool = False) -> float:
+def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = False) -> float:
     """As long as a visible vehicle stays; LABELS_BLOCK_S where vehicles have no ids.
 
     people: as long as those do; else people beside the carriageway are left out, who stay longer.
+    present: as long as any vehicle of the region does, visible or not.
     """
     if not truth.has_objects:
         return LABELS_BLOCK_S
-    there = truth.vehicles.select(truth.vehicles.visibility >= MIN_VISIBILITY)
+    if present:
+        beside_m = FOOTWAYS_M if people else 0.0
+        there = truth.vehicles.select(truth.places(truth.vehicles.mid_frame, beside_m).inside)
+    else:
+        there = truth.vehicles.select(truth.vehicles.visibility >= MIN_VISIBILITY)
     on_foot = np.isin(there.names, PERSON_TYPES)
     if people:
         there = there.select(on_foot)
@@ -266,7 +278,8 @@ def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Judg
         wrong &= contest.truth.in_common_view(contest.predictions.boxes)
     hit = matched.copy()
     hit[matched] = counted[took[matched]]
-    return Judgement(contest, took, counted, hit, wrong)
+    blocks = contest.present_blocks if which == "present" else contest.blocks
+    return Judgement(contest, took, counted, hit, wrong, blocks)
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:

@@ -20,7 +20,7 @@ from pyinfra.formats.kitti import read_yaml
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, fine_ap, high_quality_share
 from pyinfra.metrics.ground_truth import GroundTruth
-from pyinfra.metrics.intervals import Blocks
+from pyinfra.metrics.intervals import Blocks, ratio
 from pyinfra.metrics.match_results import Judgement
 
 # What two rows must have in common: else their draws are not of the same blocks, or not comparable.
@@ -40,9 +40,10 @@ def figures(
     """What is kept of one ground truth; tables with their draws: as of `distance_table`.
 
     ap_fine; n_hqda and p_hqda, number and percent of high-quality areas; ap_slope, AP per 10 m
-    ahead of the sensor, if there are windows enough.
+    ahead of the sensor, if there are windows enough; recall, percent of the objects that a box of
+    any score found.
     """
-    blocks = judgement.contest.blocks.count
+    blocks = judgement.blocks.count
     yield "ap_fine", fine_ap(judgement)
     table, draws = areas
     counts = (table.quality != "few").to_numpy()
@@ -55,6 +56,19 @@ def figures(
         share = high_quality_share(table, draws)
         yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
     yield from _slope_ahead(*distance, blocks)
+    yield "recall", recall(judgement)
+
+
+def recall(judgement: Judgement) -> Bootstrapped:
+    """Percent of the objects that a prediction of any score found."""
+    ranking, weights = judgement.ranking(), judgement.weights
+    objects = ranking.objects.astype(np.float64)
+    hits = np.bincount(ranking.hit_slot, minlength=len(objects)).astype(np.float64)
+    every = np.ones((1, len(objects)))
+    value, *draws = 100 * ratio(
+        np.vstack([every, weights]) @ hits, np.vstack([every, weights]) @ objects
+    )
+    return Bootstrapped(float(value), np.array(draws), judgement.blocks.count)
 
 
 def _slope_ahead(

@@ -78,7 +78,10 @@ def write_lidar(
         labels = "".join(label_line(str(v["class"]), box(v)) + "\n" for v in seen)
         kitti.frame_file(folder, "label_2", k).write_text(labels)
         if objects:
-            text = "".join(object_line(i, v) + "\n" for i, v in enumerate(vehicles))
+            text = "".join(
+                object_line(v["id"] if v["id"] != -1 else i, v) + "\n"
+                for i, v in enumerate(vehicles)
+            )
             header = ",".join(kitti.OBJECT_COLUMNS)
             kitti.frame_file(folder, "objects", k).write_text(f"{header}\n{text}")
     about = {"name": folder.name, "half": half_deg, "reach": reach_m, "period": period_s}
@@ -93,7 +96,7 @@ def write_roads(folder: Path, half_width: float = 10.0) -> None:
     (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
 
 
-def object_line(number: int, v: Vehicle) -> str:
+def object_line(number: object, v: Vehicle) -> str:
     at = ",".join(f"{value:.6f}" for value in box(v))
     distance = math.hypot(*box(v)[:2])
     points, name = v["points"], v["class"]

@@ -95,7 +95,7 @@ def test_people_count_six_metres_beside_the_carriageway(tmp_path: Path) -> None:
 
 
 def test_vehicles_are_judged_as_if_nobody_was_on_the_footways(tmp_path: Path) -> None:
-    cars = [[car(20 + k, id=1)] for k in range(FRAMES)]
+    cars = [[car(20 + k, id=0)] for k in range(FRAMES)]
     found = [[("Car", moved(frame[0], 0.2), 0.9)] for frame in cars]
     gt, pred = scene(tmp_path / "without", cars, found)
     alone = evaluate(gt, pred)

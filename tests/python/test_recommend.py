@@ -495,6 +495,18 @@ def test_the_hidden_share_stands_beside_the_ap_of_visible_vehicles(
     ) in lines[1]
 
 
+def test_the_share_that_is_found_of_every_vehicle_is_printed(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_hidden_vehicles(results)
+    change(results / "quick.csv", "lidar != 'livox_avia'", latency_p50_ms=500.0)
+    recall = draws_of(cells().assign(found=55.4), "found", 1, "present", measure="recall")
+    file = results / "quick_draws.csv"
+    pd.concat([pd.read_csv(file), recall]).to_csv(file, index=False)
+    lines = said(capsys, results, "--budget", 8000, "--min-ap", 40)
+    assert "AP of every vehicle 50.0 [48.0, 52.0], finds 55 % of them, of those" in lines[1]
+
+
 def test_results_without_every_vehicle_say_so_and_are_compared_as_before(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,11 +21,11 @@ class CellDraws:
 
     rows: pd.DataFrame
 
-    def row(self, cell: Key, ground_truth: str) -> pd.Series | None:
-        """Of fine AP; None if the table has none, as those of earlier versions."""
+    def row(self, cell: Key, ground_truth: str, measure: str = MEASURE) -> pd.Series | None:
+        """By default of fine AP; None if the table has none, as those of earlier versions."""
         if self.rows.empty:
             return None
-        here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == MEASURE)
+        here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == measure)
         for name in KEY:
             here &= self.rows[name].astype(str) == str(cell[name])
         found = self.rows[here]

@@ -1,0 +1,83 @@
+"""`pyinfra compare PLACE PLACE ...`."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pyinfra.core.files import replacing
+from pyinfra.metrics.ground_truth import SETS
+from pyinfra.metrics.places import compare_places
+
+SHOWN = {"ap_r1000": "AP (R1000)", "found_percent": "found %", "hidden_percent": "hidden %"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Compares poles, heights or numbers of poles over the same traffic: AP, the share of "
+        "vehicles found by a box of any score, the share hidden from the place, and paired "
+        "differences with 95 % intervals. A place is a folder of `pyinfra evaluate`, or a folder "
+        "of these, one per seed of the traffic."
+    )
+    parser.epilog = "example: pyinfra compare out/low out/high"
+    parser.add_argument("places", nargs="+", type=Path, metavar="PLACE", help="two or more folders")
+    parser.add_argument(
+        "--ground-truth",
+        choices=SETS,
+        default="present",
+        help="default: present, every vehicle of the region, seen or not, the same for all places",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="also write the rows as CSV")
+
+
+def run(args: argparse.Namespace) -> int:
+    if len(args.places) < 2:
+        raise ValueError(f"PLACE: expected two folders or more, got {len(args.places)}")
+    if len(set(args.places)) < len(args.places):
+        raise ValueError("PLACE: expected every folder once, got one twice")
+    table = compare_places(args.places, args.ground_truth)
+    if args.out:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(args.out) as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
+    print(told(table, args.ground_truth))
+    return 0
+
+
+def told(table: pd.DataFrame, which: str) -> str:
+    """The rows of `compare_places` as text."""
+    seeds, frames = int(table.seeds.iloc[0]), int(table.frames.iloc[0])
+    of = f"{seeds} seeds of the traffic" if seeds > 1 else "one seed of the traffic"
+    how = "Student's t over the seeds" if seeds > 1 else "a bootstrap over blocks of time"
+    lines = [f"ground truth {which}, {of}, {frames} frames a place; 95 % intervals by {how}"]
+    wide = max(len(_name(row)) for row in table.itertuples())
+    titles = dict.fromkeys(table.measure)
+    lines.append(" " * wide + "".join(f"  {SHOWN[name]:<20}" for name in titles).rstrip())
+    for (_, _), rows in table.groupby(["place", "minus"], sort=False):
+        cells = {row.measure: _cell(row) for row in rows.itertuples()}
+        text = "".join(f"  {cells.get(name, ''):<20}" for name in titles)
+        lines.append(f"{_name(rows.iloc[0]):<{wide}}{text}".rstrip())
+    differences = table[(table.minus != "") & (table.measure == "ap_r1000")]
+    lines += [_verdict(row) for row in differences.itertuples()]
+    return "\n".join(lines)
+
+
+def _name(row: Any) -> str:
+    return f"{row.place} - {row.minus}" if row.minus else row.place
+
+
+def _cell(row: Any) -> str:
+    sign = "+" if row.minus else ""
+    value = f"{row.value:{sign}.1f}"
+    if math.isnan(row.low):
+        return value
+    return f"{value} [{row.low:{sign}.1f}, {row.high:{sign}.1f}]"
+
+
+def _verdict(row: Any) -> str:
+    if math.isnan(row.low):
+        return f"{_name(row)}: no interval of the difference: the time is too short"
+    is_significant = row.low > 0 or row.high < 0
+    return f"{_name(row)}: AP {'differs' if is_significant else 'does not differ'} significantly"

@@ -1,0 +1,135 @@
+"""Places compared over the same traffic: poles, heights, one pole with two.
+
+A place is a folder of `pyinfra evaluate`, or a folder of several, one per seed of the traffic.
+Evaluations of two places are pairs where the vehicles of the region and the frames are the same.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.formats.csv_table import read_csv
+from pyinfra.metrics.comparison import Bootstrapped, Measured, over_worlds
+from pyinfra.metrics.ground_truth import Set
+from pyinfra.metrics.replicates import check_pair, drawn
+
+MEASURES = {"ap_r1000": "ap_fine", "found_percent": "recall"}  # by column: in draws.csv
+COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Evaluations of one place, by the digest of their vehicles and frames."""
+
+    name: str
+    rows: dict[str, dict[str, pd.Series]]  # by digest, then by measure
+    hidden_percent: float  # of the region's vehicles; NaN if `all` was not evaluated
+
+
+def compare_places(folders: Sequence[Path], which: Set = "present") -> pd.DataFrame:
+    """AP and share found of each place, and of each less every earlier one, paired.
+
+    Parameters
+    ----------
+    folders : of `pyinfra evaluate`, or folders of these, one per seed of the traffic
+    which : ground truth; `present` is the same for all places of a region
+
+    Returns
+    -------
+    Columns COLUMNS: `minus` is empty for the places themselves; measures are ap_r1000,
+    found_percent and hidden_percent, 0 to 100, with the ends of the 95 % interval. Of one seed
+    the interval is a bootstrap over blocks of time; of several, Student's t over the seeds.
+
+    Raises
+    ------
+    Error : for places whose vehicles, frames or label times differ
+    FileNotFoundError : for a folder without an evaluation
+    """
+    places = [read_place(folder, which) for folder in folders]
+    check_pairs(places)
+    rows = []
+    for place in places:
+        rows += [_row(place, None, measure) for measure in MEASURES]
+        frames, hidden = _frames(place), place.hidden_percent
+        if math.isfinite(hidden):
+            own = (place.name, "", "hidden_percent", hidden, math.nan, math.nan)
+            rows.append(dict(zip(COLUMNS, (*own, len(place.rows), frames), strict=True)))
+    for first, second in itertools.combinations(places, 2):
+        rows += [_row(second, first, measure) for measure in MEASURES]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def read_place(folder: Path, which: Set) -> Place:
+    """Raises Error with the file, and FileNotFoundError for a folder without an evaluation."""
+    files = [folder / "draws.csv"]
+    if not files[0].is_file():
+        files = sorted(folder.glob("*/draws.csv"))
+    if not files:
+        raise FileNotFoundError(2, "No draws.csv; `pyinfra evaluate` writes it", str(folder))
+    found: dict[str, dict[str, pd.Series]] = {}
+    objects = dict.fromkeys((which, "all"), 0)
+    for file in files:
+        table = read_csv(file)
+        rows = table[table.ground_truth == which]
+        if not set(MEASURES.values()) <= set(rows.measure):
+            known = ", ".join(dict.fromkeys(table.ground_truth))
+            raise Error(
+                f"{file}: expected ground truth {which} with recall, got {known}; "
+                f"`pyinfra evaluate --ground-truth {which} all` of this version writes it"
+            )
+        world = str(rows.world.iloc[0])
+        if world in found:
+            raise Error(f"{file}: expected another seed, got the same vehicles and frames twice")
+        found[world] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
+        counts = read_csv(file.with_name("ap.csv")).groupby("ground_truth").objects.first()
+        for name in objects:
+            objects[name] += counts.get(name, math.nan)
+    hidden = 1 - objects["all"] / objects[which] if which == "present" else math.nan
+    return Place(str(folder), found, 100 * hidden)
+
+
+def check_pairs(places: Sequence[Place]) -> None:
+    """Raises Error unless every place has an evaluation of the same vehicles and frames."""
+    first = places[0]
+    for other in places[1:]:
+        alone = set(first.rows) ^ set(other.rows)
+        if alone:
+            one = first.rows if set(first.rows) & alone else other.rows
+            file = next(one[world]["ap_fine"]["origin"] for world in one if world in alone)
+            raise Error(
+                f"{first.name} and {other.name}: expected the same vehicles and frames, got no "
+                f"partner of {file}: seed, frames or region differ (`regions` of the scene give "
+                "every pole the same region)"
+            )
+        for world, rows in other.rows.items():
+            check_pair(first.rows[world]["ap_fine"], rows["ap_fine"])
+
+
+def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
+    name = MEASURES[measure]
+    values = []
+    for world, rows in place.rows.items():
+        one = drawn(rows[name])
+        values.append(one.less(drawn(minus.rows[world][name])) if minus else one)
+    found = _measured(values)
+    least = -100.0 if minus else 0.0
+    ends = (max(found.low, least), min(found.high, 100.0)) if found.is_known else (math.nan,) * 2
+    own = (place.name, minus.name if minus else "", measure, found.value, *ends)
+    return dict(zip(COLUMNS, (*own, len(values), _frames(place)), strict=True))
+
+
+def _measured(values: Sequence[Bootstrapped]) -> Measured:
+    """Of one seed a bootstrap over its blocks, of several Student's t over the seeds."""
+    return values[0].measured() if len(values) == 1 else over_worlds([v.value for v in values])
+
+
+def _frames(place: Place) -> int:
+    """Of all seeds together."""
+    return int(sum(rows["ap_fine"]["frames"] for rows in place.rows.values()))

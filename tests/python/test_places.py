@@ -1,0 +1,133 @@
+"""`pyinfra compare`: poles over the same vehicles, whether a pole sees them or not."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, write_roads
+
+from pyinfra.cli import main
+from pyinfra.metrics.evaluate import evaluate, write
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import Settings, block_seconds
+from pyinfra.metrics.places import compare_places
+
+FRAMES = 200  # a second apart: eight blocks of 25 s
+SETTINGS = Settings(ground_truths=("present", "all"))
+
+
+def world(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
+    """A vehicle that passes every ten seconds, and one that waits for 40 s behind a house."""
+    seen = {"points": 0, "visibility": 0.0} if hidden else {}
+    return [
+        [car(10 + (k + seed) % 10, id=k // 10), car(60, id=1000 + k // 40, **seen)]
+        for k in range(FRAMES)
+    ]
+
+
+def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) -> Path:
+    """The folder of an evaluation; all that has points is found, but in every `missed`-th frame."""
+    data = out.parent / f"{out.name}_data"
+    data.mkdir(parents=True)
+    write_roads(data)
+    gt = write_lidar(data / "lidar", frames, period_s=1.0)
+    found = [
+        [(box(v), 0.9) for v in frame if v["points"] and (k + 1) % missed]
+        for k, frame in enumerate(frames)
+    ]
+    write(evaluate(gt, write_predictions(data / "found", found), SETTINGS), out)
+    return out
+
+
+def value(table: pd.DataFrame, place: Path, minus: Path | str, measure: str) -> pd.Series:
+    rows = table[(table.place == str(place)) & (table.minus == str(minus))]
+    return rows[rows.measure == measure].iloc[0]
+
+
+def test_a_place_that_hides_half_of_the_vehicles_is_worse_by_that_half(tmp_path: Path) -> None:
+    behind = evaluated(tmp_path / "behind", world(hidden=True))
+    beside = evaluated(tmp_path / "beside", world(hidden=False))
+    table = compare_places([behind, beside])
+    for measure in ("ap_r1000", "found_percent"):
+        assert value(table, behind, "", measure).value == pytest.approx(50)
+        assert value(table, beside, "", measure).value == pytest.approx(100)
+        difference = value(table, beside, behind, measure)
+        assert difference.value == pytest.approx(50)
+        assert 0 < difference.low <= 50 <= difference.high
+    assert value(table, behind, "", "hidden_percent").value == pytest.approx(50)
+    assert value(table, beside, "", "hidden_percent").value == 0
+    visible = compare_places([behind, behind.parent / "behind"], "all")
+    assert (visible.value[visible.minus == ""] == 100).all()  # `all` cannot tell them
+
+
+def test_blocks_of_present_do_not_depend_on_what_the_pole_sees(tmp_path: Path) -> None:
+    truths = []
+    for name, hidden in (("behind", True), ("beside", False)):
+        (tmp_path / name).mkdir()
+        write_roads(tmp_path / name)
+        frames = world(hidden)
+        truths.append(read_ground_truth(write_lidar(tmp_path / name / "l", frames, period_s=1.0)))
+    assert [block_seconds(t) for t in truths] == [20, 25]
+    assert [block_seconds(t, present=True) for t in truths] == [25, 25]
+
+
+def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
+    tmp_path: Path,
+) -> None:
+    names = (["a", "b", "c"], ["c", "b", "a"])
+    missed = ((4, 5, 10), (8, 10, 20))
+    places = [tmp_path / "low", tmp_path / "high"]
+    for place, order, every in zip(places, names, missed, strict=True):
+        for seed, (name, each) in enumerate(zip(order, every, strict=True)):
+            frames = world(hidden=False, seed=seed)
+            for frame in frames:  # another seed has other vehicles
+                frame[0] = {**frame[0], "dx": 4.0 + 0.1 * seed}
+            evaluated(place / name, frames, each)
+    found = value(compare_places(places), places[1], places[0], "found_percent")
+    seeds = [100 / 8, 100 / 10, 100 / 20]  # a vehicle in every 4th is missed, or every 8th, ...
+    assert found.seeds == 3
+    assert found.frames == 3 * FRAMES
+    assert found.value == pytest.approx(sum(seeds) / 3, abs=0.01)
+    spread = pd.Series(seeds).std() / 3**0.5
+    assert found.high - found.value == pytest.approx(4.3027 * spread, rel=0.01)
+
+
+def test_places_with_other_vehicles_are_refused_by_their_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = evaluated(tmp_path / "one", world(hidden=False))
+    other = evaluated(tmp_path / "other", world(hidden=False)[:-1])
+    assert main.main(["compare", str(one), str(other)]) == 2
+    error = capsys.readouterr().err
+    assert str(one / "draws.csv") in error
+    assert "seed, frames or region differ" in error
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [(["one"], 2), (["one", "one"], 2), (["one", "missing"], 1), (["one", "visible"], 2)],
+)
+def test_places_that_cannot_be_compared_end_in_one_line(
+    tmp_path: Path, words: list[str], code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evaluated(tmp_path / "one", world(hidden=False))
+    own = evaluated(tmp_path / "visible", world(hidden=True))
+    table = pd.read_csv(own / "draws.csv")
+    table[table.ground_truth == "all"].to_csv(own / "draws.csv", index=False)
+    assert main.main(["compare", *(str(tmp_path / word) for word in words)]) == code
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_command_prints_and_writes_the_differences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    behind = evaluated(tmp_path / "behind", world(hidden=True))
+    beside = evaluated(tmp_path / "beside", world(hidden=False))
+    file = tmp_path / "new" / "places.csv"
+    assert main.main(["compare", str(behind), str(beside), "--out", str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "present, one seed" in lines[0]
+    row = next(line for line in lines if line.startswith(f"{beside} - {behind}  "))
+    assert "+50.0 [" in row
+    assert lines[-1] == f"{beside} - {behind}: AP differs significantly"
+    assert len(pd.read_csv(file)) == len(compare_places([behind, beside]))
