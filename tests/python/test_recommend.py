@@ -504,7 +504,7 @@ def test_the_share_that_is_found_of_every_vehicle_is_printed(
     file = results / "quick_draws.csv"
     pd.concat([pd.read_csv(file), recall]).to_csv(file, index=False)
     lines = said(capsys, results, "--budget", 8000, "--min-ap", 40)
-    assert "AP of every vehicle 50.0 [48.0, 52.0], finds 55 % of them, of those" in lines[1]
+    assert "AP (R40) of every vehicle 50.0 [48.0, 52.0], finds 55 % of them, of those" in lines[1]
 
 
 def test_results_without_every_vehicle_say_so_and_are_compared_as_before(
