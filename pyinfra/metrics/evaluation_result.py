@@ -21,6 +21,7 @@ from pyinfra.metrics.evaluation_tables import (
     distance_table,
     error_table,
     false_positive_table,
+    off_region_table,
     pr_table,
     shown_ap,
 )
@@ -55,6 +56,7 @@ class Evaluation:
     errors: pd.DataFrame
     false_positives: pd.DataFrame
     draws: pd.DataFrame
+    off_region: pd.DataFrame
     findings: tuple[Finding, ...]
     cells: pd.DataFrame | None = None  # of a site of lanes, whose areas they are
     predictions: Predictions | None = None
@@ -94,7 +96,7 @@ class Evaluation:
         }
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        names = "ap pr_curve distance_ap areas errors false_positives draws".split()
+        names = "ap pr_curve distance_ap areas errors false_positives draws off_region".split()
         tables = {name: getattr(self, name) for name in names}
         return tables if self.cells is None else {**tables, "cells": self.cells}
 
@@ -115,10 +117,12 @@ def evaluate_tables(
     first = next(iter(contests.values()))
     parts = _primary_tables(first, settings)
     parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
+    off_region = _off_region(contests, settings)
     found = (*findings, *_warnings(table, truth, settings))
     return Evaluation(
         truth=truth,
         ap=table,
+        off_region=off_region,
         findings=found,
         predictions=predictions,
         settings=settings,
@@ -146,6 +150,20 @@ def _ap_rows(
                     row = ap_row(judgement, iou, protocol)
                     rows.append({"class": name, "ground_truth": which, **row})
     return rows
+
+
+def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings) -> pd.DataFrame:
+    """The table `off_region` of each class, by the first metric and threshold."""
+    metric = settings.metrics[0]
+    enough = threshold_of(metric, settings.ious[0])
+    parts = []
+    for name in settings.classes:
+        one = contests[name, metric]
+        rows = off_region_table(one, one.match(enough, strict=False))
+        rows.insert(0, "lidar", one.truth.name)
+        rows.insert(1, "class", name)
+        parts.append(rows)
+    return pd.concat(parts, ignore_index=True)
 
 
 def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]:

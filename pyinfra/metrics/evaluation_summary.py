@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import pandas as pd
+
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, shown_ap
 from pyinfra.metrics.row_selection import AP_R1000
@@ -34,6 +36,9 @@ def summary(evaluation: Evaluation) -> str:
         causes = zip(rows["cause"], rows["count"], strict=True)
         listed = ", ".join(f"{count} {cause}" for cause, count in causes)
         lines.append(f"false positives, {which}: {listed}")
+    for name, rows in evaluation.off_region.groupby("class", sort=False):
+        if rows.boxes.notna().all():
+            lines.append(f"boxes off the region a minute, {name}: {_off_region(rows)}")
     if "difference" in evaluation.distance_ap:
         worst = evaluation.distance_ap.difference.abs().max()
         lines.append(f"cutting before matching changes the AP of a window by up to {worst:.2f}")
@@ -44,6 +49,15 @@ def measure(protocol: str) -> str:
     """The name of what a row of a protocol shows; `definition-centre`: AP (R1000), centre."""
     name, _, metric = protocol.partition("-")
     return f"{MEASURES[name]}, {metric}" if metric else MEASURES[name]
+
+
+def _off_region(rows: pd.DataFrame) -> str:
+    """Of one class, from the lowest score on and from one of a half."""
+    some = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
+    return ", ".join(
+        f"{row.boxes_per_min:.1f} from score {row.score:g} ({row.on_people_per_min:.1f} on people)"
+        for row in some
+    )
 
 
 def _span(low: float, high: float) -> str:

@@ -14,6 +14,7 @@ from pyinfra.dataset.regions import EVERY_ROAD, Window
 from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.ground_truth import Set
+from pyinfra.metrics.label_free_quality import CUTS
 from pyinfra.metrics.match_results import (
     CAUSES,
     Contest,
@@ -263,6 +264,25 @@ def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> p
         drawn = 100 * _ratio(weights @ own, weights @ total)
         low, high = map(float, judgement.interval(share, drawn, total))
         rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
+def off_region_table(contest: Contest, took: IntArray) -> pd.DataFrame:
+    """Boxes that took nothing and are centred off the region, from some scores on.
+
+    per_min: of the time that the frames show; on_people: those of them that stand on people, which
+    count as wrong. nan where no region is known.
+    """
+    truth, scores = contest.truth, contest.predictions.scores
+    off = (took < 0) & ~contest.prediction_places.inside
+    minutes = len(truth.frames) * truth.period_s / 60
+    rows = []
+    for cut in CUTS:
+        row: dict[str, Any] = {"score": cut, "minutes": minutes}
+        for name, which in (("boxes", off), ("on_people", off & contest.on_people)):
+            count = np.count_nonzero(which & (scores >= cut)) if truth.has_region else math.nan
+            row |= {name: count, f"{name}_per_min": count / minutes}
+        rows.append(row)
     return pd.DataFrame(rows)
 
 

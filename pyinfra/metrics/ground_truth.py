@@ -46,6 +46,10 @@ class GroundTruth:
     of_lanes: bool  # the roads are lanes of a file, each a road of its own
     versions: tuple[str, str] | None = None  # of frames in memory: their number, the package's
 
+    @property
+    def has_region(self) -> bool:
+        return bool(self.roads) or self.drawn is not None
+
     def places(self, boxes: FloatArray, beside_m: float = 0.0) -> Places:
         """Where boxes (n, 7) of the levelled LiDAR frame lie; beside_m makes the roads wider."""
         if not self.roads or self.lidar is None:

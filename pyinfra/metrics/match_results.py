@@ -6,6 +6,9 @@ decided by that of mid-frame; people count beside the carriageway too. One that 
 ignored. A prediction that took none is wrong, unless its centre lies outside the region or, for
 `common`, outside the common field of view: then it is ignored too. So a vehicle at the border is
 judged with the box that found it.
+
+People are the exception. A vehicle's box on a labelled person is wrong outside the region too, and
+so is a second box on a person who counts.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ from pyinfra.metrics.matching import (
     Metric,
     Pairs,
     best_overlap,
+    holding_centres,
     in_order,
     match,
     overlapping_pairs,
@@ -113,7 +117,12 @@ class Contest:
     blocks: Blocks
     present_blocks: Blocks  # of ground truth `present`, the same for all mounts
     metric: Metric
-    beside_m: float = 0.0  # the carriageway, where its vehicles count too
+    of_people: bool  # a class of them, who count beside the carriageway too
+    people: Vehicles  # of other classes, labelled: no box of the class may stand on them
+
+    @property
+    def beside_m(self) -> float:
+        return FOOTWAYS_M if self.of_people else 0.0
 
     @cached_property
     def vehicle_places(self) -> Places:
@@ -133,6 +142,19 @@ class Contest:
     @cached_property
     def best_overlap(self) -> FloatArray:
         return best_overlap(self.pairs, len(self.predictions))
+
+    @cached_property
+    def on_people(self) -> BoolArray:
+        """(p,) predictions that hold the centre of one of the people and overlap no vehicle."""
+        p, who = self.predictions, self.people
+        on = holding_centres(p.frame, p.boxes, who.frame, who.boxes)
+        return on & (self.best_overlap < LEAST_OVERLAP - TIE)
+
+    def on_found(self, found: BoolArray) -> BoolArray:
+        """(p,) predictions that overlap one of some vehicles (v,)."""
+        on = np.zeros(len(self.predictions), dtype=np.bool_)
+        on[self.pairs.prediction[found[self.pairs.vehicle]]] = True
+        return on
 
     def match(self, iou: float, *, strict: bool, within: Window | None = None) -> IntArray:
         """The vehicle that each prediction took, -1 for none; within: cut to a window first."""
@@ -221,6 +243,8 @@ def contest(
     """
     types = settings.classes[name]
     is_vehicle = np.isin(truth.vehicles.names, types)
+    people = () if set(types) & set(PERSON_TYPES) else PERSON_TYPES
+    is_person = np.isin(truth.vehicles.names, people) & (truth.vehicles.points > 0)
     named = np.isin(predictions.names, (*types, name))
     return Contest(
         truth=truth,
@@ -229,7 +253,8 @@ def contest(
         blocks=blocks_of(truth, settings),
         present_blocks=blocks_of(truth, settings, present=True),
         metric=metric,
-        beside_m=FOOTWAYS_M if are_people(types) else 0.0,
+        of_people=are_people(types),
+        people=truth.vehicles.select(is_person),
     )
 
 
@@ -273,7 +298,12 @@ def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Judg
     """Counts under a ground truth what Contest.match() found."""
     counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
     matched = took >= 0
-    wrong = ~matched & contest.prediction_places.inside
+    amiss = contest.prediction_places.inside | contest.on_people  # where a box costs something
+    if contest.of_people:
+        found = np.zeros(len(counted), dtype=np.bool_)
+        found[took[matched]] = counted[took[matched]]
+        amiss |= contest.on_found(found)
+    wrong = ~matched & amiss
     if which == "common":
         wrong &= contest.truth.in_common_view(contest.predictions.boxes)
     hit = matched.copy()

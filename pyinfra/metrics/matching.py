@@ -143,6 +143,24 @@ def best_overlap(pairs: Pairs, predictions: int) -> FloatArray:
     return best
 
 
+def holding_centres(
+    prediction_frame: IntArray, predictions: FloatArray, frame: IntArray, boxes: FloatArray
+) -> BoolArray:
+    """(p,) whose footprints hold the centre of one of some boxes (n, 7) of their frame.
+
+    Frames ascending, as of overlapping_pairs. Boxes of people are too small to overlap a vehicle's.
+    """
+    holding = np.zeros(len(predictions), dtype=np.bool_)
+    for p, b in pairs_of_frames(prediction_frame, frame):
+        offset, heading = boxes[b, :2] - predictions[p, :2], predictions[p, 6]
+        cos, sin = np.cos(heading), np.sin(heading)
+        ahead = np.abs(cos * offset[:, 0] + sin * offset[:, 1])
+        left = np.abs(cos * offset[:, 1] - sin * offset[:, 0])
+        inside = (ahead <= predictions[p, 3] / 2) & (left <= predictions[p, 4] / 2)
+        holding[p[inside]] = True
+    return holding
+
+
 def _rank(boxes: FloatArray) -> IntArray:
     """Place of each box in an order that depends on its numbers alone: (n,)."""
     rank = np.empty(len(boxes), dtype=np.int64)

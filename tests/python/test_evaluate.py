@@ -491,7 +491,7 @@ def test_command_writes_tables_and_figures(
     assert table.iloc[0, :4].tolist() == ["vehicle", "captured", 0.5, "definition"]
     assert len(table) == 12
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    tables = "ap distance_ap areas pr_curve errors false_positives draws".split()
+    tables = "ap distance_ap areas pr_curve errors false_positives draws off_region".split()
     figures = "pr_curve distance_ap areas areas_plan".split()
     assert names == {f"{t}.csv" for t in tables} | {
         f"{f}.{kind}" for f in figures for kind in ("svg", "png")

@@ -6,17 +6,28 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evaluation_data import box, car, label_line, write_lidar, write_roads
+from evaluation_data import (
+    box,
+    car,
+    label_line,
+    noisy,
+    traffic,
+    write_lidar,
+    write_predictions,
+    write_roads,
+)
 
 import pyinfra
 from pyinfra.cli import main
 from pyinfra.cli.evaluate import class_types
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import OBJECT_CLASSES, Settings, block_seconds
+from pyinfra.metrics.ground_truth import SETS, read_ground_truth
+from pyinfra.metrics.match_results import OBJECT_CLASSES, Settings, block_seconds, contest, judge
+from pyinfra.metrics.matching import Metric
+from pyinfra.metrics.prediction_checks import find_files
 
 HALF_WIDTH_M = 10.0  # of the road
 FRAMES = 40
@@ -105,6 +116,109 @@ def test_vehicles_are_judged_as_if_nobody_was_on_the_footways(tmp_path: Path) ->
     assert both.ap.equals(alone.ap)
     assert both.errors.equals(alone.errors)
     assert read_vehicles(beside, range(FRAMES)).names.tolist().count("Pedestrian") == FRAMES
+
+
+@pytest.mark.parametrize("aside_m", [3.0, HALF_WIDTH_M + 2, HALF_WIDTH_M + 30])
+@pytest.mark.parametrize("name", ["Pedestrian", "Cyclist"])
+def test_a_vehicle_box_on_a_person_is_wrong_wherever_it_stands(
+    tmp_path: Path, aside_m: float, name: str
+) -> None:
+    vehicle, person = car(40), walker(20, aside_m, name)
+    found = [("Car", box(vehicle), 0.8), ("vehicle", box(car(20.5, aside_m)), 0.9)]
+    found.append((name, box(person), 0.9))  # found twice: right once and wrong once
+    gt, pred = scene(tmp_path, [[vehicle, person]] * FRAMES, [found] * FRAMES)
+    result = pyinfra.evaluate(gt, pred)
+    assert ap(result) == ap(result, "all") == {"definition": 50}
+    assert set(result.ap.predictions) == {2 * FRAMES}
+    ghosts = result.false_positives.query("cause == 'ghost'")
+    assert set(ghosts["count"]) == {FRAMES}
+    of_people = pyinfra.evaluate(gt, pred, object_class=name.lower())
+    counts = aside_m < HALF_WIDTH_M + 6
+    assert set(of_people.ap.predictions) == {FRAMES * counts}
+    assert not counts or set(of_people.ap.ap) == {100}
+
+
+@pytest.mark.parametrize(
+    ("beside", "why"),
+    [
+        ([walker(20, 30, points=0)], "a person whom the LiDAR does not see"),
+        ([walker(20, 30), car(22, 30)], "a vehicle stands there too, and the box is poor"),
+        ([walker(23, 30)], "the person stands beside the box"),
+    ],
+)
+def test_a_vehicle_box_off_the_region_is_ignored_unless_it_stands_on_a_person(
+    tmp_path: Path, beside: list, why: str
+) -> None:
+    found = [("Car", box(car(40)), 0.8), ("Car", box(car(20, 30)), 0.9)]
+    gt, pred = scene(tmp_path, [[car(40), *beside]] * FRAMES, [found] * FRAMES)
+    assert ap(pyinfra.evaluate(gt, pred)) == {"definition": 100}, why
+
+
+def test_a_person_found_twice_at_the_border_counts_once_and_once_wrong(tmp_path: Path) -> None:
+    edge = HALF_WIDTH_M + 6 - 0.1
+    person = walker(20, edge)
+    outside = [float(box(person)[0]), edge + 0.2, *box(person)[2:]]
+    found = [("Pedestrian", box(person), 0.8), ("Pedestrian", outside, 0.9)]
+    gt, pred = scene(tmp_path, [[person]] * FRAMES, [found] * FRAMES)
+    result = pyinfra.evaluate(gt, pred, object_class="pedestrian")
+    assert set(result.ap.objects) == {FRAMES}
+    assert set(result.ap.predictions) == {2 * FRAMES}
+    once = [found[1:]] * FRAMES
+    gt, pred = scene(tmp_path / "once", [[person]] * FRAMES, once)
+    assert ap(pyinfra.evaluate(gt, pred, object_class="pedestrian"))["definition"] == 100
+
+
+def test_boxes_off_the_region_are_reported_a_minute(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = [
+        ("Car", box(car(40)), 0.9),
+        ("Car", box(car(20, 30)), 0.6),  # on a person
+        ("Car", box(car(60, 40)), 0.2),  # on nothing
+        ("Car", box(car(80, 40)), 0.8),  # on a vehicle that does not count
+        ("Car", box(car(60, 0)), 0.8),  # inside
+    ]
+    frames = [[car(40), walker(20, 30), car(80, 40)]] * FRAMES
+    gt, pred = scene(tmp_path, frames, [found] * FRAMES)
+    words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--no-figures"]
+    assert main.main([*words, "--out", str(tmp_path / "out")]) == 0
+    line = "boxes off the region a minute, vehicle: 1200.0 from score 0.1 (600.0 on people), "
+    assert line + "600.0 from score 0.5 (600.0 on people)" in capsys.readouterr().out
+    table = pyinfra.evaluate(gt, pred).off_region.set_index("score")
+    assert table.boxes.tolist() == [2 * FRAMES, 2 * FRAMES, FRAMES, FRAMES, 0]
+    assert table.on_people.tolist() == [FRAMES] * 4 + [0]
+    assert table.minutes.tolist() == pytest.approx([FRAMES / 600] * 5)
+    (gt.parent / "roads.csv").unlink()
+    assert pyinfra.evaluate(gt, pred).off_region.boxes.isna().all()
+
+
+@pytest.mark.parametrize("metric", ["bev", "3d", "centre"])
+def test_frames_without_people_are_judged_as_before_there_were_rules_for_people(
+    tmp_path: Path, metric: Metric
+) -> None:
+    frames = traffic(60)
+    gt = write_lidar(tmp_path / "data/lidar", [[*f, car(20, 14), car(30, 40)] for f in frames])
+    write_roads(tmp_path / "data", HALF_WIDTH_M)
+    random = np.random.default_rng(3)
+    beside = [[(box(car(x, y)), 0.5) for x, y in random.uniform(-60, 60, (9, 2))] for _ in frames]
+    found = [[*own, *more] for own, more in zip(noisy(frames), beside, strict=True)]
+    pred = write_predictions(tmp_path / "pred", found)
+    truth = read_ground_truth(gt)
+    predictions = read_predictions(
+        find_files(pred, range(60), range(60)).files, read_cameras(gt, range(60))
+    )
+    one = contest(truth, predictions, "vehicle", Settings(), metric)
+    took = one.match(0.5, strict=False)
+    wrong = (took < 0) & one.prediction_places.inside
+    assert 0 < np.count_nonzero(wrong) < np.count_nonzero(took < 0)
+    for which in SETS:
+        seen = truth.in_common_view(predictions.boxes) if which == "common" else True
+        assert np.array_equal(judge(one, which, took, 1).wrong, wrong & seen)
+
+
+def test_the_scenes_of_the_study_have_no_people() -> None:
+    for file in Path("configs/scenes").glob("*.yaml"):
+        assert "people" not in file.read_text(), file
 
 
 def test_blocks_are_as_long_as_the_class_stays(tmp_path: Path) -> None:
