@@ -106,6 +106,25 @@ def test_a_mount_alone_has_the_bytes_of_the_run_of_all(
         assert digests(alone / mount) == digests(everything / mount)
 
 
+def test_some_mounts_have_the_bytes_of_a_scene_of_these_alone(
+    runs: Runs, digests: Digests
+) -> None:
+    third = {"x_m": 30, "y_m": 9, "z_m": 5, "yaw_deg": 180}
+    some = runs("some", "--mount", "right,left", "--fuse", mounts=MOUNTS | {"third": third})
+    these = runs("these", "--fuse")
+    assert sorted(path.name for path in some.iterdir()) == ["fused", "left", "right"]
+    for folder in some.iterdir():
+        own, other = digests(folder), digests(these / folder.name)
+        assert own == other
+
+
+@pytest.mark.parametrize("words", ["left,middle", "left,left"])
+def test_mounts_that_cannot_be_chosen_are_named(runs: Runs, words: str) -> None:
+    wrong = words.partition(",")[2]
+    with pytest.raises(RuntimeError, match=f"--mount: expected some of .*got '{wrong}'"):
+        runs("wrong", "--mount", words)
+
+
 def test_each_mount_and_the_fused_one_keep_the_summary_of_an_earlier_lidar(runs: Runs) -> None:
     other = str(ROOT / "configs/lidars/livox_avia.yaml")
     runs("all", "--fuse", "--frames", "0:1", "--lidar", other)  # and the usual one
@@ -305,7 +324,7 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
     ("words", "changes", "message"),
     [
         (["--mount", "middle"], {}, "mount: found 'middle', allowed right, left"),
-        (["--fuse", "--mount", "left"], {}, "--fuse: found --mount left, allowed a run of all"),
+        (["--fuse", "--mount", "left"], {}, "--fuse: found --mount left, allowed several mounts"),
         (["--fuse"], {"left": None}, "--fuse: found a scene with one mount, allowed with several"),
         ([], {"fused": MOUNTS["left"]}, "mounts: found 'fused' of several, allowed letters"),
         ([], {"a/b": MOUNTS["left"]}, "mounts: found 'a/b' of several, allowed letters"),

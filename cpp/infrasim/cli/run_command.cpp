@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -28,7 +29,7 @@ struct RunOptions {
   std::string frames = "0:100";
   std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
   std::vector<std::string> assignments;
-  std::string mount;
+  std::vector<std::string> mounts;
   bool fuse = false;
   bool fields = false;
   bool cast_all = false;
@@ -57,6 +58,24 @@ std::string path_of(const char* option, const std::optional<std::string>& value)
   return value.value_or("");
 }
 
+/// Leaves those of a scene's mounts that are named, in the scene's order.
+/// @throws ConfigError if one is not there, or named twice
+void keep_mounts(SceneConfig& scene, std::vector<std::string> names) {
+  NamedMap<MountConfig> kept;
+  std::string known;
+  for (const auto& [name, mount] : scene.mounts) {
+    known += (known.empty() ? "" : ", ") + name;
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end()) continue;
+    names.erase(found);
+    kept[name] = mount;
+  }
+  if (!names.empty())
+    throw ConfigError("--mount: expected some of " + known + ", each once, got '" + names.front() +
+                      "'");
+  scene.mounts = kept;
+}
+
 RunRequest request_of(const RunOptions& o) {
   RunRequest request;
   request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o), o.preset);
@@ -65,7 +84,8 @@ RunRequest request_of(const RunOptions& o) {
   request.preset = o.preset;
   request.frames = parse_frames(o.frames, request.scene.duration_s);
   request.out = path_of("--out", o.out);
-  request.mount = o.mount;
+  if (o.mounts.size() == 1) request.mount = o.mounts.front();
+  if (o.mounts.size() > 1) keep_mounts(request.scene, o.mounts);
   request.fuse = o.fuse;
   request.threads = o.threads;
   request.cast_all = o.cast_all;
@@ -138,8 +158,10 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--threads", o->threads, "frames computed at a time")
       ->capture_default_str()
       ->check(CLI::Range(1, kMostThreads));
-  command->add_option("--mount", o->mount, "of several mounts this one alone");
-  command->add_flag("--fuse", o->fuse, "also write the frames of all mounts as one, OUT/fused");
+  command->add_option("--mount", o->mounts, "of several mounts this one alone, or these: A,B")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command->add_flag("--fuse", o->fuse, "also write the frames of the mounts as one, OUT/fused");
   command->add_option("--seed", o->seed, "overrides the scene's seed");
   command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");
   command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");

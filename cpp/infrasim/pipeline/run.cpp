@@ -49,7 +49,7 @@ void check_fuse(const RunRequest& request) {
   if (request.scene.mounts.size() < 2)
     throw ConfigError("--fuse: found a scene with one mount, allowed with several");
   if (!request.mount.empty())
-    throw ConfigError("--fuse: found --mount " + request.mount + ", allowed a run of all mounts");
+    throw ConfigError("--fuse: found --mount " + request.mount + ", allowed several mounts");
   if (request.out.empty()) throw ConfigError("--fuse: found no --out, allowed with it");
 }
 
