@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--range",
         type=float,
         default=Wish.range_m,
-        help=f"metres of road to either side; default: {Wish.range_m:g}",
+        help="10, 20 ... 100 m of road to either side, at a site from a map around the sensor: AP, "
+        f"recall and coverage are of what lies within; default: {Wish.range_m:g}",
     )
     parser.add_argument(
         "--latency",

@@ -27,6 +27,7 @@ from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import ColumnRule, NamedRows, between, lines_of
 
 REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
+REGION_M = 100.0  # to either side, or around a sensor: all of the region
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
 EVERY_ROAD = -1
@@ -121,6 +122,26 @@ class GridCell:
         ahead = places.xy - (self.x, self.y)
         near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
         return np.asarray(near.all(axis=1) & places.inside)
+
+
+@dataclass(frozen=True)
+class Near:
+    """What lies within a range: along a road to either side, at a site of lanes around the sensor.
+
+    REGION_M is all of the region.
+    """
+
+    range_m: float
+    centre: tuple[float, float] | None = None  # x y in the world, of a site of lanes
+
+    def holds(self, places: Places) -> BoolArray:
+        """(n,) bool: which of the places lie in it."""
+        if self.range_m >= REGION_M:
+            return places.inside
+        if self.centre is None:
+            return np.asarray(places.inside & (np.abs(places.s) <= self.range_m))
+        away = np.linalg.norm(places.xy - np.array(self.centre), axis=1)
+        return np.asarray(places.inside & (away <= self.range_m))
 
 
 def read_roads(file: Path) -> list[Road]:

@@ -11,13 +11,16 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.regions import REGION_M, WINDOW_M
 from pyinfra.experiments.benchmark.replicates import CellDraws
 from pyinfra.experiments.result_tables import Results, read_results
-from pyinfra.experiments.value import KEY, MOUNTS, REGION_M, SITE_ITEMS, covered, mounts_of
+from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, covered, mounts_of
 from pyinfra.metrics.comparison import Measured
-from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
-from pyinfra.metrics.replicates import difference, drawn
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
+from pyinfra.metrics.intervals import FEW_BLOCKS
+from pyinfra.metrics.replicates import difference, drawn, measure_of
 from pyinfra.metrics.row_selection import (
+    AP_OF,
     AP_R1000,
     ap_name,
     hidden_share,
@@ -25,6 +28,8 @@ from pyinfra.metrics.row_selection import (
     with_whole,
 )
 
+ROAD, SQUARES = "m of road", f"squares of {WINDOW_M:g} m"
+UNKNOWN = Measured(math.nan, math.nan, math.nan)
 FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
 
 
@@ -59,7 +64,8 @@ class Option:
 
     Prices are those of LiDAR and site. Road counts as covered where the AP of the whole road's
     vehicles in a window is above what is asked; the ends of `covered_m` take every window's AP at
-    the same end of its interval, and a window without an interval counts at the high end only.
+    the same end of its interval, and a window without an interval counts at the high end only. At
+    a site of lanes squares take the place of metres of road.
     """
 
     scene: str
@@ -75,13 +81,17 @@ class Option:
     price_high_usd: float
     site_usd: float  # what of the price is not the LiDARs'
     site_items: Mapping[str, float]  # what it is the sum of; nothing if the table does not say
-    covered_m: Measured
-    road_m: float  # that was evaluated, within the range that is asked
+    covered_m: Measured  # without ends where they would say nothing: see no_interval
+    road_m: float  # that was evaluated, within the range that is asked; NaN if it is not known
     latency_ms: float  # of a frame on one core, median; NaN if it was not measured
     latency_p95_ms: float
     machine: str  # on which latency was measured; empty if the table does not say
     other_cores: float  # that other processes used meanwhile; NaN if the table does not say
     draws: pd.Series | None  # of ap_whole; None of an earlier version
+    range_m: float = math.nan  # within which AP is; NaN: of the whole region
+    recall: Measured = UNKNOWN  # percent of the whole road's vehicles, by predictions of any score
+    covered_in: str = ROAD  # what covered_m and road_m count
+    no_interval: str = ""  # why covered_m has none
     ap_name: str = AP_R1000  # what these AP are; of a table of version 0.2 AP (R40)
     found: Measured | None = None  # percent of the whole road's vehicles, by boxes of any score
     whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
@@ -118,12 +128,16 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
         raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
     scene, preset = chosen(done, scene, preset)
     cells = done[(done.scene == scene) & (done.preset == preset)]
-    cells = with_whole(cells).assign(hidden=hidden_share(cells))
+    cells = within(with_whole(cells), found.table("ranges"), wish)
+    cells = cells.assign(hidden=hidden_share(cells))
     truth = str(cells.whole.iloc[0])
     table = joined(cells, prices(found), file_of(found, "value"))
-    distance = found.table("distance")
-    here = distance[(distance.scene == scene) & (distance.preset == preset)]
-    table = joined(table, road(here, wish, truth), file_of(found, "distance"))
+    distance, squares = (
+        rows[(rows.scene == scene) & (rows.preset == preset)]
+        for rows in (found.table("distance"), found.table("squares"))
+    )
+    covering = coverage(distance, squares, wish, truth)
+    table = joined(table, covering, file_of(found, "distance"))
     draws = CellDraws(found.table("draws"))
     name = ap_name(table)
     options = [replace(option(row, draws), ap_name=name) for _, row in table.iterrows()]
@@ -193,6 +207,75 @@ def prices(results: Results) -> pd.DataFrame:
     return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in found.items()})
 
 
+def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFrame:
+    """The cells with AP, recall and counts of the range that is asked, and column range_m.
+
+    That is NaN, and AP is of the whole region, where a cell has no rows in the table of ranges, as
+    those of earlier versions. Raises ValueError for a range that was not measured.
+    """
+    own = ranges.merge(cells[[*KEY, "whole"]], on=KEY)
+    if own.empty or len(own[KEY].drop_duplicates()) < len(cells):
+        return cells.assign(
+            range_m=math.nan, recall=math.nan, recall_low=math.nan, recall_high=math.nan
+        )
+    there = sorted(set(own.range_m))
+    if wish.range_m not in there:
+        allowed = ", ".join(f"{range_m:g}" for range_m in there)
+        raise ValueError(f"--range: expected one of {allowed} m, got {wish.range_m:g}")
+    own = own[own.range_m == wish.range_m]
+    found = cells[KEY].assign(range_m=wish.range_m, recalls=1000.0)
+    for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):
+        of = own.ground_truth == (own.whole if truth == "whole" else truth)
+        columns = {f"ap_fine{end}": f"{name}_fine{end}" for end in ("", "_low", "_high")}
+        columns |= {"objects": f"objects_{truth}"}
+        if truth == "whole":
+            columns |= {name: name for name in ("recall", "recall_low", "recall_high")}
+        rows = own[of][[*KEY, *columns]].rename(columns=columns)
+        found = found.merge(rows, on=KEY, how="left")
+    others = [name for name in cells if name not in found or name in KEY]
+    return cells[others].merge(found, on=KEY)
+
+
+def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
+    """By cell covered_m, low_m and high_m, road_m, what they count, and why there are no ends."""
+    found = road(distance, wish, truth).assign(covered_in=ROAD)
+    near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= wish.range_m)]
+    parts = near[near.road != LANES]
+    if len(squares) and (distance.road == LANES).any():
+        own = squares[(squares.ground_truth == truth) & squares.ap_fine.notna()]
+        parts = own if wish.range_m >= REGION_M else own[own.distance_m <= wish.range_m]
+        counted = parts.assign(
+            covered_m=parts.ap_fine > wish.min_ap,
+            low_m=parts.ap_fine_low > wish.min_ap,
+            high_m=parts.ap_fine_high.fillna(math.inf) > wish.min_ap,
+            road_m=1,
+        )
+        ends = ["covered_m", "low_m", "high_m", "road_m"]
+        sums = counted.groupby(KEY)[ends].sum().astype(np.float64).reset_index()
+        found = found[KEY].merge(sums, on=KEY, how="left").fillna(dict.fromkeys(ends, 0.0))
+        found = found.assign(covered_in=SQUARES)
+    known = parts[parts.ap_fine.notna()]
+    counts = known.assign(parts=1, unsure=known.ap_fine_low.isna())
+    counts = counts.groupby(KEY)[["parts", "unsure"]].sum().reset_index()
+    found = found.merge(counts, on=KEY, how="left").fillna({"parts": 0, "unsure": 0})
+    reasons = [no_interval(row, wish) for _, row in found.iterrows()]
+    found = found.assign(no_interval=reasons)
+    ends = ["low_m", "high_m"]
+    return found.assign(**{end: found[end].where(found.no_interval == "") for end in ends})
+
+
+def no_interval(row: pd.Series, wish: Wish) -> str:
+    """Why the ends of what is covered say nothing; empty if they do."""
+    what = "window" if row.covered_in == ROAD else "square"
+    if row.parts == 0:
+        return "no vehicle is there"
+    if row.low_m > 0 or row.high_m < row.road_m:
+        return "" if row.unsure < row.parts else f"no {what} has one: {FEW_BLOCKS}"
+    if row.unsure == 0:
+        return f"no {what} is decided at AP {wish.min_ap:g}"
+    return f"{row.unsure:.0f} of {row.parts:.0f} {what}s have none: {FEW_BLOCKS}"
+
+
 def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
     """By cell covered_m, low_m and high_m, the ends of what is covered, and road_m.
 
@@ -235,7 +318,11 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
         other_cores=row.latency_other_cores,
-        draws=draws.row(row, row.whole),
+        draws=draws.row(row, row.whole, *(measure_of(m) for m in [row.range_m] if m >= 0)),
+        range_m=row.range_m,
+        recall=Measured(row.recall, row.recall_low, row.recall_high),
+        covered_in=row.covered_in,
+        no_interval=row.no_interval,
         found=None if recall is None else drawn(recall).measured(),
         whole=row.whole,
         mounts=int(row[MOUNTS]),

@@ -14,9 +14,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pyinfra.core.machine_load import load_text
-from pyinfra.experiments.options import Option, Wish
+from pyinfra.dataset.regions import REGION_M
+from pyinfra.experiments.options import ROAD, Option, Wish
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.row_selection import COUNTED
 
 MOST = 5  # options that are told in full
@@ -48,12 +50,12 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
     if not good:
         near = nearest(options, wish)
         rest = [option for option in options if option not in near]
-        return Answer(False, near, [*about(options), *left_out(rest, wish)])
+        return Answer(False, near, [*about(options, wish), *left_out(rest, wish)])
     named, more = good[:MOST], good[MOST:]
     before = options[: options.index(named[0])]  # of a higher AP
     slow = [option for option in before if misses(option, wish) == ["latency"]]
     rest = [option for option in options if option not in slow]
-    remarks = [*too_slow(slow, wish), *about(options), *doubts(named, wish)]
+    remarks = [*too_slow(slow, wish), *about(options, wish), *doubts(named, wish)]
     remarks += left_out(rest, wish)
     if more:
         meet = "meets" if len(more) == 1 else "meet"
@@ -129,16 +131,20 @@ def relaxation(option: Option, wish: Wish) -> str:
 
 def sentence(option: Option, wish: Wish) -> str:
     visible, found = "", ""
-    if option.found is not None:
+    if option.found is not None and not option.recall.value >= 0:
         found = f"finds {option.found.value:.0f} % of them, "
     if option.whole == "present":
         hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
         visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
+    near = f" within {option.range_m:g} m" if option.range_m >= 0 else ""
+    recall = option.recall
+    ends = f" [{recall.low:.0f}, {recall.high:.0f}]" if recall.is_known else ""
+    of_them = f"{recall.value:.0f} %{ends} of them are found at any score; "
     return (
-        f"{option.name}: {option.ap_name} of {COUNTED[option.whole]} "
+        f"{option.name}: {option.ap_name} of {COUNTED[option.whole]}{near} "
         f"{with_interval(option.ap_whole)}, {found}{visible}of the vehicles it captures "
-        f"{with_interval(option.ap)}; {price(option, wish)}; {covered_road(option, wish)}"
-        f"{latency(option)}"
+        f"{with_interval(option.ap)}; {of_them if recall.value >= 0 else ''}"
+        f"{price(option, wish)}; {covered_road(option, wish)}{latency(option)}"
     )
 
 
@@ -149,13 +155,15 @@ def latency(option: Option) -> str:
 
 
 def covered_road(option: Option, wish: Wish) -> str:
-    """Nothing of a site of lanes, which has no windows along a road."""
+    """Nothing of a site of lanes in a table of an earlier version."""
     road = option.covered_m
     if math.isnan(option.road_m):
         return ""
+    span = f"[{road.low:.0f} to {road.high:.0f}] " if road.is_known else ""
+    reason = "" if road.is_known else f" (no interval: {option.no_interval})"
     return (
         f"AP above {wish.min_ap:g} of {COUNTED[option.whole]} on {road.value:.0f} "
-        f"[{road.low:.0f} to {road.high:.0f}] of {option.road_m:.0f} m of road; "
+        f"{span}of {option.road_m:.0f} {option.covered_in}{reason}; "
     )
 
 
@@ -177,13 +185,22 @@ def price_range(option: Option) -> str:
     return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
 
 
-def about(options: Sequence[Option]) -> Iterator[str]:
+def about(options: Sequence[Option], wish: Wish) -> Iterator[str]:
     """What prices and latencies are of, the same for every option."""
     if options[0].whole == "all":
         yield (
             "These results were measured without ground truth `present`: vehicles that the mount "
             "cannot see are not counted; `pyinfra benchmark` of this version counts them."
         )
+    if math.isnan(options[0].range_m) and wish.range_m < REGION_M:
+        yield (
+            "These results hold no AP within ranges: AP is of the whole region; `pyinfra "
+            "benchmark` of this version measures it."
+        )
+    unknown = [option for option in options if not option.ap_whole.is_known]
+    if unknown:
+        why = f"{FEW_BLOCKS}, or the table has none"
+        yield f"No interval is available for the AP of {names(unknown)}: {why}."
     yield from about_costs(options[0])
     yield about_latency(options)
 
@@ -249,7 +266,8 @@ def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
     yield from doubts_of_latency(named, wish)
     if first.covered_m.value < first.road_m:
         more = "several LiDARs, a higher budget or a lower AP might"
-        yield f"The first does not cover the whole of the road; {more}."
+        what = "the road" if first.covered_in == ROAD else "the region"
+        yield f"The first does not cover the whole of {what}; {more}."
 
 
 def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:

@@ -54,15 +54,17 @@ _ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
 # What a column of numbers may hold, in whichever table; the others: 0 or more.
 RANGES = {
     **dict.fromkeys((*AP_COLUMNS, "outside_box_percent"), _SHARE),
+    **dict.fromkeys("recall recall_low recall_high".split(), _SHARE),
     **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
     **dict.fromkeys("value low high".split(), _ANY),
-    **dict.fromkeys("s change_percent".split(), _FINITE),
+    **dict.fromkeys("s x y change_percent".split(), _FINITE),
     "rank_correlation": (-1.0, 1.0),
     "mean_difference": (-100.0, 100.0),
     "units": (1.0, 1e6),
 }
 ENDS = (  # of intervals
     *((name, f"{name.removesuffix('_low')}_high") for name in AP_COLUMNS if name.endswith("_low")),
+    ("recall_low", "recall_high"),
     ("p_low", "p_high"),
     ("ci_low", "ci_high"),
     ("low", "high"),
@@ -98,6 +100,19 @@ KINDS = {
         "s ap ap_low ap_high objects predictions",
         f"{_CELL} ground_truth road s",
         "ap_fine ap_fine_low ap_fine_high",
+    ),
+    "ranges": _kind(
+        "{tier}_ranges.csv",
+        f"{_CELL} ground_truth",
+        "range_m ap_fine ap_fine_low ap_fine_high recall recall_low recall_high objects "
+        "predictions",
+        f"{_CELL} ground_truth range_m",
+    ),
+    "squares": _kind(
+        "{tier}_squares.csv",
+        f"{_CELL} ground_truth quality",
+        "x y distance_m ap_fine ap_fine_low ap_fine_high objects predictions",
+        f"{_CELL} ground_truth x y",
     ),
     "hits": _kind(
         "{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame", "scene lidar preset"

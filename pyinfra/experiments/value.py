@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.config import ruled
-from pyinfra.dataset.regions import WINDOW_M, WINDOW_STEP_M
+from pyinfra.dataset.regions import REGION_M, WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
 from pyinfra.metrics.row_selection import CELL, each_road_once, with_fine, with_whole
 
 KEY = [*CELL, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
-REGION_M = 100.0
 MOUNTS = "mounts"  # column of scenes with several, whose frames are fused
 SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
 

@@ -47,6 +47,7 @@ def evaluate(
     frames: Sequence[int] | None = None,
     split: str | None = None,
     allow_missing: bool = False,
+    ranges: bool = False,
 ) -> Evaluation:
     """Average precision of predictions, with intervals.
 
@@ -61,6 +62,7 @@ def evaluate(
     frames : the numbers to evaluate; by default all frames in memory, or those of the split
     split : of a folder, the frames of ImageSets/SPLIT.txt; by default `val` if there is one
     allow_missing : a frame without a prediction file counts as one without boxes
+    ranges : also AP and recall within ranges of the sensor (`result.ranges`)
 
     Returns
     -------
@@ -85,13 +87,15 @@ def evaluate(
     if settings and object_class:
         raise Error("object_class: expected it or settings, got both")
     if isinstance(gt, FrameSequence):
-        return _evaluate_memory(gt, pred, settings, object_class, frames)
+        return _evaluate_memory(gt, pred, settings, object_class, frames, ranges=ranges)
     if isinstance(pred, pd.DataFrame):
         recorded = load_dataset(gt)
         if isinstance(recorded, dict):
             raise Error(f"gt: expected a LiDAR's folder, got a data set of {', '.join(recorded)}")
         chosen = frame_numbers(Path(gt), split) if frames is None else sorted(frames)
-        return _evaluate_memory(recorded.of(chosen), pred, settings, object_class, None)
+        return _evaluate_memory(
+            recorded.of(chosen), pred, settings, object_class, None, ranges=ranges
+        )
     return _evaluate_files(
         Path(gt),
         Path(pred),
@@ -99,6 +103,7 @@ def evaluate(
         frames=frames,
         split=split,
         allow_missing=allow_missing,
+        ranges=ranges,
     )
 
 
@@ -108,6 +113,8 @@ def _evaluate_memory(
     settings: Settings | None,
     object_class: str | None,
     frames: Sequence[int] | None,
+    *,
+    ranges: bool,
 ) -> Evaluation:
     if frames is not None:
         gt = gt.of(_known(frames, gt.numbers))
@@ -131,7 +138,7 @@ def _evaluate_memory(
     types = settings.types
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
     findings += check_predictions(predictions, files, of_types, types, settings.min_score)
-    return evaluate_tables(truth, predictions, settings, findings)
+    return evaluate_tables(truth, predictions, settings, findings, ranges=ranges)
 
 
 def _known(frames: Sequence[int], numbers: Sequence[int]) -> list[int]:
@@ -149,6 +156,7 @@ def _evaluate_files(
     frames: Sequence[int] | None,
     split: str | None,
     allow_missing: bool,
+    ranges: bool,
 ) -> Evaluation:
     known = frame_numbers(gt, "all")
     chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
@@ -162,7 +170,7 @@ def _evaluate_files(
         *found.findings,
         *check_predictions(predictions, found.files, of_types, types, settings.min_score),
     ]
-    return evaluate_tables(truth, predictions, settings, findings)
+    return evaluate_tables(truth, predictions, settings, findings, ranges=ranges)
 
 
 def judged(

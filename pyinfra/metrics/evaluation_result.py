@@ -39,7 +39,8 @@ from pyinfra.metrics.match_results import (
 from pyinfra.metrics.match_tables import match_table, ring_rows
 from pyinfra.metrics.matching import CENTRE_M, Metric, threshold_of
 from pyinfra.metrics.prediction_checks import Finding
-from pyinfra.metrics.replicates import draw_rows, figures, same_of
+from pyinfra.metrics.ranges import by_range
+from pyinfra.metrics.replicates import draw_rows, figures, measure_of, same_of
 
 KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
 
@@ -58,6 +59,7 @@ class Evaluation:
     draws: pd.DataFrame
     off_region: pd.DataFrame
     findings: tuple[Finding, ...]
+    ranges: pd.DataFrame | None = None  # AP and recall within ranges, if they were asked for
     cells: pd.DataFrame | None = None  # of a site of lanes, whose areas they are
     predictions: Predictions | None = None
     settings: Settings | None = None
@@ -98,7 +100,8 @@ class Evaluation:
     def tables(self) -> dict[str, pd.DataFrame]:
         names = "ap pr_curve distance_ap areas errors false_positives draws off_region".split()
         tables = {name: getattr(self, name) for name in names}
-        return tables if self.cells is None else {**tables, "cells": self.cells}
+        more = {"cells": self.cells, "ranges": self.ranges}
+        return {**tables, **{name: rows for name, rows in more.items() if rows is not None}}
 
 
 def evaluate_tables(
@@ -106,8 +109,13 @@ def evaluate_tables(
     predictions: Predictions,
     settings: Settings,
     findings: Sequence[Finding] = (),
+    *,
+    ranges: bool = False,
 ) -> Evaluation:
-    """Evaluates predictions that were read; predictions.frame counts along truth.frames."""
+    """Evaluates predictions that were read; predictions.frame counts along truth.frames.
+
+    ranges: also within ranges of the sensor, but for `common`; their AP joins the draws.
+    """
     contests = {
         (name, metric): contest(truth, predictions, name, settings, metric)
         for name in settings.classes
@@ -115,7 +123,7 @@ def evaluate_tables(
     }
     table = pd.DataFrame(_ap_rows(contests, settings), columns=AP_COLUMNS)
     first = next(iter(contests.values()))
-    parts = _primary_tables(first, settings)
+    parts = _primary_tables(first, settings, ranges=ranges)
     parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
     off_region = _off_region(contests, settings)
     found = (*findings, *_warnings(table, truth, settings))
@@ -166,7 +174,7 @@ def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings)
     return pd.concat(parts, ignore_index=True)
 
 
-def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]:
+def _primary_tables(one: Contest, settings: Settings, *, ranges: bool) -> dict[str, pd.DataFrame]:
     """The other tables: first class, metric and threshold, by the definition, each ground truth."""
     enough = threshold_of(one.metric, settings.ious[0])
     took = one.match(enough, strict=False)
@@ -185,8 +193,13 @@ def _primary_tables(one: Contest, settings: Settings) -> dict[str, pd.DataFrame]
             areas = cell_table(judgement, settings.min_objects)
             own["cells"] = areas[0].copy()
             areas[0].insert(0, "road", EVERYWHERE)
+        measures = list(figures(judgement, (distance, draws), areas))
+        if ranges and which != "common":
+            near = list(by_range(judgement))
+            own["ranges"] = pd.DataFrame([row for row, _ in near])
+            measures += [(measure_of(row["range_m"]), fine) for row, fine in near]
         same = same_of(one.truth, judgement.blocks, settings.seed)
-        kept = draw_rows(same, which, figures(judgement, (distance, draws), areas))
+        kept = draw_rows(same, which, measures)
         own |= {
             "areas": area_table(judgement, *areas),
             "errors": error_table(judgement),

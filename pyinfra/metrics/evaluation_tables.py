@@ -56,17 +56,20 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
     }
 
 
-def fine_ap(judgement: Judgement) -> Bootstrapped:
-    """AP at 1,000 recalls over all frames, and in each draw."""
-    ranking = judgement.ranking()
+def fine_ap(judgement: Judgement, ranking: ap.Ranking | None = None) -> Bootstrapped:
+    """AP at 1,000 recalls over all frames, and in each draw; of a part if its ranking is given."""
+    ranking = judgement.ranking() if ranking is None else ranking
     value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
     draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
     return Bootstrapped(value, draws, judgement.blocks.count)
 
 
-def fine_columns(judgement: Judgement, fine: Bootstrapped) -> dict[str, float]:
+def fine_columns(
+    judgement: Judgement, fine: Bootstrapped, ranking: ap.Ranking | None = None
+) -> dict[str, float]:
     """Columns of a fine AP with the ends of its interval, which are 0 to 100."""
-    low, high = judgement.interval(fine.value, fine.draws, judgement.ranking().objects)
+    ranking = judgement.ranking() if ranking is None else ranking
+    low, high = judgement.interval(fine.value, fine.draws, ranking.objects)
     return {"ap_fine": fine.value, "ap_fine_low": float(low), "ap_fine_high": float(high)}
 
 
@@ -105,8 +108,17 @@ def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame
 
 
 def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
-    """The same of each cell, where these are the areas; x and y of its middle."""
-    cells = {cell: {"x": cell.x, "y": cell.y} for cell in judgement.contest.truth.cells()}
+    """The same of each cell, where these are the areas; x, y of its middle, and how far it is."""
+    truth = judgement.contest.truth
+    place = truth.lidar.T_world_levelled if truth.lidar else None
+    cells = {
+        cell: {
+            "x": cell.x,
+            "y": cell.y,
+            "distance_m": math.hypot(cell.x - place.x, cell.y - place.y) if place else math.nan,
+        }
+        for cell in truth.cells()
+    }
     return _ap_of(judgement, cells, min_objects)
 
 

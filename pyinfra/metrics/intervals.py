@@ -24,6 +24,8 @@ LEAST_BLOCK_S = 20.0  # ghosts come in bouts, which do not end with a vehicle's 
 DRAWS = 1000
 SEED = 1
 MIN_BLOCKS = 4.0  # of a block's length; what is shorter gives no interval
+FEW_BLOCKS = f"vehicles are in fewer than {MIN_BLOCKS:g} blocks of time"
+NO_INTERVAL = f"(no interval: {FEW_BLOCKS})"
 LEVEL = 0.95
 LEAST_DEFINED = 0.5  # of the draws
 

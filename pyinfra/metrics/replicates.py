@@ -32,6 +32,11 @@ WINDOWS_OVERLAP = 4  # as many hold each vehicle
 LEAST_WINDOWS = 5
 
 
+def measure_of(range_m: float) -> str:
+    """The measure of AP within a range: ap_fine_60m."""
+    return f"ap_fine_{range_m:g}m"
+
+
 def figures(
     judgement: Judgement,
     distance: tuple[pd.DataFrame, FloatArray],

@@ -16,6 +16,7 @@ from pyinfra.experiments.benchmark import measure
 from pyinfra.experiments.benchmark.matrix import Cell
 from pyinfra.experiments.value import Costs, value_table
 from pyinfra.metrics import ap
+from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.row_selection import ap_name, with_fine
 
 SPAN = r"(\d+\.\d) +\[(\d+\.\d), (\d+\.\d)\]"
@@ -27,33 +28,39 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """90 s of a road, and predictions of it."""
     top = tmp_path_factory.mktemp("one_ap")
     write_roads(top)
-    frames = traffic(450, per_frame=4)
+    frames = traffic(300, per_frame=4)
     predictions = write_predictions(top / "predictions", noisy(frames))
     for k, cars in enumerate(frames):  # one in three frames is hidden, another has no points
         cars[0] |= {"points": 0 if k % 3 else 9, "visibility": 0.0 if k % 3 == 1 else 1.0}
     # A vehicle's id is its place in a frame: these let others stand there after 10 s.
-    away = [[car(900, points=0, visibility=0.0)] * (4 * (k // 50)) for k in range(len(frames))]
+    away = [[car(900, points=0, visibility=0.0)] * (4 * (k // 33)) for k in range(len(frames))]
     later = [[*others, *cars] for others, cars in zip(away, frames, strict=True)]
-    return write_lidar(top / "livox_avia", later, period_s=0.2), predictions
+    return write_lidar(top / "livox_avia", later, period_s=0.3), predictions
+
+
+@pytest.fixture(scope="module")
+def evaluation(folders: tuple[Path, Path]) -> Evaluation:
+    """As a benchmark has it."""
+    return evaluate(*folders, measure.SETTINGS, ranges=True)
 
 
 @pytest.fixture(scope="module", params=["highway", "bridge"])
 def results(
     request: pytest.FixtureRequest,
-    folders: tuple[Path, Path],
+    evaluation: Evaluation,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     """The tables of a benchmark of these predictions, at a scene of the paper or an own site."""
     out = tmp_path_factory.mktemp(request.param) / "results"
     out.mkdir()
     cell = Cell(request.param, "livox_avia", "paper", "pointpillars", "quick", 1)
-    evaluation = evaluate(*folders, measure.SETTINGS)
     row = measure.row(cell, evaluation, 9.0) | {"latency_p50_ms": 10.0, "latency_p95_ms": 12.0}
     tables = {
         "cells": pd.DataFrame([row]),
         "areas": measure.keyed(cell, evaluation.areas),
         "distance": measure.keyed(cell, evaluation.distance_ap),
         "draws": measure.keyed(cell, evaluation.draws),
+        "ranges": measure.keyed(cell, evaluation.ranges),
         "lidars": pd.DataFrame([LIDAR]).assign(
             price_low_usd=2000, price_high_usd=2000, units=1, price_source="x", price_date="2026"
         ),
@@ -92,7 +99,7 @@ def test_evaluate_report_and_recommend_show_the_same_digits(
     captured, whole = shown(evaluated["captured"]), shown(evaluated["present"])
     assert main.main(["recommend", str(results), "--budget", "9000", "--min-ap", "20"]) == 0
     said = capsys.readouterr().out
-    assert f"AP (R1000) of every vehicle {whole}, of those visible" in said
+    assert f"AP (R1000) of every vehicle within 100 m {whole}, of those visible" in said
     assert f"of the vehicles it captures {captured};" in said
     out = results.parent / "report.html"
     assert main.main(["report", str(results), "--out", str(out)]) == 0

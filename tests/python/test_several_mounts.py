@@ -106,9 +106,7 @@ def test_a_mount_alone_has_the_bytes_of_the_run_of_all(
         assert digests(alone / mount) == digests(everything / mount)
 
 
-def test_some_mounts_have_the_bytes_of_a_scene_of_these_alone(
-    runs: Runs, digests: Digests
-) -> None:
+def test_some_mounts_have_the_bytes_of_a_scene_of_these_alone(runs: Runs, digests: Digests) -> None:
     third = {"x_m": 30, "y_m": 9, "z_m": 5, "yaw_deg": 180}
     some = runs("some", "--mount", "right,left", "--fuse", mounts=MOUNTS | {"third": third})
     these = runs("these", "--fuse")

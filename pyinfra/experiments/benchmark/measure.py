@@ -40,7 +40,8 @@ MEASURED = (
 
 
 def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
-    """The rows of a cell: `cells`, `areas`, `draws`, and `distance` without `common`.
+    """The rows of a cell: `cells`, `areas`, `draws`, `ranges`, and `distance` without `common`;
+    of a site of lanes also `squares`.
 
     folder: the LiDAR's, split; run: where the model goes.
     A training that was stopped goes on. Raises what training, detecting and evaluating raise, and
@@ -48,10 +49,13 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
     """
     seconds = trained(cell, recipe, folder, run, device)
     detected(run, folder, device)
-    evaluation = evaluate(folder, run / "predictions", SETTINGS)
+    evaluation = evaluate(folder, run / "predictions", SETTINGS, ranges=True)
     check_counted(evaluation)
     windows = evaluation.distance_ap
+    squares = {} if evaluation.cells is None else {"squares": keyed(cell, evaluation.cells)}
     return {
+        **squares,
+        "ranges": keyed(cell, evaluation.ranges),
         "areas": keyed(cell, evaluation.areas),
         "distance": keyed(cell, windows[windows.ground_truth != "common"]),
         "draws": keyed(cell, evaluation.draws),
@@ -155,7 +159,9 @@ def provenance() -> dict[str, object]:
     }
 
 
-def keyed(cell: Cell, rows: pd.DataFrame) -> pd.DataFrame:
+def keyed(cell: Cell, rows: pd.DataFrame | None) -> pd.DataFrame:
     """The rows of an evaluation's table, named by their cell."""
+    if rows is None:
+        return pd.DataFrame()
     own = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)
     return pd.concat([pd.DataFrame([asdict(cell)] * len(own)), own], axis=1)

@@ -22,7 +22,7 @@ class CellDraws:
     rows: pd.DataFrame
 
     def row(self, cell: Key, ground_truth: str, measure: str = MEASURE) -> pd.Series | None:
-        """By default of fine AP; None if the table has none, as those of earlier versions."""
+        """Of AP (R1000); None if the table has none, as those of earlier versions."""
         if self.rows.empty:
             return None
         here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == measure)

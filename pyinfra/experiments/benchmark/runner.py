@@ -22,6 +22,7 @@ from pyinfra.experiments.benchmark.workspace import KEYS, Workspace
 from pyinfra.experiments.gpus import own_gpu
 from pyinfra.experiments.pool import Say, silent
 from pyinfra.experiments.value import KEY, mounts_of, value_table
+from pyinfra.metrics.intervals import NO_INTERVAL
 from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.models.training.recipe import read_recipe
 
@@ -159,7 +160,8 @@ def fill(
 def progress(cell: Cell, row: pd.Series) -> str:
     if pd.notna(row.get("reason")):
         return f"{cell.title}: failed: {row.reason}"
-    ap = f"{AP_R1000} {row.ap_fine:.1f} [{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
+    span = f"[{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
+    ap = f"{AP_R1000} {row.ap_fine:.1f} {span if pd.notna(row.ap_fine_low) else NO_INTERVAL}"
     found = f"; {row.findings}" if row.findings else ""
     return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
 

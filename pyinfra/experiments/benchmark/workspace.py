@@ -17,6 +17,8 @@ KEYS = {  # of the rows of each table
     "cells": KEY,
     "areas": KEY,
     "distance": KEY,
+    "ranges": KEY,
+    "squares": KEY,
     "draws": KEY,
     "value": KEY,
     "lidars": ["lidar", "preset"],

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from pyinfra.experiments.options import Option, Wish, options_of
+from pyinfra.experiments.options import ROAD, Option, Wish, options_of
 from pyinfra.experiments.recommend import Answer, recommend, relaxation, with_interval
 from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.row_selection import COUNTED
@@ -56,7 +57,9 @@ def _asked(wish: Wish) -> str:
 
 def _table(material: Material, answer: Answer) -> Table:
     name = answer.named[0].ap_name
-    titles = (f"{name}, whole road", name, "Price, US$", "Road covered, m", "Median, ms")
+    road = answer.named[0].covered_in == ROAD
+    covered = "Road covered, m" if road else f"Covered, {answer.named[0].covered_in}"
+    titles = (f"{name}, whole road", name, "Price, US$", covered, "Median, ms")
     heads = [Column("LiDAR and detector"), *(Column(title, number=True) for title in titles)]
     heads += [] if answer.meets else [Column("To relax")]
     rows = [_row(material, option, relax=not answer.meets) for option in answer.named]
@@ -85,8 +88,10 @@ def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
 
 def _covered(option: Option) -> TableCell:
     if math.isnan(option.road_m):
-        return TableCell("")  # a site of lanes
-    return _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}")
+        return TableCell("")  # a site of lanes, of an earlier version
+    cell = _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}")
+    reason = f"no interval: {option.no_interval}"
+    return cell if option.covered_m.is_known else replace(cell, below=reason)
 
 
 def _cell(figure: Measured, form: str, more: str = "") -> TableCell:

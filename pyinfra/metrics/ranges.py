@@ -1,0 +1,57 @@
+"""AP and recall of what is near the sensor: within 10, 20 ... 100 m of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from pyinfra.dataset.regions import REGION_M, Near
+from pyinfra.metrics import ap, intervals
+from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.ground_truth import GroundTruth
+from pyinfra.metrics.match_results import Judgement
+
+STEP_M = 10
+RANGES_M = tuple(range(STEP_M, int(REGION_M) + 1, STEP_M))
+
+
+def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
+    """x y of the sensor in the world; None where ranges are along roads, or no place is known."""
+    if not truth.of_lanes or truth.lidar is None:
+        return None
+    pose = truth.lidar.T_world_levelled
+    return pose.x, pose.y
+
+
+def by_range(judgement: Judgement) -> Iterator[tuple[dict[str, Any], Bootstrapped]]:
+    """Of each range AP (R1000), recall of all predictions in percent, and counts; AP's draws."""
+    centre = sensor_of(judgement.contest.truth)
+    for range_m in RANGES_M:
+        near = Near(range_m, centre)
+        ranking = judgement.ranking(near)
+        fine = fine_ap(judgement, ranking)
+        yield (
+            {
+                "range_m": range_m,
+                **fine_columns(judgement, fine, ranking),
+                **recall(judgement, ranking),
+                "objects": int(ranking.objects.sum()),
+                "predictions": len(ranking.slot),
+            },
+            fine,
+        )
+
+
+def recall(judgement: Judgement, ranking: ap.Ranking) -> dict[str, float]:
+    """Percent of the objects that a prediction of any score finds, with its interval."""
+    hits = np.bincount(ranking.hit_slot, minlength=len(ranking.objects)).astype(np.float64)
+    objects = ranking.objects.astype(np.float64)
+    value = 100 * hits.sum() / objects.sum() if objects.sum() else math.nan
+    weights = judgement.weights
+    drawn = 100 * intervals.ratio(weights @ hits, weights @ objects)
+    low, high = judgement.interval(value, drawn, ranking.objects)
+    return {"recall": float(value), "recall_low": float(low), "recall_high": float(high)}
