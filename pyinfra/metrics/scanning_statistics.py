@@ -17,6 +17,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.core.files import replacing
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.dataset.trajectories import read_rows
+from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RECORDED
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
@@ -64,12 +65,12 @@ def speed_table(data: DataSet) -> pd.DataFrame:
     """
     rows = _speeds(data.folder / "trajectories.csv")
     number = np.round(rows.t / data.period_s).astype(np.int64)
-    rows = rows[np.isin(number, data.frames)]
+    rows = rows[np.isin(number, data.frames) & ~rows["class"].isin(kitti.PERSON_TYPES)]
     return statistics_tables.speed_distribution(rows.id.to_numpy(), rows.speed.to_numpy())
 
 
 def _speeds(file: Path) -> pd.DataFrame:
-    rows = read_rows(file, ["t", "id", "speed"])
+    rows = read_rows(file, ["t", "id", "class", "speed"])
     for name, most in (("t", 1e6), ("id", 2**31 - 1), ("speed", 1000)):
         bad = np.flatnonzero(~rows[name].between(0, most))
         if len(bad) > 0:

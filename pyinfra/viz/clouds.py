@@ -5,7 +5,7 @@ darker, thicker and more solid its box; the colours follow Okabe and Ito.
 """
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,6 +60,7 @@ QUALITIES = (
     Quality("medium: 5 to 20", 20, "#0090C8", "-", 1.1),
     Quality("high: more than 20", np.inf, "#00205B", "-", 1.6),
 )
+PEOPLE = Quality("people", np.inf, "#009E73", "-", 1.1)
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,13 @@ class Snapshot:
     road_z: float  # of the road
 
     def counts(self) -> str:
-        return f"{len(self.points):,} points, {self.objects.points.sum():,} on vehicles"
+        on_vehicles = self.objects.points[~self.are_people].sum()
+        return f"{len(self.points):,} points, {on_vehicles:,} on vehicles"
+
+    @property
+    def are_people(self) -> BoolArray:
+        """(k,) which of the objects are no vehicles."""
+        return np.isin(self.objects.names, kitti.PERSON_TYPES)
 
 
 def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
@@ -153,7 +160,7 @@ def picture(view: Snapshot) -> Figure:
         axes.set_title(f"{title}\n{view.counts()}", loc="left")
         axes.set_xlabel("x, along the sensor's view (m)")
         axes.set_ylabel("y (m)")
-        legend_below(figure, legend_handles())
+        legend_below(figure, legend_handles([view]))
     return figure
 
 
@@ -180,7 +187,7 @@ def sheet(views: Sequence[Sequence[Snapshot]]) -> Figure:
             grid[i, 0].set_ylabel(f"{row[0].scene}\ny (m)")
         for axes in grid[-1]:
             axes.set_xlabel("x (m)")
-        legend_below(figure, legend_handles())
+        legend_below(figure, legend_handles([view for row in views for view in row]))
     return figure
 
 
@@ -204,8 +211,10 @@ def bird_view(
         )
     classes = np.searchsorted([q.most for q in QUALITIES], view.objects.points)
     boxes = view.objects.label_boxes(view.lidar.label_time)
+    people = view.are_people
     for i, look in enumerate(QUALITIES):
-        _draw_boxes(axes, boxes[classes == i], look, headings=headings)
+        _draw_boxes(axes, boxes[(classes == i) & ~people], look, headings=headings)
+    _draw_boxes(axes, boxes[people], PEOPLE, headings=False)
     for unit in view.lidar.field_of_view:
         axes.plot(*sector(unit).T, zorder=1, **VIEW_LINE)
     for at in view.lidar.sensors:
@@ -231,8 +240,13 @@ def window_around(outlines: Sequence[FloatArray]) -> DrawnArea:
     )
 
 
-def legend_handles() -> list[Artist]:
-    """The classes of boxes, and what else is drawn."""
+def qualities(views: Iterable[Snapshot]) -> list[Quality]:
+    """Of the vehicles' boxes, and of people's where a view has some."""
+    return [*QUALITIES, *([PEOPLE] if any(view.are_people.any() for view in views) else [])]
+
+
+def legend_handles(views: Iterable[Snapshot]) -> list[Artist]:
+    """The classes of boxes of some views, and what else is drawn."""
     handles: list[Artist] = [
         Line2D(
             [],
@@ -243,7 +257,7 @@ def legend_handles() -> list[Artist]:
             marker="x" if q.most == 0 else None,
             label=q.name,
         )
-        for q in QUALITIES
+        for q in qualities(views)
     ]
     sensor = Line2D([], [], color="black", marker="^", linestyle="none", label="LiDAR")
     view = Line2D([], [], **VIEW_LINE, label="field of view, range")

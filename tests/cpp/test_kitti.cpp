@@ -240,6 +240,25 @@ TEST(frame_on_disk, counts_what_the_frame_had) {
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "training" / "fields"));
 }
 
+TEST(frame_on_disk, people_are_not_counted_as_vehicles) {
+  Frame frame = small_frame();
+  const FrameCounts vehicles = count(frame);
+  for (const Class person : {Class::kPedestrian, Class::kCyclist}) {
+    ObjectRecord one = frame.objects.front();
+    one.id = static_cast<int>(person);
+    one.object_class = person;
+    one.points = 1000;
+    frame.objects.push_back(one);
+  }
+  const TestFolder folder;
+  create_frame_folders(folder.path(), false);
+  write_frame(folder.path(), 0, frame, {});
+  for (const FrameCounts& counts : {count(frame), read_counts(folder.path(), 0)}) {
+    EXPECT_EQ(counts.vehicles, vehicles.vehicles);
+    EXPECT_EQ(counts.vehicle_points, vehicles.vehicle_points);
+  }
+}
+
 TEST(frame_on_disk, that_is_missing_or_cut_off_is_an_error) {
   const TestFolder folder;
   create_frame_folders(folder.path(), false);

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from evaluation_data import (
     box,
@@ -20,6 +21,7 @@ from evaluation_data import (
 import pyinfra
 from pyinfra.cli import main
 from pyinfra.cli.evaluate import class_types
+from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate
@@ -28,6 +30,8 @@ from pyinfra.metrics.ground_truth import SETS, read_ground_truth
 from pyinfra.metrics.match_results import OBJECT_CLASSES, Settings, block_seconds, contest, judge
 from pyinfra.metrics.matching import Metric
 from pyinfra.metrics.prediction_checks import find_files
+from pyinfra.metrics.scanning_statistics import speed_table
+from pyinfra.viz import clouds
 
 HALF_WIDTH_M = 10.0  # of the road
 FRAMES = 40
@@ -252,6 +256,33 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
         assert inside.any() == (name != "cyclist")  # whose way is 18 m from the line
         assert np.array_equal(inside, own.visibility >= 0)
         assert name == "cyclist" or (own.points > 0).any()
+
+    vehicles = ~np.isin(v.names, kitti.PERSON_TYPES)
+    objects = [len(v.frame[vehicles]) / 3, v.points[vehicles].sum() / 3]
+    assert len(v.frame) / 3 > objects[0]
+    for frames in ("0:3", "1:2"):  # the second counts what is on disk
+        words[-3] = frames
+        again = infrasim("run", "curve", *words, "--set", "traffic.warm_up_s=1", "--out", tmp_path)
+        row = pd.read_csv(tmp_path / "summary.csv").iloc[0]
+        found = [row.vehicles_per_frame, row.vehicle_points_per_frame]
+        assert again.returncode == 0
+        assert found == pytest.approx(objects, rel=1e-4)
+    own = kitti.read_objects(kitti.frame_file(tmp_path / "ruby_plus", "objects", 0))
+    people = np.isin(own.names, kitti.PERSON_TYPES)
+    assert own.points[people].sum() > 0
+    view = clouds.read_snapshot(tmp_path / "ruby_plus", 0)
+    assert view.counts().endswith(f" points, {own.points[~people].sum():,} on vehicles")
+    legend = [handle.get_label() for handle in clouds.legend_handles([view])]
+    assert ("people" in legend) == people.any()
+    speeds = speed_table(read_data_set(tmp_path))
+    assert speeds.samples.sum() == vehicles_of(tmp_path / "trajectories.csv", range(3))
+
+
+def vehicles_of(trajectories: Path, frames: range) -> int:
+    """Rows of vehicles at the starts of some frames."""
+    rows = pd.read_csv(trajectories)
+    at = np.isin(np.round(rows.t * 10), frames)
+    return int((at & ~rows["class"].isin(kitti.PERSON_TYPES)).sum())
 
 
 def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -130,9 +130,12 @@ std::filesystem::path velodyne_file(const std::filesystem::path& lidar_folder, i
 }
 
 FrameCounts count(const Frame& frame) {
-  FrameCounts counts{frame.cloud.size(), frame.objects.size(), 0};
-  for (const ObjectRecord& o : frame.objects)
+  FrameCounts counts{frame.cloud.size(), 0, 0};
+  for (const ObjectRecord& o : frame.objects) {
+    if (!class_of(o.object_class).vehicle) continue;
+    ++counts.vehicles;
     counts.vehicle_points += static_cast<std::size_t>(o.points);
+  }
   return counts;
 }
 
@@ -144,9 +147,14 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
   if (error) throw IoError(cloud.string() + ": can't be read");
   CsvReader csv(lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv"),
                 kObjectColumns, "pitch");
-  for (; csv.next_row(); ++counts.vehicles) {
-    for (int column = 0; column < 10; ++column) csv.cell();
-    counts.vehicle_points += static_cast<std::size_t>(csv.number("points", 0, 1e9));
+  while (csv.next_row()) {
+    csv.cell();  // id
+    const ObjectClass* object_class = find_class(csv.cell());
+    for (int column = 2; column < 10; ++column) csv.cell();
+    const double points = csv.number("points", 0, 1e9);
+    if (object_class != nullptr && !object_class->vehicle) continue;
+    ++counts.vehicles;
+    counts.vehicle_points += static_cast<std::size_t>(points);
   }
   return counts;
 }

@@ -38,7 +38,7 @@ std::string frame_name(int frame);
 
 std::filesystem::path velodyne_file(const std::filesystem::path& lidar_folder, int frame);
 
-/// What one frame adds to the summary of a run.
+/// What one frame adds to the summary of a run; people are no vehicles.
 struct FrameCounts {
   std::size_t hits = 0;
   std::size_t vehicles = 0;

@@ -101,11 +101,12 @@ def _plans(data_sets: Sequence[DataSet]) -> Block:
 
 def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
     """A picture from above for each data set and LiDAR."""
-    panels = []
+    panels, views = [], []
     for data in data_sets:
         frame = frame_of(material, data)
         for folder in folders(material, data):
             view = clouds.read_snapshot(folder, frame)
+            views.append(view)
             title = f"{view.lidar.model}: {view.counts()}"
             title = f"{data.scene}, {data.preset}: {title}" if len(data_sets) > 1 else title
             name = f"above {data.scene} {data.preset} {folder.name}"
@@ -114,13 +115,14 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
         "One frame from above. Boxes of vehicles are darker and more solid the more points they "
         "have; those without a point are crossed out. Dashed: field of view and range."
     )
-    return Figure("figure-sheet", caption, panels, legend=_box_legend(), layout="half", plate=True)
+    legend = _box_legend(views)
+    return Figure("figure-sheet", caption, panels, legend=legend, layout="half", plate=True)
 
 
-def _box_legend() -> list[LegendEntry]:
+def _box_legend(views: Sequence[clouds.Snapshot]) -> list[LegendEntry]:
     return [
         LegendEntry(q.name, svg.line_swatch(q.colour, q.line, "x" if q.most == 0 else ""))
-        for q in clouds.QUALITIES
+        for q in clouds.qualities(views)
     ]
 
 
@@ -201,10 +203,10 @@ def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int
     panels = [_boxes_panel(data, view, run, frame) for run in runs]
     caption = (
         f"Predicted boxes (thick, score {SHOWN_SCORE:g} or more) on frame {frame} of "
-        f"{material.names.model(lidar)}, {data.scene}, preset {data.preset}. Thin: vehicles."
+        f"{material.names.model(lidar)}, {data.scene}, preset {data.preset}. Thin: labels."
     )
     predicted = LegendEntry("predicted", svg.line_swatch(PREDICTED, "-", ""))
-    entries = [predicted, *_box_legend()]
+    entries = [predicted, *_box_legend([view])]
     name = f"figure-boxes-{data.scene}-{data.preset}-{lidar}"
     return Figure(name, caption, panels, None, entries, layout="half", plate=True)
 
