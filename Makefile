@@ -116,7 +116,8 @@ fuzz:
 			build/fuzz/corpus/$$name configs || exit 1; \
 	done
 	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py \
-		tests/python/test_reader_properties.py tests/python/test_core_fuzz.py
+		tests/python/test_reader_properties.py tests/python/test_site_properties.py \
+		tests/python/test_core_fuzz.py
 
 clean:
 	rm -rf build pyinfra/_core*.so

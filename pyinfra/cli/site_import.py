@@ -1,9 +1,9 @@
 """`pyinfra site import FILE --out sites/NAME`: a map of others as a site."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
+from pyinfra.cli.number_option import numbers
 from pyinfra.scenes.maps.map_import import RADIUS_M, ImportOptions, import_map
 
 
@@ -13,24 +13,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=kinds)
     parser.add_argument("--out", type=Path, required=True, help="folder of the site")
     parser.add_argument(
-        "--centre", type=_numbers(2), metavar="X,Y", help="of the site in the map; OSM: lon,lat"
+        "--centre", type=numbers("X,Y"), metavar="X,Y", help="of the site in the map; OSM: lon,lat"
     )
     parser.add_argument(
         "--radius", type=float, default=RADIUS_M, help=f"metres around; default: {RADIUS_M:g}"
     )
     parser.add_argument(
-        "--mount", type=_numbers(4), metavar="X,Y,Z,YAW", help="pole in the site, yaw in degrees"
+        "--mount",
+        type=numbers("X,Y,Z,YAW"),
+        metavar="X,Y,Z,YAW",
+        help="pole in the site, yaw in degrees",
     )
-
-
-def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
-    def numbers(text: str) -> tuple[float, ...]:
-        values = tuple(float(word) for word in text.split(","))
-        if len(values) != count or not all(abs(v) < 1e9 for v in values):
-            raise ValueError
-        return values
-
-    return numbers
 
 
 def run(args: argparse.Namespace) -> int:
@@ -42,6 +35,9 @@ def run(args: argparse.Namespace) -> int:
     print(args.out / "site.yaml" if made.anew else f"{args.out}: the same import is there")
     print(f"{made.lanes} lanes, {made.triangles} triangles")
     print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
+    listed = [f"{len(rows)} {kind}" for kind, rows in made.record["features"].items()]
+    if listed:
+        print(f"features: {', '.join(listed)} (map.yaml)")
     for key in ("guessed", "mended", "not_understood", "network"):
         if made.record[key]:
             print(f"{key.replace('_', ' ')}: {len(made.record[key])} (map.yaml)")

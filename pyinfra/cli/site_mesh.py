@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.number_option import numbers
 from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlace, import_mesh
 
 
@@ -17,14 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--material", choices=MATERIALS, default="structure", help="default: structure")
     add("--up", choices=("y", "z"), default="", help="its upward axis; default: y of glTF, else z")
     add("--scale", type=float, default=1.0, help="metres of its unit; default: 1")
-    add("--offset", type=_place, default=(0.0, 0.0, 0.0), metavar="X,Y,Z", help="m, added last")
-
-
-def _place(text: str) -> tuple[float, float, float]:
-    values = [float(word) for word in text.split(",")]
-    if len(values) != 3 or not all(abs(v) < 1e9 for v in values):
-        raise ValueError
-    return values[0], values[1], values[2]
+    add(
+        "--offset",
+        type=numbers("X,Y,Z"),
+        default=(0.0, 0.0, 0.0),
+        metavar="X,Y,Z",
+        help="m, added last",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

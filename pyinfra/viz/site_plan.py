@@ -12,6 +12,7 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from pyinfra.core.arrays import FloatArray
@@ -27,6 +28,18 @@ COLOURS = {
     "structure": "#8C7B6B",
     "vegetation": "#9CBF94",
     "glass": "#B9D7E8",
+}
+MARKERS = {
+    "bus_stop": ("s", "#0057A8"),
+    "platform": ("s", "#6FA8DC"),
+    "stop_position": ("D", "#6FA8DC"),
+    "crossing": ("$=$", "#222222"),
+    "level_crossing": ("X", "#222222"),
+    "traffic_signals": ("o", "#E69F00"),
+    "traffic_sign": ("v", "#CC79A7"),
+    "stop": ("8", "#B00000"),
+    "give_way": ("v", "#B00000"),
+    "separate_sidewalk": ("_", "#4F6D8A"),
 }
 ARROW_EVERY_M = 25.0
 ARROW_M = 20.0
@@ -94,13 +107,15 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
             axes.add_patch(
                 Circle((tree["x_m"], tree["y_m"]), 2.5, color=COLOURS["vegetation"], zorder=4)
             )
+        features = read_features(folder)
+        _draw_features(axes, features)
         for name, mount in scene["mounts"].items():
             _draw_pole(axes, name, mount)
         _draw_scale(axes, low, float(width))
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set(title=scene["name"], xlabel="x, east (m)", ylabel="y, north (m)")
         handles = [Patch(color=COLOURS[m], label=m) for m in dict.fromkeys(used) if m != "terrain"]
-        clouds.legend_below(figure, handles)
+        clouds.legend_below(figure, [*handles, *_handles_of(features)])
     return figure
 
 
@@ -134,6 +149,38 @@ def _draw_lanes(axes: Axes, lanes: dict[str, FloatArray]) -> None:
     axes.quiver(
         *xy.T, *uv.T, angles="xy", scale_units="xy", scale=0.3, width=0.001, color="0.2", zorder=4
     )
+
+
+def read_features(folder: Path) -> dict[str, FloatArray]:
+    """x y (n, 2) of what map.yaml lists, by kind; none without the file. Raises MapError."""
+    file = folder / "map.yaml"
+    if not file.exists():
+        return {}
+    try:
+        listed = (yaml.safe_load(file.read_text()) or {}).get("features", {})
+        return {
+            str(kind): np.array([(float(row["x_m"]), float(row["y_m"])) for row in rows])
+            for kind, rows in listed.items()
+        }
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise MapError(f"{file}: features: expected lists with x_m and y_m by kind") from error
+
+
+def _draw_features(axes: Axes, features: dict[str, FloatArray]) -> None:
+    for kind, places in features.items():
+        axes.plot(*places.T, linestyle="none", zorder=5, **_look(kind))
+
+
+def _handles_of(features: dict[str, FloatArray]) -> list[Line2D]:
+    return [
+        Line2D([], [], linestyle="none", label=kind.replace("_", " "), **_look(kind))
+        for kind in features
+    ]
+
+
+def _look(kind: str) -> dict[str, Any]:
+    marker, colour = MARKERS.get(kind, (".", "#555555"))
+    return {"marker": marker, "color": colour, "markersize": 4, "markeredgewidth": 0.8}
 
 
 def _draw_pole(axes: Axes, name: str, mount: dict[str, float]) -> None:

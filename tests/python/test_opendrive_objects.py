@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import site_data
 
-from pyinfra.scenes.maps.lane_map import MapBody, SiteMap
+from pyinfra.scenes.maps.lane_map import MapBody, MapError, SiteMap
 from pyinfra.scenes.maps.map_import import Imported, import_map
 from pyinfra.scenes.maps.opendrive import read_opendrive
 
@@ -242,3 +242,35 @@ def test_a_banked_road_lies_as_its_roll_says(tmp_path: Path) -> None:
     lane = next(lane for lane in read_opendrive(file).lanes if lane.name == "road1_0_left1")
     rise, across = lane.left[0] - lane.right[0], 3.5
     assert abs(rise[2]) == pytest.approx(across * math.sin(0.3))
+
+
+@pytest.mark.parametrize("tag", ["signal", "signalReference"])
+@pytest.mark.parametrize("key", ["id", "type", "orientation", "dynamic", "s", "t", "validity"])
+def test_signals_that_the_network_cannot_read_are_left_out_of_it(
+    tmp_path: Path, tag: str, key: str
+) -> None:
+    """The map is taken, whatever of a signal's words is missing or wrong."""
+    whole = {"id": "4", "type": "1", "orientation": "+", "dynamic": "yes", "s": "50", "t": "5"}
+
+    def signal(name: str, words: dict[str, str], inner: str = "") -> str:
+        pairs = " ".join(f'{k}="{v}"' for k, v in words.items())
+        return f"<{name} {pairs}>{inner}</{name}>"
+
+    texts = [
+        signal(tag, {k: v for k, v in whole.items() if k != key}),
+        signal(tag, {**whole, key: ""}),
+    ]
+    if key == "validity":
+        texts = [signal(tag, whole, '<validity fromLane="-1"/>')]
+    if tag == "signalReference":
+        texts += [signal(tag, {**whole, "id": "99"})]
+        texts = [signal("signal", whole) + text for text in texts]
+    for i, text in enumerate(texts):
+        folder = tmp_path / str(i)
+        folder.mkdir()
+        road = site_data.road(1, (0, 0, 0), 100, more=f"<signals>{text}</signals>")
+        if (tag, key, i) in {("signal", "s", 1), ("signal", "t", 1)}:  # no place at all
+            with pytest.raises(MapError, match=f"<signal .*{key}: found ''"):
+                imported(folder, site_data.open_drive(road))
+            continue
+        imported(folder, site_data.open_drive(road))

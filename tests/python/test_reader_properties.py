@@ -6,17 +6,16 @@ FUZZ_SECONDS a reader.
 """
 
 import math
-import os
 import struct
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import LIMIT_S, tried
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.errors import FormatError
@@ -27,27 +26,10 @@ from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
 
-SECONDS = float(os.environ.get("FUZZ_SECONDS", "0"))
-EXAMPLES = 200 if SECONDS else 40
-pytestmark = pytest.mark.timeout(300 + 2 * SECONDS)
+pytestmark = pytest.mark.timeout(LIMIT_S)
 TYPES = {"F4": "<f4", "F8": "<f8", "I2": "<i2", "I4": "<i4", "U1": "<u1", "U2": "<u2", "U4": "<u4"}
 INTENSITIES = ("Intensity", "intensity", "INTENSITY", "i", "Reflectivity", "scalar_Intensity")
 EXTRAS = (("ring", "U2", 1), ("_", "U1", 3), ("_", "U1", 5), ("GpsTime", "F8", 1), ("n", "F4", 3))
-
-
-def tried(examples: Callable[..., None]) -> None:
-    """A property under @given, also for FUZZ_SECONDS."""
-    run = settings(
-        max_examples=EXAMPLES,
-        deadline=None,
-        derandomize=not SECONDS,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )(examples)
-    end = time.monotonic() + SECONDS
-    run()
-    while time.monotonic() < end:
-        run()
 
 
 # --- PCD

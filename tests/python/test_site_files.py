@@ -271,3 +271,23 @@ def test_metres_of_road_are_unknown_where_lanes_are_taken_at_once() -> None:
     metres = covered(both).set_index("scene").covered_m
     assert np.isnan(metres["a"])
     assert metres["b"] == 5
+
+
+def test_a_site_without_its_trajectories_yet_is_checked_but_for_them(
+    infrasim: Infrasim, tmp_path: Path
+) -> None:
+    scene = write_site(tmp_path / "site")
+    file = scene.parent / "trajectories.csv"
+    file.unlink()
+    result = infrasim("check", scene)
+    assert result.returncode == 0
+    assert f"warning: no-trajectories: {file}: not there" in result.stderr
+    for words in (
+        ["check", scene, "--traffic"],
+        ["run", scene, "--lidar", "livox_avia", "--frames", "0:1", "--out", tmp_path / "data"],
+    ):
+        result = infrasim(*words)
+        assert result.returncode == 1
+        assert f"{file}: can't be read: not there; `pyinfra site traffic`" in result.stderr
+    (scene.parent / "lanes.csv").unlink()
+    assert infrasim("check", scene).returncode == 1

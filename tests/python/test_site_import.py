@@ -14,13 +14,13 @@ import pytest
 import site_data
 import yaml
 
-from pyinfra.cli.main import main
+from pyinfra.cli.main import main, make_parser
 from pyinfra.formats.ply import Triangles, degenerate, read_ply
 from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap
 from pyinfra.scenes.maps.map_import import ImportOptions, import_map, lanes_table
 from pyinfra.scenes.maps.mount_guess import guess_pole
 from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
-from pyinfra.scenes.maps.openstreetmap import transverse_mercator
+from pyinfra.scenes.maps.openstreetmap import StreetMap, Way, transverse_mercator
 from pyinfra.scenes.maps.sumo import sumo_folder
 from pyinfra.scenes.maps.surfaces import contains, ears
 from pyinfra.viz.site_plan import plan, read_lanes
@@ -452,3 +452,44 @@ def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
 def test_errors_are_map_errors(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"a\.xodr: found 0 bytes"):
         import_map(write_map(tmp_path, "a.xodr", ""), tmp_path / "s")
+
+
+@pytest.mark.parametrize("value", ["-13,5,6,40", "-1.5e1,-3,6,-90", "-.5,0,6,0"])
+def test_a_list_of_numbers_may_begin_with_a_minus(tmp_path: Path, value: str) -> None:
+    file = write_map(tmp_path, "a.xodr", XODR)
+    words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--centre", "-1000,2000"]
+    assert make_parser(words).parse_args(words).centre == (-1000, 2000)
+    assert main([*words[:-2], "--mount", value]) == 0
+    mount = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
+    assert list(mount.values()) == [float(v) for v in value.split(",")]
+
+
+def test_a_list_of_other_length_is_refused_by_the_names_of_its_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["site", "import", "a.xodr", "--out", str(tmp_path / "s"), "--mount", "-1,2"])
+    assert "--mount: expected numbers X,Y,Z,YAW, got '-1,2'" in capsys.readouterr().err
+
+
+def test_a_centre_in_either_order_is_one_site(tmp_path: Path) -> None:
+    file = write_map(tmp_path, "a.osm", site_data.district())
+    made = [
+        import_map(file, tmp_path / f"s{i}", ImportOptions(centre=centre, radius_m=100))
+        for i, centre in enumerate([(8.4, 49.0), (49.0, 8.4)])
+    ]
+    first, second = ((tmp_path / f"s{i}/lanes.csv").read_text() for i in (0, 1))
+    assert first == second
+    swapped = "--centre is lat,lon: taken as 8.4 east, 49 north"
+    assert [swapped in m.record["guessed"] for m in made] == [False, True]
+
+
+def test_a_centre_that_may_be_of_either_order_is_lon_lat() -> None:
+    """Near the line on which both are one number."""
+    streets = StreetMap(
+        nodes={"1": (8.40, 8.41), "2": (8.42, 8.43)},
+        ways=[Way("1", ["1", "2"], {"highway": "primary"})],
+    )
+    assert streets.place_of((8.41, 8.42)) == ((8.41, 8.42), False)
+    assert streets.place_of((8.42, 8.41)) == ((8.42, 8.41), False)
+    assert streets.place_of((0.0, 1.0)) == ((0.0, 1.0), False)  # nowhere in the map

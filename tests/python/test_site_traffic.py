@@ -226,6 +226,16 @@ def test_duration_is_added_where_there_is_none(tmp_path: Path) -> None:
     assert (tmp_path / "site.yaml").read_text() == data.SITE + "duration_s: 30\n"
 
 
+def test_a_map_whose_ends_no_route_joins_has_traffic_between_its_edges(folder: Path) -> None:
+    found = simulate(data.closed(folder / "closed"), data.FOOT, Demand(600), 60, seed=1)
+    near = [track for track in found.tracks if np.hypot(*track.states[:, :2].T).min() < 60]
+    assert near
+    for track in near:  # it drives by: it neither begins nor ends in the region
+        ends = track.states[[0, -1], :2] - data.FOOT[0]
+        inside = np.hypot(*ends.T) < 100
+        assert not (inside & [track.first > 0, track.first + len(track.states) < 600]).any()
+
+
 def test_few_vehicles_are_a_file_that_starts_with_the_first(folder: Path) -> None:
     net = data.crossing(folder / "lonely")
     found = simulate(net, data.FOOT, Demand(40), 200, seed=4)

@@ -39,6 +39,22 @@ def roundabout(folder: Path, radius_m: float = 18) -> Path:
     return _converted(folder, nodes, edges)
 
 
+def closed(folder: Path) -> Path:
+    """A square of streets through the region, and one dead end beyond it: no two ends to join."""
+    corners = {
+        "a": (-150, -20),
+        "b": (250, -20),
+        "c": (250, 300),
+        "d": (-150, 300),
+        "x": (400, 300),
+    }
+    nodes = [f'<node id="{n}" x="{x}" y="{y}"/>' for n, (x, y) in corners.items()]
+    edges = [
+        _edge(f"{i}{j}", i, j) + _edge(f"{j}{i}", j, i) for i, j in ("ab", "bc", "cd", "da", "cx")
+    ]
+    return _converted(folder, nodes, edges)
+
+
 def _edge(name: str, start: str, end: str, *, lanes: int = 2, more: str = "") -> str:
     speed = 8 if name[0] == "q" else 13.9
     ends = f'from="{start}" to="{end}"'

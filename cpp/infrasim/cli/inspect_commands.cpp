@@ -65,10 +65,20 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
 SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o,
                           std::set<std::string>& findings) {
   std::vector<SceneConfig> driven;
+  // A site that was just imported has no traffic yet, but all else can be checked.
+  const auto lacks_trajectories = [&](const SceneConfig& scene) {
+    const std::filesystem::path recorded = scene.folder / scene.trajectories;
+    if (scene.traffic || std::filesystem::exists(recorded)) return false;
+    findings.insert("no-trajectories: " + recorded.string() +
+                    ": not there, so no vehicles are checked: `pyinfra site traffic` or `pyinfra "
+                    "site trajectories` writes it");
+    return true;
+  };
   const auto checked = [&](const std::string& preset) {
     SceneConfig scene = read_scene(file, o.assignments, preset);
-    const bool drive = std::ranges::none_of(
+    const bool known = std::ranges::any_of(
         driven, [&](const SceneConfig& other) { return move_alike(scene, other); });
+    const bool drive = !known && (o.traffic || !lacks_trajectories(scene));
     check_worlds(scene, drive);
     for (const std::string& line : flat_triangles(scene)) findings.insert(line);
     if (o.traffic && drive) check_traffic(file, scene);

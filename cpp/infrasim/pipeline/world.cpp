@@ -20,6 +20,10 @@ constexpr double kChecked_s = 60;  // of simulated traffic
 
 Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
+  if (!std::filesystem::exists(file))
+    throw IoError(file.string() +
+                  ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
+                  "trajectories` writes the file of a site");
   Trajectories trajectories = read_trajectories(file);
   const int frames = frame_count(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.frames() < frames)

@@ -60,6 +60,17 @@ class MapTree:
     base_m: float | None = None
 
 
+@dataclass(frozen=True)
+class MapFeature:
+    """What is listed and drawn as what it is, and has no surface: a stop, a crossing, a signal."""
+
+    kind: str
+    source: str  # the map's own name of it
+    x_m: float
+    y_m: float
+    tags: dict[str, str] = field(default_factory=dict)
+
+
 @dataclass
 class SiteMap:
     """What was read of a map, and what was made of it."""
@@ -70,6 +81,7 @@ class SiteMap:
     junctions: list[tuple[int, float, float]] = field(default_factory=list)  # ways through, x, y
     bodies: list[MapBody] = field(default_factory=list)
     trees: list[MapTree] = field(default_factory=list)
+    features: list[MapFeature] = field(default_factory=list)
     covered_m: float = -np.inf  # what lies deeper is below the terrain
     guessed: list[str] = field(default_factory=list)
     mended: list[str] = field(default_factory=list)

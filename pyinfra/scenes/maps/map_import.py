@@ -17,7 +17,7 @@ import yaml
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import new_folder, write
 from pyinfra.formats.ply import Triangles, write_ply
-from pyinfra.scenes.maps import openstreetmap, osm_levels
+from pyinfra.scenes.maps import openstreetmap, osm_features, osm_levels
 from pyinfra.scenes.maps.disagreements import disagreements
 from pyinfra.scenes.maps.lane_map import (
     NARROWEST_M,
@@ -29,7 +29,7 @@ from pyinfra.scenes.maps.lane_map import (
     with_own_names,
 )
 from pyinfra.scenes.maps.mount_guess import HEIGHT_M, Pole, guess_pole
-from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert
+from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert, without_sidewalk
 from pyinfra.scenes.maps.network import KERB_M, read_network
 from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.opendrive_mending import mended_for_netconvert
@@ -45,14 +45,14 @@ PACKED = (".gz", ".bz2")
 CONVERTED = {".pbf": "osmium cat {0} -o {1}.osm.gz", ".o5m": "osmconvert {0} -o={1}.osm"}
 NETWORK = "map.net.xml"
 RECORD = "map.yaml"
-VERSION = 2  # of what an import makes
+VERSION = 3  # of what an import makes
 
 
 @dataclass(frozen=True)
 class ImportOptions:
     """What a user may say about an import."""
 
-    centre: tuple[float, float] | None = None  # x, y of the map; lon, lat of OSM
+    centre: tuple[float, float] | None = None  # x, y of the map; lon, lat (or lat, lon) of OSM
     radius_m: float = RADIUS_M
     mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
     duration_s: float = 500.0
@@ -104,7 +104,8 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             "triangles": sum(len(m.faces) for m in meshes.values()),
         }
         lists = {k: getattr(found, k) for k in ("guessed", "mended", "not_understood")}
-        record = {**identity, **origin, **counts, "pole": asdict(pole), **lists}
+        record = {**identity, **origin, **counts, "pole": asdict(pole)}
+        record |= {"features": _listed(found), **lists}
         write(folder / RECORD, _yaml(record))
     return Imported(counts["lanes"], counts["triangles"], pole, record, True)
 
@@ -162,6 +163,15 @@ def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
     return out
 
 
+def _listed(found: SiteMap) -> dict[str, list[dict[str, Any]]]:
+    """Features by kind, each with the map's name of it and its place."""
+    by_kind: dict[str, list[dict[str, Any]]] = {}
+    for each in found.features:
+        place = {"x_m": round(each.x_m, 2), "y_m": round(each.y_m, 2)}
+        by_kind.setdefault(each.kind, []).append({"id": each.source, **place, **each.tags})
+    return dict(sorted(by_kind.items()))
+
+
 def _said(options: ImportOptions) -> dict[str, Any]:
     return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()}
 
@@ -192,6 +202,7 @@ def _from_opendrive(
         replace(t, x_m=t.x_m - x, y_m=t.y_m - y, base_m=None if t.base_m is None else t.base_m - z)
         for t in found.trees
     ]
+    found.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in found.features]
     _cut(found, options.radius_m, file)
     readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
     found.not_understood += changed
@@ -222,9 +233,9 @@ def _from_osm(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
     streets = openstreetmap.read_street_map(file)
-    centre = options.centre or streets.middle()
+    centre, turned = streets.place_of(options.centre)
     if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
-        raise MapError(f"{file}: --centre: found {centre}, allowed lon,lat in degrees")
+        raise MapError(f"{file}: --centre: expected lon,lat in degrees, got {centre}")
     levels = osm_levels.find_levels(streets, centre, options.radius_m)
     source = file
     if levels.heights or streets.deleted or streets.rearranged:
@@ -235,14 +246,22 @@ def _from_osm(
     wide = reach / max(0.05, math.cos(math.radians(lat)))
     box = f"{lon - wide},{lat - reach},{lon + wide},{lat + reach}"
     projection = f"+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +ellps=WGS84 +units=m +no_defs"
-    arguments = ["--osm-files", str(source), *OSM, "--proj", projection]
+    bare = osm_features.edges_without_sidewalk(streets)
+    arguments = without_sidewalk(bare, scratch / "sidewalks.netccfg")
+    arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
     arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
     warnings = netconvert(file, arguments, folder / NETWORK)
     found = read_network(folder / NETWORK)
     _cut(found, options.radius_m, file)
     found.areas, found.junctions = _near(found, options.radius_m)
+    found.features = list(osm_features.features(streets, centre, options.radius_m))
+    found.lanes = osm_features.without_kerb_at_crossings(found.lanes, streets)
     openstreetmap.add_surroundings(found, streets, centre, options.radius_m)
     found.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
+    if turned:
+        found.guessed.append(
+            f"--centre is lat,lon: taken as {centre[0]:g} east, {centre[1]:g} north"
+        )
     found.not_understood += levels.flat
     if levels.crossings:
         found.covered_m = osm_levels.COVERED_M
@@ -297,6 +316,7 @@ def _cut(found: SiteMap, radius_m: float, file: Path) -> None:
         raise MapError(f"{file}: found no lane for vehicles within {radius_m:g} m of the centre")
     found.bodies = [b for b in found.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
     found.trees = [t for t in found.trees if math.hypot(t.x_m, t.y_m) <= radius_m]
+    found.features = [f for f in found.features if math.hypot(f.x_m, f.y_m) <= radius_m]
     found.footways = [f for f in found.footways if np.hypot(*f[:, :2].T).min() <= radius_m]
 
 

@@ -3,6 +3,7 @@
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.sumo import run_tool
@@ -14,6 +15,19 @@ OSM = (
     "--osm.elevation --geometry.remove --roundabouts.guess --ramps.guess --junctions.join "
     "--tls.guess-signals --tls.discard-simple --tls.join --sidewalks.guess --crossings.guess"
 ).split()
+
+
+def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
+    """Arguments by which no sidewalk is guessed at edges; the file takes what no command line may.
+
+    Those that a map names are imported.
+    """
+    if not edges:
+        return ["--osm.sidewalks"]
+    names = quoteattr(",".join(edges))
+    text = f"<configuration><sidewalks.guess.exclude value={names}/></configuration>"
+    file.write_text(text, encoding="utf-8")
+    return ["-c", str(file), "--osm.sidewalks"]
 
 
 def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:

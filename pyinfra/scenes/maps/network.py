@@ -12,6 +12,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import (
     SHORTEST_M,
     MapError,
+    MapFeature,
     MapLane,
     SiteMap,
     lane_name,
@@ -60,8 +61,11 @@ def shape_of(text: str, where: str) -> FloatArray:
 
 def _read_edge(edge: Element, found: SiteMap) -> None:
     function = edge.get("function", "normal")
-    if function == "crossing":
-        return  # paint on the junction
+    if function == "crossing":  # paint on the junction
+        for lane in edge.iterfind("lane"):
+            x, y, _ = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}").mean(0).tolist()
+            found.features.append(MapFeature("crossing", f"edge {edge.get('id')}", x, y))
+        return
     for lane in edge.iterfind("lane"):
         name = lane_name("lane", lane.get("id") or "")
         shape = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}")
@@ -147,6 +151,9 @@ def _is_for(lane: Element, users: frozenset[str]) -> bool:
 def _read_junction(node: Element, found: SiteMap) -> None:
     if node.get("type") in {"internal", "dead_end"}:
         return
+    if node.get("type", "").startswith("traffic_light"):
+        x, y = number(node, "x", 0.0), number(node, "y", 0.0)
+        found.features.append(MapFeature("traffic_signals", f"junction {node.get('id')}", x, y))
     shape = shape_of(node.get("shape", ""), f"junction {node.get('id')}")
     if len(shape) < 3:
         return

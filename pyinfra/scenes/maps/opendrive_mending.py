@@ -44,21 +44,45 @@ def _straightened(root: Element) -> list[str]:
     return notes
 
 
+_NEEDED = {
+    "signal": ("id", "type", "orientation", "dynamic", "s"),
+    "signalReference": ("id", "orientation", "s"),
+}
+
+
 def _signals(root: Element) -> list[str]:
-    """Signals without a type, an id or a place tell the network nothing."""
+    """Signals without what netconvert asks of them, and references to such, are left out."""
     notes = []
-    for road in root.iterfind("road"):
-        for signals in road.iterfind("signals"):
-            for signal in list(signals):
-                needed = ("id", "type") if signal.tag == "signal" else ("id",)
-                lacks = [key for key in needed if not (signal.get(key) or "").strip()]
-                if lacks:
+    kept = set[str]()
+    for tag in ("signal", "signalReference"):
+        for road in root.iterfind("road"):
+            for signals in road.iterfind("signals"):
+                for signal in signals.findall(tag):
+                    name = signal.get("id") or ""
+                    why = _lack(signal)
+                    if not why and tag == "signalReference" and name not in kept:
+                        why = "no such signal in the network"
+                    if not why:
+                        kept.add(name)
+                        continue
                     signals.remove(signal)
-                    notes.append(
-                        f"road {road.get('id')}: {signal.tag} {signal.get('id')}: {lacks[0]} is "
-                        "empty: not in the network"
-                    )
+                    of = f"road {road.get('id')}: {tag} {signal.get('id')}"
+                    notes.append(f"{of}: {why}: not in the network")
     return notes
+
+
+def _lack(signal: Element) -> str:
+    """What netconvert would refuse of a signal; empty: nothing."""
+    for key in _NEEDED[signal.tag]:
+        if not (signal.get(key) or "").strip():
+            return f"{key} is empty"
+    try:
+        float(signal.get("s", ""))
+        for validity in signal.iterfind("validity"):
+            int(validity.get("fromLane", "")), int(validity.get("toLane", ""))
+    except ValueError:
+        return "s or validity is no number"
+    return ""
 
 
 def _junctions(root: Element) -> list[str]:

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.lane_map import MapBody, MapTree, SiteMap
+from pyinfra.scenes.maps.lane_map import MapBody, MapFeature, MapTree, SiteMap
 from pyinfra.scenes.maps.opendrive_geometry import OpenDriveRoad, number
 from pyinfra.scenes.maps.openstreetmap import crosses_itself
 
@@ -38,10 +38,18 @@ def read_objects(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
     """All objects and signals of a road."""
     for thing in node.iterfind("objects/object"):
         _read_object(road, thing, found)
+    marks = [n for n in node.iterfind("objects/object") if _is_mark(n)]
+    if marks:
+        found.not_understood.append(f"road {road.id}: {len(marks)} objects of road marks: left out")
     for signal in node.iterfind("signals/signal"):
         s, t = (number(signal, k, 0.0) for k in "st")
         top = number(signal, "zOffset", 0.0) + number(signal, "height", 0.0)
         found.bodies.append(_box(road, (s, t), signal, (0.15, 0.15, max(top, 2.0)), 0.0))
+        x, y, _ = road.places(np.array([s]), np.array([t]))[0].tolist()
+        kind = "traffic_signals" if signal.get("dynamic") == "yes" else "traffic_sign"
+        tags = {k: v for k in ("name", "type", "country") if (v := signal.get(k, ""))}
+        signal_name = f"road {road.id}: signal {signal.get('id')}"
+        found.features.append(MapFeature(kind, signal_name, x, y, tags))
     for tag in ("tunnel", "bridge", "objectReference"):
         for thing in node.iterfind(f"objects/{tag}"):
             at = number(thing, "s", 0.0)
@@ -55,6 +63,12 @@ def read_objects(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
             found.not_understood.append(f"road {road.id}: {tag}: left out")
 
 
+def _is_mark(node: Element) -> bool:
+    """Lines of paint, as CARLA's maps have them."""
+    name = node.get("name", "").lower()
+    return node.get("type") != "crosswalk" and name.startswith(("solid", "dashed"))
+
+
 def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
     s, t = (number(node, k, 0.0) for k in "st")
     type_ = node.get("type") or "none"
@@ -63,8 +77,13 @@ def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
     def leave_out(why: str) -> None:
         found.not_understood.append(f"{where}: {why}")
 
-    if type_ == "crosswalk" or node.get("name", "").lower().startswith(("solid", "dashed")):
-        return  # paint of no height
+    if type_ == "crosswalk":  # paint of no height
+        x, y, _ = road.places(np.array([s]), np.array([t]))[0].tolist()
+        name = f"road {road.id}: object {node.get('id')}"
+        found.features.append(MapFeature("crossing", name, x, y))
+        return
+    if _is_mark(node):
+        return  # counted by read_objects
     if type_ in PAINT or type_ in MOVERS:
         leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
         return
@@ -202,8 +221,7 @@ def _box(
     length, width, height = size
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (length / 2, width / 2)
     xy, z = _in_world(road, at, node, corners)
-    hangs = base > OVERHEAD_M
-    return MapBody(xy, height, z + (base if hangs else min(0.0, base)), hangs)
+    return MapBody(xy, height, z + base, base > OVERHEAD_M)
 
 
 def _in_world(

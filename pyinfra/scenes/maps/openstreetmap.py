@@ -20,6 +20,7 @@ from pyinfra.scenes.maps.lane_map import MapBody, MapError, MapTree, SiteMap
 LEVEL_M = 3.0
 HOUSE_M = 6.0  # high, if the map does not say
 TREE_M = 9.0
+BESIDE_DEG = 0.05  # of the roads, for a centre
 _FLATTENING = 1 / 298.257223563  # WGS 84
 _RADIUS_M = 6378137.0
 
@@ -54,6 +55,7 @@ def _kruger(lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(radius * east), np.asarray(radius * north)
 
 
+AT_STREETS = frozenset("highway railway public_transport traffic_sign".split())
 RAILWAYS = frozenset("rail light_rail tram subway narrow_gauge monorail".split())
 
 
@@ -74,6 +76,8 @@ class StreetMap:
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
     trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     ways: list[Way] = field(default_factory=list)
+    things: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # nodes at streets
+    lines: list[Way] = field(default_factory=list)  # platforms
     others: list[str] = field(default_factory=list)
     with_heights: set[str] = field(default_factory=set)  # nodes with `ele`
     deleted: int = 0  # elements that an editor marked
@@ -83,12 +87,22 @@ class StreetMap:
         """Nodes of roads that have a place."""
         return [i for w in self.ways if "highway" in w.tags for i in w.nodes if i in self.nodes]
 
-    def middle(self) -> tuple[float, float]:
-        """lon, lat of the middle of all highways' nodes."""
-        ids = self.of_highways()
-        places = np.array([self.nodes[i] for i in ids]).reshape(-1, 2)
+    def place_of(self, centre: tuple[float, float] | None) -> tuple[tuple[float, float], bool]:
+        """A user's centre as lon, lat, and whether it was lat, lon; without one the map's middle.
+
+        It was if the map's roads are there and not at the place that lon, lat say.
+        """
+        places = np.array([self.nodes[i] for i in self.of_highways()]).reshape(-1, 2)
         low, high = places.min(0), places.max(0)
-        return float((low + high)[0] / 2), float((low + high)[1] / 2)
+        if centre is None:
+            return (float((low + high)[0] / 2), float((low + high)[1] / 2)), False
+
+        def is_in_map(place: tuple[float, float]) -> bool:
+            return bool((place >= low - BESIDE_DEG).all() and (place <= high + BESIDE_DEG).all())
+
+        swapped = (centre[1], centre[0])
+        turned = is_in_map(swapped) and not is_in_map(centre)
+        return (swapped if turned else centre), turned
 
 
 def opened(file: Path) -> Any:
@@ -144,6 +158,10 @@ def _read_element(node: Element, found: StreetMap, file: Path) -> None:
             found.with_heights.add(name)
         if tags.get("natural") == "tree":
             found.trees.append((name, tags))
+        elif not AT_STREETS.isdisjoint(tags):
+            found.things.append((name, tags))
+        elif tags.get("barrier"):
+            found.others.append(f"node {name}: {tags['barrier']}, left out")
     elif node.tag == "way":
         ids = [nd.get("ref", "") for nd in node.iterfind("nd")]
         for nd in node.iterfind("nd"):
@@ -154,6 +172,8 @@ def _read_element(node: Element, found: StreetMap, file: Path) -> None:
             found.houses.append((name, ids, tags))
         elif "highway" in tags or tags.get("railway") in RAILWAYS:
             found.ways.append(Way(name, ids, tags))
+        elif "platform" in (tags.get("public_transport"), tags.get("railway")):
+            found.lines.append(Way(name, ids, tags))
         elif tags.get("barrier") or tags.get("natural") == "tree_row":
             kind = tags.get("barrier") or "tree_row"
             found.others.append(f"way {name}: {kind}, left out")

@@ -140,12 +140,33 @@ _MANNERS = {
 
 
 def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
-    """Routes from outside the region, through it, to outside; ends of the map where it has them."""
-    starts, ends = _ends(net, feet, sumo_class)
+    """Routes from outside the region, through it, to outside; ends of the map where it has them.
+
+    A map whose ends no route through the region joins has traffic from any edge far enough away.
+    """
+    routes: list[tuple[list[str], int]] = []
+    ends = _ends(net, feet, sumo_class)
+    for starts, goals in (ends, _far_edges(net, feet, sumo_class)):
+        routes = routes or _routes(net, feet, sumo_class, rng, (starts, goals))
+    if not routes:
+        raise ValueError(_too_small(net, feet, sumo_class))
+    weights = np.array([weight for _, weight in routes])
+    return _Ways([way for way, _ in routes], weights / weights.sum())
+
+
+def _routes(
+    net: RoadNet,
+    feet: FloatArray,
+    sumo_class: str,
+    rng: np.random.Generator,
+    between: tuple[list[Edge], list[Edge]],
+) -> list[tuple[list[str], int]]:
+    """The fastest route of each start and end through the region, and its weight."""
+    starts, ends = between
     if len(starts) > _MOST_SOURCES:
         starts = [starts[i] for i in sorted(rng.choice(len(starts), _MOST_SOURCES, replace=False))]
     inside = {e.name for e in net.edges.values() if _distance(e.marks, feet) < REGION_M}
-    routes, weights = [], []
+    routes = []
     for start in starts:
         reached = net.routes_from(start, sumo_class)
         for end in ends:
@@ -154,25 +175,27 @@ def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Genera
                 continue
             if end.start == start.end and end.end == start.start:
                 continue  # there and back
-            routes.append(way)
-            weights.append(start.lanes_for(sumo_class) * end.lanes_for(sumo_class))
-    if not routes:
-        raise ValueError(_too_small(net, feet, sumo_class))
-    return _Ways(routes, np.array(weights) / sum(weights))
+            routes.append((way, start.lanes_for(sumo_class) * end.lanes_for(sumo_class)))
+    return routes
+
+
+def _is_far(point: FloatArray, feet: FloatArray) -> bool:
+    return _distance(point[None], feet) >= REGION_M + MARGIN_M
+
+
+def _far_edges(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
+    """Edges that begin, and those that end, far enough away."""
+    every = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
+    starts = [e for e in every if _is_far(e.shape[0], feet)]
+    return starts, [e for e in every if _is_far(e.shape[-1], feet)]
 
 
 def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
     """Edges where trips begin and end: of the map's ends, else any far enough away."""
-
-    def far(point: FloatArray) -> bool:
-        return _distance(point[None], feet) >= REGION_M + MARGIN_M
-
-    starts = [e for e in net.sources(sumo_class) if far(e.shape[0])]
-    ends = [e for e in net.sinks(sumo_class) if far(e.shape[-1])]
+    starts = [e for e in net.sources(sumo_class) if _is_far(e.shape[0], feet)]
+    ends = [e for e in net.sinks(sumo_class) if _is_far(e.shape[-1], feet)]
     if not starts or not ends or sumo_class == "pedestrian":
-        every = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
-        starts = [e for e in every if far(e.shape[0])]
-        ends = [e for e in every if far(e.shape[-1])]
+        return _far_edges(net, feet, sumo_class)
     return starts, ends
 
 
@@ -187,8 +210,14 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
     if not edges:
         return f"the map: found no road for class '{sumo_class}', allowed maps that have one"
     far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
+    starts, ends = (len(some) for some in _far_edges(net, feet, sumo_class))
+    why = (
+        f"{starts} edges begin and {ends} end there"
+        if starts and ends
+        else f"it reaches {far:.0f} m"
+    )
     return (
         f"the map: found no way for class '{sumo_class}' from {reach:.0f} m outside the mount's "
-        f"foot, through the region, to {reach:.0f} m outside (it reaches {far:.0f} m), allowed "
-        "maps with such ways: nothing may appear or vanish inside"
+        f"foot, through the region, to {reach:.0f} m outside ({why}), allowed maps with such ways: "
+        "nothing may appear or vanish inside; import more of the map, or move the mount"
     )

@@ -1,0 +1,19 @@
+"""Options that are lists of numbers, as `--mount X,Y,Z,YAW`."""
+
+import argparse
+from collections.abc import Callable
+
+
+def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
+    """Of an option: as many numbers as names, with commas between."""
+
+    def read(text: str) -> tuple[float, ...]:
+        try:
+            values = tuple(float(word) for word in text.split(","))
+        except ValueError:
+            values = ()
+        if len(values) != len(names.split(",")) or not all(abs(v) < 1e9 for v in values):
+            raise argparse.ArgumentTypeError(f"expected numbers {names}, got '{text[:60]}'")
+        return values
+
+    return read

@@ -1,0 +1,93 @@
+"""What OpenStreetMap says of streets beside their lanes: stops, signals, crossings, sidewalks.
+
+They are listed as what they are; signals and crossings of the network are SUMO's own guess.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pyinfra.scenes.maps.lane_map import MapFeature, MapLane
+from pyinfra.scenes.maps.openstreetmap import StreetMap, transverse_mercator
+
+KEPT_TAGS = ("name", "crossing", "crossing:markings", "shelter", "direction", "local_ref")
+_NONE = frozenset({"no", "none"})
+_CROSSED_BY = ("footway", "cycleway", "path")
+
+
+def kind_of(tags: dict[str, str]) -> str:
+    """bus_stop, crossing, traffic_signals and what else stands at a street; empty: none of them."""
+    highway, railway = tags.get("highway", ""), tags.get("railway", "")
+    transport = tags.get("public_transport", "")
+    if highway == "bus_stop" or transport == "platform" or railway == "platform":
+        return "bus_stop" if highway == "bus_stop" or tags.get("bus") == "yes" else "platform"
+    if "crossing" in (highway, *(tags.get(key, "") for key in _CROSSED_BY)):
+        return "crossing"
+    if railway in ("level_crossing", "crossing"):
+        return "level_crossing"
+    if transport == "stop_position" or railway == "tram_stop":
+        return "stop_position"
+    if highway in ("traffic_signals", "stop", "give_way", "street_lamp", "speed_camera"):
+        return highway
+    return "traffic_sign" if "traffic_sign" in tags else ""
+
+
+def sides_without(tags: dict[str, str]) -> dict[str, str]:
+    """Sides of a road (left, right) on which there is no sidewalk, or one with a way of its own."""
+    whole = tags.get("sidewalk", "")
+    found = {}
+    for side, other in (("left", "right"), ("right", "left")):
+        said = tags.get(f"sidewalk:{side}") or tags.get("sidewalk:both") or whole
+        said = "no" if said == other else said
+        if said in _NONE or said == "separate":
+            found[side] = "no" if said in _NONE else said
+    return found
+
+
+def edges_without_sidewalk(map_: StreetMap) -> list[str]:
+    """Names that netconvert may give to edges at which the map says that no sidewalk is."""
+    names = []
+    for way in map_.ways:
+        if "highway" not in way.tags:
+            continue
+        for side in sides_without(way.tags):
+            edge = way.id if side == "right" else f"-{way.id}"
+            names += [edge, *(f"{edge}#{k}" for k in range(max(len(way.nodes) - 1, 0)))]
+    return names
+
+
+def features(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> Iterator[MapFeature]:
+    """All within the radius, by kind; of ways the middle."""
+    elements = [(f"node {i}", [i], tags, kind_of(tags)) for i, tags in map_.things]
+    for way in (*map_.lines, *map_.ways):
+        kind = kind_of(way.tags)
+        if not kind and "highway" in way.tags and "separate" in sides_without(way.tags).values():
+            kind = "separate_sidewalk"
+        elements.append((f"way {way.id}", way.nodes, way.tags, kind))
+    for source, ids, tags, kind in elements:
+        places = [map_.nodes[i] for i in ids if i in map_.nodes]
+        if not kind or not places:
+            continue
+        xy = transverse_mercator(np.array(places), centre)
+        x, y = ((xy.min(0) + xy.max(0)) / 2).tolist()
+        if math.hypot(x, y) <= radius_m:
+            kept = {k: tags[k] for k in KEPT_TAGS if k in tags}
+            if kind == "separate_sidewalk":
+                kept = {k: v for k, v in tags.items() if k.startswith("sidewalk")}
+            yield MapFeature(kind, source, x, y, kept)
+
+
+def without_kerb_at_crossings(lanes: list[MapLane], map_: StreetMap) -> list[MapLane]:
+    """The lanes; those of ways that cross a street lie on it."""
+    crossing = {way.id.lstrip("-") for way in map_.ways if kind_of(way.tags) == "crossing"}
+
+    def is_crossing(lane: MapLane) -> bool:
+        match = re.match(r"lane_-{0,2}(\d+)_", lane.name)
+        return lane.kind == "sidewalk" and match is not None and match[1] in crossing
+
+    return [replace(lane, kerb_m=0.0) if is_crossing(lane) else lane for lane in lanes]
