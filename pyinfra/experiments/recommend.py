@@ -139,11 +139,12 @@ def sentence(option: Option, wish: Wish) -> str:
     near = f" within {option.range_m:g} m" if option.range_m >= 0 else ""
     recall = option.recall
     ends = f" [{recall.low:.0f}, {recall.high:.0f}]" if recall.is_known else ""
-    of_them = f"{recall.value:.0f} %{ends} of them are found at any score; "
+    of = "all vehicles" if option.whole == "present" else COUNTED[option.whole]
+    recalled = f"finds {recall.value:.0f} %{ends} of {of}, at any score; "
     return (
         f"{option.name}: {option.ap_name} of {COUNTED[option.whole]}{near} "
         f"{with_interval(option.ap_whole)}, {found}{visible}of the vehicles it captures "
-        f"{with_interval(option.ap)}; {of_them if recall.value >= 0 else ''}"
+        f"{with_interval(option.ap)}; {recalled if recall.value >= 0 else ''}"
         f"{price(option, wish)}; {covered_road(option, wish)}{latency(option)}"
     )
 

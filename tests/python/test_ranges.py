@@ -120,12 +120,12 @@ def test_ap_recall_and_coverage_are_those_of_the_range(
     far = said(capsys, results, "--budget", 8000)[1]
     assert far.startswith(f"1. {NEAR} with pointpillars: AP (R1000) of all visible vehicles within")
     assert "within 100 m 94.0 [93.0, 95.0]" in far
-    assert "; 60 % [50, 70] of them are found at any score; " in far
+    assert "; finds 60 % [50, 70] of all visible vehicles, at any score; " in far
     assert "on 40 [20 to 60] of 200 m of road" in far
     lines = said(capsys, results, "--budget", 8000, "--range", 60)
     assert lines[1].startswith(f"1. {FAR} with ")
     assert "within 60 m 95.0 [94.0, 96.0], of the vehicles it captures 95.0" in lines[1]
-    assert "; 56 % [50, 70] of them are found at any score; " in lines[1]
+    assert "; finds 56 % [50, 70] of all visible vehicles, at any score; " in lines[1]
     assert "on 40 [20 to 60] of 120 m of road" in lines[1]
     assert f"Left out: {NEAR} with pv-rcnn: AP 70.0 of all visible vehicles." in lines
     # The difference of the first two is that of the range, too.
