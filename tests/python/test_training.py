@@ -496,8 +496,9 @@ def test_detect_writes_results_that_evaluate_reads(
     words = ["detect", str(trained), "--data", str(lidar_folder), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
     assert "4 frames" in capsys.readouterr().out
-    names = sorted(file.name for file in (tmp_path / "pred").iterdir())
+    names = sorted(file.name for file in (tmp_path / "pred").glob("*.txt"))
     assert names == [f"{k:06d}.txt" for k in range(8, FRAMES)]
+    assert (tmp_path / "pred/origin.yaml").is_file()
     for name in names:
         kitti.read_labels(tmp_path / "pred" / name, scores=True)
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
@@ -73,7 +74,7 @@ void keep_mounts(SceneConfig& scene, std::vector<std::string> names) {
   if (!names.empty())
     throw ConfigError("--mount: expected some of " + known + ", each once, got '" + names.front() +
                       "'");
-  scene.mounts = kept;
+  scene.mounts = std::move(kept);
 }
 
 RunRequest request_of(const RunOptions& o) {
