@@ -60,7 +60,7 @@ def predictions(folder: Path) -> Path:
 
 
 def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
-    """By ground truth the integrated correlation of the frames' influence on fine AP, seconds."""
+    """Integrated correlation of the frames' influence on AP (R1000), seconds, by ground truth."""
     frames = frame_numbers(folder)
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pyinfra.api import benchmark, export, import_map, import_recording, train
     from pyinfra.core.errors import Error
     from pyinfra.core.version import __version__
-    from pyinfra.dataset.frame_sequence import load_dataset, load_lidar, load_scene, simulate
+    from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.evaluate import evaluate
     from pyinfra.metrics.match_results import Settings
@@ -35,12 +35,12 @@ _MODULES = {
     "export": "pyinfra.api",
     "import_map": "pyinfra.api",
     "import_recording": "pyinfra.api",
-    "load_dataset": "pyinfra.dataset.frame_sequence",
+    "load_dataset": "pyinfra.dataset.loading",
     "load_detector": "pyinfra.models.inference.boxes_table",
-    "load_lidar": "pyinfra.dataset.frame_sequence",
-    "load_scene": "pyinfra.dataset.frame_sequence",
+    "load_lidar": "pyinfra.dataset.loading",
+    "load_scene": "pyinfra.dataset.loading",
     "plot_frame": "pyinfra.viz.frame_plot",
-    "simulate": "pyinfra.dataset.frame_sequence",
+    "simulate": "pyinfra.dataset.loading",
     "train": "pyinfra.api",
 }
 

@@ -15,7 +15,8 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name, suggestion
 from pyinfra.dataset.catalogue import configs
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, load_dataset
+from pyinfra.dataset.frame_sequence import RecordedFrames
+from pyinfra.dataset.loading import load_dataset, one_lidar
 
 if TYPE_CHECKING:
     from pyinfra.models.inference.boxes_table import TrainedDetector
@@ -115,7 +116,7 @@ def export(frames: RecordedFrames | StrPath, format: str, out: StrPath) -> Path:
     from pyinfra.exchange.formats import EXPORTS
 
     _known("format", format, EXPORTS)
-    recorded = frames if isinstance(frames, FrameSequence) else load_dataset(frames)
+    recorded = one_lidar(frames, "frames")
     if not isinstance(recorded, RecordedFrames):
         raise Error("frames: expected frames of one LiDAR on disk, as load_dataset gives them")
     exports.export(recorded.folder, recorded.numbers, format, Path(out))
@@ -153,12 +154,11 @@ def train(
     from pyinfra.models.training.recipe import read_recipe
     from pyinfra.models.training.sources import read_source
 
-    several = isinstance(folders, (list, tuple))
-    paths = [Path(f) for f in folders] if several else [Path(folders)]  # type: ignore[arg-type, union-attr]
+    paths = [folders] if isinstance(folders, (str, os.PathLike)) else folders
     recipe = read_recipe(file_or_name(config, _configs("detectors"), "config"), tier)
     if start is not None:
         recipe = recipe.begun_with(Path(start))
-    sources = [read_source(path, tier, classes=recipe.classes) for path in paths]
+    sources = [read_source(Path(path), tier, classes=recipe.classes) for path in paths]
     model = training.train(recipe, sources, Path(work), seed=seed, device=device, quiet=True)
     return load_detector(model, device=device)
 

@@ -7,26 +7,27 @@ longer than memory.
 
 from __future__ import annotations
 
-import os
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray
-from pyinfra.core.errors import Error
-from pyinfra.core.names import OBJECT_NAMES, file_or_name
+from pyinfra.core.names import OBJECT_NAMES
 from pyinfra.core.version import __version__
-from pyinfra.dataset.catalogue import configs
-from pyinfra.dataset.frame_tables import Vehicles, read_vehicles
-from pyinfra.dataset.frames import frame_numbers, lidars_in
+from pyinfra.dataset.frame_tables import (
+    Vehicles,
+    concatenated,
+    read_vehicles,
+    without_points,
+)
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.outlines import outlines_of
 from pyinfra.dataset.regions import Region, Road, region_of, roads_of, roads_region
@@ -35,8 +36,6 @@ from pyinfra.formats import kitti
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
 
-AnyLidar: TypeAlias = "simulation.Lidar | str | os.PathLike[str]"
-AnyLidars: TypeAlias = "list[AnyLidar] | tuple[AnyLidar, ...]"
 BOX = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 LABEL_COLUMNS = ["type", *BOX, "id", "points", "visibility"]
 KEPT = 16  # clouds in memory
@@ -159,16 +158,22 @@ class SimulatedFrames(FrameSequence):
         return dict(yaml.safe_load(self.world.dump()))
 
     @cached_property
-    def lidar(self) -> kitti.Lidar:
-        return kitti.parse_lidar(self.world.lidar_yaml(self.unit), f"{self.name}/lidar.yaml")[0]
+    def described(self) -> tuple[kitti.Lidar, kitti.Tilt]:
+        """What a run would write in lidar.yaml."""
+        return kitti.parse_lidar(self.world.lidar_yaml(self.unit), f"{self.name}/lidar.yaml")
 
-    @cached_property
+    @property
+    def lidar(self) -> kitti.Lidar:
+        return self.described[0]
+
+    @property
     def tilt(self) -> kitti.Tilt:
-        return kitti.parse_lidar(self.world.lidar_yaml(self.unit), f"{self.name}/lidar.yaml")[1]
+        """How the sensor leans."""
+        return self.described[1]
 
     @cached_property
     def roads(self) -> tuple[Road, ...]:
-        return tuple(roads_of(self.world.roads_csv().splitlines(), Path("roads.csv")))
+        return tuple(roads_of_world(self.world, "roads.csv"))
 
     @cached_property
     def outlines(self) -> tuple[FloatArray, ...]:
@@ -195,41 +200,44 @@ class SimulatedFrames(FrameSequence):
         return str(simulation.frames_version()), __version__
 
     def of(self, numbers: Sequence[int]) -> SimulatedFrames:
-        other = SimulatedFrames(self.world, self.unit, tuple(numbers), self.threads)
-        other.rows, other.clouds = self.rows, self.clouds
-        other.beside = {
-            name: SimulatedFrames(
-                one.world, one.unit, tuple(numbers), one.threads, {}, one.rows, one.clouds
-            )
+        beside = {
+            name: replace(one, numbers=tuple(numbers), beside={})
             for name, one in self.beside.items()
         }
-        return other
+        return replace(self, numbers=tuple(numbers), beside=beside)
 
     def frame(self, number: int) -> LidarFrame:
         if number in self.clouds and number in self.rows:
             return self._frame(number, self.clouds[number])
-        return next(self._cast([number]))
+        (frame,) = (self._frame(*cast) for cast in self._cast([number]))
+        return frame
 
     def __iter__(self) -> Iterator[LidarFrame]:
-        return self._cast(self.numbers)
+        return (self._frame(*cast) for cast in self._cast(self.numbers))
 
     def vehicles(self) -> Vehicles:
         missing = [k for k in self.numbers if k not in self.rows]
         for _ in self._cast(missing):
             pass
-        parts = [vehicles_of(self.rows[k], i, self.label_time) for i, k in enumerate(self.numbers)]
-        return joined(parts)
+        label_time = self.label_time
+        return concatenated(
+            [vehicles_of(self.rows[k], i, label_time) for i, k in enumerate(self.numbers)]
+        )
 
     def everybody(self) -> Vehicles:
         """Every object of the scene at mid-frame, near or far; without points."""
-        parts = [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
-        return joined(parts)
+        return concatenated(
+            [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
+        )
 
     @property
     def label_time(self) -> kitti.LabelTime:
-        return "scan" if self.world.label_time(self.unit.preset) == "scan" else "frame"
+        from pyinfra.dataset import simulation
 
-    def _cast(self, numbers: Sequence[int]) -> Iterator[LidarFrame]:
+        return simulation.label_time(self.world, self.unit)
+
+    def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, Float32Array]]:
+        """Number and points of each frame; its objects are kept."""
         from pyinfra.dataset import simulation
 
         stream = simulation.simulate(self.world, [self.unit], numbers, threads=self.threads)
@@ -239,7 +247,7 @@ class SimulatedFrames(FrameSequence):
             self.clouds[number] = points
             while len(self.clouds) > KEPT:
                 self.clouds.popitem(last=False)
-            yield self._frame(number, points)
+            yield number, points
 
     def _frame(self, number: int, points: Float32Array) -> LidarFrame:
         return LidarFrame(
@@ -300,194 +308,14 @@ def vehicles_of(rows: AnyArray, frame: int, label_time: kitti.LabelTime) -> Vehi
 def scene_objects(rows: AnyArray, frame: int) -> Vehicles:
     """What `World.objects` gives of one frame."""
     boxes = np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7)
-    return Vehicles(
-        frame=np.full(len(rows), frame, dtype=np.int64),
-        ids=rows["id"].astype(np.int64),
-        names=_names(rows),
-        boxes=boxes,
-        mid_frame=boxes,
-        points=np.zeros(len(rows), dtype=np.int64),
-        visibility=np.full(len(rows), -1.0),
-    )
+    index = np.full(len(rows), frame, dtype=np.int64)
+    return without_points(index, rows["id"].astype(np.int64), _names(rows), boxes)
 
 
 def _names(rows: AnyArray) -> AnyArray:
     return np.array([OBJECT_NAMES[int(c)] for c in rows["class_id"]], dtype="<U12")
 
 
-def joined(parts: Sequence[Vehicles]) -> Vehicles:
-    """Tables of frames after one another."""
-    if not parts:
-        raise Error("frames: expected one or more, got none")
-    columns = {name: [vars(part)[name] for part in parts] for name in vars(parts[0])}
-    return Vehicles(**{name: np.concatenate(column) for name, column in columns.items()})
-
-
-def load_scene(
-    scene: str | os.PathLike[str],
-    *,
-    preset: str = "datasheet",
-    seed: int | None = None,
-    set: Mapping[str, object] | None = None,
-    mount: str = "",
-) -> simulation.World:
-    """A scene made ready: its traffic is simulated, its meshes are built.
-
-    Parameters
-    ----------
-    scene : a name that comes with the package (`highway`, `crossroad`, ...), or a file
-    preset : `paper`, `equal` or `datasheet`; a scene may have keys of its own for one
-    seed : of traffic and noise; by default the scene's own
-    set : values by dotted key, such as `{"traffic.vehicles_per_km_lane": 20}`
-    mount : which of several; a scene with one mount needs none
-
-    Raises
-    ------
-    Error : for an unknown name, a wrong key or value (file, line and key are in the message)
-
-    Examples
-    --------
-    >>> import pyinfra as pi
-    >>> pi.load_scene("highway", seed=1, set={"duration_s": 2}).frames
-    20
-    """
-    from pyinfra.dataset import simulation
-
-    file = file_or_name(scene, _shipped("scenes"), "scene")
-    return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
-
-
-def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> simulation.Lidar:
-    """One preset of a LiDAR.
-
-    Parameters
-    ----------
-    lidar : a name of the catalogue (`pyinfra lidars` lists them), or a file
-    preset : `paper`, `equal` or `datasheet`
-
-    Raises
-    ------
-    Error : for an unknown name or preset, a wrong key or value
-
-    Examples
-    --------
-    >>> import pyinfra as pi
-    >>> pi.load_lidar("ruby_plus").name
-    'ruby_plus'
-    """
-    from pyinfra.dataset import simulation
-
-    file = file_or_name(lidar, _shipped("lidars"), "lidar")
-    return simulation.load_lidar(file, preset)
-
-
-@overload
-def simulate(
-    scene: simulation.World | str | os.PathLike[str],
-    lidar: AnyLidar,
-    frames: Sequence[int],
-    *,
-    threads: int | None = ...,
-) -> SimulatedFrames: ...
-@overload
-def simulate(
-    scene: simulation.World | str | os.PathLike[str],
-    lidar: AnyLidars,
-    frames: Sequence[int],
-    *,
-    threads: int | None = ...,
-) -> dict[str, SimulatedFrames]: ...
-def simulate(
-    scene: simulation.World | str | os.PathLike[str],
-    lidar: AnyLidar | AnyLidars,
-    frames: Sequence[int],
-    *,
-    threads: int | None = None,
-) -> SimulatedFrames | dict[str, SimulatedFrames]:
-    """Frames of one LiDAR in a scene, or of several, simulated when they are asked for.
-
-    Parameters
-    ----------
-    scene : of `load_scene`, or what `load_scene` takes
-    lidar : of `load_lidar`, or what it takes; a list of several LiDARs gives a dict by name
-    frames : numbers of frames of 0.1 s, such as `range(0, 1000, 10)`
-    threads : that cast rays; by default as many as there are processors
-
-    Returns
-    -------
-    A sequence: `frames[3].points` is (n, 4) float32 x y z intensity in the levelled LiDAR frame,
-    `frames.labels` a table of all labels. No file is written.
-
-    Raises
-    ------
-    Error : for frames that the scene does not have, or a LiDAR that it cannot take
-
-    Examples
-    --------
-    >>> import pyinfra as pi
-    >>> scene = pi.load_scene("highway", set={"duration_s": 2})
-    >>> frames = pi.simulate(scene, pi.load_lidar("helios_16"), range(0, 20, 10))
-    >>> len(frames), frames[1].number, frames[1].points.shape[1]
-    (2, 10, 4)
-    """
-    from pyinfra.dataset import simulation
-
-    several = isinstance(lidar, (list, tuple))
-    asked: list[AnyLidar] = list(lidar) if isinstance(lidar, (list, tuple)) else [lidar]
-    if not asked:
-        raise Error("lidar: expected one or more LiDARs, got an empty list")
-    world = scene if isinstance(scene, simulation.World) else load_scene(scene)
-    units = [x if isinstance(x, simulation.Lidar) else load_lidar(x) for x in asked]
-    numbers = tuple(int(k) for k in frames)
-    if not numbers:
-        raise Error("frames: expected one or more numbers, got none")
-    if list(numbers) != sorted(set(numbers)):
-        raise Error("frames: expected ascending numbers, each once")
-    if numbers[0] < 0 or numbers[-1] >= world.frames:
-        raise Error(f"frames: expected 0 to {world.frames - 1}, got {numbers[0]} to {numbers[-1]}")
-    simulation.simulate(world, units, [])  # raises for presets that do not fit the scene
-    every = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
-    if len(every) < len(units):
-        raise Error("lidar: expected different LiDARs, got one twice")
-    for own in every.values():
-        own.beside = {name: other for name, other in every.items() if other is not own}
-    return every if several else next(iter(every.values()))
-
-
-def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, RecordedFrames]:
-    """Frames on disk: of a LiDAR's folder, or of each LiDAR of a data set.
-
-    Parameters
-    ----------
-    folder : what `infrasim run` or `pyinfra import` wrote, or a folder in KITTI's layout
-
-    Returns
-    -------
-    A sequence of frames for a LiDAR's folder; for a data set a dict of sequences by LiDAR.
-
-    Raises
-    ------
-    Error : if there is no frame in it
-    """
-    path = Path(folder)
-    if not path.is_dir():
-        raise Error(f"folder: expected a folder, got '{path}'")
-    if lidars := lidars_in(path):
-        return {one.name: _recorded(one) for one in lidars}
-    return _recorded(path)
-
-
-def _recorded(folder: Path) -> RecordedFrames:
-    try:
-        numbers = frame_numbers(folder, "all")
-    except FileNotFoundError:
-        raise Error(
-            f"folder: expected training/velodyne or a LiDAR's folder in it, got '{folder}'"
-        ) from None
-    if not numbers:
-        raise Error(f"folder: expected one or more frames, got none in '{folder}'")
-    return RecordedFrames(folder, tuple(numbers))
-
-
-def _shipped(kind: str) -> dict[str, Path]:
-    return {file.stem: file for file in (configs() / kind).glob("*.yaml")}
+def roads_of_world(world: simulation.World, name: str) -> list[Road]:
+    """The roads of a scene; name: for messages."""
+    return roads_of(world.roads_csv().splitlines(), Path(name))

@@ -97,7 +97,7 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     if (lidar_folder / "training/objects").is_dir():
         files = [kitti.frame_file(lidar_folder, "objects", frame) for frame in frames]
         time = kitti.read_label_time(lidar_folder)
-        return _joined(files, lambda paths, index: _objects(paths, index, time), Vehicles)
+        return _joined(files, lambda paths, index: _objects(paths, index, time))
     return read_labelled(lidar_folder, frames)
 
 
@@ -105,7 +105,7 @@ def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     """The labels of the frames. Raises FileNotFoundError and FormatError."""
     files = [kitti.frame_file(lidar_folder, "label_2", frame) for frame in frames]
     cameras = read_cameras(lidar_folder, frames)
-    return _joined(files, lambda paths, index: _labels(paths, index, cameras), Vehicles)
+    return _joined(files, lambda paths, index: _labels(paths, index, cameras))
 
 
 def other_types(
@@ -136,7 +136,7 @@ def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predicti
     in its first line: class, x, y, z, dx, dy, dz, heading (radians), score, in any order.
     Raises FormatError with file and line.
     """
-    return _joined(files, lambda paths, index: _predictions(paths, index, cameras), Predictions)
+    return _joined(files, lambda paths, index: _predictions(paths, index, cameras))
 
 
 def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
@@ -160,7 +160,6 @@ def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
 def _joined(
     files: Sequence[Path | None],
     read: Callable[[Sequence[Path], IntArray], Table],
-    table: type[Table],
 ) -> Table:
     """The groups' tables after one another; `read` is given the files and their frames."""
     present = [(i, file) for i, file in enumerate(files) if file is not None]
@@ -169,8 +168,26 @@ def _joined(
         group = present[start : start + _FILES]
         frames = np.array([i for i, _ in group], dtype=np.int64)
         parts.append(read([file for _, file in group], frames))
+    return concatenated(parts)
+
+
+def concatenated(parts: Sequence[Table]) -> Table:
+    """One or more tables after one another."""
     columns = {name: [vars(part)[name] for part in parts] for name in vars(parts[0])}
-    return table(**{name: np.concatenate(column) for name, column in columns.items()})
+    return type(parts[0])(**{name: np.concatenate(column) for name, column in columns.items()})
+
+
+def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: FloatArray) -> Vehicles:
+    """Objects at mid-frame of which no LiDAR is known to see anything."""
+    return Vehicles(
+        frame=frame,
+        ids=ids,
+        names=names,
+        boxes=boxes,
+        mid_frame=boxes,
+        points=np.zeros(len(frame), np.int64),
+        visibility=np.full(len(frame), -1.0),
+    )
 
 
 def _objects(files: Sequence[Path], frames: IntArray, label_time: kitti.LabelTime) -> Vehicles:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.frame_tables import Vehicles
+from pyinfra.dataset.frame_tables import Vehicles, without_points
 from pyinfra.dataset.regions import to_levelled
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import is_whole
@@ -39,14 +39,11 @@ def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehic
     boxes[:, 6] = (first[:, 6] + turned / 2 - pose.yaw + np.pi) % (2 * np.pi) - np.pi
     boxes[:, :2] = to_levelled(boxes[:, :2], pose)
     boxes[:, 2] -= pose.z
-    return Vehicles(
+    return without_points(
         frame=pairs.frame.to_numpy(np.int64),
         ids=pairs.id.to_numpy(np.int64),
         names=pairs["class"].to_numpy(dtype=np.str_),
         boxes=boxes,
-        mid_frame=boxes,
-        points=np.zeros(len(pairs), np.int64),
-        visibility=np.full(len(pairs), -1.0),
     )
 
 

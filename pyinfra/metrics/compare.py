@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pyinfra.core.errors import Error
-from pyinfra.metrics.comparison import Measured, over_worlds
+from pyinfra.metrics.comparison import Bootstrapped, Measured, over_seeds
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.replicates import difference
 
@@ -35,7 +35,7 @@ def compare(
     Error : for evaluations of different frames, label times or objects, or lists of two lengths
     """
     if isinstance(a, Evaluation) and isinstance(b, Evaluation):
-        return _difference(a, b, ground_truth)
+        return over_seeds([_difference(a, b, ground_truth)])
     if isinstance(a, Evaluation) or isinstance(b, Evaluation):
         raise Error("compare: expected two evaluations or two lists, got one of each")
     if len(a) != len(b) or len(a) < 2:
@@ -43,10 +43,10 @@ def compare(
             f"compare: expected two lists of one length from 2 on, got {len(a)} and {len(b)}"
         )
     pairs = zip(a, b, strict=True)
-    return over_worlds([_difference(x, y, ground_truth).value for x, y in pairs])
+    return over_seeds([_difference(x, y, ground_truth) for x, y in pairs])
 
 
-def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Measured:
+def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Bootstrapped:
     names = [set(one.ap.ground_truth) for one in (a, b)]
     common = [name for name in a.ap.ground_truth if name in names[1]]
     which = ground_truth or (common[0] if common else "")
@@ -57,6 +57,6 @@ def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Measu
         table = one.draws[(one.draws.ground_truth == which) & (one.draws.measure == "ap_fine")]
         rows.append(table.iloc[0])
     try:
-        return difference(*rows).measured()
+        return difference(*rows)
     except ValueError as error:
         raise Error(f"compare: {error}") from None

@@ -62,6 +62,11 @@ class Bootstrapped:
         return Measured(self.value, float(low), float(high))
 
 
+def over_seeds(values: Sequence[Bootstrapped]) -> Measured:
+    """Of one seed by its blocks of time, of several by Student's t over the seeds."""
+    return values[0].measured() if len(values) == 1 else over_worlds([v.value for v in values])
+
+
 def over_worlds(found: Sequence[float]) -> Measured:
     """The mean of a figure over replicates, each of another world and training: Student's."""
     values = np.asarray(found, dtype=np.float64)

@@ -18,9 +18,10 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import suggestion
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, load_dataset
-from pyinfra.dataset.frame_tables import Cameras, read_cameras, read_predictions
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
+from pyinfra.dataset.frame_tables import Cameras, Predictions, read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.loading import one_lidar
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluation_result import Evaluation, evaluate_tables
 from pyinfra.metrics.ground_truth import ground_truth_of, read_ground_truth
@@ -34,7 +35,7 @@ from pyinfra.metrics.match_results import (
     judge,
 )
 from pyinfra.metrics.matching import PERSON_IOU
-from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_files
+from pyinfra.metrics.prediction_checks import PredictionFiles, check_predictions, find_files
 from pyinfra.metrics.prediction_table import predictions_of
 
 
@@ -86,91 +87,65 @@ def evaluate(
     """
     if settings and object_class:
         raise Error("object_class: expected it or settings, got both")
-    if isinstance(gt, FrameSequence):
-        return _evaluate_memory(gt, pred, settings, object_class, frames, ranges=ranges)
-    if isinstance(pred, pd.DataFrame):
-        recorded = load_dataset(gt)
-        if isinstance(recorded, dict):
-            raise Error(f"gt: expected a LiDAR's folder, got a data set of {', '.join(recorded)}")
-        chosen = frame_numbers(Path(gt), split) if frames is None else sorted(frames)
-        return _evaluate_memory(
-            recorded.of(chosen), pred, settings, object_class, None, ranges=ranges
-        )
-    return _evaluate_files(
-        Path(gt),
-        Path(pred),
-        settings or default_settings(Path(gt), object_class or "vehicle"),
-        frames=frames,
-        split=split,
-        allow_missing=allow_missing,
-        ranges=ranges,
-    )
-
-
-def _evaluate_memory(
-    gt: FrameSequence,
-    pred: pd.DataFrame | str | os.PathLike[str],
-    settings: Settings | None,
-    object_class: str | None,
-    frames: Sequence[int] | None,
-    *,
-    ranges: bool,
-) -> Evaluation:
-    if frames is not None:
-        gt = gt.of(_known(frames, gt.numbers))
-    truth = ground_truth_of(gt)
-    if isinstance(pred, pd.DataFrame):
-        predictions = predictions_of(pred, gt.numbers)
-        files: tuple[Path | None, ...] = tuple(Path(f"frame {k}") for k in gt.numbers)
-        findings: list[Finding] = []
-    else:
-        folder = gt.folder if isinstance(gt, RecordedFrames) else None
-        read = find_files(Path(pred), gt.numbers, gt.numbers, lidar_folder=folder)
-        cameras = Cameras((kitti.simulated(),), np.zeros(len(gt), dtype=np.int64))
-        if isinstance(gt, RecordedFrames):
-            cameras = read_cameras(gt.folder, gt.numbers)
-        predictions, files = read_predictions(read.files, cameras), read.files
-        findings = list(read.findings)
+    in_memory = isinstance(gt, FrameSequence) or isinstance(pred, pd.DataFrame)
+    sequence = _chosen(gt, pred, frames, split)
+    folder = sequence.folder if isinstance(sequence, RecordedFrames) else None
+    found, predictions = _predictions(pred, sequence, folder, allow_missing=allow_missing)
+    truth = ground_truth_of(sequence)
     if settings is None:
         settings = settings_of(object_class or "vehicle", has_objects=truth.has_objects)
-    if "common" in settings.ground_truths and len(truth.neighbours) < 2:
+    if in_memory and "common" in settings.ground_truths and len(truth.neighbours) < 2:
         raise Error("ground_truths: expected frames of several LiDARs for `common`, got one LiDAR")
-    types = settings.types
+    types, numbers = settings.types, sequence.numbers
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
-    findings += check_predictions(predictions, files, of_types, types, settings.min_score)
-    return evaluate_tables(truth, predictions, settings, findings, ranges=ranges)
-
-
-def _known(frames: Sequence[int], numbers: Sequence[int]) -> list[int]:
-    other = sorted(set(frames) - set(numbers))
-    if other:
-        raise Error(f"frames: expected some of the {len(numbers)} frames, got {other[0]}")
-    return sorted(frames)
-
-
-def _evaluate_files(
-    gt: Path,
-    pred: Path,
-    settings: Settings,
-    *,
-    frames: Sequence[int] | None,
-    split: str | None,
-    allow_missing: bool,
-    ranges: bool,
-) -> Evaluation:
-    known = frame_numbers(gt, "all")
-    chosen = frame_numbers(gt, split) if frames is None else sorted(frames)
-    found = find_files(pred, chosen, known, lidar_folder=gt, allow_missing=allow_missing)
-    truth = read_ground_truth(gt, chosen, beyond_range=True)
-    predictions = read_predictions(found.files, read_cameras(gt, chosen))
-    types = settings.types
-    findings = list(ground_truth_findings(gt, chosen, truth.vehicles, types))
-    of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
-    findings += [
+    findings = [
+        *(ground_truth_findings(folder, numbers, truth.vehicles, types) if folder else ()),
         *found.findings,
         *check_predictions(predictions, found.files, of_types, types, settings.min_score),
     ]
     return evaluate_tables(truth, predictions, settings, findings, ranges=ranges)
+
+
+def _chosen(
+    gt: FrameSequence | str | os.PathLike[str],
+    pred: object,
+    frames: Sequence[int] | None,
+    split: str | None,
+) -> FrameSequence:
+    """The frames to evaluate."""
+    if isinstance(gt, FrameSequence):
+        if split is not None:
+            raise Error(f"split: expected a LiDAR's folder as gt, got frames and '{split}'")
+        if frames is None:
+            return gt
+        if other := sorted(set(frames) - set(gt.numbers)):
+            raise Error(f"frames: expected some of the {len(gt)} frames, got {other[0]}")
+        return gt.of(sorted(frames))
+    folder = Path(gt)
+    if isinstance(pred, pd.DataFrame):
+        one_lidar(folder, "gt")  # a data set is named as such
+    return RecordedFrames(
+        folder, tuple(frame_numbers(folder, split) if frames is None else sorted(frames))
+    )
+
+
+def _predictions(
+    pred: pd.DataFrame | str | os.PathLike[str],
+    sequence: FrameSequence,
+    folder: Path | None,
+    *,
+    allow_missing: bool,
+) -> tuple[PredictionFiles, Predictions]:
+    """Those of a table, or of files; folder: of the frames, if they are on disk."""
+    numbers = sequence.numbers
+    if isinstance(pred, pd.DataFrame):
+        names = tuple(Path(f"frame {k}") for k in numbers)
+        return PredictionFiles(names, ()), predictions_of(pred, numbers)
+    known = frame_numbers(folder, "all") if folder else numbers
+    found = find_files(Path(pred), numbers, known, lidar_folder=folder, allow_missing=allow_missing)
+    one = Cameras((kitti.simulated(),), np.zeros(len(numbers), dtype=np.int64))
+    cameras = read_cameras(folder, numbers) if folder else one
+    return found, read_predictions(found.files, cameras)
 
 
 def judged(

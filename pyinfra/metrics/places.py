@@ -16,7 +16,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.formats.csv_table import read_csv
-from pyinfra.metrics.comparison import Bootstrapped, Measured, over_worlds
+from pyinfra.metrics.comparison import over_seeds
 from pyinfra.metrics.ground_truth import Set
 from pyinfra.metrics.replicates import check_pair, drawn
 
@@ -118,16 +118,11 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     for world, rows in place.rows.items():
         one = drawn(rows[name])
         values.append(one.less(drawn(minus.rows[world][name])) if minus else one)
-    found = _measured(values)
+    found = over_seeds(values)
     least = -100.0 if minus else 0.0
     ends = (max(found.low, least), min(found.high, 100.0)) if found.is_known else (math.nan,) * 2
     own = (place.name, minus.name if minus else "", measure, found.value, *ends)
     return dict(zip(COLUMNS, (*own, len(values), _frames(place)), strict=True))
-
-
-def _measured(values: Sequence[Bootstrapped]) -> Measured:
-    """Of one seed a bootstrap over its blocks, of several Student's t over the seeds."""
-    return values[0].measured() if len(values) == 1 else over_worlds([v.value for v in values])
 
 
 def _frames(place: Place) -> int:

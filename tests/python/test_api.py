@@ -222,7 +222,8 @@ assert not calls
 
 
 def test_import_is_light_and_starts_no_process() -> None:
-    subprocess.run([sys.executable, "-c", IMPORT], check=True, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 IN_MEMORY = """
@@ -246,7 +247,9 @@ assert not written, written
 
 def test_nothing_is_written_and_no_process_started() -> None:
     pytest.importorskip("torch", reason="the extra `detectors` is not installed")
-    subprocess.run([sys.executable, "-c", IN_MEMORY], check=True, cwd=ROOT)
+    command = [sys.executable, "-c", IN_MEMORY]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", [n for n in pi.__all__ if n != "__version__"])
@@ -280,3 +283,32 @@ def test_predictions_of_other_frames_or_another_model_are_refused(
     assert main.main(words) == 2
     (out / "origin.yaml").unlink()
     assert [f for f in pi.evaluate(written, out).findings if f.name == "origin"]
+
+
+def test_a_sequence_on_disk_is_evaluated_as_its_folder(
+    written: Path, noisy: pd.DataFrame, tmp_path: Path
+) -> None:
+    """With the warnings of its folder, and predictions of frames that are not evaluated."""
+    copy = Path(shutil.copytree(written, tmp_path / "copy/helios_16"))  # without its roads
+    files = tmp_path / "pred"
+    files.mkdir()
+    for number in NUMBERS:
+        rows = noisy[noisy.frame == number].rename(columns={"type": "class"})
+        rows.drop(columns="frame").to_csv(files / f"{number:06d}.csv", index=False)
+    recorded = pi.load_dataset(copy)
+    assert isinstance(recorded, FrameSequence)
+    of_files = pi.evaluate(copy, files, frames=recorded.numbers[:5])
+    assert {f.name for f in of_files.findings} >= {"no-roads", "outside-split"}
+    for result in (
+        pi.evaluate(recorded[:5], files),
+        pi.evaluate(recorded, files, frames=range(0, 30, 6)),
+    ):
+        assert result.findings == of_files.findings
+        pd.testing.assert_frame_equal(result.ap, of_files.ap)
+    of_table = pi.evaluate(copy, noisy)
+    assert "no-roads" in {f.name for f in of_table.findings}
+
+
+def test_a_split_is_of_a_folder(frames: FrameSequence, noisy: pd.DataFrame) -> None:
+    with pytest.raises(pi.Error, match="split: expected a LiDAR's folder"):
+        pi.evaluate(frames, noisy, split="val")

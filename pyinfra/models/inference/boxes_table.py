@@ -14,7 +14,8 @@ import pandas as pd
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
-from pyinfra.dataset.frame_sequence import BOX, FrameSequence, load_dataset
+from pyinfra.dataset.frame_sequence import BOX, FrameSequence
+from pyinfra.dataset.loading import one_lidar
 from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.inference import detect as inference
 
@@ -94,11 +95,7 @@ def detect(
     >>> pi.detect(nothing, frames).shape
     (0, 10)
     """
-    if not isinstance(frames, FrameSequence):
-        loaded = load_dataset(frames)
-        if isinstance(loaded, dict):
-            raise Error(f"frames: expected one LiDAR, got a data set of {', '.join(loaded)}")
-        frames = loaded
+    frames = one_lidar(frames, "frames")
     if isinstance(model, (str, os.PathLike)):
         model = load_detector(model)
     if isinstance(model, TrainedDetector):

@@ -18,13 +18,14 @@ import numpy as np
 from pyinfra.core.config import read_config, ruled
 from pyinfra.core.errors import ConfigError
 from pyinfra.dataset import regions, simulation
+from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.ground import ground_of_roads
 from pyinfra.formats.kitti import LabelTime
 from pyinfra.models.detectors.batch import Area
 from pyinfra.models.detectors.classes import VEHICLES, ObjectClass
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.training.samples import SiteSample
-from pyinfra.models.training.sources import Stream, labels_of_frame, pose_of, roads_of_simulation
+from pyinfra.models.training.sources import Stream, labels_of_frame, pose_of
 from pyinfra.scenes.generator import lidar_catalogue
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.layout import Keys
@@ -163,7 +164,7 @@ def samples_of(
 ) -> list[SiteSample]:
     """Frames of a site's LiDAR, above its road. Raises what the simulator does."""
     pose = pose_of(keys)
-    roads = roads_of_simulation(world, keys["name"])
+    roads = roads_of_world(world, keys["name"])
     region, ground = regions.roads_region(roads, pose), ground_of_roads(roads, pose)
     label_time, height_m = simulation.label_time(world, lidar), ground.sensor_m
     samples = []

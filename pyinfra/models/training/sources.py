@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-import yaml
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points
 from pyinfra.dataset import regions, split
+from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
 from pyinfra.dataset.frame_tables import Vehicles, other_types, read_vehicles
 from pyinfra.dataset.frames import (
     PERIOD_S,
@@ -21,8 +21,7 @@ from pyinfra.dataset.frames import (
     frame_numbers,
     has_labels,
 )
-from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes, ground_of_roads
-from pyinfra.dataset.outlines import outlines_of
+from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.metrics.match_results import OBJECT_CLASSES
@@ -38,12 +37,6 @@ Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
-# Numbers of the simulator's classes: Car to Motorcycle, Pedestrian, Cyclist.
-SIMULATED: dict[ObjectClass, range] = {
-    "vehicle": range(10, 15),
-    "pedestrian": range(15, 16),
-    "cyclist": range(16, 17),
-}
 ONE_FRAME = Accumulation()
 
 
@@ -204,29 +197,22 @@ def simulated_source(
 
     world = simulation.load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)
     unit = simulation.load_lidar(lidar, preset)
-    keys = yaml.safe_load(world.dump())
     numbers = split.by_time(range(world.frames), PERIOD_S).train
-    frames = spread(numbers, MOST_FRAMES[tier])
-    roads, pose = roads_of_simulation(world, keys["name"]), pose_of(keys)
-    labels = cache(partial(labels_of_simulation, world, unit, frames, classes))
+    frames = SimulatedFrames(world, unit, spread(numbers, MOST_FRAMES[tier]), threads=1)
+    labels = cache(lambda: hit_boxes(frames.vehicles(), len(frames), classes))
     return Source(
         lidar=unit.name,
         preset=unit.preset,
-        scene=str(keys["name"]),
-        label_time=simulation.label_time(world, unit),
-        clouds=accumulation.clouds(partial(cast, world, unit), frames, numbers, PERIOD_S),
+        scene=str(frames.keys["name"]),
+        label_time=frames.label_time,
+        clouds=accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, PERIOD_S),
         read_boxes=lambda: labels()[0],
-        region=regions.roads_region(roads, pose, outlines_of(keys)),
-        ground=ground_of_roads(roads, pose),
+        region=frames.region,
+        ground=frames.ground,
         accumulation=accumulation,
         classes=classes,
         read_classes=lambda: labels()[1],
     )
-
-
-def roads_of_simulation(world: simulation.World, name: str) -> list[regions.Road]:
-    """name: of the scene, for messages."""
-    return regions.roads_of(world.roads_csv().splitlines(), Path(name))
 
 
 def pose_of(scene: Mapping[str, Any]) -> kitti.WorldPose:
@@ -243,35 +229,14 @@ def cast(world: simulation.World, lidar: simulation.Lidar, frame: int) -> Points
     return simulation.points(found)
 
 
-def labels_of_simulation(
-    world: simulation.World,
-    lidar: simulation.Lidar,
-    frames: Sequence[int],
-    classes: tuple[ObjectClass, ...] = VEHICLES,
-) -> tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]:
-    """As hit_boxes."""
-    from pyinfra.dataset import simulation
-
-    time = simulation.label_time(world, lidar)
-    simulated = simulation.simulate(world, [lidar], frames, threads=1)
-    labels = [labels_of_frame(frame, time, classes) for _, (frame,) in simulated]
-    return tuple(boxes for boxes, _ in labels), tuple(numbers for _, numbers in labels)
-
-
 def labels_of_frame(
     frame: simulation.Frame,
     label_time: kitti.LabelTime,
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> tuple[FloatArray, IntArray]:
     """(k, 7) of what of the classes has a point in a simulated frame, and the numbers (k,)."""
-    at = "scan_" if label_time == "scan" else ""
-    pose = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
-    o = frame.objects
-    numbers = np.full(len(o["points"]), -1)
-    for number, name in enumerate(classes):
-        numbers[np.isin(o["class_id"], SIMULATED[name])] = number
-    hit = (numbers >= 0) & (o["points"] > 0)
-    return np.stack([o[name][hit] for name in pose], axis=1), numbers[hit]
+    (boxes,), (numbers,) = hit_boxes(vehicles_of(frame.objects, 0, label_time), 1, classes)
+    return boxes, numbers
 
 
 def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:

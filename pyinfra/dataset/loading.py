@@ -1,0 +1,200 @@
+"""Scenes, LiDARs and frames by a name or a file: what the public API begins with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias, overload
+
+from pyinfra.core.errors import Error
+from pyinfra.core.names import file_or_name
+from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frames import frame_numbers, lidars_in
+
+if TYPE_CHECKING:
+    from pyinfra.dataset import simulation
+
+AnyLidar: TypeAlias = "simulation.Lidar | str | os.PathLike[str]"
+AnyLidars: TypeAlias = "list[AnyLidar] | tuple[AnyLidar, ...]"
+
+
+def load_scene(
+    scene: str | os.PathLike[str],
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    set: Mapping[str, object] | None = None,
+    mount: str = "",
+) -> simulation.World:
+    """A scene made ready: its traffic is simulated, its meshes are built.
+
+    Parameters
+    ----------
+    scene : a name that comes with the package (`highway`, `crossroad`, ...), or a file
+    preset : `paper`, `equal` or `datasheet`; a scene may have keys of its own for one
+    seed : of traffic and noise; by default the scene's own
+    set : values by dotted key, such as `{"traffic.vehicles_per_km_lane": 20}`
+    mount : which of several; a scene with one mount needs none
+
+    Raises
+    ------
+    Error : for an unknown name, a wrong key or value (file, line and key are in the message)
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> pi.load_scene("highway", seed=1, set={"duration_s": 2}).frames
+    20
+    """
+    from pyinfra.dataset import simulation
+
+    file = file_or_name(scene, _shipped("scenes"), "scene")
+    return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
+
+
+def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> simulation.Lidar:
+    """One preset of a LiDAR.
+
+    Parameters
+    ----------
+    lidar : a name of the catalogue (`pyinfra lidars` lists them), or a file
+    preset : `paper`, `equal` or `datasheet`
+
+    Raises
+    ------
+    Error : for an unknown name or preset, a wrong key or value
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> pi.load_lidar("ruby_plus").name
+    'ruby_plus'
+    """
+    from pyinfra.dataset import simulation
+
+    file = file_or_name(lidar, _shipped("lidars"), "lidar")
+    return simulation.load_lidar(file, preset)
+
+
+@overload
+def simulate(
+    scene: simulation.World | str | os.PathLike[str],
+    lidar: AnyLidar,
+    frames: Sequence[int],
+    *,
+    threads: int | None = ...,
+) -> SimulatedFrames: ...
+@overload
+def simulate(
+    scene: simulation.World | str | os.PathLike[str],
+    lidar: AnyLidars,
+    frames: Sequence[int],
+    *,
+    threads: int | None = ...,
+) -> dict[str, SimulatedFrames]: ...
+def simulate(
+    scene: simulation.World | str | os.PathLike[str],
+    lidar: AnyLidar | AnyLidars,
+    frames: Sequence[int],
+    *,
+    threads: int | None = None,
+) -> SimulatedFrames | dict[str, SimulatedFrames]:
+    """Frames of one LiDAR in a scene, or of several, simulated when they are asked for.
+
+    Parameters
+    ----------
+    scene : of `load_scene`, or what `load_scene` takes
+    lidar : of `load_lidar`, or what it takes; a list of several LiDARs gives a dict by name
+    frames : numbers of frames of 0.1 s, such as `range(0, 1000, 10)`
+    threads : that cast rays; by default as many as there are processors
+
+    Returns
+    -------
+    A sequence: `frames[3].points` is (n, 4) float32 x y z intensity in the levelled LiDAR frame,
+    `frames.labels` a table of all labels. No file is written.
+
+    Raises
+    ------
+    Error : for frames that the scene does not have, or a LiDAR that it cannot take
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> scene = pi.load_scene("highway", set={"duration_s": 2})
+    >>> frames = pi.simulate(scene, pi.load_lidar("helios_16"), range(0, 20, 10))
+    >>> len(frames), frames[1].number, frames[1].points.shape[1]
+    (2, 10, 4)
+    """
+    from pyinfra.dataset import simulation
+
+    several = isinstance(lidar, (list, tuple))
+    asked: list[AnyLidar] = list(lidar) if isinstance(lidar, (list, tuple)) else [lidar]
+    if not asked:
+        raise Error("lidar: expected one or more LiDARs, got an empty list")
+    world = scene if isinstance(scene, simulation.World) else load_scene(scene)
+    units = [x if isinstance(x, simulation.Lidar) else load_lidar(x) for x in asked]
+    numbers = tuple(int(k) for k in frames)
+    if not numbers:
+        raise Error("frames: expected one or more numbers, got none")
+    if list(numbers) != sorted(set(numbers)):
+        raise Error("frames: expected ascending numbers, each once")
+    if numbers[0] < 0 or numbers[-1] >= world.frames:
+        raise Error(f"frames: expected 0 to {world.frames - 1}, got {numbers[0]} to {numbers[-1]}")
+    simulation.simulate(world, units, [])  # raises for presets that do not fit the scene
+    every = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
+    if len(every) < len(units):
+        raise Error("lidar: expected different LiDARs, got one twice")
+    for own in every.values():
+        own.beside = {name: other for name, other in every.items() if other is not own}
+    return every if several else next(iter(every.values()))
+
+
+def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, RecordedFrames]:
+    """Frames on disk: of a LiDAR's folder, or of each LiDAR of a data set.
+
+    Parameters
+    ----------
+    folder : what `infrasim run` or `pyinfra import` wrote, or a folder in KITTI's layout
+
+    Returns
+    -------
+    A sequence of frames for a LiDAR's folder; for a data set a dict of sequences by LiDAR.
+
+    Raises
+    ------
+    Error : if there is no frame in it
+    """
+    path = Path(folder)
+    if not path.is_dir():
+        raise Error(f"folder: expected a folder, got '{path}'")
+    if lidars := lidars_in(path):
+        return {one.name: _recorded(one) for one in lidars}
+    return _recorded(path)
+
+
+def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:
+    """A sequence itself, or that of a LiDAR's folder. Raises Error for a data set of several."""
+    if isinstance(frames, FrameSequence):
+        return frames
+    loaded = load_dataset(frames)
+    if isinstance(loaded, dict):
+        raise Error(f"{argument}: expected one LiDAR, got a data set of {', '.join(loaded)}")
+    return loaded
+
+
+def _recorded(folder: Path) -> RecordedFrames:
+    try:
+        numbers = frame_numbers(folder, "all")
+    except FileNotFoundError:
+        raise Error(
+            f"folder: expected training/velodyne or a LiDAR's folder in it, got '{folder}'"
+        ) from None
+    if not numbers:
+        raise Error(f"folder: expected one or more frames, got none in '{folder}'")
+    return RecordedFrames(folder, tuple(numbers))
+
+
+def _shipped(kind: str) -> dict[str, Path]:
+    return {file.stem: file for file in (configs() / kind).glob("*.yaml")}
