@@ -51,6 +51,17 @@ TEST(range_law, takes_the_end_of_the_scale_for_a_range_that_it_must_reach) {
   EXPECT_NEAR(law.range_m(0.1, 100), 50, 0.5);
 }
 
+TEST(range_law, says_which_range_it_misses_most) {
+  const DetectionConfig one{.range_at_10_percent_m = 100, .further_ranges = {}};
+  EXPECT_NEAR(worst_of_law(one, 1000).error(), 0, 1e-9);
+  // By day, range goes with the fourth root of reflectance at least: 150 m becomes 252 m at 80 %.
+  const DetectionConfig flat{.range_at_10_percent_m = 150,
+                             .further_ranges = {{.range_m = 200, .reflectance = 0.8}}};
+  const double off = std::pow(8, 0.25) * 150 / 200;
+  EXPECT_NEAR(std::abs(worst_of_law(flat, 1000).error()), std::sqrt(off) - 1, 0.02);
+  EXPECT_NEAR(worst_of_law(flat, 200).error(), 0, 1e-9);  // the device's last range
+}
+
 /// The datasheet of a LiDAR of the catalogue; a table of rays that is the user's to fetch is empty.
 LidarConfig datasheet(const std::filesystem::path& file) {
   const testing::TestFolder folder;

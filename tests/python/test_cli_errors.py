@@ -293,6 +293,20 @@ WRONG_LIDARS = {
         "presets", ["unknown key"]),
     "phase that is no choice": ("rate_hz: 10", "rate_hz: 10, phase: random",
         "pattern.spinning.phase", ["'random'", "allowed locked, free"]),
+    "range that falls with reflectance": ("range_at_10_percent_m: 40",
+        "range_at_10_percent_m: 40, further_ranges: [{range_m: 30, reflectance: 0.5}]",
+        "returns.detection.further_ranges",
+        ["expected ranges that grow with reflectance and shrink with sunlight",
+         "got 30 m at 50 % in 100 klx beside 40 m at 10 % in 100 klx"]),
+    "range that grows with sunlight": ("range_at_10_percent_m: 40",
+        "range_at_10_percent_m: 40, "
+        "further_ranges: [{range_m: 30, reflectance: 0.1, sunlight_klux: 0}]",
+        "returns.detection.further_ranges",
+        ["got 30 m at 10 % in 0 klx beside 40 m at 10 % in 100 klx"]),
+    "two ranges of one target": ("range_at_10_percent_m: 40",
+        "range_at_10_percent_m: 40, further_ranges: [{range_m: 50, reflectance: 0.1}]",
+        "returns.detection.further_ranges",
+        ["got 40 m at 10 % in 100 klx beside 50 m at 10 % in 100 klx"]),
     "phase of version 0.2": ("model: Tiny", "random_phase: true",
         "random_phase", ["a key of an earlier version", "allowed phase: locked or free"]),
 }  # fmt: skip
@@ -320,6 +334,23 @@ def test_check_reads_the_presets_that_were_not_asked_for_too(site: Site) -> None
     result = site.infrasim("check", site.lidar)
     assert_one_line(result, site, f"{site.lidar}:8:", "returns.max_range_m: found '0'")
     assert site.infrasim("check", site.lidar, "--preset", "datasheet").returncode == 0
+
+
+def test_check_says_how_well_the_detection_law_meets_the_ranges(site: Site) -> None:
+    def checked(range_m: float) -> Any:
+        ranges = f"100, further_ranges: [{{range_m: {range_m}, reflectance: 0.8}}]"
+        text = LIDAR.replace("range_at_10_percent_m: 40", f"range_at_10_percent_m: {ranges}")
+        site.lidar.write_text(text.replace("max_range_m: 80", "max_range_m: 900"))
+        return site.infrasim("check", site.lidar)
+
+    good = checked(210)
+    assert good.stderr == (
+        "infrasim: tiny: detection law: off by at most 0.1 %, "
+        "210.3 m by the nearest law for 210 m at 80 % in 100 klx\n"
+    )
+    assert good.stdout.startswith('name: "tiny"')
+    words = ("returns.detection.further_ranges: ", "expected ranges that one detection law meets")
+    assert_one_line(checked(600), site, f"{site.lidar}: ", *words, "by the nearest law for")
 
 
 NUMBER = re.compile(r"(?<=[ \[])-?\d+(\.\d+)?(?=[\n,\]])")

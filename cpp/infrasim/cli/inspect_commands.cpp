@@ -22,6 +22,7 @@
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/mesh_file.h"
 #include "infrasim/sensor/pattern_table.h"
+#include "infrasim/sensor/range_law.h"
 
 namespace infrasim::cli {
 
@@ -35,13 +36,43 @@ struct CheckOptions {
   bool canonical = false;
 };
 
+constexpr double kMostOff = 0.2;  ///< of a published range that the detection law misses
+
+/// How well the law of detection meets what the vendor publishes, a line for each different unit.
+/// @throws ConfigError if it misses a range by kMostOff or more
+std::set<std::string> law_errors(const std::filesystem::path& file, const LidarConfig& lidar) {
+  std::set<std::string> lines;
+  for (const LidarUnit& unit : lidar.units) {
+    const ReturnsConfig& returns = unit.returns;
+    if (!returns.detection || returns.detection->further_ranges.empty()) continue;
+    const LawRange worst = worst_of_law(*returns.detection, returns.max_range_m);
+    const auto n = [](double v) { return config::number_text(std::round(v * 10) / 10); };
+    const std::string law =
+        n(worst.law_m) + " m by the nearest law for " + range_text(worst.published);
+    if (std::abs(worst.error()) > kMostOff)
+      throw ConfigError(file.string() +
+                        ": returns.detection.further_ranges: expected ranges that one detection " +
+                        "law meets within " + n(100 * kMostOff) + " %, got " + law);
+    std::string line = lidar.name + ": detection law: off by at most ";
+    line += n(100 * std::abs(worst.error())) + " %, " + law;
+    lines.insert(line);
+  }
+  return lines;
+}
+
 /// Reads every preset that was not asked for too, and traces every ray.
 LidarConfig checked_lidar(const std::filesystem::path& file,
                           const std::optional<std::string>& preset) {
-  const LidarConfig lidar = read_lidar(file, preset.value_or("datasheet"));
-  fields_of_view(lidar);
+  const auto checked = [&file](const std::string& name, bool printed) {
+    LidarConfig lidar = read_lidar(file, name);
+    fields_of_view(lidar);
+    for (const std::string& line : law_errors(file, lidar))
+      if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
+    return lidar;
+  };
+  LidarConfig lidar = checked(preset.value_or("datasheet"), true);
   if (!preset)
-    for (const std::string& name : preset_names(file)) fields_of_view(read_lidar(file, name));
+    for (const std::string& name : preset_names(file)) checked(name, false);
   return lidar;
 }
 

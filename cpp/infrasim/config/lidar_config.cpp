@@ -154,6 +154,33 @@ void visit(Fields& f, PublishedRange& c) {
   f.field("sunlight_klux", c.sunlight_klux, "on its target; 0 at night", between(0, 200));
 }
 
+std::vector<PublishedRange> published_ranges(const DetectionConfig& detection) {
+  std::vector<PublishedRange> ranges{{.range_m = detection.range_at_10_percent_m}};
+  ranges.insert(ranges.end(), detection.further_ranges.begin(), detection.further_ranges.end());
+  return ranges;
+}
+
+std::string range_text(const PublishedRange& r) {
+  return config::number_text(r.range_m) + " m at " + config::number_text(100 * r.reflectance) +
+         " % in " + config::number_text(r.sunlight_klux) + " klx";
+}
+
+namespace {
+
+/// Two ranges of which the one of a brighter target, or in less light, is the shorter; nothing if
+/// there are none.
+std::string contradiction(const DetectionConfig& detection) {
+  const std::vector<PublishedRange> ranges = published_ranges(detection);
+  for (const PublishedRange& a : ranges)
+    for (const PublishedRange& b : ranges)
+      if (a.reflectance >= b.reflectance && a.sunlight_klux <= b.sunlight_klux &&
+          a.range_m < b.range_m)
+        return range_text(a) + " beside " + range_text(b);
+  return {};
+}
+
+}  // namespace
+
 template <class Fields>
 void visit(Fields& f, DetectionConfig& c) {
   f.field("range_at_10_percent_m", c.range_at_10_percent_m,
@@ -161,6 +188,9 @@ void visit(Fields& f, DetectionConfig& c) {
   f.field("further_ranges", c.further_ranges,
           "on other targets or in other light; without one the law is an assumption");
   f.field("steepness", c.steepness, "of detection over signal-to-noise ratio", positive(1000));
+  const std::string both = contradiction(c);
+  f.check(both.empty(), "further_ranges",
+          "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
 }
 
 template <class Fields>

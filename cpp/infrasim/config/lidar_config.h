@@ -111,6 +111,10 @@ struct DetectionConfig {
   double steepness = 5;
 };
 
+/// All ranges that a vendor publishes, the 10 % range first.
+std::vector<PublishedRange> published_ranges(const DetectionConfig& detection);
+std::string range_text(const PublishedRange& r);
+
 /// A beam wider than a ray, cast as several.
 struct BeamConfig {
   double vertical_deg = 0;

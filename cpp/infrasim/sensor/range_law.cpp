@@ -58,8 +58,7 @@ double RangeLaw::range_m(double reflectance, double klux) const {
 }
 
 RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
-  std::vector<PublishedRange> pairs{{.range_m = detection.range_at_10_percent_m}};
-  pairs.insert(pairs.end(), detection.further_ranges.begin(), detection.further_ranges.end());
+  const std::vector<PublishedRange> pairs = published_ranges(detection);
   RangeLaw best{};
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i <= 2 * kSteps; ++i) {
@@ -70,6 +69,17 @@ RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
     if (found < least - 1e-9) least = found, best = law;
   }
   return best;
+}
+
+LawRange worst_of_law(const DetectionConfig& detection, double max_range_m) {
+  const RangeLaw law = fit_range_law(detection, max_range_m);
+  LawRange worst;
+  for (const PublishedRange& pair : published_ranges(detection)) {
+    const double law_m = law.range_m(pair.reflectance, pair.sunlight_klux);
+    const LawRange one{pair, std::min(law_m, std::max(max_range_m, pair.range_m))};
+    if (worst.law_m == 0 || std::abs(one.error()) > std::abs(worst.error())) worst = one;
+  }
+  return worst;
 }
 
 }  // namespace infrasim

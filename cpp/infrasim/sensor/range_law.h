@@ -25,4 +25,16 @@ struct RangeLaw {
 /// LiDAR with one range.
 RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m);
 
+/// A published range, and where the law puts it.
+struct LawRange {
+  PublishedRange published;
+  double law_m = 0;  ///< at most the device's last
+
+  /// Share by which the law is farther.
+  double error() const { return law_m / published.range_m - 1; }
+};
+
+/// The published range that the nearest law misses by the largest share.
+LawRange worst_of_law(const DetectionConfig& detection, double max_range_m);
+
 }  // namespace infrasim
