@@ -60,7 +60,8 @@ def run(args: argparse.Namespace) -> int:
         f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g} of {COUNTED[first.whole]}, "
         f"{wish.range_m:g} m either way, {wish.latency_ms:g} ms a frame."
     )
-    if args.tier == "smoke":
-        print("Networks of the smoke tier have hardly learnt: nothing follows from their AP.")
+    if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
+        text = "Networks of the smoke tier have hardly learnt: nothing follows from the AP of "
+        print(f"{text}{names}.")
     print(*told(recommend(options, wish), wish), sep="\n")
     return 0

@@ -13,7 +13,7 @@ import pandas as pd
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.regions import REGION_M, WINDOW_M
 from pyinfra.experiments.benchmark.replicates import CellDraws
-from pyinfra.experiments.result_tables import Results, read_results
+from pyinfra.experiments.result_tables import Results, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, covered, mounts_of
 from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
@@ -96,6 +96,7 @@ class Option:
     found: Measured | None = None  # percent of the whole road's vehicles, by boxes of any score
     whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
     mounts: int = 1  # LiDARs, whose frames are fused
+    hardly_learnt: bool = False  # a network that learnt in the smoke tier
 
     @property
     def name(self) -> str:
@@ -128,6 +129,7 @@ def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Opti
         raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
     scene, preset = chosen(done, scene, preset)
     cells = done[(done.scene == scene) & (done.preset == preset)]
+    cells = cells.assign(hardly_learnt=hardly_learnt(cells))
     cells = within(with_whole(cells), found.table("ranges"), wish)
     cells = cells.assign(hidden=hidden_share(cells))
     truth = str(cells.whole.iloc[0])
@@ -326,4 +328,5 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         found=None if recall is None else drawn(recall).measured(),
         whole=row.whole,
         mounts=int(row[MOUNTS]),
+        hardly_learnt=bool(row.hardly_learnt),
     )

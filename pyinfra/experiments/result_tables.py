@@ -73,6 +73,7 @@ ENDS = (  # of intervals
 )
 
 
+AS_THEY_COME = ("background", "generalist-as-is")  # learn no steps in any tier
 _CELL = " ".join((*CELL, "seed"))
 KINDS = {
     "cells": _kind(
@@ -80,7 +81,8 @@ KINDS = {
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _CELL,
-        f"{' '.join(AP_COLUMNS)} objects_all objects_present latency_other_cores latency_frames",
+        f"{' '.join(AP_COLUMNS)} objects_all objects_present train_steps latency_other_cores "
+        "latency_frames",
     ),
     "draws": _kind(
         "{tier}_draws.csv",
@@ -206,6 +208,16 @@ class Results:
 
     def source(self, name: str) -> TableFile:
         return TableFile(self.file(name), self.folder / self.file(name))
+
+
+def hardly_learnt(cells: pd.DataFrame) -> pd.Series:
+    """Which rows are of networks that learnt in the smoke tier: nothing follows from their AP.
+
+    Rows of earlier versions do not say `train_steps`: there only AS_THEY_COME learnt nothing in it.
+    """
+    guessed = (~cells.detector.isin(AS_THEY_COME)).astype(float)
+    steps = cells.train_steps.fillna(guessed) if "train_steps" in cells else guessed
+    return (cells.tier == "smoke") & (steps > 0)
 
 
 def read_results(folder: Path, tier: str | None = None) -> Results:

@@ -54,7 +54,7 @@ def results(
     out = tmp_path_factory.mktemp(request.param) / "results"
     out.mkdir()
     cell = Cell(request.param, "livox_avia", "paper", "pointpillars", "quick", 1)
-    row = measure.row(cell, evaluation, 9.0) | {"latency_p50_ms": 10.0, "latency_p95_ms": 12.0}
+    row = measure.row(cell, evaluation, 9.0, 1) | {"latency_p50_ms": 10.0, "latency_p95_ms": 12.0}
     tables = {
         "cells": pd.DataFrame([row]),
         "areas": measure.keyed(cell, evaluation.areas),

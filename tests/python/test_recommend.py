@@ -4,13 +4,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from benchmark_data import PRICES, cells, draws_of, values
 
 from pyinfra.cli import main
+from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.result_tables import AS_THEY_COME, hardly_learnt
 from pyinfra.experiments.value import KEY
 from pyinfra.metrics.row_selection import preset_of_answers
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.viz.report import contents
+from pyinfra.viz.report.report_data import read_material
 
 
 def along_the_road() -> pd.DataFrame:
@@ -353,15 +359,64 @@ def test_the_preset_is_that_of_the_reports_answers(
     assert asked[0].startswith("road, preset datasheet")
 
 
+def of_the_smoke_tier(results: Path, **columns: object) -> None:
+    """The same results, of the smoke tier."""
+    for file in sorted(results.glob("quick*.csv")):
+        table = pd.read_csv(file).assign(tier="smoke")
+        if file.name == "quick.csv":
+            table = table.assign(**columns)
+        table.to_csv(results / file.name.replace("quick", "smoke"), index=False)
+
+
 def test_nothing_follows_from_networks_of_the_smoke_tier(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for file in sorted(results.glob("quick*.csv")):
-        table = pd.read_csv(file).assign(tier="smoke")
-        table.to_csv(results / file.name.replace("quick", "smoke"), index=False)
-    line = "Networks of the smoke tier have hardly learnt: nothing follows from their AP."
+    of_the_smoke_tier(results)
+    names = ", ".join(sorted(set(pd.read_csv(results / "quick.csv").detector) - {"background"}))
+    line = f"Networks of the smoke tier have hardly learnt: nothing follows from the AP of {names}."
     assert said(capsys, results, "--budget", 8000, "--tier", "smoke")[1] == line
     assert line not in said(capsys, results, "--budget", 8000)
+
+
+def test_what_did_not_learn_in_the_smoke_tier_has_no_warning_of_it(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of_the_smoke_tier(results, train_steps=0)
+    assert not any(
+        "learnt" in line for line in said(capsys, results, "--budget", 8000, "--tier", "smoke")
+    )
+    material = read_material(results, [], [], "smoke")
+    assert "learnt" not in contents.page(material).subtitle
+    of_the_smoke_tier(
+        results, train_steps=[0, *[9] * (len(pd.read_csv(results / "quick.csv")) - 1)]
+    )
+    assert "hardly learnt" in contents.page(read_material(results, [], [], "smoke")).subtitle
+
+
+@pytest.mark.parametrize(
+    ("detector", "steps", "taught"),
+    [
+        ("background", None, False),
+        ("generalist-as-is", None, False),
+        ("pointpillars", None, True),
+        ("pointpillars", 0, False),
+        ("own", 9, True),
+    ],
+)
+def test_rows_say_who_learnt_in_the_smoke_tier(
+    detector: str, steps: int | None, taught: bool
+) -> None:
+    row = pd.DataFrame({"detector": [detector], "tier": "smoke"})
+    rows = row if steps is None else row.assign(train_steps=float(steps))
+    assert hardly_learnt(rows).tolist() == [taught]
+    assert hardly_learnt(row.assign(train_steps=np.nan)).tolist() == [taught or steps == 0]
+    assert not hardly_learnt(rows.assign(tier="quick")).any()
+
+
+def test_recipes_say_how_many_steps_they_learn() -> None:
+    folder = Path("configs/detectors")
+    steps = {f.stem: measure.steps_of(read_recipe(f, "smoke")) for f in folder.glob("*.yaml")}
+    assert sorted(name for name, of in steps.items() if of == 0) == sorted(AS_THEY_COME)
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ TIMED_FRAMES = 100
 LATENCY = tuple(f"latency_{w}" for w in "p50_ms p95_ms other_cores frames version machine".split())
 MEASURED = (
     *AP_COLUMNS,
-    *("objects", "objects_all", "objects_present", "train_seconds"),
+    *("objects", "objects_all", "objects_present", "train_seconds", "train_steps"),
     *LATENCY,
 )
 
@@ -59,7 +59,7 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
         "areas": keyed(cell, evaluation.areas),
         "distance": keyed(cell, windows[windows.ground_truth != "common"]),
         "draws": keyed(cell, evaluation.draws),
-        "cells": pd.DataFrame([row(cell, evaluation, seconds)]),
+        "cells": pd.DataFrame([row(cell, evaluation, seconds, steps_of(recipe))]),
     }
 
 
@@ -122,7 +122,12 @@ def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
     }
 
 
-def row(cell: Cell, evaluation: Evaluation, seconds: float) -> dict[str, object]:
+def steps_of(recipe: Recipe) -> int:
+    """Steps of training in the tier; 0 of a network as it comes and of `background`."""
+    return 0 if recipe.detector == "background" else recipe.learning.steps
+
+
+def row(cell: Cell, evaluation: Evaluation, seconds: float, steps: int) -> dict[str, object]:
     """Without a latency: detectors are timed when nothing else runs."""
     found = evaluation.ap.set_index("ground_truth")
     return {
@@ -137,6 +142,7 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float) -> dict[str, object]
         "objects_present": int(found.objects["present"]),
         "block_s": found.block_s["captured"],
         "train_seconds": round(seconds, 1),
+        "train_steps": steps,
         **dict.fromkeys(LATENCY, np.nan),
         **provenance(),
         "findings": " ".join(dict.fromkeys(finding.name for finding in evaluation.findings)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from pyinfra.core.version import __version__
+from pyinfra.experiments.result_tables import hardly_learnt
 from pyinfra.viz.report.blocks import Section
 from pyinfra.viz.report.page import Page
 from pyinfra.viz.report.report_data import Material
@@ -65,8 +66,9 @@ def _subtitle(material: Material) -> str:
     ]
     parts = [f"{n} {what}{'s' if n != 1 else ''}" for n, what in counts]
     tier = material.results.tier
-    short = " Networks of this tier have hardly learnt: nothing follows from their AP."
-    return f"{', '.join(parts)}; tier {tier}, simulated.{short if tier == 'smoke' else ''}"
+    names = ", ".join(sorted(set(cells.detector[hardly_learnt(cells)])))
+    short = f" Networks of this tier have hardly learnt: nothing follows from the AP of {names}."
+    return f"{', '.join(parts)}; tier {tier}, simulated.{short if names else ''}"
 
 
 def _footer(material: Material) -> str:
