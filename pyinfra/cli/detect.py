@@ -15,7 +15,7 @@ from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.dataset.frames import frame_numbers, has_labels, period_of
 from pyinfra.dataset.ground import MOST_HEIGHT_M, Ground, level_ground
-from pyinfra.dataset.prediction_origin import origin_of, write_origin
+from pyinfra.dataset.prediction_origin import origin_of, read_origin, write_origin
 from pyinfra.dataset.regions import Region, outline_region
 from pyinfra.exchange import pcd
 from pyinfra.exchange.bin_columns import USUAL, columns_of
@@ -113,7 +113,8 @@ def run(args: argparse.Namespace) -> int:
     if args.data is not None:
         warn(model, args)
         args.out.mkdir(parents=True, exist_ok=True)
-        write_origin(args.out, origin_of(args.data, model))
+        if read_origin(args.out) is not None or not _others(args.out, files):
+            write_origin(args.out, origin_of(args.data, model))
     if args.height_m is not None:
         chosen = spread(range(len(files)), LOOKED_AT)
         _warn_of_height([read(files[i]) for i in chosen], args.height_m)
@@ -277,13 +278,17 @@ def _warn_of_height(clouds: Sequence[Points], height_m: float) -> None:
         print(f"pyinfra: warning: {text}", file=sys.stderr)
 
 
-def _warn_of_others(out: Path, files: Sequence[Path]) -> None:
-    """Of results that were there, perhaps of another detector."""
+def _others(out: Path, files: Sequence[Path]) -> list[Path]:
+    """Results of other frames than those of some clouds, perhaps of another detector."""
     own = {f"{file.stem}.txt" for file in files}
-    others = [file for file in out.glob("*.txt") if file.name not in own]
-    if others:
+    return [file for file in out.glob("*.txt") if file.name not in own]
+
+
+def _warn_of_others(out: Path, files: Sequence[Path]) -> None:
+    if others := _others(out, files):
         text = f"{len(others)} files of other frames were there and stay, as {others[0].name}"
-        print(f"pyinfra: warning: {out}: {text}", file=sys.stderr)
+        unknown = "" if read_origin(out) else "; where they come from is not known"
+        print(f"pyinfra: warning: {out}: {text}{unknown}", file=sys.stderr)
 
 
 def _print_summary(

@@ -6,6 +6,7 @@ Predictions of other tools have no such file; then nothing is checked.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -18,8 +19,10 @@ from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats import kitti
 
 ORIGIN_FILE = "origin.yaml"
-OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256")
+OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
+RUN_FILES = ("last", "best", "background")  # models that are named as the folder of their run
+PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
 
 
 def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
@@ -29,18 +32,20 @@ def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
     """
     origin = {"version": __version__}
     if model is not None:
-        origin["model"] = model.stem if model.parent.name != "" else str(model)
-        origin["model_sha256"] = _digest(model)
+        origin["model"] = model.resolve().parent.name if model.stem in RUN_FILES else model.stem
+        origin["model_sha256"] = _digest(model.read_bytes())
     if (lidar_folder / "lidar.yaml").is_file():
         lidar = kitti.read_lidar(lidar_folder)
+        without_prices = PRICES.sub(b"", (lidar_folder / "lidar.yaml").read_bytes())
         origin |= {"lidar": lidar.name, "preset": lidar.preset}
+        origin["lidar_sha256"] = _digest(without_prices)  # frames do not depend on prices
     description = data_set_of(lidar_folder) / "dataset.yaml"
     if description.is_file():
         top = kitti.read_yaml(description)
         for key, name in (("name", "scene"), ("seed", "seed")):
             if (node := top.maybe(key)) is not None:
                 origin[name] = node.text()
-        origin["dataset_sha256"] = _digest(description)
+        origin["dataset_sha256"] = _digest(description.read_bytes())
     return origin
 
 
@@ -59,7 +64,7 @@ def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = F
     """
     there = None if anew else read_origin(predictions)
     if there is not None:
-        _check(predictions, there, origin, OF_FRAMES + OF_MODEL, "another folder for these")
+        _check(predictions, there, origin, OF_FRAMES + OF_MODEL, "choose another folder")
     write(predictions / ORIGIN_FILE, yaml.safe_dump(dict(origin), sort_keys=False))
 
 
@@ -71,7 +76,9 @@ def check_origin(predictions: Path, lidar_folder: Path) -> bool:
     there = read_origin(predictions)
     if there is None:
         return False
-    _check(predictions, there, origin_of(lidar_folder), OF_FRAMES, f"predictions of {lidar_folder}")
+    _check(
+        predictions, there, origin_of(lidar_folder), OF_FRAMES, f"they are not of {lidar_folder}"
+    )
     return True
 
 
@@ -80,16 +87,16 @@ def _check(
     there: Mapping[str, str],
     origin: Mapping[str, str],
     keys: tuple[str, ...],
-    wanted: str,
+    hint: str,
 ) -> None:
     """Compares the keys that both have."""
     for key in keys:
         if key in there and key in origin and there[key] != origin[key]:
             raise Error(
-                f"{predictions / ORIGIN_FILE}: {key}: expected {origin[key]}, got {there[key]}; "
-                f"expected {wanted}"
+                f"{predictions / ORIGIN_FILE}: {key}: expected {origin[key]}, got {there[key]}: "
+                f"predictions of other frames or of another model; {hint}"
             )
 
 
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import re
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,11 @@ import pytest
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence, SimulatedFrames
+from pyinfra.dataset.prediction_origin import origin_of
+from pyinfra.viz.report.report_data import Run
+from pyinfra.viz.report.sections import pictures
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = {"duration_s": 6, "traffic.warm_up_s": 20}
@@ -279,10 +284,56 @@ def test_predictions_of_other_frames_or_another_model_are_refused(
         pi.evaluate(other / "helios_16", out)
     assert main.main([*words[:4], str(other / "helios_16"), *words[5:]]) == 2
     origin = (out / "origin.yaml").read_text()
+    assert "model: generalist\n" in origin
     (out / "origin.yaml").write_text(origin.replace("model_sha256: ", "model_sha256: 0"))
     assert main.main(words) == 2
     (out / "origin.yaml").unlink()
     assert [f for f in pi.evaluate(written, out).findings if f.name == "origin"]
+    (out / "999999.txt").touch()  # of another tool: the folder is not vouched for
+    assert main.main(words) == 0
+    assert not (out / "origin.yaml").exists()
+
+
+def test_whatever_reads_predictions_refuses_those_of_another_lidar(
+    written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run/predictions"
+    out.mkdir(parents=True)
+    for number in pi.load_dataset(written).numbers:
+        (out / f"{number:06d}.txt").touch()
+    (out / "origin.yaml").write_text("lidar: livox_avia\n")
+    message = "origin.yaml: lidar: expected helios_16, got livox_avia: "
+    folder, pred = str(written), str(out)
+    to = str(tmp_path / "to")
+    for words in (
+        ["evaluate", "--gt", folder, "--pred", pred, "--out", to],
+        ["validate", folder, "--pred", pred],
+        ["view", folder, "--pred", pred, "--out", f"{to}.html"],
+    ):
+        assert main.main(words) > 0
+        printed = capsys.readouterr()
+        assert message in printed.out + printed.err, words
+    data = read_data_set(written.parent)
+    run = Run(out.parent, data.scene, written.name, data.preset, "x")
+    with pytest.raises(pi.Error, match=message):
+        pictures._predicted(data, run, data.frames[0])
+
+
+def test_the_origin_of_frames_is_that_of_their_lidar_but_not_of_its_price(
+    written: Path, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(written.parent, tmp_path / "other")) / written.name
+    first = origin_of(written)
+    file = folder / "lidar.yaml"
+    text = file.read_text()
+    assert "price_usd:\n" in text
+    dearer = re.sub(r"(low|high): [0-9.]+", r"\1: 77", text)
+    assert dearer != text
+    file.write_text(dearer)
+    assert origin_of(folder) == first
+    file.write_text(re.sub(r"(range_accuracy_m): .*", r"\1: 0.5", text))
+    changed = origin_of(folder)
+    assert {key for key in first if first[key] != changed[key]} == {"lidar_sha256"}
 
 
 def test_a_sequence_on_disk_is_evaluated_as_its_folder(
