@@ -41,6 +41,8 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
 
     written = read_keys(lidar_yaml)
     config = {key: written[key] for key in CONFIG_KEYS if written.get(key)}
+    if table := config.get("pattern", {}).get("table"):
+        table["file"] = str((lidar_yaml.parent / table["file"]).resolve())
     config["presets"] = {"run": {"returns": written["returns"]}}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "lidar.yaml"

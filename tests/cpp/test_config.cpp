@@ -688,7 +688,7 @@ TEST(direction_table, is_read_from_float32_float64_and_csv) {
   folder.write("c.csv", "azimuth_rad,elevation_rad\n0.5,-0.25\n1,0\n");
   for (const char* name : {"a.npy", "b.npy", "c.csv"}) {
     SCOPED_TRACE(name);
-    const auto rows = config::read_directions(folder.path() / name);
+    const auto rows = config::read_firing_table(folder.path() / name).directions;
     ASSERT_EQ(rows.size(), 2U);
     EXPECT_EQ(rows[0].x, 0.5);
     EXPECT_EQ(rows[0].y, -0.25);
@@ -702,7 +702,7 @@ TEST(direction_table, in_another_layout_is_an_error) {
   const auto expect = [&](const std::string& bytes, const std::string& what) {
     SCOPED_TRACE(what);
     const auto file = folder.write("table.npy", bytes);
-    const std::string message = error_of([&] { config::read_directions(file); });
+    const std::string message = error_of([&] { config::read_firing_table(file); });
     EXPECT_TRUE(message.starts_with(file.string() + ":")) << message;
     EXPECT_NE(message.find(what), std::string::npos) << message;
   };
@@ -733,9 +733,57 @@ TEST(direction_table, that_is_not_finite_is_an_error_that_names_the_row) {
   const TestFolder folder;
   std::vector<double> values{0, 0, 0, std::numeric_limits<double>::quiet_NaN()};
   const auto file = folder.write("table.npy", npy("<f8", "(2, 2)", "False", bytes_of(values)));
-  EXPECT_NE(error_of([&] { config::read_directions(file); }).find("row 1"), std::string::npos);
+  EXPECT_NE(error_of([&] { config::read_firing_table(file); }).find("row 1"), std::string::npos);
   const auto csv = folder.write("table.csv", "azimuth_rad,elevation_rad\n0,0\n0,nan\n");
-  expect_message(error_of([&] { config::read_directions(csv); }), csv, 3, "elevation_rad", "'nan'");
+  expect_message(error_of([&] { config::read_firing_table(csv); }), csv, 3, "elevation_rad",
+                 "'nan'");
+}
+
+TEST(direction_table, in_degrees_and_with_times_is_that_in_radians) {
+  const TestFolder folder;
+  write_npy(folder.path() / "a.npy", std::vector<double>{kPi / 6, -kPi / 4, 3, kPi, 0, 5}, 3);
+  folder.write("b.csv", "azimuth_deg,elevation_deg,time_s\n30,-45,0\n180,0,2\n");
+  folder.write("c.csv", "azimuth_deg,elevation_deg\n30,-45\n180,0\n");
+  for (const char* name : {"a.npy", "b.csv", "c.csv"}) {
+    SCOPED_TRACE(name);
+    const config::FiringTable table = config::read_firing_table(folder.path() / name);
+    ASSERT_EQ(table.directions.size(), 2U);
+    EXPECT_NEAR(table.directions[0].x, kPi / 6, 1e-15);
+    EXPECT_NEAR(table.directions[0].y, -kPi / 4, 1e-15);
+    EXPECT_NEAR(table.directions[1].x, kPi, 1e-15);
+    const bool timed = std::string(name) != "c.csv";
+    EXPECT_EQ(table.times_s, timed ? std::vector<double>({0, 2}) : std::vector<double>());
+  }
+}
+
+TEST(direction_table, whose_times_fall_is_an_error_at_its_row) {
+  const TestFolder folder;
+  const auto csv = folder.write("t.csv", "azimuth_rad,elevation_rad,time_s\n0,0,1\n0,0,0.5\n");
+  expect_message(error_of([&] { config::read_firing_table(csv); }), csv, 3, "time_s", "0.5");
+  write_npy(folder.path() / "t.npy", std::vector<double>{0, 0, 1, 0, 0, 0.5}, 3);
+  const std::string message = error_of([&] { config::read_firing_table(folder.path() / "t.npy"); });
+  EXPECT_NE(message.find("row 1"), std::string::npos) << message;
+}
+
+TEST(direction_table, says_the_rate_by_its_times_or_the_file_must) {
+  const TestFolder folder;
+  const auto read = [&](const std::string& rate) {
+    return read_lidar(folder.write("lidar.yaml", R"(name: listed
+price_usd: {low: 1, high: 1, source: nobody, date: "2025"}
+pattern: {table: {file: table.csv)" + rate + R"(}}
+returns: {max_range_m: 10}
+)"),
+                      "")
+        .units.front()
+        .pattern.table->rays_per_s;
+  };
+  folder.write("table.csv", "azimuth_deg,elevation_deg,time_s\n0,0,0\n1,0,0.01\n2,0,0.04\n");
+  EXPECT_DOUBLE_EQ(read(""), 50);
+  EXPECT_DOUBLE_EQ(read(", rays_per_s: 30"), 30);
+  EXPECT_NE(error_of([&] { read(", rays_per_s: 80"); }).find("expected below 75"),
+            std::string::npos);
+  folder.write("table.csv", "azimuth_deg,elevation_deg\n0,0\n1,0\n");
+  EXPECT_NE(error_of([&] { read(""); }).find("rays_per_s"), std::string::npos);
 }
 
 TEST(direction_table, that_changed_since_a_run_is_an_error) {

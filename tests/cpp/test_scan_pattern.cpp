@@ -51,6 +51,13 @@ PatternConfig five_directions() {
   return pattern;
 }
 
+/// The same directions, fired at uneven times.
+PatternConfig five_directions_in_bursts() {
+  PatternConfig pattern = five_directions();
+  pattern.table->times_s = {0, 0.0001, 0.0001, 0.0032, 0.0041};
+  return pattern;
+}
+
 RayRange frame(const ScanPattern& pattern, int k) {
   return pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod);
 }
@@ -80,7 +87,8 @@ std::vector<Named> all_patterns() {
           {"uneven", ScanPattern(uneven, 77.7, pose, 0)},
           {"avia", ScanPattern(avia(), 0, kLevel, 0)},
           {"avia turned", ScanPattern(avia(), 512.3456, pose, 0)},
-          {"table", ScanPattern(five_directions(), 0.0123, pose, 0)}};
+          {"table", ScanPattern(five_directions(), 0.0123, pose, 0)},
+          {"table in bursts", ScanPattern(five_directions_in_bursts(), 0.0123, pose, 0)}};
 }
 
 // --- spinning ---------------------------------------------------------------------------------
@@ -252,7 +260,8 @@ TEST(scan_pattern, runs_on_from_frame_to_frame) {
     EXPECT_EQ(sixth.last, seventh.first);
     const Ray last = pattern.ray(sixth.last - pattern.group_size());
     const Ray next = pattern.ray(seventh.first);
-    EXPECT_NEAR(next.time_s - last.time_s, 1 / pattern.groups_per_s(), 1e-9);
+    const bool even = name != "table in bursts";
+    EXPECT_NEAR(next.time_s - last.time_s, even ? 1 / pattern.groups_per_s() : 0.0031, 1e-9);
     EXPECT_GE(next.time_s, 0.7 - 1e-9);
     EXPECT_LT(last.time_s, 0.7);
   }
@@ -347,6 +356,27 @@ TEST(scan_pattern, a_tile_is_4_columns_of_4_neighbouring_rings) {
 }
 
 // --- table ------------------------------------------------------------------------------------
+
+TEST(table_pattern, fires_at_the_times_of_its_rows_over_and_over) {
+  const std::vector<double> times = five_directions_in_bursts().table->times_s;
+  constexpr double kTable_s = 5 / 1003.0;
+  for (const double phase_s : {0.0, 0.0123}) {  // 12 rows ahead: two tables and two rows
+    const ScanPattern pattern(five_directions_in_bursts(), phase_s, kLevel, 0);
+    const std::int64_t ahead = phase_s > 0 ? 12 : 0;
+    const double start_s = phase_s > 0 ? 2 * kTable_s + times[2] : 0;
+    std::int64_t row = 0;
+    for (int k = 0; k < 20; ++k) {
+      ASSERT_EQ(frame(pattern, k).first, row);  // of the frame before it
+      const RayBatch rays = rays_of(pattern, k);
+      for (std::size_t i = 0; i < rays.size(); ++i, ++row) {
+        const std::int64_t at = row + ahead;
+        const double time_s = static_cast<double>(at / 5) * kTable_s + times[at % 5] - start_s;
+        EXPECT_NEAR(rays.time[i], time_s - k * kFramePeriod, 1e-7);
+      }
+    }
+    EXPECT_NEAR(static_cast<double>(row), 2 * 1003, 5);
+  }
+}
 
 TEST(table_pattern, repeats_its_rows_while_time_goes_on) {
   const ScanPattern pattern(five_directions(), 0, kLevel, 0);

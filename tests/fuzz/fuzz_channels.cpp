@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -24,10 +25,12 @@ void read(const std::string& text) {
       fuzz::require(std::abs(c.elevation_deg) <= 90 && std::abs(c.azimuth_offset_deg) <= 180 &&
                     c.fire_time_us >= 0 && c.fire_time_us <= 1e6);
   }
-  std::vector<Vec2> directions;
-  if (fuzz::is_done([&] { directions = config::read_directions(file); })) {
-    fuzz::require(!directions.empty());
-    for (const Vec2& d : directions) fuzz::require(std::abs(d.x) < 6.3 && std::abs(d.y) < 1.6);
+  config::FiringTable table;
+  if (fuzz::is_done([&] { table = config::read_firing_table(file); })) {
+    fuzz::require(!table.directions.empty());
+    fuzz::require(std::ranges::is_sorted(table.times_s));
+    for (const Vec2& d : table.directions)
+      fuzz::require(std::abs(d.x) < 6.3 && std::abs(d.y) < 1.6);
   }
 }
 
@@ -37,6 +40,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string input(reinterpret_cast<const char*>(data), size);
   read(input);
   read("channel,elevation_deg,azimuth_offset_deg,fire_time_us\n" + input);
-  read("azimuth_rad,elevation_rad\n" + input);
+  for (const char* header : {"azimuth_rad,elevation_rad\n", "azimuth_deg,elevation_deg,time_s\n"})
+    read(header + input);
   return 0;
 }

@@ -123,9 +123,9 @@ void visit(Fields& f, WedgesConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, TableConfig& c) {
-  f.field("file", c.file, ".npy or .csv of azimuth and elevation in radians", required());
-  f.field("rays_per_s", c.rays_per_s, "rays per second",
-          required(between(kFewestPerSecond, kMostRaysPerSecond)));
+  f.field("file", c.file, ".npy or .csv of azimuth, elevation and maybe time", required());
+  f.field("rays_per_s", c.rays_per_s, "rays per second; needed for a table without times",
+          between(kFewestPerSecond, kMostRaysPerSecond));
   f.field("phase", c.phase, "free: a seeded draw of the start; locked: the first row at time 0");
   f.field("digest", c.digest, "of the rows; written by a run, checked when given");
 }
@@ -316,11 +316,33 @@ void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
   c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
 }
 
+/// A table with times begins again a mean step after its last row, or as `rays_per_s` says.
+void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
+  const auto rows = static_cast<double>(c.directions.size());
+  const double last_s = c.times_s.empty() ? 0 : c.times_s.back();
+  if (c.rays_per_s == 0 && last_s > 0) c.rays_per_s = (rows - 1) / last_s;
+  if (c.rays_per_s < kFewestPerSecond || c.rays_per_s > kMostRaysPerSecond)
+    config::fail(
+        {file.string()}, "rays_per_s",
+        "expected " + config::number_text(kFewestPerSecond) + " to " +
+            config::number_text(kMostRaysPerSecond) + ", got " +
+            (c.rays_per_s == 0 ? "none, and no times" : config::number_text(c.rays_per_s)));
+  if (last_s > 0 && last_s >= rows / c.rays_per_s)
+    config::fail({file.string()}, "rays_per_s",
+                 "expected below " + config::number_text(rows / last_s) + ", as the last row is " +
+                     config::number_text(last_s) + " s after the first, got " +
+                     config::number_text(c.rays_per_s));
+}
+
 void resolve_table(const std::filesystem::path& file, TableConfig& c) {
-  c.directions = config::read_directions(file.parent_path() / c.file);
+  config::FiringTable table = config::read_firing_table(file.parent_path() / c.file);
+  c.directions = std::move(table.directions);
+  c.times_s = std::move(table.times_s);
+  resolve_rate(file, c);
   std::uint64_t hash = c.directions.size();
   for (const Vec2& d : c.directions)
     for (const double v : {d.x, d.y}) hash = mix64(hash ^ std::bit_cast<std::uint64_t>(v));
+  for (const double t : c.times_s) hash = mix64(hash ^ std::bit_cast<std::uint64_t>(t));
   const std::string digest = std::to_string(hash);
   if (!c.digest.empty() && c.digest != digest)
     config::fail({file.string()}, "digest", "found " + c.digest + ", allowed " + digest);

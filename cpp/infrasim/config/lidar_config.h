@@ -82,6 +82,7 @@ struct TableConfig {
   MotorPhase phase = MotorPhase::kFree;
   std::string digest;            ///< of the directions
   std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
+  std::vector<double> times_s;   ///< resolved: of each direction since the first; none: evenly
 };
 
 struct PatternConfig {

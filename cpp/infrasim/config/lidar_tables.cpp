@@ -2,7 +2,9 @@
 
 #include <cmath>
 
+#include "infrasim/config/fields.h"
 #include "infrasim/config/tree.h"
+#include "infrasim/core/files.h"
 #include "infrasim/io/csv.h"
 #include "infrasim/io/npy.h"
 
@@ -12,26 +14,48 @@ namespace {
 
 constexpr double kTurn = 2 * kPi + 1e-5;  // float32 rounds 2 pi up
 
-std::vector<Vec2> read_directions_csv(const std::filesystem::path& file) {
-  CsvReader csv(file, "azimuth_rad,elevation_rad");
-  std::vector<Vec2> directions;
+constexpr double kLongestTable_s = 3600;
+
+FiringTable read_csv_table(const std::filesystem::path& file) {
+  const bool in_degrees = read_file(file).starts_with("azimuth_deg");
+  const std::string_view azimuth = in_degrees ? "azimuth_deg" : "azimuth_rad";
+  const std::string_view elevation = in_degrees ? "elevation_deg" : "elevation_rad";
+  const double unit = in_degrees ? kPi / 180 : 1;
+  CsvReader csv(file, std::string(azimuth) + "," + std::string(elevation), "time_s");
+  FiringTable table;
   while (csv.next_row()) {
-    const double azimuth = csv.number("azimuth_rad", -kTurn, kTurn);
-    directions.push_back({azimuth, csv.number("elevation_rad", -kPi / 2, kPi / 2)});
+    Vec2& direction = table.directions.emplace_back();
+    direction.x = unit * csv.number(azimuth, -kTurn / unit, kTurn / unit);
+    direction.y = unit * csv.number(elevation, -kPi / 2 / unit, kPi / 2 / unit);
+    if (!csv.has_last()) continue;
+    table.times_s.push_back(csv.number("time_s", 0, kLongestTable_s));
+    if (table.times_s.size() > 1 && table.times_s.back() < *(table.times_s.end() - 2))
+      csv.fail("time_s", "expected a time that is not before the row above, got " +
+                             number_text(table.times_s.back()));
   }
-  return directions;
+  return table;
 }
 
-std::vector<Vec2> read_directions_npy(const std::filesystem::path& file) {
-  const std::vector<double> values = read_npy(file, 2);
-  std::vector<Vec2> directions;
-  for (std::size_t i = 0; i < values.size(); i += 2) {
-    directions.push_back({values[i], values[i + 1]});
-    if (!(std::abs(values[i]) <= kTurn) || !(std::abs(values[i + 1]) <= kPi / 2))
-      fail({file.string()}, "row " + std::to_string(i / 2),
-           "found a direction that is not finite or out of range, allowed radians");
+FiringTable read_npy_table(const std::filesystem::path& file) {
+  const NpyTable npy = read_npy(file, 2, 3);
+  FiringTable table;
+  const auto check = [&](bool is_good, const std::string& what) {
+    if (!is_good) fail({file.string()}, "row " + std::to_string(table.directions.size() - 1), what);
+  };
+  for (std::size_t i = 0; i < npy.values.size(); i += npy.columns) {
+    const double x = npy.values[i], y = npy.values[i + 1];
+    table.directions.push_back({x, y});
+    check(std::abs(x) <= kTurn && std::abs(y) <= kPi / 2,
+          "found a direction that is not finite or out of range, allowed radians");
+    if (npy.columns < 3) continue;
+    const double time = npy.values[i + 2];
+    const double least = table.times_s.empty() ? 0 : table.times_s.back();
+    check(time >= least && time <= kLongestTable_s,
+          "time: expected " + number_text(least) + " to " + number_text(kLongestTable_s) +
+              " s, none before the row above, got " + number_text(time));
+    table.times_s.push_back(time);
   }
-  return directions;
+  return table;
 }
 
 }  // namespace
@@ -50,10 +74,15 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
   return channels;
 }
 
-std::vector<Vec2> read_directions(const std::filesystem::path& file) {
-  auto rows = file.extension() == ".npy" ? read_directions_npy(file) : read_directions_csv(file);
-  if (rows.empty()) fail({file.string(), 1, 1}, "(rows)", "found none, allowed at least one");
-  return rows;
+FiringTable read_firing_table(const std::filesystem::path& file) {
+  FiringTable table = file.extension() == ".npy" ? read_npy_table(file) : read_csv_table(file);
+  if (table.directions.empty())
+    fail({file.string(), 1, 1}, "(rows)", "found none, allowed at least one");
+  if (!table.times_s.empty()) {
+    const double first = table.times_s.front();
+    for (double& time : table.times_s) time -= first;
+  }
+  return table;
 }
 
 }  // namespace infrasim::config

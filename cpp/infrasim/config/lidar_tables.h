@@ -12,9 +12,14 @@ namespace infrasim::config {
 /// @throws ConfigError with file and line, IoError
 std::vector<Channel> read_channels(const std::filesystem::path& file);
 
-/// Azimuth and elevation in radians, from .npy (n, 2) float32 or float64, or .csv with the header
-/// `azimuth_rad,elevation_rad`.
+struct FiringTable {
+  std::vector<Vec2> directions;  ///< azimuth, elevation (rad)
+  std::vector<double> times_s;   ///< since the first, none falls; empty without a column of times
+};
+
+/// From .npy (n, 2 or 3) float32 or float64: azimuth, elevation (rad) and time (s); or from .csv
+/// with the header `azimuth_rad,elevation_rad` or `azimuth_deg,elevation_deg`, also with `,time_s`.
 /// @throws ConfigError with file and line (or row), IoError
-std::vector<Vec2> read_directions(const std::filesystem::path& file);
+FiringTable read_firing_table(const std::filesystem::path& file);
 
 }  // namespace infrasim::config

@@ -86,11 +86,12 @@ void write_npy(const std::filesystem::path& file, std::span<const double> values
   write_file_atomically(file, bytes);
 }
 
-std::vector<double> read_npy(const std::filesystem::path& file, std::size_t columns) {
+NpyTable read_npy(const std::filesystem::path& file, std::size_t least, std::size_t most) {
   const std::string bytes = read_file(file);
   const auto reject = [&](const std::string& found) {
     throw ConfigError(file.string() + ":1:1: (npy): found " + found + ", allowed a C-ordered (n, " +
-                      std::to_string(columns) + ") array of <f4 or <f8");
+                      std::to_string(least) + (most > least ? " to " + std::to_string(most) : "") +
+                      ") array of <f4 or <f8");
   };
   const auto npy = split_npy(bytes);
   if (!npy) reject("no NumPy header of version 1 to 3, or a part of one");
@@ -98,12 +99,17 @@ std::vector<double> read_npy(const std::filesystem::path& file, std::size_t colu
   const std::string shown(shape.substr(0, 80));
   if (type != "'<f4'" && type != "'<f8'") reject("type " + std::string(type.substr(0, 80)));
   if (entry(npy->header, "fortran_order") != "False") reject("Fortran order");
-  const auto rows = rows_of(shape, columns);
+  std::optional<std::size_t> rows;
+  std::size_t columns = least;
+  for (std::size_t n = least; n <= most && !rows; ++n) {
+    rows = rows_of(shape, n);
+    columns = n;
+  }
   if (!rows) reject("shape " + shown);
   const std::size_t row_bytes = columns * (type == "'<f4'" ? 4 : 8);
   if (npy->data.size() % row_bytes != 0 || npy->data.size() / row_bytes != *rows)
     reject("shape " + shown + " and " + std::to_string(npy->data.size()) + " bytes, another size");
-  return type == "'<f4'" ? values_of<float>(npy->data) : values_of<double>(npy->data);
+  return {type == "'<f4'" ? values_of<float>(npy->data) : values_of<double>(npy->data), columns};
 }
 
 }  // namespace infrasim

@@ -12,9 +12,14 @@ namespace infrasim {
 void write_npy(const std::filesystem::path& file, std::span<const double> values,
                std::size_t columns);
 
-/// Reads the values of a C-ordered (rows, columns) array of float32 or float64, versions 1 to 3 of
-/// the format.
+struct NpyTable {
+  std::vector<double> values;  ///< row by row
+  std::size_t columns = 0;
+};
+
+/// Reads a C-ordered (rows, columns) array of float32 or float64, versions 1 to 3 of the format.
+/// @param least, most columns
 /// @throws ConfigError if the file is not one, IoError if it can't be read
-std::vector<double> read_npy(const std::filesystem::path& file, std::size_t columns);
+NpyTable read_npy(const std::filesystem::path& file, std::size_t least, std::size_t most);
 
 }  // namespace infrasim

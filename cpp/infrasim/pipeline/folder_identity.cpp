@@ -1,5 +1,8 @@
 #include "infrasim/pipeline/folder_identity.h"
 
+#include <algorithm>
+#include <sstream>
+
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
 #include "infrasim/config/tree.h"
@@ -14,6 +17,18 @@ std::string frames_version_of(const std::string& version) {
   for (const std::string number : {"1", "2", "3"})
     if (version.starts_with("0." + number + ".")) return number;
   return "unknown, of version " + version;
+}
+
+/// Without the lines that say where a firing table lies: its digest says what it is.
+std::string without_files(const std::string& text) {
+  std::istringstream lines(text);
+  std::string kept;
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t start = std::min(line.find_first_not_of(' '), line.size());
+    const std::string_view key = std::string_view(line).substr(start);
+    if (!key.starts_with("file: ") || key == "file: \"\"") kept += line + "\n";
+  }
+  return kept;
 }
 
 /// A text that is taken out of a map, as its line; nothing if it is not there.
@@ -40,7 +55,7 @@ std::string lidar_identity(const std::string& text, const std::string& file) {
   if (end == std::string::npos ||
       (tree.find("pattern") == nullptr && tree.find("bundle") == nullptr))
     return text;  // of several mounts, whose own files have the keys
-  return canonical_lidar(tree) + text.substr(end + 1);
+  return without_files(canonical_lidar(tree)) + text.substr(end + 1);
 }
 
 }  // namespace infrasim

@@ -10,6 +10,7 @@
 #include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
+#include "infrasim/io/npy.h"
 #include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/sensor/pattern_table.h"
 
@@ -111,6 +112,29 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   return text;
 }
 
+/// The LiDAR whose firing tables lie beside its lidar.yaml, so that the data set is whole.
+LidarConfig with_tables_beside(LidarConfig lidar) {
+  for (std::size_t i = 0; i < lidar.units.size(); ++i)
+    if (auto& table = lidar.units[i].pattern.table)
+      table->file = i == 0 ? "table.npy" : "table_" + std::to_string(i) + ".npy";
+  return lidar;
+}
+
+/// Writes the tables that are not in the folder yet; its lidar.yaml has their digests.
+void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder) {
+  for (const LidarUnit& unit : lidar.units) {
+    if (!unit.pattern.table) continue;
+    const TableConfig& table = *unit.pattern.table;
+    if (std::filesystem::exists(folder / table.file)) continue;
+    std::vector<double> values;
+    for (std::size_t i = 0; i < table.directions.size(); ++i) {
+      values.insert(values.end(), {table.directions[i].x, table.directions[i].y});
+      if (!table.times_s.empty()) values.push_back(table.times_s[i]);
+    }
+    write_npy(folder / table.file, values, table.times_s.empty() ? 2 : 3);
+  }
+}
+
 void claim_trajectories(const std::filesystem::path& file, const World& world) {
   claim_file(file, [&](const TakeText& take) {
     TrajectoryText lines(world.trajectories->pitched);
@@ -148,8 +172,11 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar) {
 
 void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<std::string> texts;  // first, as they may be refused
-  for (const LidarConfig& lidar : request.lidars) texts.push_back(lidar_yaml(world, lidar));
+  for (const LidarConfig& lidar : request.lidars)
+    texts.push_back(lidar_yaml(world, with_tables_beside(lidar)));
   claim_folder(request, world, texts);
+  for (const LidarConfig& lidar : request.lidars)
+    write_tables(with_tables_beside(lidar), request.out / lidar.name);
 }
 
 void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion) {

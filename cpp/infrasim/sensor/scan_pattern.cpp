@@ -1,6 +1,7 @@
 #include "infrasim/sensor/scan_pattern.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "infrasim/core/errors.h"
@@ -111,6 +112,7 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
     }
   } else {
     groups_per_s_ = config_.table->rays_per_s;
+    first_row_ = static_cast<std::int64_t>(phase_s * groups_per_s_);
   }
   group_size_ = static_cast<int>(elevations.size());
   member_of_ring_ = ascending(elevations);
@@ -120,6 +122,18 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
 }
 
 RayRange ScanPattern::fired_between(double from_s, double to_s) const {
+  if (config_.table && !config_.table->times_s.empty()) {
+    const auto row_at = [&](double t) {
+      const std::vector<double>& times = config_.table->times_s;
+      const double since = t + table_time(first_row_) - 1e-6 / groups_per_s_;
+      const double cycle = std::floor(since / cycle_s());
+      const auto row = std::ranges::lower_bound(times, since - cycle * cycle_s());
+      const std::int64_t rows = static_cast<std::int64_t>(cycle) * repeats_after();
+      // Rows before the first one may share its time.
+      return std::max<std::int64_t>(0, rows + (row - times.begin()) - first_row_);
+    };
+    return {row_at(from_s), row_at(to_s)};
+  }
   // The tolerance keeps a group that starts exactly at a border in the later range.
   const auto group_at = [&](double t) {
     return static_cast<std::int64_t>(std::ceil(t * groups_per_s_ - 1e-6));
@@ -183,11 +197,17 @@ Ray ScanPattern::wedges_ray(std::int64_t group, int member) const {
 
 Ray ScanPattern::table_ray(std::int64_t group) const {
   const TableConfig& table = *config_.table;
-  const auto shift = static_cast<std::int64_t>(phase_s_ * table.rays_per_s);
-  const Vec2 d = table.directions[static_cast<std::size_t>(
-      (group + shift) % static_cast<std::int64_t>(table.directions.size()))];
+  const Vec2 d = table.directions[static_cast<std::size_t>((group + first_row_) % repeats_after())];
   return {{std::cos(d.y) * std::cos(d.x), std::cos(d.y) * std::sin(d.x), std::sin(d.y)},
-          static_cast<double>(group) / groups_per_s_};
+          table.times_s.empty() ? static_cast<double>(group) / groups_per_s_
+                                : table_time(group + first_row_) - table_time(first_row_)};
+}
+
+/// Of a table with times: when a row fires, counted on over its repetitions, since row 0.
+double ScanPattern::table_time(std::int64_t row) const {
+  const std::int64_t rows = repeats_after();
+  return static_cast<double>(row / rows) * cycle_s() +
+         config_.table->times_s[static_cast<std::size_t>(row % rows)];
 }
 
 void ScanPattern::generate(RayRange range, double start_s, RayBatch& rays) const {

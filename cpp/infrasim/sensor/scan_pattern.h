@@ -71,6 +71,7 @@ class ScanPattern {
   Ray spinning_ray(std::int64_t group, int member) const;
   Ray wedges_ray(std::int64_t group, int member) const;
   Ray table_ray(std::int64_t group) const;
+  double table_time(std::int64_t row) const;
 
   PatternConfig config_;
   double phase_s_;
@@ -80,6 +81,7 @@ class ScanPattern {
   Mat3 pose_exact_;
   int group_size_ = 1;
   double groups_per_s_ = 0;
+  std::int64_t first_row_ = 0;                 ///< of a table, at time 0
   std::vector<std::uint16_t> ring_;            ///< of each member of a group
   std::vector<std::uint32_t> member_of_ring_;  ///< its inverse
   struct Laser {

@@ -1,0 +1,105 @@
+"""LiDARs described by a firing table: units, times, and data sets that carry the table."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import Infrasim
+
+from pyinfra.cli import main
+from pyinfra.experiments.stress import lidar as stress_lidar
+
+ROWS = 500
+FRAMES = "0:3"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """`parts/own.yaml`, whose table lies beside it: degrees, fired in bursts of five."""
+    own = tmp_path / "parts"
+    own.mkdir()
+    k = np.arange(ROWS)
+    rows = {"azimuth_deg": k * 0.72 - 179.9, "elevation_deg": -2.0 - k % 20}
+    table = pd.DataFrame(rows).assign(time_s=k // 5 * 5e-4 + k % 5 * 1e-5)
+    table.to_csv(own / "table.csv", index=False)
+    write_lidar(own / "own.yaml", "table.csv")
+    return tmp_path
+
+
+def write_lidar(file: Path, table: str) -> None:
+    keys = {
+        "name": "own",
+        "price_usd": {"low": 1, "high": 1, "source": "made up", "date": "2026"},
+        "pattern": {"table": {"file": table}},
+        "presets": {"datasheet": {"returns": {"max_range_m": 100}}},
+    }
+    file.write_text(yaml.safe_dump(keys))
+
+
+def run(infrasim: Infrasim, folder: Path) -> Path:
+    words = ["--lidar", folder / "parts/own.yaml", "--frames", FRAMES, "--out", folder / "data"]
+    done = infrasim("run", "configs/scenes/flat.yaml", *words)
+    assert done.returncode == 0, done.stderr
+    return folder / "data"
+
+
+def rays(infrasim: Infrasim, file: Path) -> np.ndarray:
+    done = infrasim("pattern", file, "--frames", "0:1", "--out", file.with_suffix(".npy"))
+    assert done.returncode == 0, done.stderr
+    return np.load(file.with_suffix(".npy"))
+
+
+def test_a_table_in_degrees_with_times_fires_its_rows_at_their_times(
+    folder: Path, infrasim: Infrasim
+) -> None:
+    table = pd.read_csv(folder / "parts/table.csv")
+    found = rays(infrasim, folder / "parts/own.yaml")
+    assert len(found) == pytest.approx(0.1 * ROWS / table.time_s.max() * (ROWS - 1) / ROWS, abs=5)
+    np.testing.assert_allclose(np.degrees(found[:ROWS, 1]), table.elevation_deg, atol=1e-5)
+    np.testing.assert_allclose(found[:ROWS, 2], table.time_s, atol=1e-8)
+
+
+def test_what_pattern_writes_is_a_table(folder: Path, infrasim: Infrasim) -> None:
+    first = rays(infrasim, folder / "parts/own.yaml")
+    write_lidar(folder / "parts/again.yaml", "own.npy")
+    again = rays(infrasim, folder / "parts/again.yaml")
+    np.testing.assert_allclose(again[: len(first)], first, atol=1e-6)
+
+
+def test_a_data_set_carries_its_table_to_statistics_and_stress(
+    folder: Path, infrasim: Infrasim
+) -> None:
+    data = run(infrasim, folder)
+    clouds = [file.read_bytes() for file in sorted(data.glob("own/training/velodyne/*"))]
+    (folder / "parts/table.csv").unlink()
+    data = data.rename(folder / "moved")
+    assert main.main(["statistics", str(data), "--out", str(folder / "out")]) == 0
+    lit = pd.read_csv(folder / "out/lit_share.csv")
+    assert lit.lit_percent.max() > 0
+    description = data / "own/lidar.yaml"
+    tables = stress_lidar.table_files(stress_lidar.read(description), description.parent)
+    assert [file.is_file() for file in tables] == [True]
+    again = folder / "again.yaml"
+    again.write_text(stress_lidar.text(description))
+    words = ["--lidar", again, "--frames", FRAMES, "--out", folder / "cast"]
+    assert infrasim("run", "configs/scenes/flat.yaml", *words).returncode == 0
+    cast = [file.read_bytes() for file in sorted((folder / "cast").glob("own/training/velodyne/*"))]
+    assert cast == clouds
+
+
+def test_a_folder_whose_table_lies_elsewhere_is_resumed(folder: Path, infrasim: Infrasim) -> None:
+    data = run(infrasim, folder)
+    description = data / "own/lidar.yaml"
+    before = description.read_text().replace('"table.npy"', '"table.csv"')  # as 0.3 wrote it
+    description.write_text(before)
+    (data / "own/table.npy").unlink()
+    run(infrasim, folder)
+    assert description.read_text() == before
+    table = pd.read_csv(folder / "parts/table.csv")
+    table.assign(elevation_deg=-1.0).to_csv(folder / "parts/table.csv", index=False)
+    words = ["--lidar", folder / "parts/own.yaml", "--frames", FRAMES, "--out", data]
+    refused = infrasim("run", "configs/scenes/flat.yaml", *words)
+    assert refused.returncode != 0
+    assert "lidar.yaml" in refused.stderr
