@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
     )
     parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
-    own = parser.add_argument_group("of an own site's answer, as `pyinfra recommend` has them")
+    own = parser.add_argument_group("of the answer, as `pyinfra recommend` has them")
     own.add_argument("--budget", type=float, default=Wish.budget_usd, help="default: any price")
     own.add_argument("--min-ap", type=float, default=Wish.min_ap)
     own.add_argument("--range", type=float, default=Wish.range_m)

@@ -358,6 +358,15 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     assert "--min-ap: found 0.85, allowed above 1 to 100" in capsys.readouterr().err
 
 
+def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path) -> None:
+    results = report_data.write(tmp_path / "results", report_data.tables())
+    text = Read(report(results, "--budget", 3000, "--min-ap", 40)).text
+    assert "Highway, preset paper, at most 3,000 USD, AP 40 of the whole road's" in text
+    assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
+    assert "Most accurate where it looks" not in text
+    assert "Most accurate where it looks" in Read(report(results)).text
+
+
 def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
     page = Read(report(own_site(tmp_path / "results")))
     assert not {"claims", "figure-hits"} & set(page.ids)

@@ -12,7 +12,7 @@ from pyinfra.experiments.options import FRAME_MS
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.viz.report.names import detector
-from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.report_data import ANY_PRICE, Material
 from pyinfra.viz.report.sections import accuracy, recommendation
 
 TITLE = "Which LiDAR and detector for what"
@@ -26,12 +26,17 @@ Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
 
 def section(material: Material) -> Section | None:
-    """What is recommended for own sites; for the paper's scenes the best for each purpose."""
+    """What is recommended for own sites; for the paper's scenes the best for each purpose.
+
+    With requirements, such as a budget, what is recommended for these scenes too.
+    """
     done = material.results.done()
     if done.empty:
         return None
     lead, blocks = "", list[Block]()
-    own = [s for s in material.scenes() if s in set(done.scene) and s not in SCENES]
+    asked = material.wish != ANY_PRICE  # then of every scene
+    there = [scene for scene in material.scenes() if scene in set(done.scene)]
+    own = [scene for scene in there if asked or scene not in SCENES]
     if recommendation.can_answer(material):
         lead, blocks = _of_own(material, own)
         done = done[~done.scene.isin(own)]
