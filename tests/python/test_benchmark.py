@@ -368,6 +368,14 @@ def test_a_dry_run_names_the_cells_and_their_time(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config.write_text(config.read_text().replace("helios_16", "hesai_xt32"))
+    assert main.main(words(config, tmp_path / "out", "--dry-run")) != 0
+    assert "hesai_xt32.yaml:12:3: presets: found no preset 'paper'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from pyinfra.experiments import store
+from pyinfra.experiments.benchmark import inputs
 from pyinfra.experiments.benchmark.matrix import Cell, Plan
 from pyinfra.experiments.benchmark.provenance import stale
 from pyinfra.experiments.benchmark.workspace import Workspace
@@ -18,7 +19,12 @@ BACKGROUND_S = 20.0
 
 
 def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
-    """The cells that are not finished and how long they will take by those that are; stale rows."""
+    """The cells that are not finished and how long they will take by those that are; stale rows.
+
+    Raises what `benchmark` would raise of scenes and LiDARs, such as a preset that a LiDAR has not.
+    """
+    inputs.check_names(plan)
+    inputs.digests(plan)
     table = workspace.finished()
     known = store.has_each(table, [vars(cell) for cell in plan.cells])
     left = [cell for cell, there in zip(plan.cells, known, strict=True) if not there]
