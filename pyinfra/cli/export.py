@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
 from pyinfra.dataset.frames import frame_numbers, frame_range
-from pyinfra.exchange.exports import export
+from pyinfra.exchange.exports import export, split_note
 from pyinfra.exchange.formats import EXPORTS
 from pyinfra.exchange.rates import Shown, summary
 
@@ -32,5 +33,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         frames = frame_numbers(args.data, args.split)
     export(args.data, Shown(frames), args.to, args.out)
+    if note := split_note(args.data, frames, args.to):
+        print(f"pyinfra: note: {note}", file=sys.stderr)
     print(f"{args.out}: {summary(len(frames), args.out, since)}")
     return 0

@@ -7,6 +7,25 @@ from pathlib import Path
 
 from pyinfra.core.files import new_folder
 from pyinfra.exchange.formats import exporter
+from pyinfra.exchange.road_level import train_and_val
+
+NUSCENES = "nuscenes"
+SPLIT_BY_SHARE = ("openpcdet", "mmdet3d")
+
+
+def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
+    """How an export of frames without ImageSets is split; nothing where there is nothing to say."""
+    parts = ("train", "val") if name == NUSCENES else ("train",)
+    if any((lidar_folder / f"ImageSets/{part}.txt").is_file() for part in parts):
+        return ""
+    if name == NUSCENES:
+        how = f"all {len(frames)} frames are in the split infrasim_all"
+    elif name in SPLIT_BY_SHARE:
+        lists = train_and_val(lidar_folder, list(frames))
+        how = f"the first {len(lists['train'])} frames train, the last {len(lists['val'])} are val"
+    else:
+        return ""
+    return f"{lidar_folder}: not split: {how}; `pyinfra split` first splits by time, with a gap"
 
 
 def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> None:

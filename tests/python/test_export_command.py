@@ -30,8 +30,28 @@ def test_every_format_is_written_whole(
     out, err = capsys.readouterr()
     assert out.startswith(f"{tmp_path / 'out'}: 3 frames, ")
     assert out.endswith(" MB/s\n")
-    assert err == ""
+    assert ("not split" in err) == (name in ("openpcdet", "mmdet3d", "nuscenes"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made_up", "out"]
+
+
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [
+        ("openpcdet", "the first 2 frames train, the last 1 are val"),
+        ("mmdet3d", "the first 2 frames train, the last 1 are val"),
+        ("nuscenes", "all 3 frames are in the split infrasim_all"),
+    ],
+)
+def test_an_export_of_unsplit_frames_says_how_it_splits(
+    name: str, how: str, pole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.main(words(pole, tmp_path / "out", name)) == 0
+    assert how in capsys.readouterr().err
+    (pole / "ImageSets").mkdir()
+    (pole / "ImageSets/train.txt").write_text("000005\n")
+    (pole / "ImageSets/val.txt").write_text("000007\n")
+    assert main.main(words(pole, tmp_path / "split", name)) == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
