@@ -48,7 +48,7 @@ def run(infrasim: Infrasim, folder: Path) -> Path:
 def rays(infrasim: Infrasim, file: Path) -> np.ndarray:
     done = infrasim("pattern", file, "--frames", "0:1", "--out", file.with_suffix(".npy"))
     assert done.returncode == 0, done.stderr
-    return np.load(file.with_suffix(".npy"))
+    return np.asarray(np.load(file.with_suffix(".npy")))
 
 
 def test_a_table_in_degrees_with_times_fires_its_rows_at_their_times(
