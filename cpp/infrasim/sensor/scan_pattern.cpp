@@ -206,7 +206,8 @@ Ray ScanPattern::table_ray(std::int64_t group) const {
 /// Of a table with times: when a row fires, counted on over its repetitions, since row 0.
 double ScanPattern::table_time(std::int64_t row) const {
   const std::int64_t rows = repeats_after();
-  return static_cast<double>(row / rows) * cycle_s() +
+  const std::int64_t cycles = row / rows;
+  return static_cast<double>(cycles) * cycle_s() +
          config_.table->times_s[static_cast<std::size_t>(row % rows)];
 }
 
