@@ -37,6 +37,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "correlation": measure.correlation,
     "people": sites.people,
     "poles": sites.poles,
+    "places": sites.places,
     "pole errors": sites.pole_errors,
     "engines": networks.engines,
     "generalist": networks.generalist,

@@ -19,6 +19,14 @@ from tables_of.common import (
 
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as benchmarks/people.py has them
 POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
+COMPARED = "6m"
+PLACES = {
+    "back": "40 m before the crossing, 6 m",
+    "4m": "at the corner, 4 m",
+    "6m": "at the corner, 6 m",
+    "8m": "at the corner, 8 m",
+    "two": "two poles, 6 m",
+}
 POLE_ERRORS = {
     "clock_20_ms": "clocks by 20 ms",
     "clock_50_ms": "50 ms",
@@ -101,6 +109,39 @@ def poles() -> str:
         rows.append([*names, *ap, _less(own.get(2), own.get(1)), _less(own.get(4), own.get(2))])
     heads = ["1 pole", "2 poles", "4 poles", "2 less 1", "4 less 2"]
     return markdown(["LiDAR", "detector", *heads], rows)
+
+
+def places() -> str:
+    """AP by the place of a LiDAR at a crossing, and the paired difference to one place."""
+    table = results("places").fillna({"minus": ""})
+    keys = ["ground_truth", "place", "minus", "measure"]
+    rows = []
+    for lidar, own in table.groupby("lidar", sort=False):
+        found = {tuple(row[key] for key in keys): row for _, row in own.iterrows()}
+        for place, words in PLACES.items():
+            cells = [
+                with_interval_of_ap(*found[truth, place, "", measure][["value", "low", "high"]])
+                for truth, measure in (
+                    ("all", "ap_r1000"),
+                    ("present", "ap_r1000"),
+                    ("present", "found_percent"),
+                )
+            ]
+            hidden = found["present", place, "", "hidden_percent"].value
+            after = found.get(("present", place, COMPARED, "ap_r1000"))
+            before = found.get(("present", COMPARED, place, "ap_r1000"))
+            less = ""
+            if after is not None:
+                less = _signed(after.value, after.low, after.high)
+            elif before is not None:
+                less = _signed(-before.value, -before.high, -before.low)
+            rows.append([str(lidar), words, f"{hidden:.0f} %", *cells, less])
+    heads = ["LiDAR", "place", "hidden", "AP of visible vehicles", "AP of every vehicle"]
+    return markdown([*heads, "found, %", "AP less that at the corner, 6 m"], rows)
+
+
+def _signed(value: float, low: float, high: float) -> str:
+    return f"{value:+.1f} [{low:+.1f}, {high:+.1f}]"
 
 
 def pole_errors() -> str:

@@ -1,0 +1,101 @@
+"""Places for a LiDAR at a crossing with corner houses: far, at the corner, high, and two poles.
+
+The scene and the commands are those of docs/several_poles.md, with three seeds of the traffic: the
+pole 40 m before the crossing, at the corner 4, 6 and 8 m high, and at 6 m with a second one across.
+The detector is the one of the package, as it comes; nothing is learnt. Writes results/places.csv,
+the rows of `pyinfra compare` under `present` and `all`:
+    .venv/bin/python benchmarks/places.py --work data/places
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.version import __version__, machine
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.runs import infrasim
+from pyinfra.metrics.places import compare_places
+
+ROOT = Path(__file__).resolve().parent.parent
+SEEDS = (1, 2, 3)
+FRAMES = "0:5000:47"
+LIDARS = ("hesai_xt32", "hesai_ot128")
+CORNER = {"pole.x_m": -11.5, "pole.y_m": -11.5}
+ACROSS = {"across.x_m": 11.5, "across.y_m": 11.5, "across.z_m": 6}
+RUNS = {  # by name: keys of the mounts, and the places with their folders
+    "back": ({}, {"back": "."}),
+    "4m": (CORNER | {"pole.z_m": 4}, {"4m": "."}),
+    "8m": (CORNER | {"pole.z_m": 8}, {"8m": "."}),
+    "two": (CORNER | ACROSS, {"6m": "pole", "two": "fused"}),
+}
+PLACES = ("back", "4m", "6m", "8m", "two")
+NAMES = ("place", "minus")  # columns of paths
+
+
+def scene(work: Path) -> Path:
+    """The scene of the page, saved under its name."""
+    page = (ROOT / "docs/several_poles.md").read_text("utf-8")
+    found = re.search(r"^```yaml corner.yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    assert found is not None
+    (file := work / "corner.yaml").write_text(found[1], "utf-8")
+    return file
+
+
+def pyinfra(*words: object) -> None:
+    command = [sys.executable, "-P", "-m", "pyinfra", *map(str, words)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
+    """The evaluations of a run's places, each in `work/out/LIDAR/PLACE/SEED`."""
+    keys, places = RUNS[run]
+    data = work / "data" / lidar / f"{run}_{seed}"
+    words = ["--frames", FRAMES, "--seed", str(seed), "--out", str(data)]
+    words += [word for key, value in keys.items() for word in ("--set", f"mounts.{key}={value}")]
+    words += ["--fuse"] if len(places) > 1 else []
+    infrasim("run", scene(work), "--lidar", lidar_file(lidar), *words)
+    for place, folder in places.items():
+        gt, found = data / folder / lidar, work / "runs" / lidar / f"{place}_{seed}"
+        out = work / "out" / lidar / place / str(seed)
+        if not (out / "draws.csv").is_file():
+            if not found.is_dir():
+                pyinfra("detect", "--model", "generalist", "--data", gt, "--out", found)
+            of = ("--ground-truth", "present", "all", "--no-figures")
+            pyinfra("evaluate", "--gt", gt, "--pred", found, *of, "--out", out)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 5 GB")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "places.csv")
+    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
+    args = parser.parse_args()
+    args.work.mkdir(parents=True, exist_ok=True)
+    tables = []
+    for lidar in args.lidars:
+        for run in RUNS:
+            for seed in SEEDS:
+                evaluate(lidar, run, seed, args.work)
+                print(lidar, run, seed, flush=True)
+        for which in ("present", "all"):
+            # Blocks of `all` are a place's own: it has no differences.
+            folders = [args.work / "out" / lidar / place for place in PLACES]
+            groups = [folders] if which == "present" else [[folder] for folder in folders]
+            for group in groups:
+                rows = compare_places(group, which)
+                names = {column: rows[column].map(lambda t: Path(t).name) for column in NAMES}
+                own = {"lidar": lidar, "detector": "generalist", "ground_truth": which}
+                tables.append(pd.DataFrame(own, index=rows.index).join(rows.assign(**names)))
+    about = {"seed": " ".join(map(str, SEEDS)), "version": __version__, "machine": machine()}
+    about["command"] = f"benchmarks/places.py --work {args.work.name}"
+    pd.concat(tables).assign(**about).to_csv(args.out, index=False, float_format="%.5g")
+
+
+if __name__ == "__main__":
+    main()
