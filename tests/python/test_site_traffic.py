@@ -236,6 +236,18 @@ def test_a_map_whose_ends_no_route_joins_has_traffic_between_its_edges(folder: P
         assert not (inside & [track.first > 0, track.first + len(track.states) < 600]).any()
 
 
+def test_a_lane_that_bars_all_is_for_nobody(folder: Path) -> None:
+    """As the borders of an OpenDRIVE road are."""
+    net = data.crossing(folder / "barred")
+    text = net.read_text()
+    for k in range(2):
+        text = text.replace(f'<lane id="ei_{k}"', f'<lane id="ei_{k}" disallow="all"')
+    net.write_text(text)
+    found = read_road_net(net)
+    assert found.edges["ei"].lanes_for("passenger") == 0
+    assert "ei" not in {edge.name for edge in found.sources("passenger")}
+
+
 def test_few_vehicles_are_a_file_that_starts_with_the_first(folder: Path) -> None:
     net = data.crossing(folder / "lonely")
     found = simulate(net, data.FOOT, Demand(40), 200, seed=4)

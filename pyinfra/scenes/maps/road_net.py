@@ -168,4 +168,5 @@ def _borne(lane: ElementTree.Element) -> frozenset[str] | None:
     if "allow" in lane.attrib:
         names = set(lane.attrib["allow"].split())
         return None if "all" in names else frozenset(_ASKED & names)
-    return frozenset(_ASKED - set(lane.get("disallow", "").split()))
+    barred = set(lane.get("disallow", "").split())
+    return frozenset() if "all" in barred else frozenset(_ASKED - barred)

@@ -211,11 +211,8 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
         return f"the map: found no road for class '{sumo_class}', allowed maps that have one"
     far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
     starts, ends = (len(some) for some in _far_edges(net, feet, sumo_class))
-    why = (
-        f"{starts} edges begin and {ends} end there"
-        if starts and ends
-        else f"it reaches {far:.0f} m"
-    )
+    counts = f"{starts} edges begin and {ends} end there"
+    why = counts if far >= reach else f"it reaches {far:.0f} m"
     return (
         f"the map: found no way for class '{sumo_class}' from {reach:.0f} m outside the mount's "
         f"foot, through the region, to {reach:.0f} m outside ({why}), allowed maps with such ways: "
