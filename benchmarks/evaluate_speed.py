@@ -36,6 +36,7 @@ LIDAR = """name: "speed"
 model: "made up"
 preset: "none"
 price_total_usd: {low: 1, high: 1}
+label_time: frame
 period_s: 0.1
 T_world_levelled: {x_m: 0, y_m: 0, z_m: 6, yaw_deg: 0}
 T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}
@@ -168,12 +169,14 @@ def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tu
     (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
     for k in range(frames):
         truth, found, scores = frame(random)
-        lines = [",".join(kitti.FRAME_COLUMNS)]
+        lines = [",".join(kitti.OBJECT_COLUMNS)]
         for i, box in enumerate(truth):
             numbers = ",".join(f"{value:.4f}" for value in box)
             points = int(random.integers(0, 50))
             distance = math.hypot(box[0], box[1])
-            lines.append(f"{i},Car,{numbers},15.0000,{points},{points},{distance:.4f},0.9000")
+            seen = f"{points},{points},{distance:.4f},0.9000"
+            scan = ",".join(f"{value:.4f}" for value in (*box[:3], box[6]))
+            lines.append(f"{i},Car,{numbers},15.0000,{seen},{scan},0.0500,{points}")
         kitti.frame_file(lidar, "objects", k).write_text("\n".join(lines) + "\n")
         kitti.frame_file(lidar, "velodyne", k).touch()
         (predictions / f"{k:06d}.txt").write_text("".join(map(result_line, found, scores)))

@@ -73,7 +73,7 @@ def read_data_set(folder: Path) -> DataSet:
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
-    own_time, label_time = top.maybe("label_time"), lidars[0].label_time
+    own_time, label_time = top.maybe("label_time"), lidars[0].label_time  # an import has none
     if own_time is not None and own_time.text() != label_time:
         own_time.fail(f"found '{own_time.text()}', allowed '{label_time}' of the LiDARs")
     return DataSet(
@@ -112,11 +112,7 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
         for key, value in allowed.items():
             if getattr(lidar, key) != value:
                 why = "that of the folder" if key == "name" else f"as in {folders[0]}"
-                node = top.maybe(key)  # up to version 0.2 there was no label_time
-                found_key = "" if node else f"{key} "
-                (node or top).fail(
-                    f"found {found_key}{getattr(lidar, key)}, allowed {value}, {why}"
-                )
+                top.at(key).fail(f"found {getattr(lidar, key)}, allowed {value}, {why}")
     return found
 
 

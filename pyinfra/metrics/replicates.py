@@ -8,7 +8,6 @@ which.
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -144,12 +143,11 @@ def versions_of(truth: GroundTruth) -> tuple[str, str]:
 
 
 def frames_version_of(version: str) -> str:
-    """The number of the frames of a version that did not write it: "3" of 0.3.
+    """The number of the frames of version 0.3, which did not write it: "3".
 
-    Of versions that are no release's nothing is known: only those of the same one go together.
+    Of other versions nothing is known: only those of the same one go together.
     """
-    release = re.match(r"0\.([123])\.", version)
-    return release[1] if release else version
+    return "3" if version.startswith("0.3.") else version
 
 
 def _same(row: pd.Series, name: str) -> str:

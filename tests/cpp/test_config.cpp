@@ -857,12 +857,6 @@ TEST(lidar_file, says_how_its_motors_start) {
                      "pattern.spinning.seam_deg", "allowed -360 to 360");
 }
 
-TEST(lidar_file, with_the_key_of_the_version_before_is_told_the_new_one) {
-  expect_lidar_error("model: Two lines", "random_phase: false #!", "random_phase",
-                     "found a key of an earlier version, allowed phase: locked or free, in "
-                     "pattern.spinning");
-}
-
 TEST(scene, labels_as_the_preset_does_unless_it_says_otherwise) {
   SceneConfig scene;
   EXPECT_EQ(label_time_of(scene, "paper"), LabelTime::kFrame);

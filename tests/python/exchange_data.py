@@ -13,6 +13,7 @@ LIDAR = """name: "pole"
 model: "made up"
 preset: "none"
 price_total_usd: {low: 1, high: 1}
+label_time: frame
 period_s: 0.1
 T_world_levelled: {x_m: 10, y_m: 20, z_m: 6, yaw_deg: 90}
 T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}

@@ -307,8 +307,6 @@ WRONG_LIDARS = {
         "range_at_10_percent_m: 40, further_ranges: [{range_m: 50, reflectance: 0.1}]",
         "returns.detection.further_ranges",
         ["got 40 m at 10 % in 100 klx beside 50 m at 10 % in 100 klx"]),
-    "phase of version 0.2": ("model: Tiny", "random_phase: true",
-        "random_phase", ["a key of an earlier version", "allowed phase: locked or free"]),
 }  # fmt: skip
 
 
@@ -334,6 +332,9 @@ def test_check_reads_the_presets_that_were_not_asked_for_too(site: Site) -> None
     result = site.infrasim("check", site.lidar)
     assert_one_line(result, site, f"{site.lidar}:8:", "returns.max_range_m: found '0'")
     assert site.infrasim("check", site.lidar, "--preset", "datasheet").returncode == 0
+    site.lidar.write_text(LIDAR.replace("{max_range_m: 100}", "{max_range_m: 100, reach: 1}"))
+    result = site.infrasim("check", site.lidar)
+    assert_one_line(result, site, f"{site.lidar}:8:", "returns.reach: ", "unknown key")
 
 
 def test_check_says_how_well_the_detection_law_meets_the_ranges(site: Site) -> None:

@@ -133,6 +133,20 @@ def test_lidar_yaml_has_price_pose_range_and_field_of_view(data_set: Path) -> No
     assert fov["range_m"] == [0, 260]
 
 
+def test_memory_of_trajectories_does_not_grow_with_their_length(tmp_path: Path) -> None:
+    peaks = []
+    for seconds in (100, 800):
+        words = ["trajectories", "highway", "--out", str(tmp_path / "t.csv")]
+        command = [str(BINARY), *words, "--set", f"duration_s={seconds}"]
+        script = (
+            f"import resource, subprocess; subprocess.run({command}, stdout=2, check=True);"
+            "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+        )
+        done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True)
+        peaks.append(int(done.stdout))
+    assert peaks[1] < 1.3 * peaks[0]
+
+
 def test_trajectories_have_ten_rows_a_second_and_roads_one_a_metre(data_set: Path) -> None:
     trajectories = pd.read_csv(data_set / "trajectories.csv")
     assert ",".join(trajectories.columns) == "t,id,class,x,y,z,heading,dx,dy,dz,speed"

@@ -82,6 +82,7 @@ def lidar_yaml(preset: str, z: float) -> str:
         "preset": preset,
         "price_total_usd": {"low": 1, "high": 2},
         "period_s": 0.1,
+        "label_time": "scan",
         "T_world_levelled": {"x_m": 0, "y_m": 0, "z_m": z, "yaw_deg": 0},
         "field_of_view": [view | {"range_m": [1, 200]}],
     }

@@ -12,10 +12,9 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import Cameras, read_predictions
 from pyinfra.formats import kitti
 
-OLD_HEADER = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
-OLD_VEHICLE = "7,Car,10.5,-2,-5.2,4.5,1.8,1.6,0.25,16.5,12,9,10.7,0.75"
-HEADER = f"{OLD_HEADER},scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box"
-VEHICLE = f"{OLD_VEHICLE},10.9,-1.9,-5.1,0.24,0.06,11"
+WITHOUT_SCAN = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
+HEADER = f"{WITHOUT_SCAN},scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box"
+VEHICLE = "7,Car,10.5,-2,-5.2,4.5,1.8,1.6,0.25,16.5,12,9,10.7,0.75,10.9,-1.9,-5.1,0.24,0.06,11"
 LABEL = "Car 0.00 0 0.1 0 0 50 50 1.6 1.8 4.5 2 6 10 -1.570796"
 LIDAR = """\
 name: "two"
@@ -28,6 +27,7 @@ T_levelled_sensor: {pitch_deg: 5, roll_deg: 0}
 field_of_view:
   - {yaw_deg: 45, pitch_deg: 0, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, 300]}
   - {yaw_deg: -45, pitch_deg: 10, azimuth_deg: [-35, 35], elevation_deg: [-9, 9], range_m: [1, 2]}
+label_time: frame
 """
 
 
@@ -123,6 +123,7 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
         ("[1, 2]", "2", "lidar.yaml:10: field_of_view[1].range_m: found no list"),
         ('name: "two"', "name: [two]", "lidar.yaml:1: name: found a collection"),
         ("period_s: 0.1\n", "", "found no key 'period_s'"),
+        ("label_time: frame\n", "", "found no key 'label_time'"),
         ("{low: 100", "{low: 100}}", "lidar.yaml:4: is not YAML"),
         (LIDAR, "", "lidar.yaml:1: found no mapping"),
         ("period_s: 0.1", "period_s: 0", "lidar.yaml:5: period_s: found 0, allowed 0.001 to 60"),
@@ -199,13 +200,6 @@ def test_objects_are_read_by_column(tmp_path: Path) -> None:
     assert objects.label_boxes("frame") is objects.boxes
 
 
-def test_objects_without_a_scan_are_as_if_scanned_at_mid_frame(tmp_path: Path) -> None:
-    objects = kitti.read_objects(written(tmp_path, f"{OLD_HEADER}\n{OLD_VEHICLE}\n"))
-    np.testing.assert_array_equal(objects.scan_boxes, objects.boxes)
-    assert objects.boxes.tolist() == [[10.5, -2, -5.2, 4.5, 1.8, 1.6, 0.25]]
-    assert (objects.scan_time_s[0], objects.points_in_scan_box[0]) == (0.05, 9)
-
-
 def test_objects_of_a_run_whose_vehicles_lean_have_a_pitch(tmp_path: Path) -> None:
     text = f"{HEADER},pitch\n{VEHICLE},-0.06\n{VEHICLE.replace('7,', '8,', 1)},0\n"
     objects = kitti.read_objects(written(tmp_path, text))
@@ -218,17 +212,16 @@ def test_objects_of_a_run_whose_vehicles_lean_have_a_pitch(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("found", ["frame", "scan"])
 def test_labels_of_a_folder_hold_when_its_lidar_says(found: str, tmp_path: Path) -> None:
-    folder = lidar_folder(tmp_path, LIDAR + f"label_time: {found}\n")
+    folder = lidar_folder(tmp_path, LIDAR.replace("label_time: frame", f"label_time: {found}"))
     assert kitti.read_label_time(folder) == kitti.read_lidar(folder).label_time == found
 
 
-def test_labels_of_a_folder_of_version_0_2_hold_at_mid_frame(tmp_path: Path) -> None:
-    assert kitti.read_label_time(tmp_path) == "frame"  # no lidar.yaml
-    assert kitti.read_lidar(lidar_folder(tmp_path, LIDAR)).label_time == "frame"
+def test_labels_of_a_folder_without_a_lidar_hold_at_mid_frame(tmp_path: Path) -> None:
+    assert kitti.read_label_time(tmp_path) == "frame"
 
 
 def test_an_unknown_label_time_is_an_error(tmp_path: Path) -> None:
-    folder = lidar_folder(tmp_path, LIDAR + "label_time: end\n")
+    folder = lidar_folder(tmp_path, LIDAR.replace("label_time: frame", "label_time: end"))
     with pytest.raises(
         FormatError, match=r"lidar\.yaml:11: label_time: found 'end', allowed frame"
     ):
@@ -268,7 +261,7 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
         (f"{HEADER}\n{VEHICLE.replace(',9,', ',13,')}\n", ":2: points_in_box: found 13, allowed"),
         (f"{HEADER}\n{VEHICLE.replace(',11', ',13')}\n", ":2: points_in_scan_box: found 13, all"),
         (f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n", ":2: scan_time_s: found -1, allowed -0.2"),
-        (f"{OLD_HEADER}\n{OLD_VEHICLE},1\n", ":2: found 15 columns, allowed 20"),
+        (f"{WITHOUT_SCAN}\n", ":1: found 'id,class,x,y,z,dx,dy,dz,heading,speed,points"),
         (f"{HEADER},pitch\n{VEHICLE},9\n", ":2: pitch: found 9, allowed -2 pi"),
         (f"{HEADER},pitch\n{VEHICLE}\n", ":2: found 19 columns, allowed 20"),
         (f"{HEADER},pitch\n{VEHICLE},up\n", ":2: pitch: found 'up'"),

@@ -308,6 +308,7 @@ name: {name}
 model: M
 preset: paper
 price_total_usd: {{low: 1, high: 2}}
+label_time: frame
 period_s: 0.1
 T_world_levelled: {{x_m: 0, y_m: 0, z_m: 6, yaw_deg: 0}}
 T_levelled_sensor: {{pitch_deg: 0, roll_deg: 0}}
@@ -318,7 +319,8 @@ field_of_view:
 
 
 def row(vehicle: int, x: float, points: int, visibility: float = 1) -> str:
-    return f"{vehicle},Car,{x},0,-5.2,4,2,1.5,0,15,{points},{points},{abs(x)},{visibility}"
+    scan = f"{x},0,-5.2,0,0.05,{points}"
+    return f"{vehicle},Car,{x},0,-5.2,4,2,1.5,0,15,{points},{points},{abs(x)},{visibility},{scan}"
 
 
 def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: int = 100) -> Path:
@@ -339,7 +341,7 @@ def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: 
         (folder / name / "lidar.yaml").write_text(LIDAR_YAML.format(name=name, reach=reach))
         for frame, rows in frames.items():
             where = folder / name
-            text = "\n".join([",".join(kitti.FRAME_COLUMNS), *rows]) + "\n"
+            text = "\n".join([",".join(kitti.OBJECT_COLUMNS), *rows]) + "\n"
             kitti.frame_file(where, "objects", frame).write_text(text)
             points = np.array([[40, 0, -5, 1], [20, 0, -6, 1]], dtype="<f4")
             points.tofile(kitti.frame_file(where, "velodyne", frame))

@@ -165,15 +165,6 @@ def test_labels_of_a_world_hold_when_those_of_the_base_do(
     assert kitti.read_label_time(folder) == "scan"
 
 
-def test_a_lidar_of_version_0_2_is_read_with_its_phase() -> None:
-    pattern = {"spinning": {"rate_hz": 10}}
-    old = {"pattern": pattern, "returns": {}, "random_phase": True}
-    assert lidar.units_of(old)[0]["pattern"] == {"spinning": {"rate_hz": 10, "phase": "free"}}
-    (locked,) = lidar.units_of(old | {"random_phase": False})
-    assert lidar.turned(locked, 30)["pattern"]["spinning"]["seam_deg"] == 210
-    assert locked["pattern"]["spinning"]["phase"] == "locked"
-
-
 def test_all_traffic_is_of_the_class(base: altered_scenes.Base, tmp_path: Path) -> None:
     folder = stress("vehicle_class", "Bus", base, tmp_path)
     names = [kitti.read_objects(kitti.frame_file(folder, "objects", k)).names for k in FRAMES]

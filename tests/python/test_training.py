@@ -63,6 +63,7 @@ T_levelled_sensor: {pitch_deg: 0, roll_deg: 0}
 field_of_view:
   - {yaw_deg: 0, pitch_deg: 0, azimuth_deg: [-180, 180], elevation_deg: [-25, 15],
      range_m: [0, 100]}
+label_time: frame
 """
 FRAMES = 12
 
@@ -447,6 +448,7 @@ def changed(file: Path, out: Path, **keys: object) -> Path:
     [
         ({"format": 2}, "format: found '2', allowed '1'"),
         ({"convention": "y up"}, "convention: found 'y up', allowed 'levelled LiDAR"),
+        ({"above_road": False}, "above_road: found 'False', allowed 'True'"),
         ({"detector": "unknown"}, "detector: found 'unknown', allowed pointpillars"),
         ({"step": "many"}, "step: found 'many', allowed a whole number"),
         ({"network": {"pillar_m": 0.4, "pillar_width": 8}}, "size mismatch"),

@@ -105,12 +105,6 @@ void FieldReader::finish() const {
   fail(tree != nullptr ? tree->place : map_.place, full(key), what);
 }
 
-void FieldReader::gone(const char* key, const char* instead) const {
-  if (const Tree* tree = map_.find(key))
-    fail(tree->place, full(key),
-         "found a key of an earlier version, allowed " + std::string(instead));
-}
-
 void FieldReader::check(bool holds, const char* key, const std::string& what) {
   if (!holds && !failed_check_) failed_check_.emplace(key, what);
 }

@@ -68,8 +68,6 @@ class FieldReader {
   }
   /// Remembers where the struct stands, for checks that need other parts of the scene.
   void here(Place& place) const { place = map_.place; }
-  /// Fails at the place of a key that an earlier version had.
-  void gone(const char* key, const char* instead) const;
   /// `finish` fails at the key's place if the condition does not hold: an unknown key, often a
   /// misspelt one, is the likelier cause and is named first, also of a required key's absence.
   void check(bool holds, const char* key, const std::string& what);
@@ -155,7 +153,6 @@ class FieldWriter {
     if (value) entry(key, *value, &FieldWriter::canonical_name);
   }
   void here(const Place&) const {}
-  void gone(const char*, const char*) const {}
   void check(bool, const char*, const std::string&) const {}
 
   std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }

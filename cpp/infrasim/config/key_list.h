@@ -23,7 +23,6 @@ class FieldLister {
     inside(value, path);
   }
   void here(const Place&) const {}
-  void gone(const char*, const char*) const {}
   void check(bool, const char*, const std::string&) const {}
 
   const std::string& text() const { return text_; }

@@ -277,7 +277,6 @@ void visit(Fields& f, LidarFile& c) {
               "begins with a letter, a digit or _");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
-  f.gone("random_phase", "phase: locked or free, in pattern.spinning, .wedges or .table");
   f.field("pattern", c.pattern, "directions and times of its rays");
   f.field("returns", c.returns, "which hits become points");
   f.field("bundle", c.bundle,

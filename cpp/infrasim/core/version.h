@@ -12,8 +12,8 @@ std::string_view version();
 ///
 /// Raised by 1 when the points, labels, objects, calibration or fields of a scene that could be
 /// simulated before get other bytes (tests/golden shows it). Not raised by a release, by a key that
-/// is new or has another name, or by a scene that was refused before. 0.1, 0.2 and 0.3 wrote 1, 2
-/// and 3.
+/// is new or has another name, or by a scene that was refused before. Frames of 0.3 have the
+/// number 3.
 inline constexpr int kFramesVersion = 3;
 
 }  // namespace infrasim

@@ -12,11 +12,9 @@ namespace infrasim {
 
 namespace {
 
-/// Of frames by the version of a folder that has no number: 0.1 to 0.3 wrote none.
+/// Of frames by the version of a folder that has no number: 0.3 wrote none.
 std::string frames_version_of(const std::string& version) {
-  for (const std::string number : {"1", "2", "3"})
-    if (version.starts_with("0." + number + ".")) return number;
-  return "unknown, of version " + version;
+  return version.starts_with("0.3.") ? "3" : "unknown, of version " + version;
 }
 
 /// Without the lines that say where a firing table lies: its digest says what it is.

@@ -17,7 +17,6 @@ ABOUT = ("name", "model")
 UNIT = ("yaw_deg", "pitch_deg", "pattern", "returns")
 NOT_TURNED = {"yaw_deg": 0, "pitch_deg": 0}
 FILE = "lidar.yaml"
-SEAM_DEG = 180.0  # of version 0.2, which had none
 
 
 def read(file: Path) -> Keys:
@@ -28,17 +27,10 @@ def read(file: Path) -> Keys:
 def units_of(config: Keys) -> list[Keys]:
     """The keys UNIT of each unit, of what a run or `infrasim check` wrote; none of a recording."""
     if config.get("bundle"):
-        units = [{key: unit[key] for key in UNIT} for unit in config["bundle"]]
-    elif "pattern" in config:
-        units = [NOT_TURNED | {key: config[key] for key in ("pattern", "returns")}]
-    else:
-        return []
-    if "random_phase" not in config:
-        return units
-    # Up to version 0.2 one key stood for all units.
-    phase = {"phase": "free" if config["random_phase"] else "locked"}
-    kinds = [[(kind, keys | phase) for kind, keys in unit["pattern"].items()] for unit in units]
-    return [unit | {"pattern": dict(kind)} for unit, kind in zip(units, kinds, strict=True)]
+        return [{key: unit[key] for key in UNIT} for unit in config["bundle"]]
+    if "pattern" in config:
+        return [NOT_TURNED | {key: config[key] for key in ("pattern", "returns")}]
+    return []
 
 
 def spins(config: Keys) -> bool:
@@ -51,7 +43,7 @@ def turned(unit: Keys, degrees: float) -> Keys:
     spinning = unit["pattern"].get("spinning")
     if not spinning:
         return unit
-    seam = (spinning.get("seam_deg", SEAM_DEG) + degrees) % 360
+    seam = (spinning["seam_deg"] + degrees) % 360
     return unit | {"pattern": {"spinning": spinning | {"seam_deg": seam}}}
 
 

@@ -15,7 +15,6 @@ from pyinfra.formats.kitti.camera import (
 )
 from pyinfra.formats.kitti.layout import (
     FIELDS,
-    FRAME_COLUMNS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
     OTHER_TYPES,
@@ -55,7 +54,6 @@ from pyinfra.formats.yaml_file import read_keys, read_yaml
 
 __all__ = [
     "FIELDS",
-    "FRAME_COLUMNS",
     "LABEL_COLUMNS",
     "OBJECT_COLUMNS",
     "OTHER_TYPES",

@@ -24,11 +24,11 @@ SUFFIXES: dict[Part, str] = {
 FIELDS = np.dtype(
     [("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")],
 )
-FRAME_COLUMNS = (  # all that there were up to version 0.2
-    "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(",")
-)
 SCAN_COLUMNS = "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box".split(",")
-OBJECT_COLUMNS = [*FRAME_COLUMNS, *SCAN_COLUMNS]
+OBJECT_COLUMNS = [
+    *"id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(","),
+    *SCAN_COLUMNS,
+]
 PITCH_COLUMN = "pitch"  # the last, of runs whose vehicles lean
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 # What is a vehicle; the last one is of unknown type.

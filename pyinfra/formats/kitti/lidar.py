@@ -83,7 +83,7 @@ class Lidar:
     period_s: float
     T_world_levelled: WorldPose
     field_of_view: tuple[FieldOfView, ...]  # one per unit
-    label_time: LabelTime = "frame"  # when the labels hold; the same up to version 0.2
+    label_time: LabelTime = "frame"  # when the labels hold
 
     @property
     def sensors(self) -> tuple[SensorPose, ...]:
@@ -124,7 +124,7 @@ def _lidar(top: YamlNode) -> Lidar:
 
 
 def read_label_time(lidar_folder: Path) -> LabelTime:
-    """When the labels of a folder hold; one without lidar.yaml, or of version 0.2, says `frame`.
+    """When the labels of a folder hold; `frame` of one without lidar.yaml.
 
     Raises FormatError with file and line.
     """
@@ -154,9 +154,7 @@ def read_road_shape(lidar_folder: Path) -> RoadShape | None:
 
 
 def _label_time(top: YamlNode) -> LabelTime:
-    found = top.maybe("label_time")
-    if found is None:
-        return "frame"
+    found = top.at("label_time")
     words: tuple[LabelTime, ...] = get_args(LabelTime)
     text = found.text()
     return next((word for word in words if word == text), None) or found.fail(

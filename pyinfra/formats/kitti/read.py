@@ -12,7 +12,6 @@ from pyinfra.formats.kitti.camera import Calibration, boxes_from_camera, simulat
 from pyinfra.formats.kitti.layout import (
     FARTHEST_M,
     FIELDS,
-    FRAME_COLUMNS,
     LABEL_COLUMNS,
     OBJECT_COLUMNS,
     PITCH_COLUMN,
@@ -35,7 +34,6 @@ _ROUNDED_M = 0.05  # of a distance
 _LONGEST_FRAME_S = 60.0
 _EARLIEST_S = -0.2  # by the first clock of several, whose frames begin up to 0.1 s off each way
 _COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
-_MIDDLE_S = "0.05"  # of a frame of version 0.2
 
 
 def _size(v: FloatArray) -> BoolArray:
@@ -110,18 +108,12 @@ PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
 def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
     """The cells of OBJECT_COLUMNS of each line; None if the header is none of an objects file.
 
-    Up to version 0.2 there was no scan: it is then as if it had been at mid-frame. A pitch, which
-    the boxes of labels do not have, is left out.
+    A pitch, which the boxes of labels do not have, is left out.
     """
     rows = [line.split(",") for line in lines]
     if header == PITCHED_HEADER:
         return [r[:-1] for r in rows]
-    if header == ",".join(OBJECT_COLUMNS):
-        return rows
-    if header != ",".join(FRAME_COLUMNS):
-        return None
-    whole = len(FRAME_COLUMNS)
-    return [[*r, *r[2:5], r[8], _MIDDLE_S, r[11]] if len(r) == whole else r for r in rows]
+    return rows if header == ",".join(OBJECT_COLUMNS) else None
 
 
 def read_objects(file: Path) -> Objects:

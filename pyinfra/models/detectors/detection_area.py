@@ -17,10 +17,7 @@ REGION_MARGIN_M = 8.0  # half a long vehicle, so that one whose centre is at the
 
 @dataclass(frozen=True)
 class Site:
-    """x and y of the levelled LiDAR frame, z from the local road; metres.
-
-    Networks of version 0.2 have z from the sensor, and the floor where vehicles stood.
-    """
+    """x and y of the levelled LiDAR frame, z from the local road; metres."""
 
     area: Area
     floor_z: float = 0.0

@@ -52,8 +52,6 @@ def load_detector(
     about = found.about
     if not stacks:
         check_single(run, about.accumulate)
-    if not about.above_road:  # of version 0.2: it finds vehicles where it learnt
-        return fused(found.network()).to(device_of(device))
     if ground is None and about.ground is not None:
         ground = Ground(about.ground)
     if ground is None:

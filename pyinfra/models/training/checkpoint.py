@@ -45,8 +45,8 @@ class About:
     seed: int
     step: int
     steps: int
-    label_time: str = "frame"  # as all had it up to version 0.2
-    above_road: bool = False  # whether z of what the network sees is from the road; 0.2: sensor
+    label_time: str = "frame"
+    above_road: bool = True  # z of what the network sees is from the road
     # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
     ground: tuple[float, float, float] | None = None
     anywhere: bool = False  # learnt at so many sites that it is meant for others
@@ -161,7 +161,8 @@ def load(file: Path) -> Checkpoint:
         plain = None
     if not isinstance(plain, dict) or "format" not in plain:
         raise ConfigError(f"{file}: found no description in its header, allowed one of pyinfra")
-    for key, wanted in (("format", FORMAT), ("convention", CONVENTION)):
+    written = {"format": FORMAT, "convention": CONVENTION, "above_road": True}
+    for key, wanted in written.items():
         if plain.get(key) != wanted:
             raise ConfigError(f"{file}: {key}: found '{plain.get(key)}', allowed '{wanted}'")
     return Checkpoint(from_plain(plain, About, str(file)), tensors)

@@ -162,7 +162,6 @@ def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
         preset=stream.preset,
         scene=stream.scene,
         label_time=stream.label_time,
-        above_road=True,
         ground=stream.ground.plane if stream.ground and not stream.ground.relief else None,
         anywhere=stream.anywhere,
         accumulate=stream.accumulation.frames,

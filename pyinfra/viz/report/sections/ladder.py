@@ -81,7 +81,7 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
 
 
 def dials_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
-    """The dials that a table knows: one of version 0.2 has neither parts nor label_time."""
+    """The dials that a table has columns of."""
     return {dial: values for dial, values in DIALS.items() if dial in table}
 
 
