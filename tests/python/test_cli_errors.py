@@ -471,7 +471,7 @@ def test_fire_time_longer_than_its_column(site: Site) -> None:
 @pytest.mark.parametrize(
     ("array", "words"),
     [
-        (np.zeros((4, 3)), ["(4, 3)"]),
+        (np.zeros((4, 4)), ["(4, 4)"]),
         (np.zeros((4, 2), np.int32), ["<i4"]),
         (np.asfortranarray(np.zeros((4, 2))), ["Fortran"]),
         (np.zeros((0, 2)), ["none"]),

@@ -328,6 +328,8 @@ def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path)
 def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: Path) -> None:
     folder = made(lidars_of_all_kinds(tmp_path / "lidars")["table"])
     base = altered_scenes.read_base(folder, 60)
+    assert not reasons(["tilt"], base)  # the run wrote the table there
+    (folder / "table.npy").unlink()
     ((why, names),) = reasons(["tilt", "unseen_lidar", "unseen_scene"], base).items()
     assert names == ["tilt", "unseen_scene"]
     assert f"pattern.table.file: found no file {folder / 'table.npy'}, allowed a copy" in why
