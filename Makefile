@@ -40,7 +40,7 @@ dataset: build
 generalist: build
 	@scripts/setup.sh detectors
 	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --precision bfloat16 --out out/generalist
-	$(PYTHON) scripts/pack_generalist.py out/generalist
+	$(PYTHON) -m reproduction pack_generalist out/generalist
 
 # A wheel for each Python, each tried in a Debian with that Python alone. As root on Debian 12; 2 GB in build/roots.
 wheels: build wheel
@@ -81,7 +81,7 @@ reference: build
 # The tables of the pages that repeat a CSV of results/.
 docs:
 	@scripts/setup.sh build
-	$(PYTHON) scripts/tables.py
+	$(PYTHON) -m reproduction tables
 
 # Writes out/speed.csv; to record a measurement: benchmarks/run.py --out results/speed.csv.
 bench: build

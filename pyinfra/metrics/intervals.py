@@ -4,7 +4,7 @@ Circular block bootstrap (Politis and Romano 1992): a draw is made of runs of ti
 that begin anywhere; the last frame is followed by the first. The spread of a figure over the draws
 is its standard error, and the interval Student's, with as many samples as the time holds blocks.
 A block is as long as errors last, by the world's own vehicles (`block_seconds`); how often such
-intervals hold the truth: benchmarks/coverage.py.
+intervals hold the truth: reproduction/commands/coverage.py.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import yaml
 from pyinfra.cli import main
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
-from scripts import tables
+from reproduction.commands import tables
 
 pytest.importorskip("torch", reason="the extra `detectors` is not installed")
 

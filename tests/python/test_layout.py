@@ -152,6 +152,12 @@ def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
     assert {p for p in imported - {own} if LAYER_OF[p] >= LAYER_OF[own]} == set()
 
 
+def test_pyinfra_imports_neither_the_study_nor_the_benchmarks() -> None:
+    above = {"reproduction", "benchmarks"}
+    for path in (ROOT / "pyinfra").rglob("*.py"):
+        assert {name.partition(".")[0] for name in imports(path)} & above == set(), path
+
+
 def test_every_package_has_a_layer() -> None:
     folders = {path.parent.name for path in (ROOT / "pyinfra").glob("*/__init__.py")}
     assert folders == set(LAYER_OF)

@@ -5,7 +5,7 @@ from it side by side, to 500 m, with nothing before or behind them; in every fra
 of another paint, and face another way. So a bin of distances has 25 frames of other phases, places,
 headings and reflectances. Points are the medians over them.
 Writes results/people.csv and prints how far 5 points reach:
-    .venv/bin/python benchmarks/people.py
+    python -m reproduction people
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ import pandas as pd
 from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
 from pyinfra.dataset.lidars import catalogue_files, presets_of
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
 SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # of the line straight ahead
 WEAVE_M = 0.3  # to both sides, so that no column meets them alike
@@ -122,7 +122,3 @@ def main() -> None:
     about = {"preset": "datasheet", "seed": 1, "version": __version__, "machine": machine()}
     table = table.assign(**about)
     table.to_csv(args.out, index=False, float_format="%.4g")
-
-
-if __name__ == "__main__":
-    main()

@@ -6,7 +6,7 @@ some steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about 
 one core), and beside a network of the same kind that learnt there alone (`specialist`). Rows go to
 results/generalist.csv as they come, with their draws; what is there of these weights (`start`) is
 not computed again.
-    .venv/bin/python benchmarks/generalist.py --work data/generalist
+    python -m reproduction generalist --work data/generalist
 `--paper`: as the study simulates, the cells of a first trial.
 """
 
@@ -43,8 +43,8 @@ from pyinfra.models.training.sources import Tier, read_source
 from pyinfra.models.training.train import train
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.random_stream import VERSION
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")
 FIRST_SITE = 2_000_000  # no training and no calibration saw it
@@ -182,7 +182,11 @@ def main() -> None:
     parser.add_argument("--paper", action="store_true", help="the cells of the first trial")
     args = parser.parse_args()
     chosen = cells_of_trial(args.seeds) if args.paper else cells(args.sites, args.seeds)
-    about = {"commit": __version__, "machine": machine(), "command": "benchmarks/generalist.py"}
+    about = {
+        "commit": __version__,
+        "machine": machine(),
+        "command": "python -m reproduction generalist",
+    }
     for cell in chosen:
         key = asdict(cell)
         table = store.read(args.out, [*KEY, "start"])
@@ -200,7 +204,3 @@ def main() -> None:
             store.put(args.out, pd.DataFrame([found]), KEY)
             print(*(found[name] for name in (*KEY, "ap_fine", "train_cpu_s")), flush=True)
         shutil.rmtree(folder.parent)
-
-
-if __name__ == "__main__":
-    main()

@@ -12,7 +12,14 @@ import pandas as pd
 
 from pyinfra.metrics.comparison import over_worlds
 from pyinfra.metrics.row_selection import AP_R1000
-from tables_of.common import LEAST_BOXES, LIDARS, ends, markdown, results, with_interval_of_ap
+from reproduction.tables.common import (
+    LEAST_BOXES,
+    LIDARS,
+    ends,
+    markdown,
+    results,
+    with_interval_of_ap,
+)
 
 ARMS = {
     "none": "as it comes",

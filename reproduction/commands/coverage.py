@@ -3,7 +3,7 @@
 The chance that a vehicle is found is known: it falls with distance, is higher for some vehicles
 than for others, and changes within seconds; ghosts come in bouts. The truth is the AP over all
 studies together. Writes results/coverage.csv, of three scenes and spans of test:
-    .venv/bin/python benchmarks/coverage.py --work data/coverage
+    python -m reproduction coverage --work data/coverage
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from pyinfra.dataset.catalogue import scene_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
@@ -200,11 +200,7 @@ def main() -> None:
     for scene in SCENES:
         (args.work / scene).mkdir(parents=True, exist_ok=True)
         found += rows(scene, args.studies, args.work / scene)
-        about = {"command": f"benchmarks/coverage.py --studies {args.studies}", "seed": 1}
+        about = {"command": f"python -m reproduction coverage --studies {args.studies}", "seed": 1}
         table = pd.DataFrame(found).assign(**about, version=__version__, machine=machine())
         table.to_csv(args.out, index=False)
         print(table[table.scene == scene].iloc[:, :9].to_string(index=False), flush=True)
-
-
-if __name__ == "__main__":
-    main()

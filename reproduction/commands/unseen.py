@@ -1,19 +1,18 @@
 """AP of pretrained detectors at sites where none of them learnt, by class, site and pose error.
 
-The sites are files (scripts/frozen_sites.py): 60 generated ones and 20 full of street furniture,
-four LiDARs each as the vendors' sheets say, some frames of each. Vehicles by BEV IoU 0.5; people by
-IoU 0.25 and by centres within 0.5 m, as half of a box of 0.6 m is an offset of 0.2 m. A vulnerable
-road user is a pedestrian or a cyclist, boxed as either. Conditions are errors of the known pose.
-Intervals (Student's), paired differences to the first model and what a condition costs are of 1,000
-bootstrap replicates of whole sites.
-    .venv/bin/python benchmarks/unseen.py version_2.safetensors generalist
+The sites are files (written by the command `frozen_sites`): 60 generated ones and 20 full of street
+furniture, four LiDARs each as the vendors' sheets say, some frames of each. Vehicles by BEV IoU
+0.5; people by IoU 0.25 and by centres within 0.5 m, as half of a box of 0.6 m is an offset of
+0.2 m. A vulnerable road user is a pedestrian or a cyclist, boxed as either. Conditions are errors
+of the known pose. Intervals (Student's), paired differences to the first model and what a condition
+costs are of 1,000 bootstrap replicates of whole sites.
+    python -m reproduction unseen version_2.safetensors generalist
 writes results/unseen.csv.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,9 +20,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-import frozen_sites
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
 from pyinfra.core.version import __version__, machine
@@ -40,8 +36,9 @@ from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample, lifted
 from pyinfra.scenes.generator.layout import Keys
 from pyinfra.scenes.generator.ranges import RANGES
+from reproduction import ROOT
+from reproduction.commands import frozen_sites
 
-ROOT = Path(__file__).resolve().parents[1]
 FINE = 1000  # recalls
 REPLICATES = 1000
 CUT = 0.5  # of calibrated scores: from here on a box counts as false or not
@@ -242,11 +239,7 @@ def main() -> None:
     networks = [fused(checkpoint.load(model_file(model)).network()) for model in args.models]
     names = [model.stem for model in args.models]
     table = pd.DataFrame(tested(networks, names, args.sites, args.frames)).assign(
-        version=__version__, machine=machine(), command="benchmarks/unseen.py"
+        version=__version__, machine=machine(), command="python -m reproduction unseen"
     )
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table[table.sites == "all"].iloc[:, :-3].to_string(index=False))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,7 +2,7 @@
 
 Each LiDAR is tested on 800 frames of 400 s. The time is the integrated autocorrelation of the
 frames' influence on AP at 1,000 recalls. Writes results/correlation.csv:
-    .venv/bin/python benchmarks/correlation.py --work data/correlation
+    python -m reproduction correlation --work data/correlation
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
 LONG_TEST = Parts(train_until_s=90, val_from_s=100)  # 400 s hold four stays at a signal
@@ -106,11 +106,7 @@ def main() -> None:
         for lidar in LIDARS:
             found = correlation(data / lidar, predictions(data / lidar))
             rows += [{"scene": scene, "lidar": lidar} | row for row in found]
-    about = {"command": "benchmarks/correlation.py", "seed": 1, "version": __version__}
+    about = {"command": "python -m reproduction correlation", "seed": 1, "version": __version__}
     table = pd.DataFrame(rows)
     table.assign(**about, machine=machine()).to_csv(args.out, index=False)
     print(table.to_string(index=False))
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,7 @@ else is the same, boxes included. Frames of the three scenes, one core, engines 
 frame; AP of what each finds. int8: quantised with the activations of other frames. Rows of
 results/engines.csv.
     .venv/bin/pip install onnxruntime openvino
-    .venv/bin/python benchmarks/engines.py --work data/engines
+    python -m reproduction engines --work data/engines
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from pyinfra.metrics.evaluation_tables import fine_ap
 from pyinfra.metrics.match_results import Settings
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
 FRAMES, QUANTISED_BY = "0:2000:50", 5  # of the frames, the first ones calibrate int8
 SETTINGS = Settings(ground_truths=("captured",))
@@ -152,14 +152,14 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="folder of frames")
     parser.add_argument("--out", type=Path, default=ROOT / "results/engines.csv")
     args = parser.parse_args()
-    about = {"version": __version__, "machine": machine(), "command": "benchmarks/engines.py"}
+    about = {
+        "version": __version__,
+        "machine": machine(),
+        "command": "python -m reproduction engines",
+    }
     for scene, lidar in CELLS:
         folder = simulated(scene, lidar, args.work)
         for row in rows(folder, args.work):
             found = {"scene": scene, "lidar": lidar, **row, **about}
             store.put(args.out, pd.DataFrame([found]), KEY)
             print(found, flush=True)
-
-
-if __name__ == "__main__":
-    main()

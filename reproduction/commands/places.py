@@ -4,7 +4,7 @@ The scene and the commands are those of docs/several_poles.md, with three seeds 
 pole 40 m before the crossing, at the corner 4, 6 and 8 m high, and at 6 m with a second one across.
 The detector is the one of the package, as it comes; nothing is learnt. Writes results/places.csv,
 the rows of `pyinfra compare` under `present` and `all`:
-    .venv/bin/python benchmarks/places.py --work data/places
+    python -m reproduction places --work data/places
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.places import compare_places
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 SEEDS = (1, 2, 3)
 FRAMES = "0:5000:47"
 LIDARS = ("hesai_xt32", "hesai_ot128")
@@ -93,9 +93,5 @@ def main() -> None:
                 own = {"lidar": lidar, "detector": "generalist", "ground_truth": which}
                 tables.append(pd.DataFrame(own, index=rows.index).join(rows.assign(**names)))
     about = {"seed": " ".join(map(str, SEEDS)), "version": __version__, "machine": machine()}
-    about["command"] = f"benchmarks/places.py --work {args.work.name}"
+    about["command"] = f"python -m reproduction places --work {args.work.name}"
     pd.concat(tables).assign(**about).to_csv(args.out, index=False, float_format="%.5g")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,14 +1,13 @@
 """How traffic of SUMO moves before and after smoothing, vehicles, bicycles and people on foot.
 
 Two runs on a crossing with signals that is made here, and on each site of one's own:
-    .venv/bin/python benchmarks/traffic.py sites/town
+    python -m reproduction traffic sites/town
 A row a run, before and after, in results/traffic.csv.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -17,8 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/python"))
 import traffic_data
 
 from pyinfra.core.arrays import FloatArray
@@ -28,8 +25,8 @@ from pyinfra.scenes.maps.smoothing import unsmoothed
 from pyinfra.scenes.maps.traffic import cleaned, record
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import TrafficFigures, traffic_figures
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 SEEDS = (1, 2)
 ON_FOOT = ("Pedestrian",)
 
@@ -92,11 +89,7 @@ def main() -> None:
             for row in rows(place, demand, args.seconds, seed)
         ]  # fmt: skip
     table = pd.DataFrame(found).assign(
-        version=__version__, machine=machine(), command="benchmarks/traffic.py"
+        version=__version__, machine=machine(), command="python -m reproduction traffic"
     )
     table.to_csv(args.out, index=False)
     print(table.drop(columns=["version", "machine", "command"]).to_string(index=False))
-
-
-if __name__ == "__main__":
-    main()

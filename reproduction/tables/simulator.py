@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pyinfra.metrics.replicates import are_pairs, difference
-from tables_of.common import LIDARS, markdown, results, with_interval_of_ap
+from reproduction.tables.common import LIDARS, markdown, results, with_interval_of_ap
 
 
 def speed() -> str:

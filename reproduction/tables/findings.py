@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import pandas as pd
 
 from pyinfra.metrics.row_selection import ap_name, with_fine
-from tables_of.common import (
+from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
     PRESETS,

@@ -4,7 +4,7 @@ Highway, preset `datasheet`, where vehicles have parts; one dial at a time away 
 which is that of the simulator and 1,000 of 5,000 frames. Rows go to results/ladder.csv as they
 come, of Background, and what is there is not computed again; another detector's table needs an
 --out of its own:
-    .venv/bin/python benchmarks/ladder.py --work data/ladder
+    python -m reproduction ladder --work data/ladder
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from pyinfra.viz.report.sections.ladder import DIALS
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {
     "detail": "low",
@@ -142,8 +142,4 @@ def command(args: argparse.Namespace) -> str:
     given = f"--preset {args.preset} --detector {args.detector} --frames {args.frames}"
     given += f" --lidars {' '.join(args.lidars)} --dials {' '.join(args.dials)}"
     values = f" --values {' '.join(args.values)}" if args.values else ""
-    return f"benchmarks/ladder.py {given}{values}"
-
-
-if __name__ == "__main__":
-    main()
+    return f"python -m reproduction ladder {given}{values}"

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import pandas as pd
 
 from pyinfra.metrics.replicates import difference
-from tables_of.common import (
+from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
     markdown,
@@ -17,7 +17,7 @@ from tables_of.common import (
     with_interval_of_ap,
 )
 
-PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as benchmarks/people.py has them
+PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as the command `people` has them
 POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
 COMPARED = "6m"
 PLACES = {

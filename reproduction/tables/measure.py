@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tables_of.common import LIDARS, markdown, results
+from reproduction.tables.common import LIDARS, markdown, results
 
 
 def coverage() -> str:

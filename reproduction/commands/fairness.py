@@ -4,7 +4,7 @@ The pretrained detector is tested at the study's scenes as it comes and after 12
 with the scene's own labels, for two LiDARs that it learnt from and two that were held out. If a
 narrow LiDAR gains more than a wide one, comparing LiDARs by the detector as it comes is unfair to
 it. Rows go to results/fairness.csv as they come; what is there of the same weights is kept.
-    .venv/bin/python benchmarks/fairness.py generalist --work data/fairness
+    python -m reproduction fairness generalist --work data/fairness
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import shutil
 from dataclasses import asdict
 from pathlib import Path
 
-import generalist
 import pandas as pd
 
 from pyinfra.core.version import __version__, machine
 from pyinfra.experiments import store
+from reproduction import ROOT
+from reproduction.commands import generalist
 
-ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")  # narrow, wide; held out alike
 ARMS = ("none", "tuned_120")
 KEY = ["site", "seed", "lidar", "preset", "arm", "start"]
@@ -37,7 +37,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--out", type=Path, default=ROOT / "results/fairness.csv")
     args = parser.parse_args()
-    about = {"version": __version__, "machine": machine(), "command": "benchmarks/fairness.py"}
+    about = {
+        "version": __version__,
+        "machine": machine(),
+        "command": "python -m reproduction fairness",
+    }
     for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):
         cell = generalist.Cell(scene, seed, lidar)
         folder = None
@@ -54,7 +58,3 @@ def main() -> None:
                 shutil.rmtree(made)
         if folder is not None:
             shutil.rmtree(folder.parent)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,7 +2,7 @@
 
 Seven maps are written here, three are towns (.xodr) of a folder that --towns names; without it they
 are left out. Rows go to results/sites.csv as they come; those that are there stay, unless --again.
-    .venv/bin/python benchmarks/sites.py --work out/sites --towns maps
+    python -m reproduction sites --work out/sites --towns maps
 """
 
 from __future__ import annotations
@@ -19,18 +19,16 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/python"))
-
 from pyinfra.core.version import __version__, machine
 from pyinfra.scenes.maps.sumo import sumo_folder
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
 PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1
 VEHICLES_PER_HOUR = 600
 SPLIT_S = (250, 260)  # until when learnt, from when tested
-COMMAND = "benchmarks/sites.py --work DIR --towns DIR"
+COMMAND = "python -m reproduction sites --work DIR --towns DIR"
 
 
 @dataclass
@@ -135,7 +133,3 @@ def main() -> None:
         table = pd.concat([table[table.site != name], new], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")
         print(new.T.to_string(header=False), flush=True)
-
-
-if __name__ == "__main__":
-    main()

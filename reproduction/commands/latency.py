@@ -1,6 +1,6 @@
 """Latency of a matrix's networks on a quiet machine, without their whole training.
 
-    .venv/bin/python benchmarks/latency.py configs/benchmarks/paper.yaml --scenes crossroad curve
+    python -m reproduction latency configs/benchmarks/paper.yaml --scenes crossroad curve
 
 How long a network takes hangs on its widths and the canvas and hardly on what it has learnt, so
 each cell learns from a tenth of its steps (half, if its second stage takes what the first one is
@@ -28,8 +28,8 @@ from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import Pool, call_all
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 BUDGET = 0.1
 BUDGETS = {"pointrcnn": 0.5, "pointrcnn-remedied": 0.5}
 CHECKED = tuple(
@@ -76,7 +76,7 @@ def measured(task: Task, workspace: Workspace, every: int) -> None:
     """Times a task on one thread; into the table of latencies, and into its cell's own row."""
     folder = workspace.data(task.cell.world) / task.cell.lidar
     columns, _ = measure.timed_alone(task.run(workspace), folder, "cpu", every=every)
-    about = {"frames": columns["latency_frames"], "command": "benchmarks/latency.py"}
+    about = {"frames": columns["latency_frames"], "command": "python -m reproduction latency"}
     row = pd.DataFrame([{**task.key, **columns, **about}])
     store.put(workspace.results / "latency.csv", row, [*KEY, "budget"])
     put_latency(task.cell, workspace, columns)
@@ -103,7 +103,3 @@ def main() -> None:
         return
     for task in tasks:
         measured(task, workspace, args.every)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """The sites that pretrained detectors are tested on, as files: tests/data/sites.
 
-    .venv/bin/python scripts/frozen_sites.py
+    python -m reproduction frozen_sites
 
 wrote them once: 60 sites of generator version 4 (`plain`) and 20 streets full of street furniture
 of version 5 (`cluttered`), each with four LiDARs of the catalogue and the frames of each. They stay
@@ -14,7 +14,6 @@ import csv
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import yaml
@@ -28,8 +27,8 @@ from pyinfra.scenes.generator import lidar_catalogue
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.layout import Keys
 from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, Ranges
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "tests/data/sites"
 FIRST_SITE = 1_000_000  # streams of training end before it
 PRESET = "datasheet"
@@ -98,7 +97,3 @@ def write_set(name: str) -> None:
 def main() -> None:
     for name in SETS:
         write_set(name)
-
-
-if __name__ == "__main__":
-    main()

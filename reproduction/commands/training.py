@@ -1,6 +1,6 @@
 """What a budget and a split do to AP: results/budget.csv and results/split.csv.
 
-    .venv/bin/python benchmarks/training.py --work data/benchmark
+    python -m reproduction training --work data/benchmark
 
 Highway, Avia, preset `paper`, quick tier. Rows that are there are left out; the whole budget and
 the split by time are the rows of results/quick.csv, so `pyinfra benchmark` comes first.
@@ -22,8 +22,8 @@ from pyinfra.experiments.benchmark import measure
 from pyinfra.experiments.benchmark.matrix import Cell
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import Recipe, read_recipe
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 LIDAR = "livox_avia"
 BUDGETS = (0.25, 0.5)
 STARVED = ("pv-rcnn", "dsvt", "pointrcnn-remedied")
@@ -62,7 +62,7 @@ def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folde
     words = "_".join(str(value) for value in change.values())
     run = folder.parents[2] / "runs" / f"{cell.name}_{words}"
     rows = measure.tables(cell, recipe, folder, run)["cells"].assign(**change)
-    rows["command"] = "benchmarks/training.py"
+    rows["command"] = "python -m reproduction training"
     store.put(file, rows, list(key))
     print(*rows.iloc[0][["detector", *change, "ap", "ap_low", "ap_high"]], flush=True)
 
@@ -95,7 +95,3 @@ def main() -> None:
         recipe = read_recipe(configs() / f"detectors/{detector}.yaml", "quick")
         add(args.out / "split.csv", cell_of(detector), {"split": "random"}, recipe, twin / LIDAR)
     add_known(args.out / "split.csv", LEAKING, {"split": "time"})
-
-
-if __name__ == "__main__":
-    main()

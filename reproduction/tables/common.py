@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cache
-from pathlib import Path
 
 import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[2]
+from reproduction import ROOT
+
 LEAST_BOXES = 10  # of a site, for its own precision
 PRESETS = ("paper", "equal", "datasheet")
 DETECTORS = {

@@ -6,7 +6,7 @@ is known. (90 s would hold little more than one stay of a vehicle that waits: no
 vehicles of `all` are those that four poles together see, whichever poles the tested frames are of,
 so that differences are of the same vehicles and blocks. Rows go to results/poles.csv as they come,
 with their draws; what is there is not computed again.
-    .venv/bin/python benchmarks/poles.py --work data/poles
+    python -m reproduction poles --work data/poles
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
 ANEW = "-relearnt"  # from the tested frames, with their errors; without labels
@@ -181,14 +181,14 @@ def main() -> None:
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
     args = parser.parse_args()
-    about = {"version": __version__, "machine": machine(), "command": "benchmarks/poles.py"}
+    about = {
+        "version": __version__,
+        "machine": machine(),
+        "command": "python -m reproduction poles",
+    }
     for arm in args.arms:
         for lidar in args.lidars:
             for poles in MOUNTS:
                 for rows in filled(lidar, poles, arm, args):
                     store.put(args.out, rows.assign(**about), KEY)
                     print(*rows.iloc[0][[*KEY, "ap_fine", "train_cpu_s"]], flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from tables_of.common import PRESETS, markdown, number, results
-from tables_of.findings import rows_of
+from reproduction.tables.common import PRESETS, markdown, number, results
+from reproduction.tables.findings import rows_of
 
 YAW_DEG = 0.25
 WORDS = {2: "two", 3: "three"}

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from tables_of import findings, front_page, measure, networks, simulator, sites
-from tables_of.common import ROOT
-from tables_of.findings import FOUR, TWO, of_a_scene, of_scenes
+from reproduction import ROOT
+from reproduction.tables import findings, front_page, measure, networks, simulator, sites
+from reproduction.tables.findings import FOUR, TWO, of_a_scene, of_scenes
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)

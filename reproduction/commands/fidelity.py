@@ -1,7 +1,7 @@
 """What the cheaper models of a scene change: detail, aggregation, beam width, parts of vehicles.
 
 Writes results/fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture:
-    .venv/bin/python benchmarks/fidelity.py
+    python -m reproduction fidelity
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ import yaml
 
 from pyinfra.core.version import __version__
 from pyinfra.dataset import simulation
+from reproduction import ROOT
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from ladder import parts_of
 from matplotlib.patches import Rectangle
 
 from pyinfra.viz.report.sections.ladder import DIALS
+from reproduction.commands.ladder import parts_of
 
-ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 PASSES = 5
 DETAILS: dict[str, dict[str, object]]
@@ -183,7 +183,7 @@ def main() -> None:
     args.out.mkdir(exist_ok=True)
     frames = range(0, 5000, 5000 // args.frames)
     aggregation_picture(ROOT / "docs" / "pictures" / "aggregation.png")
-    command = f"benchmarks/fidelity.py --frames {args.frames}"
+    command = f"python -m reproduction fidelity --frames {args.frames}"
     for name, table in (
         ("fidelity", points_ladder("detail", DETAILS, frames, "equal")),
         ("fidelity_parts", points_ladder("parts", PART_MODELS, frames, "datasheet")),
@@ -194,7 +194,3 @@ def main() -> None:
         table.assign(command=command, seed=1, version=__version__).to_csv(
             args.out / f"{name}.csv", index=False
         )
-
-
-if __name__ == "__main__":
-    main()

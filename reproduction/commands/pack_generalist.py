@@ -1,6 +1,6 @@
 """Calibrates the scores of a network of many sites where it did not learn, and packs it.
 
-    .venv/bin/python scripts/pack_generalist.py RUN
+    python -m reproduction pack_generalist RUN
 
 looks at sites that no training saw, fits for each class the line of logits that makes scores
 shares of right boxes, and writes pyinfra/models/generalist.safetensors: layers in half precision,
@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import frozen_sites
 import numpy as np
 import pandas as pd
 from torch import Tensor
@@ -32,8 +31,9 @@ from pyinfra.models.detectors.network import Network
 from pyinfra.models.inference.detect import MODELS, model_file
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample
+from reproduction import ROOT
+from reproduction.commands import frozen_sites
 
-ROOT = Path(__file__).resolve().parent.parent
 MIN_SCORE = 0.002  # of boxes that the lines are fitted on: more of them than are given
 CUT = 0.5  # of calibrated scores: from here on a box is shown
 
@@ -148,7 +148,9 @@ def main() -> None:
     lines = {name: line_of(cells, name) for name in classes}
     line = tuple(itertools.chain.from_iterable(lines.values()))
     rows = [row(cell, lines[cell.name]) for cell in cells]
-    table = pd.DataFrame(rows).assign(version=__version__, command="scripts/pack_generalist.py")
+    table = pd.DataFrame(rows).assign(
+        version=__version__, command="python -m reproduction pack_generalist"
+    )
     table.to_csv(args.table, index=False, float_format="%.4g")
     figures = figures_of(table)
     about = replace(
@@ -160,7 +162,3 @@ def main() -> None:
     args.out.parent.mkdir(exist_ok=True)
     checkpoint.write(args.out, halved(found.weights()), about)
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,7 @@
 """Rates of every export and import, on one core: 100 frames of each of four LiDARs.
 
 Writes results/exchange.csv:
-    .venv/bin/python benchmarks/exchange.py
+    python -m reproduction exchange
 Seconds are of the core, the system's share included: what a clock shows on a machine that does
 nothing else and whose disk keeps up. Files are in the page cache; MB are those written.
 """
@@ -30,8 +30,8 @@ from pyinfra.exchange.formats import EXPORTS, IMPORTS
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.rates import size_of
 from pyinfra.exchange.recording import Options
+from reproduction import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 Row = dict[str, object]
 
@@ -97,11 +97,7 @@ def main() -> None:
         simulate(folder / "data", args.frames)
         warm_up(folder)
         table = pd.DataFrame(list(rows(folder / "data", folder / "out")))
-    described = table.assign(command="benchmarks/exchange.py", seed=1, version=__version__)
+    described = table.assign(command="python -m reproduction exchange", seed=1, version=__version__)
     args.out.parent.mkdir(parents=True, exist_ok=True)
     described.to_csv(args.out, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format="%.4g"))
-
-
-if __name__ == "__main__":
-    main()

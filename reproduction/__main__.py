@@ -1,0 +1,47 @@
+"""`python -m reproduction COMMAND ...`: the commands are the modules of reproduction.commands."""
+
+import argparse
+import ast
+import importlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pyinfra.cli.main import exit_code_of, message_of
+from reproduction import ROOT, commands
+
+PROGRAM = "python -m reproduction"
+
+
+def summaries() -> dict[str, str]:
+    """The first sentence of each command's docstring, by its name."""
+    files = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
+    texts = {file.stem: ast.get_docstring(ast.parse(file.read_text("utf-8"))) for file in files}
+    return {name: (text or "").partition("\n")[0] for name, text in texts.items()}
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Runs a command with the words after its name; returns the exit code.
+
+    Raises SystemExit for --help and wrong usage.
+    """
+    words = sys.argv[1:] if words is None else words
+    about = summaries()
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description="Commands:\n" + "\n".join(f"  {n:<16}{text}" for n, text in about.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", choices=about, metavar="COMMAND")
+    name = parser.parse_args(words[:1]).command
+    sys.path.insert(0, str(ROOT / "tests/python"))  # some commands use the tests' maps
+    sys.argv = [f"{PROGRAM} {name}", *words[1:]]
+    try:
+        return int(importlib.import_module(f"reproduction.commands.{name}").main() or 0)
+    except (OSError, ValueError) as error:
+        print(f"{PROGRAM} {name}: {message_of(error)}", file=sys.stderr)
+        return exit_code_of(error)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

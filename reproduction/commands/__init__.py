@@ -1,0 +1,1 @@
+"""One module a command: `main()` reads its arguments from `sys.argv`."""
