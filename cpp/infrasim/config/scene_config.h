@@ -312,7 +312,7 @@ struct WeatherConfig {
 };
 
 /// What LiDARs that detect by received power see of vehicles apart from plain paint. What takes
-/// less than a hundredth of a car's points or gives it no more is off (python -m reproduction fidelity).
+/// less than a hundredth of a car's points or gives it no more is off (reproduction, fidelity).
 struct VehicleParts {
   bool glass = true;
   bool tyres = false;
