@@ -145,17 +145,17 @@ def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArr
     z = np.full(n, -5.2)
     truth = np.stack([x, y, z, *(np.full(n, v) for v in (4.5, 1.8, 1.5, 0.0))], axis=1)
     spread = np.array([0.3, 0.15, 0.1, 0.3, 0.1, 0.1, 0.05])
-    found = (
+    predicted = (
         np.concatenate([truth, truth])[:PREDICTIONS] + random.normal(size=(PREDICTIONS, 7)) * spread
     )
     ghosts = np.arange(PREDICTIONS) >= 24
-    found[ghosts, :2] = random.uniform([-100, -14], [100, 14], (int(ghosts.sum()), 2))
+    predicted[ghosts, :2] = random.uniform([-100, -14], [100, 14], (int(ghosts.sum()), 2))
     scores = np.where(
         np.arange(PREDICTIONS) < OBJECTS,
         random.uniform(0.2, 1, PREDICTIONS),
         random.uniform(0.1, 0.6, PREDICTIONS),
     )
-    return truth, found, scores
+    return truth, predicted, scores
 
 
 def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tuple[Path, Path]:
@@ -168,7 +168,7 @@ def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tu
     rows = "".join(f"road,{s},{s},0,0,0,14\n" for s in range(-100, 101))
     (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
     for k in range(frames):
-        truth, found, scores = frame(random)
+        truth, predicted, scores = frame(random)
         lines = [",".join(kitti.OBJECT_COLUMNS)]
         for i, box in enumerate(truth):
             numbers = ",".join(f"{value:.4f}" for value in box)
@@ -179,14 +179,14 @@ def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tu
             lines.append(f"{i},Car,{numbers},15.0000,{seen},{scan},0.0500,{points}")
         kitti.frame_file(lidar, "objects", k).write_text("\n".join(lines) + "\n")
         kitti.frame_file(lidar, "velodyne", k).touch()
-        (predictions / f"{k:06d}.txt").write_text("".join(map(result_line, found, scores)))
+        (predictions / f"{k:06d}.txt").write_text("".join(map(result_line, predicted, scores)))
     return lidar, predictions
 
 
 def result_line(box: FloatArray, score: float) -> str:
     x, y, z, length, width, height, heading = box
-    place = f"{-y:.4f} {height / 2 - z:.4f} {x:.4f} {-heading - math.pi / 2:.6f}"
-    return f"Car 0 0 0 0 0 50 50 {height:.4f} {width:.4f} {length:.4f} {place} {score:.4f}\n"
+    position = f"{-y:.4f} {height / 2 - z:.4f} {x:.4f} {-heading - math.pi / 2:.6f}"
+    return f"Car 0 0 0 0 0 50 50 {height:.4f} {width:.4f} {length:.4f} {position} {score:.4f}\n"
 
 
 def evaluation(frames: int, random: np.random.Generator, *options: str) -> tuple[float, float]:
@@ -227,17 +227,17 @@ def matching_rows(random: np.random.Generator, frames: int) -> list[Row]:
 
 
 def match_ours(data: list[tuple[FloatArray, FloatArray, FloatArray]]) -> int:
-    truth, found, scores = (np.concatenate(column) for column in zip(*data, strict=True))
+    truth, predicted, scores = (np.concatenate(column) for column in zip(*data, strict=True))
     of_truth = np.repeat(np.arange(len(data)), OBJECTS)
-    of_found = np.repeat(np.arange(len(data)), PREDICTIONS)
-    pairs = matching.overlapping_pairs(of_found, found, of_truth, truth)
-    pairs = matching.in_order(pairs, scores, found, truth)
-    return int((matching.match(pairs, len(found), len(truth), 0.5) >= 0).sum())
+    of_predicted = np.repeat(np.arange(len(data)), PREDICTIONS)
+    pairs = matching.overlapping_pairs(of_predicted, predicted, of_truth, truth)
+    pairs = matching.in_order(pairs, scores, predicted, truth)
+    return int((matching.match(pairs, len(predicted), len(truth), 0.5) >= 0).sum())
 
 
-def match_shapely(truth: FloatArray, found: FloatArray, scores: FloatArray) -> int:
+def match_shapely(truth: FloatArray, predicted: FloatArray, scores: FloatArray) -> int:
     vehicles = [shapely.Polygon(c) for c in corners(truth)]
-    predictions = [shapely.Polygon(c) for c in corners(found)]
+    predictions = [shapely.Polygon(c) for c in corners(predicted)]
     taken: set[int] = set()
     for p in np.argsort(-scores):
         best, at = 0.0, -1

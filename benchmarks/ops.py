@@ -74,14 +74,14 @@ def frame(random: np.random.Generator, n: int) -> Tensor:
     return torch.from_numpy(cloud).float()
 
 
-def crowd(random: np.random.Generator, n: int, places: int) -> tuple[Tensor, Tensor]:
+def crowd(random: np.random.Generator, n: int, clusters: int) -> tuple[Tensor, Tensor]:
     """Boxes (n, 7) of cars in heaps and scores, as a detector gives them before suppression."""
-    at = random.integers(places, size=n)
-    found = np.zeros((n, 7))
-    found[:, :2] = random.uniform(-60, 60, (places, 2))[at] + random.normal(0, 0.5, (n, 2))
-    found[:, 3:6] = [4.2, 1.9, 1.6] * random.uniform(0.9, 1.1, (n, 3))
-    found[:, 6] = random.uniform(-3, 3, places)[at] + random.normal(0, 0.1, n)
-    return torch.from_numpy(found).float(), torch.from_numpy(random.uniform(size=n)).float()
+    at = random.integers(clusters, size=n)
+    vehicles = np.zeros((n, 7))
+    vehicles[:, :2] = random.uniform(-60, 60, (clusters, 2))[at] + random.normal(0, 0.5, (n, 2))
+    vehicles[:, 3:6] = [4.2, 1.9, 1.6] * random.uniform(0.9, 1.1, (n, 3))
+    vehicles[:, 6] = random.uniform(-3, 3, clusters)[at] + random.normal(0, 0.1, n)
+    return torch.from_numpy(vehicles).float(), torch.from_numpy(random.uniform(size=n)).float()
 
 
 def box_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
@@ -95,14 +95,14 @@ def box_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
             "numpy, exact": lambda: exact.pair_bev_iou(a, b),
         },
     )
-    for n, places in ((300, 40), (4000, 40), (4000, 400)):
-        found, scores = crowd(random, n, places)
+    for n, clusters in ((300, 40), (4000, 40), (4000, 400)):
+        vehicles, scores = crowd(random, n, clusters)
 
-        def suppress(found: Tensor = found, scores: Tensor = scores) -> Tensor:
-            return boxes.nms(found, scores, 0.1, 500)
+        def suppress(vehicles: Tensor = vehicles, scores: Tensor = scores) -> Tensor:
+            return boxes.nms(vehicles, scores, 0.1, 500)
 
         yield (
-            f"suppression of {n:,} boxes around {places} vehicles",
+            f"suppression of {n:,} boxes around {clusters} vehicles",
             {"compiled": suppress, "torch": in_torch(suppress)},
         )
 

@@ -20,7 +20,7 @@ from pyinfra.formats import kitti
 
 SAME_RAYS_PERCENT = 99.99
 TOTALS_PERCENT = 0.01
-SAME_PLACE_M = 1e-3
+SAME_POINT_M = 1e-3
 
 
 def points(folder: Path, frame: int) -> pd.DataFrame:
@@ -52,7 +52,7 @@ def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
         "vehicle_points_other": int((there.object_id >= 0).sum()),
         "rays_in_one_only": len(here) + len(there) - 2 * len(both),
         "other_surface": int((~surface).sum()),
-        "same_surface_apart": int((surface & (apart > SAME_PLACE_M)).sum()),
+        "same_surface_apart": int((surface & (apart > SAME_POINT_M)).sum()),
         "equal_bits": int((apart == 0).sum()),
         "largest_mm": 1e3 * float(apart[surface].max(initial=0)),
     }

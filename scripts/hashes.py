@@ -22,7 +22,7 @@ def normal(name: str, version: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower() + "==" + version.partition("+")[0]
 
 
-def found(pins: list[str], python: str, environment: dict[str, str]) -> dict[str, str]:
+def hashes_for(pins: list[str], python: str, environment: dict[str, str]) -> dict[str, str]:
     """The SHA-256 of the file that pip would install for each pin, by the pin."""
     with TemporaryDirectory() as folder:
         names, report = Path(folder, "pins.txt"), Path(folder, "report.json")
@@ -40,14 +40,14 @@ def found(pins: list[str], python: str, environment: dict[str, str]) -> dict[str
     }
 
 
-def all_found(pins: list[str]) -> dict[str, set[str]]:
+def hashes_of_all(pins: list[str]) -> dict[str, set[str]]:
     """The same for every Python, from PyPI alone and with what this machine adds to it."""
     added = {"PIP_FIND_LINKS", "PIP_EXTRA_INDEX_URL"}
     alone = {key: value for key, value in os.environ.items() if key not in added}
     hashes = defaultdict[str, set[str]](set)
     for environment in (dict(os.environ), alone | {"PIP_CONFIG_FILE": os.devnull}):
         for python in PYTHONS:
-            for pin, file in found(pins, python, environment).items():
+            for pin, file in hashes_for(pins, python, environment).items():
                 hashes[pin].add(file)
     return hashes
 
@@ -56,7 +56,7 @@ def main() -> None:
     lines = CONSTRAINTS.read_text().splitlines()
     comment = [line for line in lines if line.startswith("#")]
     pins = [line.split()[0] for line in lines if "==" in line]
-    hashes = all_found(pins)
+    hashes = hashes_of_all(pins)
     entries = [
         [pin, *(f"    --hash=sha256:{file}" for file in sorted(hashes[normal(*pin.split("=="))]))]
         for pin in pins

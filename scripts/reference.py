@@ -80,14 +80,14 @@ def dataclass_keys(kind: type[Any], path: str = "", values: object = None) -> It
     for field in dataclasses.fields(kind):
         default = default_of(field) if values is None else getattr(values, field.name)
         rule = field.metadata.get("rule", Rule())
-        place, hint = path + field.name, hints[field.name]
+        key_path, hint = path + field.name, hints[field.name]
         inner = next((a for a in (hint, *typing.get_args(hint)) if is_struct(a)), None)
         meaning = meanings.get(field.name) or (first_line(inner) if inner else "")
-        yield Key(place, type_of(hint), shown(default, inner), allowed(hint, rule), meaning)
+        yield Key(key_path, type_of(hint), shown(default, inner), allowed(hint, rule), meaning)
         if inner is not None:
             several = inner is not hint
             yield from dataclass_keys(
-                inner, f"{place}.N." if several else f"{place}.", None if several else default
+                inner, f"{key_path}.N." if several else f"{key_path}.", None if several else default
             )
 
 
@@ -144,12 +144,12 @@ def comments(kind: type[Any]) -> dict[str, str]:
     """Of each field, the comment behind it, else the first sentence of the one above."""
     lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
     (body,) = ast.parse("\n".join(lines)).body
-    found = {}
+    texts = {}
     for node in typing.cast(ast.ClassDef, body).body:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             text = lines[(node.end_lineno or 0) - 1][node.end_col_offset :]
-            found[node.target.id] = text.strip(" #") or above(lines[: node.lineno - 1])
-    return found
+            texts[node.target.id] = text.strip(" #") or above(lines[: node.lineno - 1])
+    return texts
 
 
 def above(lines: list[str]) -> str:

@@ -42,11 +42,11 @@ def run(args: argparse.Namespace) -> int:
         args.out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(args.out) as beside:
             table.to_csv(beside, index=False, float_format="%.6g")
-    print(told(table, args.ground_truth))
+    print(table_text(table, args.ground_truth))
     return 0
 
 
-def told(table: pd.DataFrame, which: str) -> str:
+def table_text(table: pd.DataFrame, which: str) -> str:
     """The rows of `compare_places` as text."""
     seeds, frames = int(table.seeds.iloc[0]), int(table.frames.iloc[0])
     of = f"{seeds} seeds of the traffic" if seeds > 1 else "one seed of the traffic"

@@ -29,11 +29,11 @@ from pyinfra.models.inference.detect import (
     accumulation_of,
     check_single,
     detect,
+    ground_and_region_of,
     is_of_anywhere,
     load_detector,
     model_file,
     once,
-    place_of,
     stacking,
     transfer,
     write,
@@ -120,14 +120,14 @@ def run(args: argparse.Namespace) -> int:
         _warn_of_height([read(files[i]) for i in chosen], args.height_m)
     with other_load() as load:
         if args.drop_standing:
-            found, times = _without_standing(detector, files, args, read)
+            detections, times = _without_standing(detector, files, args, read)
         else:
-            found, times = detect(detector, files, args.out, read=read)
+            detections, times = detect(detector, files, args.out, read=read)
     if args.out is None:
-        _print_boxes(files, found)
+        _print_boxes(files, detections)
     else:
         _warn_of_others(args.out, files)
-    _print_summary(found, times, load, sys.stderr if args.out is None else sys.stdout)
+    _print_summary(detections, times, load, sys.stderr if args.out is None else sys.stdout)
     return 0
 
 
@@ -163,7 +163,7 @@ def _clouds(args: argparse.Namespace, accumulation: Accumulation) -> tuple[list[
 
 def _detector(model: Path, args: argparse.Namespace) -> Detector:
     """Where the data were taken, but for what the user says of the place."""
-    ground, region = _place(args)
+    ground, region = _ground_and_region(args)
     if model.suffix == ".npz":
         for option in ("height_m", "region"):
             if getattr(args, option) is not None:
@@ -172,12 +172,12 @@ def _detector(model: Path, args: argparse.Namespace) -> Detector:
     return load_detector(model, ground=ground, region=region, device=args.device, stacks=True)
 
 
-def _place(args: argparse.Namespace) -> tuple[Ground | None, Region | None]:
+def _ground_and_region(args: argparse.Namespace) -> tuple[Ground | None, Region | None]:
     if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
         raise ValueError(
             f"--height-m: found {args.height_m:g}, allowed more than 0 to {MOST_HEIGHT_M:g}"
         )
-    ground, region = place_of(args.data) if args.data is not None else (None, None)
+    ground, region = ground_and_region_of(args.data) if args.data is not None else (None, None)
     if args.height_m is not None:
         ground = level_ground(-args.height_m)
     if args.region is not None:
@@ -191,11 +191,11 @@ def _without_standing(
     """As `detect`; what stands is known when all frames are."""
     once(files)
     every, times = detect(detector, files, None, read=read)
-    road, region = _place(args)
-    found = without_standing(files, every, region, road)
+    road, region = _ground_and_region(args)
+    remaining = without_standing(files, every, region, road)
     numbers = [int(file.stem) for file in files]
     seconds = (max(numbers) - min(numbers)) * period_of(args.data)
-    gone = sum(map(len, every)) - sum(map(len, found))
+    gone = sum(map(len, every)) - sum(map(len, remaining))
     print(f"{gone} boxes left out, as they stand where nothing moves")
     if seconds < LEAST_S:
         text = (
@@ -203,9 +203,9 @@ def _without_standing(
         )
         print(f"pyinfra: warning: --drop-standing: {text}", file=sys.stderr)
     args.out.mkdir(parents=True, exist_ok=True)
-    for file, detections in zip(files, found, strict=True):
+    for file, detections in zip(files, remaining, strict=True):
         write(args.out, file, detections)
-    return found, times
+    return remaining, times
 
 
 def _lone(clouds: Sequence[Path]) -> Read:
@@ -215,8 +215,8 @@ def _lone(clouds: Sequence[Path]) -> Read:
     """
     pcds = [cloud for cloud in clouds if cloud.suffix.lower() == ".pcd"]
     bins = [cloud for cloud in clouds if cloud not in pcds]
-    columns, said = columns_of(bins, Options())
-    notes = [said] if columns != USUAL else []
+    columns, column_note = columns_of(bins, Options())
+    notes = [column_note] if columns != USUAL else []
     notes += pcd.Headers(pcds, labelled=False).notes(shifted=False)
     looked = spread(range(len(pcds)), LOOKED_AT)
     brightest = max((_brightest(pcds[i]) for i in looked), default=0.0)
@@ -267,11 +267,11 @@ def _warn_of_height(clouds: Sequence[Points], height_m: float) -> None:
     road = road_of(clouds)
     if road is None:
         return
-    said = (
+    warning = (
         f"--height-m says {height_m:g} m, the road of the clouds lies {road.height_m:.2f} m below"
     )
     if abs(road.height_m - height_m) > HEIGHT_OFF_M:
-        print(f"pyinfra: warning: {said} the sensor", file=sys.stderr)
+        print(f"pyinfra: warning: {warning} the sensor", file=sys.stderr)
     lean = math.degrees(math.hypot(*road.tilt))
     if lean > LEAN_DEG:
         text = f"the sensor leans by {lean:.1f} degrees to the road; `pyinfra import` levels clouds"
@@ -280,8 +280,8 @@ def _warn_of_height(clouds: Sequence[Points], height_m: float) -> None:
 
 def _others(out: Path, files: Sequence[Path]) -> list[Path]:
     """Results of other frames than those of some clouds, perhaps of another detector."""
-    own = {f"{file.stem}.txt" for file in files}
-    return [file for file in out.glob("*.txt") if file.name not in own]
+    current = {f"{file.stem}.txt" for file in files}
+    return [file for file in out.glob("*.txt") if file.name not in current]
 
 
 def _warn_of_others(out: Path, files: Sequence[Path]) -> None:
@@ -292,22 +292,22 @@ def _warn_of_others(out: Path, files: Sequence[Path]) -> None:
 
 
 def _print_summary(
-    found: Sequence[Detections], times: FloatArray, load: OtherLoad, to: TextIO
+    boxes: Sequence[Detections], times: FloatArray, load: OtherLoad, to: TextIO
 ) -> None:
-    if not any(map(len, found)):
+    if not any(map(len, boxes)):
         print(f"pyinfra: warning: {NOTHING}", file=sys.stderr)
-    likely = sum(int((one.scores >= LIKELY).sum()) for one in found)
+    likely = sum(int((one.scores >= LIKELY).sum()) for one in boxes)
     low, high = np.percentile(times, PERCENTILES)
     print(
-        f"{len(found)} frames, {sum(map(len, found))} boxes ({likely} with a score of {LIKELY} or "
+        f"{len(boxes)} frames, {sum(map(len, boxes))} boxes ({likely} with a score of {LIKELY} or "
         f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %); {load.text}",
         file=to,
     )
 
 
-def _print_boxes(files: Sequence[Path], found: Sequence[Detections]) -> None:
+def _print_boxes(files: Sequence[Path], per_frame: Sequence[Detections]) -> None:
     print("file,class,x,y,z,dx,dy,dz,heading,score")
-    for file, detections in zip(files, found, strict=True):
+    for file, detections in zip(files, per_frame, strict=True):
         rows = zip(detections.names, detections.boxes, detections.scores, strict=True)
         for name, box, score in rows:
             numbers = ",".join(f"{v:.3f}" for v in box)

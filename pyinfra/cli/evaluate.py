@@ -110,7 +110,7 @@ def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
 def run(args: argparse.Namespace) -> int:
     ground_truths = args.ground_truth or default_settings(args.gt).ground_truths
     classes = class_types(args.classes) if args.classes else Settings().classes
-    default = class_settings(classes, own_iou=bool(args.iou))
+    default = class_settings(classes, custom_iou=bool(args.iou))
     settings = Settings(
         classes=classes,
         ground_truths=tuple(ground_truths),

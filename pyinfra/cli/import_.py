@@ -14,7 +14,7 @@ from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.imports import Upright, checked, import_recording, warnings
-from pyinfra.exchange.object_types import own_types
+from pyinfra.exchange.object_types import parse_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
 from pyinfra.formats.kitti.lidar import PERIOD_S
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     since = time.perf_counter()
     options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
-    found, labelled = import_recording(
+    imported, labelled = import_recording(
         args.source,
         args.format,
         args.out,
@@ -86,12 +86,12 @@ def run(args: argparse.Namespace) -> int:
         upright=args.upright,
         region=args.region,
     )
-    for line in found.assumed:
+    for line in imported.assumed:
         print(f"assumed: {line}")
-    for line in warnings(found, labelled, args.height_m):
+    for line in warnings(imported, labelled, args.height_m):
         print(f"pyinfra: warning: {args.source}: {line}", file=sys.stderr)
-    kinds = ", ".join(f"{count} {name}" for name, count in found.types.most_common())
-    print(f"{args.out}: {summary(found.frames, args.out, since)}; {kinds or 'no label'}")
+    kinds = ", ".join(f"{count} {name}" for name, count in imported.types.most_common())
+    print(f"{args.out}: {summary(imported.frames, args.out, since)}; {kinds or 'no label'}")
     return 0
 
 
@@ -120,5 +120,5 @@ def facts_of(args: argparse.Namespace) -> LidarFacts:
         period_s=args.period_s,
         height_m=args.height_m,
         tilt=(math.radians(tilt[0]), math.radians(tilt[1])) if tilt else None,
-        types=own_types(args.type),
+        types=parse_types(args.type),
     )

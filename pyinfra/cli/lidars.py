@@ -71,12 +71,12 @@ def lines(sheets: Sequence[LidarSheet]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     table = [
         " ".join(
-            cell.ljust(width) if place in LEFT else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
+            cell.ljust(width) if index in LEFT else cell.rjust(width)
+            for index, (cell, width) in enumerate(zip(cells, widths, strict=True))
         ).rstrip()
         for cells in rows
     ]
-    notes = [f"[{place}] {text}" for place, text in enumerate(sources, 1)]
+    notes = [f"[{index}] {text}" for index, text in enumerate(sources, 1)]
     problems = [f"{sheet.name}: {sheet.problem}" for sheet in sheets if sheet.problem]
     assumption = [ASSUMPTION] if any(sheet.published_ranges == 1 for sheet in sheets) else []
     return [*table, "", PRESETS, *assumption, *notes, *problems]
@@ -86,8 +86,8 @@ def row(sheet: LidarSheet, sources: Sequence[str]) -> tuple[str, ...]:
     low, high = sheet.price_low_usd, sheet.price_high_usd
     view = f"{whole(sheet.horizontal_fov_deg)} x {whole(sheet.vertical_fov_deg)}"
     letters = [LETTERS.get(p, p) for p in sheet.presets]
-    own = LETTERS.get(sheet.preset, sheet.preset)
-    presets = [word.upper() if word == own else word for word in letters]
+    selected = LETTERS.get(sheet.preset, sheet.preset)
+    presets = [word.upper() if word == selected else word for word in letters]
     return (
         sheet.name,
         sheet.model,

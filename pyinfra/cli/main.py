@@ -121,9 +121,9 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def exit_code_of(error: Exception) -> int:
     """2 for a wrong argument or configuration, 1 for anything else; an error may bring its own."""
-    own = getattr(error, "exit_code", None)
-    if isinstance(own, int):
-        return own
+    code = getattr(error, "exit_code", None)
+    if isinstance(code, int):
+        return code
     if isinstance(error, ValueError) and not isinstance(error, FormatError):
         return WRONG
     return FAILED

@@ -25,8 +25,8 @@ def run(args: argparse.Namespace) -> int:
     for folders in data_sets:
         there = kitti.frames(folders[0])
         if args.frame not in there:
-            found = f"{folders[0]}: --frame: found {args.frame}"
-            raise ValueError(f"{found}, allowed {kitti.extent(there)}")
+            problem = f"{folders[0]}: --frame: found {args.frame}"
+            raise ValueError(f"{problem}, allowed {kitti.extent(there)}")
     files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)
     for file in files:

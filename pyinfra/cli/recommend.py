@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.experiments.options import Wish, checked_wish, read_options
-from pyinfra.experiments.recommend import recommend, told
+from pyinfra.experiments.recommend import answer_lines, recommend
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.models.training.sources import TIERS
 
@@ -63,5 +63,5 @@ def run(args: argparse.Namespace) -> int:
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
         text = "Networks of the smoke tier have hardly learnt: nothing follows from the AP of "
         print(f"{text}{names}.")
-    print(*told(recommend(options, wish), wish), sep="\n")
+    print(*answer_lines(recommend(options, wish), wish), sep="\n")
     return 0

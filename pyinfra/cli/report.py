@@ -24,11 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
     )
     parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
-    own = parser.add_argument_group("of the answer, as `pyinfra recommend` has them")
-    own.add_argument("--budget", type=float, default=Wish.budget_usd, help="default: any price")
-    own.add_argument("--min-ap", type=float, default=Wish.min_ap)
-    own.add_argument("--range", type=float, default=Wish.range_m)
-    own.add_argument("--latency", type=float, default=Wish.latency_ms)
+    group = parser.add_argument_group("of the answer, as `pyinfra recommend` has them")
+    group.add_argument("--budget", type=float, default=Wish.budget_usd, help="default: any price")
+    group.add_argument("--min-ap", type=float, default=Wish.min_ap)
+    group.add_argument("--range", type=float, default=Wish.range_m)
+    group.add_argument("--latency", type=float, default=Wish.latency_ms)
     parser.add_argument("--out", type=Path, default=Path("report.html"), help="HTML file to write")
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import numbers
-from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlace, import_mesh
+from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlacement, import_mesh
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if not 1e-6 <= args.scale <= 1e6:
         raise ValueError(f"--scale: found {args.scale:g}, allowed 1e-6 to 1e6")
-    place = MeshPlace(args.scale, args.up, args.offset)
-    mesh = import_mesh(args.file, args.out, args.material, place)
+    placement = MeshPlacement(args.scale, args.up, args.offset)
+    mesh = import_mesh(args.file, args.out, args.material, placement)
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     spans = [f"{a} {v:.1f} to {w:.1f}" for a, v, w in zip("xyz", low, high, strict=True)]
     print(args.out / "meshes" / f"{args.file.stem.lower()}.ply")

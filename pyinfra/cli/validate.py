@@ -35,12 +35,12 @@ def run(args: argparse.Namespace) -> int:
     if args.pred is not None and len(folders) > 1:
         names = ", ".join(folder.name for folder in folders)
         raise ValueError(f"{args.data}: found several LiDARs with --pred, allowed one of {names}")
-    found = [
+    findings = [
         finding
         for folder in folders
         for finding in validate(folder, args.pred, args.split, allow_missing=args.allow_missing)
     ]
-    for finding in found:
+    for finding in findings:
         print(finding)
     if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
         _trust(folders[0], args)
@@ -48,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
         raise ValueError(
             "--unlabelled, --out: found no --pred or labels, allowed with --pred alone"
         )
-    errors = sum(finding.level == "error" for finding in found)
-    warnings = sum(finding.level == "warning" for finding in found)
+    errors = sum(finding.level == "error" for finding in findings)
+    warnings = sum(finding.level == "warning" for finding in findings)
     print(f"{args.data}: {errors} errors, {warnings} warnings")
     return 1 if errors else 0
 

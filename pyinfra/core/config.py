@@ -84,7 +84,7 @@ def read_config(file: Path, kind: type[T]) -> T:
         raise ConfigError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: found byte {error.start} that is not UTF-8") from None
-    return _struct(_Place(str(file), node, ""), kind)
+    return _struct(_Location(str(file), node, ""), kind)
 
 
 def compose(text: str) -> Any:
@@ -115,11 +115,11 @@ def canonical(value: Any) -> Any:
     if not dataclasses.is_dataclass(value):
         return value
     kind = type(value)
-    own = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
     default = {f.name: _default(f) for f in dataclasses.fields(value)}
     return {
         _name_in_0_3(kind, name): canonical(item)
-        for name, item in own.items()
+        for name, item in fields.items()
         if not (LATER & {name, f"{kind.__name__}.{name}"} and item == default[name])
     }
 
@@ -136,11 +136,11 @@ def _default(field: "dataclasses.Field[Any]") -> Any:
 def from_plain(plain: object, kind: type[T], name: str) -> T:
     """The inverse of as_plain, checked as a file is; `name` stands for the file in messages."""
     node = compose(yaml.safe_dump(plain))
-    return _struct(_Place(name, node, ""), kind)
+    return _struct(_Location(name, node, ""), kind)
 
 
 @dataclass(frozen=True)
-class _Place:
+class _Location:
     file: str
     node: Any
     key: str
@@ -149,116 +149,116 @@ class _Place:
         line = self.node.start_mark.line + 1 if self.node is not None else 1
         raise ConfigError(f"{self.file}:{line}: {self.key or '(document)'}: {what}")
 
-    def at(self, key: str, node: Any) -> "_Place":
-        return _Place(self.file, node, f"{self.key}.{key}" if self.key else key)
+    def at(self, key: str, node: Any) -> "_Location":
+        return _Location(self.file, node, f"{self.key}.{key}" if self.key else key)
 
 
 @dataclass(frozen=True)
 class Part:
     """A part of a file whose class is known once the rest is read."""
 
-    place: _Place | None = None  # None: it is left out
+    location: _Location | None = None  # None: it is left out
 
     def read(self, kind: type[T]) -> T:
         """Raises ConfigError with file, line and key."""
-        return kind() if self.place is None else _struct(self.place, kind)
+        return kind() if self.location is None else _struct(self.location, kind)
 
 
-def _struct(place: _Place, kind: type[T]) -> T:
-    if not isinstance(place.node, yaml.MappingNode):
-        place.fail("found no mapping, allowed a mapping")
+def _struct(location: _Location, kind: type[T]) -> T:
+    if not isinstance(location.node, yaml.MappingNode):
+        location.fail("found no mapping, allowed a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
-    places: dict[str, _Place] = {}
+    locations: dict[str, _Location] = {}
     now = {_name_in_0_3(kind, name): name for name in fields}
-    for key_node, node in place.node.value:
+    for key_node, node in location.node.value:
         key = _shown(key_node).strip("'")
         key = now.get(key, key)
-        here = place.at(key, node)
+        here = location.at(key, node)
         if key not in fields:
             here.fail(f"found an unknown key, allowed {', '.join(fields)}")
-        if key in places:
+        if key in locations:
             here.fail("found twice, allowed once")
-        places[key] = here
+        locations[key] = here
     for name, f in fields.items():
         required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-        if required and name not in places:
-            place.at(name, place.node).fail("found nothing, required")
+        if required and name not in locations:
+            location.at(name, location.node).fail("found nothing, required")
     rules = {name: f.metadata.get("rule", Rule()) for name, f in fields.items()}
-    values = {key: _value(here, hints[key], rules[key]) for key, here in places.items()}
+    values = {key: _value(here, hints[key], rules[key]) for key, here in locations.items()}
     try:
         return kind(**values)
     except ValueError as error:  # a check between keys
-        place.fail(str(error))
+        location.fail(str(error))
 
 
-def _value(place: _Place, hint: Any, rule: Rule) -> Any:
+def _value(location: _Location, hint: Any, rule: Rule) -> Any:
     if hint is Any:
-        return _loaded(place, "a value")
+        return _loaded(location, "a value")
     if hint is Part:
-        return Part(place)
+        return Part(location)
     if dataclasses.is_dataclass(hint):
-        return _struct(place, typing.cast(type[Any], hint))
+        return _struct(location, typing.cast(type[Any], hint))
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        if isinstance(place.node, yaml.ScalarNode) and place.node.tag.endswith(":null"):
+        if isinstance(location.node, yaml.ScalarNode) and location.node.tag.endswith(":null"):
             return None
-        return _value(place, next(a for a in arguments if a is not type(None)), rule)
+        return _value(location, next(a for a in arguments if a is not type(None)), rule)
     if origin is typing.Literal:
-        return _word(place, arguments)
+        return _word(location, arguments)
     if origin is tuple:
-        return _items(place, arguments, rule)
-    return _scalar(place, hint, rule)
+        return _items(location, arguments, rule)
+    return _scalar(location, hint, rule)
 
 
-def _items(place: _Place, arguments: tuple[Any, ...], rule: Rule) -> tuple[Any, ...]:
-    if not isinstance(place.node, yaml.SequenceNode):
-        place.fail("found no list, allowed a list")
-    nodes = place.node.value
+def _items(location: _Location, arguments: tuple[Any, ...], rule: Rule) -> tuple[Any, ...]:
+    if not isinstance(location.node, yaml.SequenceNode):
+        location.fail("found no list, allowed a list")
+    nodes = location.node.value
     if arguments[-1] is not Ellipsis and len(nodes) != len(arguments):
-        place.fail(f"found {len(nodes)} values, allowed {len(arguments)}")
-    places = [place.at(str(i), node) for i, node in enumerate(nodes)]
-    values = [_value(here, arguments[0], rule) for here in places]
+        location.fail(f"found {len(nodes)} values, allowed {len(arguments)}")
+    locations = [location.at(str(i), node) for i, node in enumerate(nodes)]
+    values = [_value(here, arguments[0], rule) for here in locations]
     if rule.once:
         first: dict[Any, int] = {}
         for i, value in enumerate(values):
             if first.setdefault(value, i) != i:
-                places[i].fail(f"found {_shown(nodes[i])} twice, allowed once")
+                locations[i].fail(f"found {_shown(nodes[i])} twice, allowed once")
     return tuple(values)
 
 
-def _word(place: _Place, allowed: tuple[Any, ...]) -> Any:
-    if not isinstance(place.node, yaml.ScalarNode) or place.node.value not in allowed:
-        place.fail(f"found {_shown(place.node)}, allowed {', '.join(map(str, allowed))}")
-    return place.node.value
+def _word(location: _Location, allowed: tuple[Any, ...]) -> Any:
+    if not isinstance(location.node, yaml.ScalarNode) or location.node.value not in allowed:
+        location.fail(f"found {_shown(location.node)}, allowed {', '.join(map(str, allowed))}")
+    return location.node.value
 
 
-def _scalar(place: _Place, kind: type[Any], rule: Rule) -> Any:
+def _scalar(location: _Location, kind: type[Any], rule: Rule) -> Any:
     names = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
-    value: Any = _loaded(place, names[kind])
+    value: Any = _loaded(location, names[kind])
     is_whole = isinstance(value, int) and not isinstance(value, bool)
     if type(value) is not kind and not (kind is float and is_whole):
-        place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
+        location.fail(f"found {_shown(location.node)}, allowed {names[kind]}")
     if kind in (int, float) and not rule.low <= value <= rule.high:
-        found = _shown(place.node).strip("'").lstrip(".")
-        place.fail(f"found {found}, allowed {rule.low:g} to {rule.high:g}")
+        text = _shown(location.node).strip("'").lstrip(".")
+        location.fail(f"found {text}, allowed {rule.low:g} to {rule.high:g}")
     if kind is str and rule.check is not None:
         try:
-            rule.check(Path(place.file), value)
+            rule.check(Path(location.file), value)
         except ValueError as error:
-            place.fail(str(error))
+            location.fail(str(error))
     try:
         return float(value) if kind is float else value
     except OverflowError:
-        place.fail(f"found {_shown(place.node)}, allowed {names[kind]}")
+        location.fail(f"found {_shown(location.node)}, allowed {names[kind]}")
 
 
-def _loaded(place: _Place, allowed: str) -> Any:
+def _loaded(location: _Location, allowed: str) -> Any:
     """What YAML takes a node for."""
     try:
-        return SafeConstructor().construct_document(place.node)
+        return SafeConstructor().construct_document(location.node)
     except (yaml.YAMLError, *NO_VALUE):  # as in 2001-02-30, `!!int x`, `!!int` or `!!bool x`
-        place.fail(f"found {_shown(place.node)}, allowed {allowed}")
+        location.fail(f"found {_shown(location.node)}, allowed {allowed}")
 
 
 def _shown(node: Any) -> str:

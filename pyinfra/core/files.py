@@ -84,8 +84,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def naming(place: Path, beside: Path | None = None) -> Iterator[None]:
-    """An OSError from the block names a file: `place` if it has none, as of an open file.
+def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
+    """An OSError from the block names a file: `path` if it has none, as of an open file.
 
     beside: what will take the place; errors that name it, or what is in it, name the place.
     """
@@ -93,12 +93,12 @@ def naming(place: Path, beside: Path | None = None) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno is None:  # of a library, or of ours with the file in its text
-            if str(place.parent) in str(error):
+            if str(path.parent) in str(error):
                 raise
-            raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(place)) from error
+            raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(path)) from error
         named = [Path(os.fsdecode(n)) for n in (error.filename2, error.filename) if n is not None]
-        at = [place / n.relative_to(beside) for n in named if beside and n.is_relative_to(beside)]
-        error.filename, error.filename2 = str([*at, *named[-1:], place][0]), None
+        at = [path / n.relative_to(beside) for n in named if beside and n.is_relative_to(beside)]
+        error.filename, error.filename2 = str([*at, *named[-1:], path][0]), None
         raise
 
 

@@ -30,10 +30,10 @@ class OtherLoad:
 def other_load() -> Iterator[OtherLoad]:
     """Measures the load of a block that runs in this process; known when the block has ended."""
     load = OtherLoad()
-    started, busy, own = time.perf_counter(), _busy_seconds(), time.process_time()
+    started, busy, process_s = time.perf_counter(), _busy_seconds(), time.process_time()
     yield load
     wall = time.perf_counter() - started
-    others = (_busy_seconds() - busy) - (time.process_time() - own)
+    others = (_busy_seconds() - busy) - (time.process_time() - process_s)
     if not math.isnan(others):  # the clock of a short block is coarse
         load.cores = min(max(0.0, others / wall), float(os.cpu_count() or math.inf))
 

@@ -29,8 +29,8 @@ def _git(root: Path, *words: str) -> str:
 
 def machine() -> str:
     """The cores and processor that a measured row is of."""
-    about = Path("/proc/cpuinfo")
-    text = about.read_text(encoding="utf-8", errors="replace") if about.is_file() else ""
+    cpuinfo = Path("/proc/cpuinfo")
+    text = cpuinfo.read_text(encoding="utf-8", errors="replace") if cpuinfo.is_file() else ""
     named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
     return f"{os.cpu_count()} x {named[1] if named else platform.machine()}"
 

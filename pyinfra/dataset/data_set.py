@@ -61,11 +61,11 @@ def read_data_set(folder: Path) -> DataSet:
     if not folders:
         raise ValueError(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
     lidars, tilts = zip(*read_lidars(folder), strict=True)
-    frames = [tuple(kitti.frames(own)) for own in folders]
-    for lidar, own in zip(folders, frames, strict=True):
-        if own != frames[0]:
+    frames = [tuple(kitti.frames(path)) for path in folders]
+    for lidar, numbers in zip(folders, frames, strict=True):
+        if numbers != frames[0]:
             raise ValueError(
-                f"{folder}: {lidar.name} has {len(own)} frames and {folders[0].name} "
+                f"{folder}: {lidar.name} has {len(numbers)} frames and {folders[0].name} "
                 f"has {len(frames[0])}, or others; allowed the same frames for every LiDAR"
             )
     if not frames[0]:
@@ -73,9 +73,9 @@ def read_data_set(folder: Path) -> DataSet:
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
-    own_time, label_time = top.maybe("label_time"), lidars[0].label_time  # an import has none
-    if own_time is not None and own_time.text() != label_time:
-        own_time.fail(f"found '{own_time.text()}', allowed '{label_time}' of the LiDARs")
+    declared, label_time = top.maybe("label_time"), lidars[0].label_time  # an import has none
+    if declared is not None and declared.text() != label_time:
+        declared.fail(f"found '{declared.text()}', allowed '{label_time}' of the LiDARs")
     return DataSet(
         folder=folder,
         scene=top.at("name").text(),
@@ -100,11 +100,11 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
             raise FormatError(f"{file}: missing, needed of each LiDAR of a data set")
     folders = lidars_in(folder)
-    found = tuple((kitti.read_lidar(own), kitti.read_tilt(own)) for own in folders)
-    for own, (lidar, _) in zip(folders, found, strict=True):
-        first, top = found[0][0], kitti.read_yaml(own / "lidar.yaml")
+    lidars = tuple((kitti.read_lidar(path), kitti.read_tilt(path)) for path in folders)
+    for path, (lidar, _) in zip(folders, lidars, strict=True):
+        first, top = lidars[0][0], kitti.read_yaml(path / "lidar.yaml")
         allowed = {
-            "name": own.name,
+            "name": path.name,
             "preset": first.preset,
             "period_s": first.period_s,
             "label_time": first.label_time,
@@ -113,13 +113,13 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
             if getattr(lidar, key) != value:
                 why = "that of the folder" if key == "name" else f"as in {folders[0]}"
                 top.at(key).fail(f"found {getattr(lidar, key)}, allowed {value}, {why}")
-    return found
+    return lidars
 
 
 def is_of_lanes(data_set: Path) -> bool:
     """Whether the roads of a data set are lanes of a file. Raises FormatError."""
-    about = data_set / "dataset.yaml"
-    return about.is_file() and kitti.read_yaml(about).maybe("lanes") is not None
+    description = data_set / "dataset.yaml"
+    return description.is_file() and kitti.read_yaml(description).maybe("lanes") is not None
 
 
 def without_region(lidar_folder: Path) -> str | None:
@@ -129,9 +129,9 @@ def without_region(lidar_folder: Path) -> str | None:
     """
     file = lidar_folder / "lidar.yaml"
     data_set = data_set_of(lidar_folder)
-    about, roads = data_set / "dataset.yaml", data_set / "roads.csv"
+    description, roads = data_set / "dataset.yaml", data_set / "roads.csv"
     if not file.is_file():
-        if not about.is_file():
+        if not description.is_file():
             return None
         return f"{file}: missing, so no region is known, although there is a dataset.yaml: copy it"
     if roads.is_file():
@@ -140,18 +140,18 @@ def without_region(lidar_folder: Path) -> str | None:
     if preset.text() == kitti.RECORDED:
         return None
     return (
-        f"{preset.place()}: found '{preset.text()}', of a simulation, but no {roads}: every "
+        f"{preset.location()}: found '{preset.text()}', of a simulation, but no {roads}: every "
         "vehicle in reach counts, also beyond the region, and AP is another; copy the file too"
     )
 
 
 def _without_outlines(data_set: Path) -> str | None:
     """What is wrong if outlines narrow the region of a scene, and their file is missing."""
-    about, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
-    named = kitti.read_yaml(about).maybe("regions") if about.is_file() else None
+    description, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
+    named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
         return None
-    return f"{named.place()}: found outlines of the region, but no {file}: copy the file too"
+    return f"{named.location()}: found outlines of the region, but no {file}: copy the file too"
 
 
 def field_of_view_mask(
@@ -166,11 +166,11 @@ def field_of_view_mask(
     ranges = np.zeros(len(centre), dtype=np.bool_)
     for unit in lidar.field_of_view:
         if at := unit.at:
-            own = (centre - (at.x, at.y, at.z)) @ _rotation(at.yaw, at.pitch, at.roll)
+            local = (centre - (at.x, at.y, at.z)) @ _rotation(at.yaw, at.pitch, at.roll)
         else:
-            own = centre @ _rotation(0, tilt.pitch, tilt.roll)
-        slant = np.linalg.norm(own, axis=1)
-        turned = own @ _rotation(unit.yaw, unit.pitch, 0)
+            local = centre @ _rotation(0, tilt.pitch, tilt.roll)
+        slant = np.linalg.norm(local, axis=1)
+        turned = local @ _rotation(unit.yaw, unit.pitch, 0)
         azimuth = np.arctan2(turned[:, 1], turned[:, 0])
         elevation = np.arctan2(turned[:, 2], np.hypot(turned[:, 0], turned[:, 1]))
         low, high = unit.azimuth
@@ -212,7 +212,7 @@ def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
     cy, sy = math.cos(yaw), math.sin(yaw)
     cp, sp = math.cos(pitch), math.sin(pitch)
     cr, sr = math.cos(roll), math.sin(roll)
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
+    yaw_matrix = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    pitch_matrix = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    roll_matrix = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return np.asarray(yaw_matrix @ pitch_matrix @ roll_matrix, dtype=np.float64)

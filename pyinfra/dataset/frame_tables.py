@@ -125,7 +125,7 @@ def other_types(
     file = kitti.frame_file(lidar_folder, part, frames[vehicles.frame[first]])
     name = str(vehicles.names[first])
     words = (line.replace(",", " ").split() for line in lines_of(file))
-    line = next((i for i, own in enumerate(words, start=1) if name in own), 1)
+    line = next((i for i, row in enumerate(words, start=1) if name in row), 1)
     return f"{file}:{line}: counted nowhere: {listed}; allowed {', '.join(types)}"
 
 
@@ -194,7 +194,9 @@ def _objects(files: Sequence[Path], frames: IntArray, label_time: kitti.LabelTim
     texts = _texts(files, whole=True)
     cells = [object_rows(text[0], text[1:]) if text else None for text in texts]
     # The class to the front, so that numbers follow each other.
-    rows = [[*row[1:2], *row[:1], *row[2:]] for own in cells if own is not None for row in own]
+    rows = [
+        [*row[1:2], *row[:1], *row[2:]] for group in cells if group is not None for row in group
+    ]
     known = None not in cells and all(row[0] for row in rows)
     values = _numbers(rows, len(kitti.OBJECT_COLUMNS), 1) if known else None
     if values is None or not rules_hold(values, OBJECT_NUMBERS, OBJECT_RULES):
@@ -243,7 +245,10 @@ def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
 ) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
     """Frame, line, class and numbers from h on, of label or result files."""
-    texts = [[(i, own) for i, own in enumerate(text, 1) if own.strip()] for text in _texts(files)]
+    texts = [
+        [(i, content) for i, content in enumerate(text, 1) if content.strip()]
+        for text in _texts(files)
+    ]
     rows = [line.split() for text in texts for _, line in text]
     values = _numbers(rows, len(kitti.LABEL_COLUMNS) + scores, 8)
     names = np.array([row[0] for row in rows], dtype=np.str_) if values is not None else None

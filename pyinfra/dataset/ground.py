@@ -40,13 +40,13 @@ class Relief:
     corner: tuple[float, float]  # x y of the first cell's
     heights: FloatArray  # (columns along x, rows along y); a place beyond has that of the rim
 
-    def height(self, places: npt.NDArray[F]) -> npt.NDArray[F]:
+    def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
         last = np.array(self.heights.shape) - 1
         x, y = (
-            np.clip((places[:, i] - self.corner[i]) / CELL_M, 0, last[i]).astype(np.intp)
+            np.clip((positions[:, i] - self.corner[i]) / CELL_M, 0, last[i]).astype(np.intp)
             for i in (0, 1)
         )
-        return np.asarray(self.heights[x, y], places.dtype)
+        return np.asarray(self.heights[x, y], positions.dtype)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,32 +56,32 @@ class Ground:
     plane: tuple[float, float, float] = (0.0, 0.0, 0.0)  # z = a x + b y + c
     relief: Relief | None = None
 
-    def height(self, places: npt.NDArray[F]) -> npt.NDArray[F]:
+    def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
         """(n,) z of the road at places (n, 2 or more), of their type; finite places alone."""
         if self.relief is not None:
-            return self.relief.height(places)
-        a, b, c = np.array(self.plane, places.dtype)
-        return np.asarray(a * places[:, 0] + b * places[:, 1] + c)
+            return self.relief.height(positions)
+        a, b, c = np.array(self.plane, positions.dtype)
+        return np.asarray(a * positions[:, 0] + b * positions[:, 1] + c)
 
     @property
     def sensor_m(self) -> float:
         """How high the sensor is above the road at its foot."""
         return -float(self.height(np.zeros((1, 2)))[0])
 
-    def above(self, places: npt.NDArray[F]) -> npt.NDArray[F]:
+    def above(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
         """Points or boxes (n, 3 or more) with z from the road; a copy."""
-        return self._moved(places, -1)
+        return self._moved(positions, -1)
 
-    def back(self, places: npt.NDArray[F]) -> npt.NDArray[F]:
+    def back(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
         """The same with z from the sensor again."""
-        return self._moved(places, 1)
+        return self._moved(positions, 1)
 
-    def _moved(self, places: npt.NDArray[F], sign: int) -> npt.NDArray[F]:
-        moved = places.copy()
+    def _moved(self, positions: npt.NDArray[F], sign: int) -> npt.NDArray[F]:
+        moved = positions.copy()
         # Others stay as they are: no detector looks at them.
-        known = np.isfinite(places[:, 0]) & np.isfinite(places[:, 1])
+        known = np.isfinite(positions[:, 0]) & np.isfinite(positions[:, 1])
         rows = slice(None) if known.all() else known
-        moved[rows, 2] += sign * self.height(places[rows])
+        moved[rows, 2] += sign * self.height(positions[rows])
         return moved
 
 

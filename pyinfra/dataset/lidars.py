@@ -58,18 +58,18 @@ def read_sheet(file: Path, preset: str = "") -> LidarSheet:
     infrasim("check", file)  # says where a file is wrong
     plain = _plain(file)
     chosen = preset or _preset_of(plain["presets"])
-    found = yaml.safe_load(infrasim("check", file, *(["--preset", chosen] if chosen else [])))
+    resolved = yaml.safe_load(infrasim("check", file, *(["--preset", chosen] if chosen else [])))
     units = _field_of_view(file, chosen)
     widths = [math.degrees(unit.azimuth[1] - unit.azimuth[0]) for unit in units]
     return LidarSheet(
         **plain,
         preset=chosen,
-        lines=_lines(found),
+        lines=_lines(resolved),
         horizontal_fov_deg=min(360.0, sum(widths)),
         vertical_fov_deg=max(math.degrees(u.elevation[1] - u.elevation[0]) for u in units),
         range_m=max(unit.range_m[1] for unit in units),
-        range_at_10_percent_m=float(_detection(found).get("range_at_10_percent_m", math.nan)),
-        published_ranges=_published_ranges(_detection(found)),
+        range_at_10_percent_m=float(_detection(resolved).get("range_at_10_percent_m", math.nan)),
+        published_ranges=_published_ranges(_detection(resolved)),
     )
 
 
@@ -121,8 +121,8 @@ def _field_of_view(file: Path, preset: str) -> tuple[kitti.FieldOfView, ...]:
         out = Path(folder) / "data"
         scene = catalogue.scene_file(catalogue.FLAT)
         infrasim("run", scene, "--lidar", file, *words, "--frames", "0:1", "--out", out)
-        (own,) = out.glob("*/lidar.yaml")
-        return kitti.read_lidar(own.parent).field_of_view
+        (description,) = out.glob("*/lidar.yaml")
+        return kitti.read_lidar(description.parent).field_of_view
 
 
 def _lines(resolved: dict[str, Any]) -> int | None:
@@ -132,8 +132,8 @@ def _lines(resolved: dict[str, Any]) -> int | None:
 
 def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
     """Of the first unit; empty where every hit is a point."""
-    found = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
-    return dict(found)
+    detection = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
+    return dict(detection)
 
 
 def _published_ranges(detection: dict[str, Any]) -> int:

@@ -146,8 +146,8 @@ def simulate(
     every = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
     if len(every) < len(units):
         raise Error("lidar: expected different LiDARs, got one twice")
-    for own in every.values():
-        own.beside = {name: other for name, other in every.items() if other is not own}
+    for sequence in every.values():
+        sequence.beside = {name: other for name, other in every.items() if other is not sequence}
     return every if several else next(iter(every.values()))
 
 

@@ -36,8 +36,8 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
     except csv.Error as error:
         raise FormatError(f"{file}: {error}") from None
     if not rows or rows[0] != OUTLINE_COLUMNS:
-        found = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: found '{found}', allowed '{','.join(OUTLINE_COLUMNS)}'")
+        actual = ",".join(rows[0]) if rows else ""
+        raise FormatError(f"{file}:1: found '{actual}', allowed '{','.join(OUTLINE_COLUMNS)}'")
     table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], OUTLINE_COLUMNS, "region")
     table.check(_RULES)
     if len(rows) == 1:
@@ -46,14 +46,14 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
     outlines = {name: table.values[table.names == name] for name in names}
     for name, corners in outlines.items():
         if len(corners) < 3:
-            found = f"found {len(corners)} corners"
-            raise FormatError(f"{file}: region {name}: {found}, allowed 3 or more")
+            actual = f"found {len(corners)} corners"
+            raise FormatError(f"{file}: region {name}: {actual}, allowed 3 or more")
     return tuple(outlines.values())
 
 
 def outlines_of(scene: Mapping[str, Any]) -> tuple[FloatArray, ...]:
     """Those of a scene's keys."""
-    return tuple(np.array(own["outline_m"], np.float64) for own in scene.get("regions", ()))
+    return tuple(np.array(region["outline_m"], np.float64) for region in scene.get("regions", ()))
 
 
 def first_crossing(outline: FloatArray) -> tuple[int, int] | None:

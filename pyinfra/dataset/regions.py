@@ -156,8 +156,8 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
     except csv.Error as error:
         raise FormatError(f"{file}: {error}") from None
     if not rows or rows[0] != ROAD_COLUMNS:
-        found = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: found '{found}', allowed '{','.join(ROAD_COLUMNS)}'")
+        header = ",".join(rows[0]) if rows else ""
+        raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(ROAD_COLUMNS)}'")
     table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], ROAD_COLUMNS, "road")
     table.check(_RULES)
     if len(rows) == 1:
@@ -213,16 +213,16 @@ def _common_corners(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.stack([np.maximum(a.min(0), b.min(0)), np.minimum(a.max(0), b.max(0))])
 
 
-def road_axes(roads: list[Road], pose: WorldPose, places: FloatArray) -> FloatArray:
+def road_axes(roads: list[Road], pose: WorldPose, positions: FloatArray) -> FloatArray:
     """See `Region.axes`; a road is as wide as its carriageway and AXES_MARGIN_M on both sides."""
-    total, count = np.zeros((len(places), 2)), np.zeros((len(places), 1))
+    total, count = np.zeros((len(positions), 2)), np.zeros((len(positions), 1))
     for road in roads:
         centre = to_levelled(road.xy, pose)
         reach = road.half_width.max() + AXES_MARGIN_M
         low, high = centre.min(axis=0) - reach, centre.max(axis=0) + reach
-        near = ((places >= low) & (places <= high)).all(axis=1)
+        near = ((positions >= low) & (positions <= high)).all(axis=1)
         rows = np.flatnonzero(near)
-        away, nearest = cKDTree(centre).query(places[rows])
+        away, nearest = cKDTree(centre).query(positions[rows])
         on_it = away <= road.half_width[nearest] + AXES_MARGIN_M
         twice = 2 * (road.heading[nearest[on_it]] - pose.yaw)
         total[rows[on_it]] += np.stack([np.sin(twice), np.cos(twice)], axis=1)

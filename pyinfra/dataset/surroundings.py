@@ -65,7 +65,7 @@ def read_surroundings(data_set: Path) -> Surroundings:
         return Surroundings((), {}, np.zeros((0, 7)), np.zeros((0, 3)))
     top = kitti.read_yaml(file)
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
-    buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
+    buildings = np.array([_building(entry) for entry in top.entries("buildings")]).reshape(-1, 7)
     mounts = [_position(mount) for mount in top.values("mounts")]
     if (profile := top.maybe("profile")) is not None:
         buildings[:, 2] += profile_of(profile).rise_m(buildings[:, :2])

@@ -71,5 +71,5 @@ def _check_lines(file: Path, data: bytes) -> None:
     commas = np.diff(np.searchsorted(np.flatnonzero(signs == ord(",")), ends), prepend=0)
     wrong = np.flatnonzero(commas != commas[0])
     if len(wrong) > 0:
-        line, found, expected = wrong[0] + 1, commas[wrong[0]] + 1, commas[0] + 1
-        raise FormatError(f"{file}:{line}: expected {expected} columns, got {found}")
+        line, actual, expected = wrong[0] + 1, commas[wrong[0]] + 1, commas[0] + 1
+        raise FormatError(f"{file}:{line}: expected {expected} columns, got {actual}")

@@ -32,8 +32,8 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
     reader names what it does not fit.
     """
     if options.columns is not None:
-        said = "points of .bin files have no intensity: taken as 0" if options.columns == 3 else ""
-        return options.columns, said
+        note = "points of .bin files have no intensity: taken as 0" if options.columns == 3 else ""
+        return options.columns, note
     sizes = [file.stat().st_size for file in files]
     fit = [n for n in TRIED if all(size % (4 * n) == 0 for size in sizes)]
     if not any(sizes) or fit == [usual]:
@@ -50,8 +50,8 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
     else:
         why = f"as the values rule out {others}" if others else "as no other number fits the sizes"
     zero = "; no intensity, taken as 0" if columns == 3 else ""
-    said = f"points of .bin files are {columns} float32, {why}{zero}"
-    return columns, f"{said}; --columns of an import says another number"
+    note = f"points of .bin files are {columns} float32, {why}{zero}"
+    return columns, f"{note}; --columns of an import says another number"
 
 
 def _chosen(values: FloatArray, fit: Sequence[int], usual: int) -> int | None:

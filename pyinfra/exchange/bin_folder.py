@@ -19,10 +19,10 @@ from pyinfra.exchange.recording import (
 def read(source: Path, options: Options) -> Recording:
     """Raises FileNotFoundError, ValueError without a cloud, and on reading one FormatError."""
     clouds = sorted_files(source, [".bin"])
-    columns, said = columns_of(clouds, options)
+    columns, note = columns_of(clouds, options)
 
     def frame(i: int) -> RecordedFrame:
         return RecordedFrame(read_bin(clouds[i], columns, options), NO_BOXES)
 
     names = tuple(stem(file) for file in clouds)
-    return Recording(names, frame, labelled=False, notes=lambda: [said] if said else [])
+    return Recording(names, frame, labelled=False, notes=lambda: [note] if note else [])

@@ -48,7 +48,7 @@ class LidarFacts:
 
 
 @dataclass
-class Found:
+class ImportSummary:
     """What was in the frames, counted while they are written."""
 
     frames: int = 0
@@ -70,38 +70,38 @@ class Found:
 
 
 def write_lidar(
-    recording: Recording, out: Path, about: LidarFacts, places: Iterable[int] | None = None
-) -> Found:
+    recording: Recording, out: Path, facts: LidarFacts, indices: Iterable[int] | None = None
+) -> ImportSummary:
     """Frames, lists and lidar.yaml into the folder `out`; returns what was there.
 
-    places: in the recording, all by default. Raises what reading the frames raises, and ValueError
+    indices: in the recording, all by default. Raises what reading the frames raises, and ValueError
     if the tilt is given twice or there is no return at all.
     """
-    if about.tilt and recording.tilt:
+    if facts.tilt and recording.tilt:
         raise ValueError("found a tilt in the recording and in the options, allowed one of them")
-    tilt = recording.tilt or about.tilt or (0.0, 0.0)
+    tilt = recording.tilt or facts.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
-    found = Found(assumed=about.assumed)
+    summary = ImportSummary(assumed=facts.assumed)
     digests: set[bytes] = set()
-    period_s = _period_s(recording, about)
-    for i in range(len(numbers)) if places is None else places:
+    period_s = _period_s(recording, facts)
+    for i in range(len(numbers)) if indices is None else indices:
         frame = recording.read(i)
         digest = sha256(frame.points.tobytes()).digest()
         if digest in digests and len(frame.points) > 0:
-            found.doubled.append(recording.names[i])
+            summary.doubled.append(recording.names[i])
             if not recording.labelled:
                 continue
         digests.add(digest)
-        if about.tilt:
+        if facts.tilt:
             frame = levelled(frame, T_levelled_sensor)
-        before = found.points
-        _write_frame(out, numbers[i], frame, about, found, T_levelled_sensor, period_s)
-        if found.points == before:
-            found.empty.append(recording.names[i])
+        before = summary.points
+        _write_frame(out, numbers[i], frame, facts, summary, T_levelled_sensor, period_s)
+        if summary.points == before:
+            summary.empty.append(recording.names[i])
     _write_lists(out, recording, numbers)
-    write(out / "lidar.yaml", _lidar_yaml(recording, about, found, tilt))
-    return found
+    write(out / "lidar.yaml", _lidar_yaml(recording, facts, summary, tilt))
+    return summary
 
 
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
@@ -149,8 +149,8 @@ def _write_frame(
     out: Path,
     number: int,
     frame: RecordedFrame,
-    about: LidarFacts,
-    found: Found,
+    facts: LidarFacts,
+    summary: ImportSummary,
     T_levelled_sensor: FloatArray,
     period_s: float,
 ) -> None:
@@ -158,19 +158,19 @@ def _write_frame(
     points = np.ascontiguousarray(frame.points[keep], dtype=np.float32)
     dark = ~np.isfinite(points[:, 3])
     points[dark, 3] = 0
-    found.without_intensity += int(dark.sum())
+    summary.without_intensity += int(dark.sum())
     fields = None if frame.fields is None else frame.fields[keep]
-    types = types_of(frame.boxes.names, about.types)
+    types = types_of(frame.boxes.names, facts.types)
     labels = Labels(types, frame.boxes.boxes, None)
     objects = objects_of(points, frame.boxes, types, period_s)
     kitti.write_frame(out, number, points, labels, objects=objects, fields=fields)
-    found.frames += 1
-    found.points += len(points)
-    found.without_return += len(keep) - len(points)
-    found.types.update(types.tolist())
+    summary.frames += 1
+    summary.points += len(points)
+    summary.without_return += len(keep) - len(points)
+    summary.types.update(types.tolist())
     vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
-    found.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
-    found.coverage.add(_in_sensor_frame(points, T_levelled_sensor))
+    summary.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
+    summary.coverage.add(_in_sensor_frame(points, T_levelled_sensor))
 
 
 def has_return(points: Points) -> BoolArray:
@@ -217,27 +217,27 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
     of_name = dict(zip(recording.names, numbers, strict=True))
     for part, names in recording.splits.items():
         (out / "ImageSets").mkdir(exist_ok=True)
-        own = sorted(written & {of_name[name] for name in names})
-        text = "".join(f"{number:06d}\n" for number in own)
+        present = sorted(written & {of_name[name] for name in names})
+        text = "".join(f"{number:06d}\n" for number in present)
         write(out / f"ImageSets/{part}.txt", text)
     rows = [f"{n},{name}\n" for name, n in of_name.items() if n in written]
     write(out / "sources.csv", "".join(["frame,source\n", *rows]))
 
 
 def _lidar_yaml(
-    recording: Recording, about: LidarFacts, found: Found, tilt: tuple[float, float]
+    recording: Recording, facts: LidarFacts, summary: ImportSummary, tilt: tuple[float, float]
 ) -> str:
-    view = found.coverage.measured()
-    pose = recording.pose or WorldPose(0.0, 0.0, _height(about, found), 0.0)
-    low, high = about.price_usd or (math.nan, math.nan)
+    view = summary.coverage.measured()
+    pose = recording.pose or WorldPose(0.0, 0.0, _height(facts, summary), 0.0)
+    low, high = facts.price_usd or (math.nan, math.nan)
     degrees = [[round(math.degrees(v), 6) for v in pair] for pair in (view.azimuth, view.elevation)]
     content = {
-        "name": about.name,
-        "model": about.model or about.name,
+        "name": facts.name,
+        "model": facts.model or facts.name,
         "preset": RECORDED,
         "price_total_usd": {"low": low, "high": high},
         "label_time": "scan",
-        "period_s": _period_s(recording, about),
+        "period_s": _period_s(recording, facts),
         "T_world_levelled": {
             "x_m": pose.x,
             "y_m": pose.y,
@@ -258,19 +258,19 @@ def _lidar_yaml(
             }
         ],
     }
-    if about.shape:
-        content["road_shape"] = asdict(about.shape)
-    if found.assumed:
-        content["assumed"] = list(found.assumed)
+    if facts.shape:
+        content["road_shape"] = asdict(facts.shape)
+    if summary.assumed:
+        content["assumed"] = list(summary.assumed)
     return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000))
 
 
-def _period_s(recording: Recording, about: LidarFacts) -> float:
-    return about.period_s or recording.period_s or PERIOD_S
+def _period_s(recording: Recording, facts: LidarFacts) -> float:
+    return facts.period_s or recording.period_s or PERIOD_S
 
 
-def _height(about: LidarFacts, found: Found) -> float:
+def _height(facts: LidarFacts, summary: ImportSummary) -> float:
     """Of the sensor above the road, where the vehicles stand; 0 if neither is known."""
-    if about.height_m is not None:
-        return about.height_m
-    return 0.0 if found.below_m is None else round(found.below_m, 3)
+    if facts.height_m is not None:
+        return facts.height_m
+    return 0.0 if summary.below_m is None else round(summary.below_m, 3)

@@ -25,16 +25,16 @@ def seconds_of(name: str) -> float | None:
 
     Such as 1651673050.454284, 1651673050_454284855 or 1651673050454 at the beginning or alone.
     """
-    found = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
-    if found:
-        whole, decimals, counted = found.groups()
+    match = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
+    if match:
+        whole, decimals, counted = match.groups()
         if counted is not None:
             unit = FRACTIONS.get(len(counted))
             return None if unit is None else int(whole) + int(counted) * unit
         return float(f"{whole}.{decimals or 0}")
-    found = re.match(r"\D*(\d{13,19})(?!\d)", name)
-    unit = WHOLE.get(len(found[1])) if found else None
-    return int(found[1]) * unit if found and unit else None
+    match = re.match(r"\D*(\d{13,19})(?!\d)", name)
+    unit = WHOLE.get(len(match[1])) if match else None
+    return int(match[1]) * unit if match and unit else None
 
 
 def seconds_of_stamp(value: float) -> float | None:
@@ -55,37 +55,37 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     """
     if len(recording.names) < 2:
         return recording, []
-    times, found = _times(recording)
+    times, notes = _times(recording)
     if times is None:
         if not (period_s or recording.period_s):
-            found.append(f"frames are {USUAL_S:g} s apart, as no times say it: --period-s does")
-        return recording, found
+            notes.append(f"frames are {USUAL_S:g} s apart, as no times say it: --period-s does")
+        return recording, notes
     steps = np.diff(times)
     if (steps < 0).any():
         order = np.argsort(times, kind="stable")
         if not _regular(np.diff(times[order])):
             at = int(steps.argmin())
-            found.append(
+            notes.append(
                 f"the clock steps back by {-steps[at]:.3g} s after {recording.names[at]}: frames "
                 "stay in the order of their names, and the clock is not used"
             )
-            return recording, found
+            return recording, notes
         late = int((steps < 0).sum())
-        found.append(
+        notes.append(
             f"frames are out of order ({late} times a frame is older than the one before it): "
             "taken in the order of their times"
         )
         recording, times = _reordered(recording, order), times[order]
         steps = np.diff(times)
-    return _by_clock(recording, steps, period_s, found)
+    return _by_clock(recording, steps, period_s, notes)
 
 
 def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
     """By the clock in the files, else by that of their names; and what was found."""
-    times, found = recording.times() if recording.times is not None else None, []
+    times, notes = recording.times() if recording.times is not None else None, []
     if times is not None and not (known := np.isfinite(times)).all():
         first = recording.names[int(known.argmin())]
-        found.append(
+        notes.append(
             f"{int((~known).sum())} of {len(times)} frames have no time in them, as {first}: that "
             "of the others is not used"
         )
@@ -93,7 +93,7 @@ def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
     if times is None:
         named = [seconds_of(name) for name in recording.names]
         times = None if None in named else np.array(named, dtype=np.float64)
-    return times, found
+    return times, notes
 
 
 def _regular(steps: FloatArray) -> bool:
@@ -113,19 +113,19 @@ def _reordered(recording: Recording, order: IntArray) -> Recording:
 
 
 def _by_clock(
-    recording: Recording, steps: FloatArray, period_s: float | None, found: list[str]
+    recording: Recording, steps: FloatArray, period_s: float | None, notes: list[str]
 ) -> tuple[Recording, list[str]]:
     usual = float(np.median(steps))
     names = recording.names
     if (steps == 0).any():
         at = int((steps == 0).argmax())
-        found.append(
+        notes.append(
             f"{int((steps == 0).sum())} frames have the time of another, as {names[at + 1]}"
         )
     if not PERIOD_S[0] <= usual <= PERIOD_S[1]:
-        return recording, found
+        return recording, notes
     if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
-        found.append(
+        notes.append(
             f"--period-s says {period_s:g} s, the clock {usual:.4g} s: {period_s:g} is taken"
         )
     period = period_s or recording.period_s or round(usual, 4)
@@ -134,11 +134,11 @@ def _by_clock(
     if (apart > 1).any():
         at = int(steps.argmax())
         numbered = slots[-1] <= MOST_NUMBER and (recording.counted or recording.slots is not None)
-        found.append(
+        notes.append(
             f"the clock jumps {int((apart > 1).sum())} times, the most by {steps[at]:.4g} s after "
             f"{names[at]}: "
             + ("the numbers leave that time out" if numbered else "the numbers do not show it")
         )
         if numbered:
             recording = replace(recording, slots=tuple(slots))
-    return replace(recording, period_s=period), found
+    return replace(recording, period_s=period), notes

@@ -9,10 +9,10 @@ from typing import Literal
 
 from pyinfra.core.files import new_folder, write
 from pyinfra.dataset.regions import REGION_FILE, outline_region
-from pyinfra.exchange.data_set import Found, LidarFacts, write_description, write_lidar
+from pyinfra.exchange.data_set import ImportSummary, LidarFacts, write_description, write_lidar
 from pyinfra.exchange.formats import FORMATS, reader
 from pyinfra.exchange.frame_times import timed
-from pyinfra.exchange.object_types import own_and_public
+from pyinfra.exchange.object_types import with_public_types
 from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
@@ -27,12 +27,12 @@ def import_recording(
     source: Path,
     name: str,
     out: Path,
-    about: LidarFacts,
+    given: LidarFacts,
     options: Options,
     *,
     upright: Upright = "auto",
     region: Path | None = None,
-) -> tuple[Found, bool]:
+) -> tuple[ImportSummary, bool]:
     """Writes a recording in a format of IMPORTS as the new folder DATA/LIDAR, whole or not at all.
 
     upright: `auto` looks for the road where the format does not say how points stand. region: an
@@ -51,24 +51,24 @@ def import_recording(
     recording = read(source, options)
     level = recording.labelled if format.level is None else format.level
     road = upright == "road" or (upright == "auto" and not level)
-    found_out = survey(source, read, options, about, road=road and recording.tilt is None)
-    recording, said = timed(read(source, found_out.options), about.period_s)
-    recording = turned(recording, found_out)
+    estimate = survey(source, read, options, given, road=road and recording.tilt is None)
+    recording, time_notes = timed(read(source, estimate.options), given.period_s)
+    recording = turned(recording, estimate)
     inside = outline_region(region) if region else None
     if region and inside:
-        check_region(region, inside, recording, found_out)
-    types = own_and_public(name, about.types)
+        check_region(region, inside, recording, estimate)
+    types = with_public_types(name, given.types)
     notes = recording.notes() if recording.notes is not None else []
-    facts = replace(found_out.about, types=types, assumed=(*notes, *found_out.assumed, *said))
+    facts = replace(estimate.facts, types=types, assumed=(*notes, *estimate.assumed, *time_notes))
     with new_folder(out) as beside:
-        found = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
+        summary = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
         if region:
             write(beside / REGION_FILE, region.read_bytes())
-        write_description(out.parent, about.scene, ids_are_tracks=recording.ids_are_tracks)
-    return found, recording.labelled
+        write_description(out.parent, given.scene, ids_are_tracks=recording.ids_are_tracks)
+    return summary, recording.labelled
 
 
-def warnings(found: Found, labelled: bool, height_m: float | None = None) -> list[str]:
+def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = None) -> list[str]:
     """What the user should know of the imported frames. height_m: that the user says."""
     out = []
     if not labelled:
@@ -76,24 +76,24 @@ def warnings(found: Found, labelled: bool, height_m: float | None = None) -> lis
             "found no labels: statistics of vehicles, evaluation and networks that are to learn "
             "here need them"
         )
-    elif not set(found.types) & set(VEHICLE_TYPES):
-        names = ", ".join(found.types) or "none"
+    elif not set(summary.types) & set(VEHICLE_TYPES):
+        names = ", ".join(summary.types) or "none"
         out.append(f"found no vehicle among {names}; --type NAME=Car says what is one")
-    elif unknown := sorted(set(found.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
-        names = ", ".join(f"{name} ({found.types[name]})" for name in unknown)
+    elif unknown := sorted(set(summary.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
+        names = ", ".join(f"{name} ({summary.types[name]})" for name in unknown)
         out.append(f"not understood, and no vehicle: {names}; --type NAME=TYPE says what it is")
-    if found.without_return:
+    if summary.without_return:
         out.append(
-            f"left out {found.without_return} points without a return (not finite, or 0 0 0)"
+            f"left out {summary.without_return} points without a return (not finite, or 0 0 0)"
         )
-    if found.without_intensity:
-        out.append(f"{found.without_intensity} intensities are not finite: taken as 0")
-    if found.empty:
-        out.append(f"{_some(found.empty)} without a return: frames where nothing is")
-    if found.doubled:
+    if summary.without_intensity:
+        out.append(f"{summary.without_intensity} intensities are not finite: taken as 0")
+    if summary.empty:
+        out.append(f"{_some(summary.empty)} without a return: frames where nothing is")
+    if summary.doubled:
         kept = "kept, as they have labels" if labelled else "left out"
-        out.append(f"{_some(found.doubled)} with the same points as another: {kept}")
-    below = found.below_m
+        out.append(f"{_some(summary.doubled)} with the same points as another: {kept}")
+    below = summary.below_m
     if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
         out.append(
             f"--height-m says {height_m:g} m, but the labelled vehicles stand {below:.2f} m below "

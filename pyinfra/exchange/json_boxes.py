@@ -20,7 +20,7 @@ from pyinfra.exchange.recording import Boxes
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
 VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}  # of occluded_state: not, partly, mostly
-PLACE = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
+BOX_KEYS = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
 LEAST_M, MOST_M = 0.001, 1000.0
 
 
@@ -38,14 +38,14 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     Raises FormatError that names the object and the key.
     """
     objects = read_json(file)
-    if not isinstance(objects, list) or not all(isinstance(own, dict) for own in objects):
+    if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
         raise FormatError(f"{file}: found something else, allowed a list of objects")
-    rows = [_box(file, i, own) for i, own in enumerate(objects)]
-    names = [str(own.get("type", "unknown")) or "unknown" for own in objects]
-    seen = [VISIBILITY.get(_state(own), 1.0) for own in objects]
+    rows = [_box(file, i, entry) for i, entry in enumerate(objects)]
+    names = [str(entry.get("type", "unknown")) or "unknown" for entry in objects]
+    seen = [VISIBILITY.get(_state(entry), 1.0) for entry in objects]
     tracks = None
     if ids is not None:
-        words = [_key(file, i, own, "track_id") for i, own in enumerate(objects)]
+        words = [_key(file, i, entry, "track_id") for i, entry in enumerate(objects)]
         tracks = np.array([ids.setdefault(str(word), len(ids)) for word in words], dtype=np.int64)
         if len(set(tracks.tolist())) < len(tracks):
             raise FormatError(f"{file}: track_id: found one twice, allowed once a file")
@@ -53,48 +53,50 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     return Boxes(np.array(names, dtype=np.str_), boxes, tracks, np.array(seen, dtype=np.float64))
 
 
-def checked_box(place: str, values: FloatArray) -> FloatArray:
-    """A box (7,) whose numbers can be one. Raises FormatError, which begins with `place`."""
+def checked_box(location: str, values: FloatArray) -> FloatArray:
+    """A box (7,) whose numbers can be one. Raises FormatError, which begins with `location`."""
     xyz, sizes = values[:3], values[3:6]
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
         allowed = f"allowed sizes of more than {LEAST_M:g} to {MOST_M:g} m within 10 km"
-        raise FormatError(f"{place}: found sizes {sizes} at {xyz}, {allowed}")
+        raise FormatError(f"{location}: found sizes {sizes} at {xyz}, {allowed}")
     if abs(values[6]) > 2 * math.pi + 0.01:
-        raise FormatError(f"{place}: rotation: found {values[6]:g}, allowed -2 pi to 2 pi, radians")
+        raise FormatError(
+            f"{location}: rotation: found {values[6]:g}, allowed -2 pi to 2 pi, radians"
+        )
     return values
 
 
-def _box(file: Path, i: int, own: Mapping[str, Any]) -> FloatArray:
+def _box(file: Path, i: int, entry: Mapping[str, Any]) -> FloatArray:
     numbers = []
-    for key, letters in PLACE:
-        group = _key(file, i, own, key)
+    for key, letters in BOX_KEYS:
+        group = _key(file, i, entry, key)
         for letter in letters:
             inside = group if isinstance(group, dict) else {}
             numbers.append(number(f"{file}: object {i}: {key}.{letter}", inside.get(letter)))
-    numbers.append(number(f"{file}: object {i}: rotation", own.get("rotation")))
+    numbers.append(number(f"{file}: object {i}: rotation", entry.get("rotation")))
     return checked_box(f"{file}: object {i}", np.array(numbers))
 
 
-def number(place: str, found: object) -> float:
-    """Numbers, also as text: both are in use. Raises FormatError, which begins with `place`."""
+def number(location: str, raw: object) -> float:
+    """Numbers, also as text: both are in use. Raises FormatError, which begins with `location`."""
     try:
-        value = float(found)  # type: ignore[arg-type]
+        value = float(raw)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         value = math.nan
     if not math.isfinite(value):
-        raise FormatError(f"{place}: found {str(found)[:40]!r}, allowed a finite number")
+        raise FormatError(f"{location}: found {str(raw)[:40]!r}, allowed a finite number")
     return value
 
 
-def _key(file: Path, i: int, own: Mapping[str, Any], key: str) -> Any:
-    if key not in own:
+def _key(file: Path, i: int, entry: Mapping[str, Any], key: str) -> Any:
+    if key not in entry:
         raise FormatError(f"{file}: object {i}: found no '{key}', needed")
-    return own[key]
+    return entry[key]
 
 
-def _state(own: Mapping[str, Any]) -> int:
+def _state(entry: Mapping[str, Any]) -> int:
     try:
-        return int(own.get("occluded_state", -1))
+        return int(entry.get("occluded_state", -1))
     except (TypeError, ValueError):
         return -1

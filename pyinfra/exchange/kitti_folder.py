@@ -52,7 +52,7 @@ def read(source: Path, options: Options) -> Recording:
     if labelled:
         check_pairs(clouds, sorted_files(folder, [".txt"]))
     names = tuple(stem(file) for file in clouds)
-    columns, said = columns_of(clouds, options)
+    columns, note = columns_of(clouds, options)
 
     def frame(i: int) -> RecordedFrame:
         points = read_bin(clouds[i], columns, options)
@@ -62,7 +62,7 @@ def read(source: Path, options: Options) -> Recording:
         return RecordedFrame(points, boxes, _fields(fields, len(points)))
 
     splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, labelled, splits, notes=lambda: [said] if said else [])
+    return Recording(names, frame, labelled, splits, notes=lambda: [note] if note else [])
 
 
 def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) -> Recording:
@@ -77,14 +77,14 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
             f"{training / 'velodyne'}: expected one of the sequences by --channel, got {got}"
         )
     clouds = sorted_files(chosen[0], [".bin"])
-    columns, said = columns_of(clouds, options)
+    columns, note = columns_of(clouds, options)
     names = tuple(stem(file) for file in clouds)
     file = (options.labels or training / "label_02") / f"{chosen[0].name}.txt"
     calib = training / f"calib/{chosen[0].name}.txt"
     tracks = _tracks(file, calib) if file.is_file() else {}
     known = {int(name) for name in names if name.isdecimal()}
     lost = sorted(set(tracks) - known)
-    notes = [said] if said else []
+    notes = [note] if note else []
     if lost:
         notes.append(f"{len(lost)} labelled frames have no cloud, as {lost[0]}: left out")
 
@@ -109,21 +109,21 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
     values, names = table.values[cared], table.names[cared]
     boxes = boxes_from_camera(values[:, 9:16], camera)
     numbers, ids = values[:, 0].astype(np.int64), values[:, 1].astype(np.int64)
-    found = {}
+    by_frame = {}
     for number in np.unique(numbers):
-        own = numbers == number
-        if len(np.unique(ids[own])) < own.sum():
+        in_frame = numbers == number
+        if len(np.unique(ids[in_frame])) < in_frame.sum():
             raise FormatError(f"{file}: frame {number}: expected each track_id once")
-        seen = _visibility(values[own, 3])
-        found[int(number)] = Boxes(names[own], boxes[own], ids[own], seen)
-    return found
+        seen = _visibility(values[in_frame, 3])
+        by_frame[int(number)] = Boxes(names[in_frame], boxes[in_frame], ids[in_frame], seen)
+    return by_frame
 
 
 def _fields(file: Path, count: int) -> Records | None:
-    found = kitti.read_fields(file) if file.is_file() else None
-    if found is not None and len(found) != count:
-        raise FormatError(f"{file}: found {len(found)} records, allowed {count}, as points")
-    return found
+    records = kitti.read_fields(file) if file.is_file() else None
+    if records is not None and len(records) != count:
+        raise FormatError(f"{file}: found {len(records)} records, allowed {count}, as points")
+    return records
 
 
 def _boxes(file: Path, calib: Path) -> Boxes:

@@ -157,7 +157,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     series = read_series(lidar_folder)
     file = out / f"{series.lidar}.mcap"
     with replacing(file) as beside, beside.open("wb") as stream, Writer(stream) as writer:
-        writer.add_metadata("infrasim", series.about)
+        writer.add_metadata("infrasim", series.provenance)
         schemas = {name: writer.register_msgdef(name, text) for name, text in _DEFINITIONS.items()}
         for frame in read_frames(series, frames):
             _write_frame(writer, schemas, series, frame)

@@ -47,8 +47,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for frame in road_frames(lidar_folder, frames, labels, site):
         write(out / f"points/{frame.number:06d}.bin", frame.points.tobytes())
         infos[frame.number] = _info(frame)
-    for part, own in lists.items():
-        content = {"metainfo": METAINFO, "data_list": [infos[k] for k in own]}
+    for part, numbers in lists.items():
+        content = {"metainfo": METAINFO, "data_list": [infos[k] for k in numbers]}
         file = out / f"custom_infos_{part}.pkl"
         write(file, pickle.dumps(content, protocol=PROTOCOL))
 

@@ -121,9 +121,9 @@ def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
         raise FormatError(
             f"{listed['val']}: found frame {min(both)}, which train.txt has too, allowed in one"
         )
-    parts = {part: sorted(set(frames) & set(own)) for part, own in numbers.items()}
+    parts = {part: sorted(set(frames) & set(members)) for part, members in numbers.items()}
     parts["all"] = sorted(set(frames).difference(*numbers.values()))
-    return {part: own for part, own in parts.items() if own}
+    return {part: members for part, members in parts.items() if members}
 
 
 @contextmanager
@@ -151,7 +151,7 @@ class _Common:
 
     def token(self, kind: str, key: object) -> str:
         """The same for the same series, and no other has it: 32 hexadecimal digits."""
-        name = [self.name, *self.series.about.values(), kind, str(key)]
+        name = [self.name, *self.series.provenance.values(), kind, str(key)]
         return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
 
     def cloud_name(self, frame: int) -> str:
@@ -258,7 +258,7 @@ class _Scene:
         }
 
     def add_annotations(self, frame: StoredFrame) -> None:
-        o, places = frame.objects, _to_world(self.common.series, frame.objects.boxes)
+        o, world_poses = frame.objects, _to_world(self.common.series, frame.objects.boxes)
         for i, number in enumerate(o.ids.tolist()):
             category = CATEGORIES.get(o.names[i], Category(str(o.names[i])))
             row = {
@@ -267,9 +267,9 @@ class _Scene:
                 "instance_token": self.token("instance", number),
                 "attribute_tokens": self.common.attributes(category, o.speed[i]),
                 "visibility_token": visibility_token(o.visibility[i]),
-                "translation": places[i, :3].tolist(),
+                "translation": world_poses[i, :3].tolist(),
                 "size": [o.boxes[i, 4], o.boxes[i, 3], o.boxes[i, 5]],
-                "rotation": _wxyz(places[i, 3]),
+                "rotation": _wxyz(world_poses[i, 3]),
                 "num_lidar_pts": int(o.points_in_box[i]),
                 "num_radar_pts": 0,
                 "prev": "",
@@ -304,12 +304,12 @@ class _Scene:
             self.add["sample_annotation"](row)
         for row in self.instances.values():
             self.add["instance"](row)
-        about = self.common.series.about
+        provenance = self.common.series.provenance
         self.add["scene"](
             {
                 "token": self.token("scene", ""),
                 "name": self.name,
-                "description": ", ".join(f"{key} {value}" for key, value in about.items()),
+                "description": ", ".join(f"{key} {value}" for key, value in provenance.items()),
                 "log_token": self.common.token("log", ""),
                 "nbr_samples": len(self.frames),
                 "first_sample_token": self.token("sample", self.frames[0]),

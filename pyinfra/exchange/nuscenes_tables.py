@@ -53,8 +53,8 @@ def read(source: Path, options: Options) -> Recording:
         if not np.allclose(poses[i].leaning, np.eye(3), atol=1e-9):
             points = points.copy()
             points[:, :3] = points[:, :3] @ poses[i].leaning.T.astype(np.float32)
-        own = annotations.get(tables.cell("sample_data", rows[i], "sample_token"), [])
-        return RecordedFrame(points, _boxes(tables, own, poses[i]))
+        annotation_rows = annotations.get(tables.cell("sample_data", rows[i], "sample_token"), [])
+        return RecordedFrame(points, _boxes(tables, annotation_rows, poses[i]))
 
     x, y, z = (float(value) for value in poses[0].origin)
     times = np.array([tables.numbers("sample_data", row, "timestamp", ()) for row in rows]) / 1e6
@@ -81,10 +81,10 @@ class Tables:
         return list(self.tables[table].values())
 
     def row(self, table: str, token: object) -> Row:
-        found = self.tables[table].get(str(token))
-        if found is None:
+        record = self.tables[table].get(str(token))
+        if record is None:
             raise FormatError(f"{self._file(table)}: found no row with token '{token}', needed")
-        return found
+        return record
 
     def cell(self, table: str, row: Row, key: str) -> str:
         if key not in row:
@@ -94,15 +94,15 @@ class Tables:
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
         """A cell of `shape` finite numbers; () is one number."""
-        found = row.get(key)
+        raw = row.get(key)
         want = (shape,) if isinstance(shape, int) else shape
         try:
-            values = np.array(found, dtype=np.float64)
+            values = np.array(raw, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
             values = np.empty(0)
         if values.shape != want or not np.isfinite(values).all():
-            place = f"{self._file(table)}: row '{row.get('token')}': {key}"
-            raise FormatError(f"{place}: found {found}, allowed {shape or 'one'} finite number(s)")
+            location = f"{self._file(table)}: row '{row.get('token')}': {key}"
+            raise FormatError(f"{location}: found {raw}, allowed {shape or 'one'} finite number(s)")
         return values
 
     def _file(self, table: str) -> Path:
@@ -118,11 +118,11 @@ class Tables:
             isinstance(row, dict) and "token" in row for row in rows
         ):
             raise FormatError(f"{file}: found something else, allowed a list of rows with a token")
-        found = {str(row["token"]): row for row in rows}
-        if len(found) < len(rows):
+        by_token = {str(row["token"]): row for row in rows}
+        if len(by_token) < len(rows):
             counts = Counter(str(row["token"]) for row in rows)
             raise FormatError(f"{file}: token: found {counts.most_common(1)[0][0]} twice")
-        return found
+        return by_token
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,15 +136,15 @@ class Pose:
 
 
 def _table_folder(source: Path) -> Path:
-    found = [
+    folders = [
         f.parent for f in (source / "sample.json", *source.glob("*/sample.json")) if f.is_file()
     ]
-    if len(found) != 1:
-        names = ", ".join(folder.name for folder in found) or "none"
+    if len(folders) != 1:
+        names = ", ".join(folder.name for folder in folders) or "none"
         raise ValueError(
             f"{source}: found {names} with a sample.json, allowed one folder of tables"
         )
-    return found[0]
+    return folders[0]
 
 
 def _sensor(tables: Tables, channel: str | None) -> str:
@@ -201,8 +201,8 @@ def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
     """(3, 3) of a row's quaternion, w first."""
     w, x, y, z = tables.numbers(table, row, "rotation", 4)
     if not 0.9 <= math.hypot(w, x, y, z) <= 1.1:
-        place = f"{tables.folder / table}.json: row '{row['token']}': rotation"
-        raise FormatError(f"{place}: found {row['rotation']}, allowed a quaternion of length 1")
+        location = f"{tables.folder / table}.json: row '{row['token']}': rotation"
+        raise FormatError(f"{location}: found {row['rotation']}, allowed a quaternion of length 1")
     return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
 
 
@@ -216,16 +216,16 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         instance = tables.row("instance", row.get("instance_token"))
         category = tables.row("category", instance.get("category_token"))
         names.append(tables.cell("category", category, "name"))
-        place = f"{tables.folder / table}.json: row '{row['token']}'"
+        location = f"{tables.folder / table}.json: row '{row['token']}'"
         if str(instance["token"]) in seen:
-            raise FormatError(f"{place}: instance_token: found twice in a sample, allowed once")
+            raise FormatError(f"{location}: instance_token: found twice in a sample, allowed once")
         seen.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
         sizes = np.array([width, length, height])
         if np.abs(centre).max() > FARTHEST_M or sizes.min() <= 0.001 or sizes.max() > 1000:
             allowed = "allowed sizes of more than 0.001 to 1000 m within 10 km"
-            raise FormatError(f"{place}: found sizes {sizes} at {centre}, {allowed}")
+            raise FormatError(f"{location}: found sizes {sizes} at {centre}, {allowed}")
         ahead = back @ _rotation(tables, table, row)[:, 0]
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])

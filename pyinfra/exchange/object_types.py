@@ -45,19 +45,19 @@ PUBLIC = {
 }
 
 
-def own_and_public(format: str, own: Mapping[str, str]) -> dict[str, str]:
+def with_public_types(format: str, user_types: Mapping[str, str]) -> dict[str, str]:
     """What the user says of names, then what is known of a public set's, as the sets write them."""
     known = PUBLIC.get(format, {})
     written = {way(name): kind for name, kind in known.items() for way in (str, *_WAYS)}
-    return {**written, **own}
+    return {**written, **user_types}
 
 
-def types_of(names: NameArray, own: Mapping[str, str]) -> NameArray:
-    """Types (k,) of the names (k,): what `own` says, else TYPES, else the name itself."""
-    return np.array([_type(str(name), own) for name in names], dtype=np.str_)
+def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
+    """Types (k,) of the names (k,): what `user_types` says, else TYPES, else the name itself."""
+    return np.array([_type(str(name), user_types) for name in names], dtype=np.str_)
 
 
-def own_types(words: Sequence[str]) -> dict[str, str]:
+def parse_types(words: Sequence[str]) -> dict[str, str]:
     """`NAME=TYPE` as names with their types. Raises ValueError for another form."""
     types = {}
     for word in words:
@@ -68,9 +68,9 @@ def own_types(words: Sequence[str]) -> dict[str, str]:
     return types
 
 
-def _type(name: str, own: Mapping[str, str]) -> str:
-    if name in own:
-        return own[name]
+def _type(name: str, user_types: Mapping[str, str]) -> str:
+    if name in user_types:
+        return user_types[name]
     parts = reversed(name.lower().split("."))
     known = (TYPES[part] for part in parts if part in TYPES)
     return next(known, "_".join(name.split()))

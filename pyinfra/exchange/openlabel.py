@@ -144,8 +144,8 @@ def _metadata(series: FrameSeries) -> Json:
     return {
         "schema_version": "1.0.0",
         "name": f"{series.scene}, {series.lidar}",
-        "annotator": f"infrasim {series.about.get('version', '')}".strip(),
-        "comment": ", ".join(f"{key} {value}" for key, value in series.about.items()),
+        "annotator": f"infrasim {series.provenance.get('version', '')}".strip(),
+        "comment": ", ".join(f"{key} {value}" for key, value in series.provenance.items()),
     }
 
 

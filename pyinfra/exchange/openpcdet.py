@@ -55,9 +55,9 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     # Its info maker stops at a frame without a label, so such frames are written but not listed.
-    listed = {k for k, own in zip(frames, labels, strict=True) if len(own) > 0}
+    listed = {k for k, entries in zip(frames, labels, strict=True) if len(entries) > 0}
     lists = train_and_val(lidar_folder, frames)
-    write_lists(out, {part: [k for k in own if k in listed] for part, own in lists.items()})
+    write_lists(out, {part: [k for k in entries if k in listed] for part, entries in lists.items()})
     write_sensor(out, site)
     write_configs(out, site.vehicles, kitti.read_lidar(lidar_folder))
     for part in ("points", "labels"):
@@ -81,7 +81,7 @@ def read(source: Path, options: Options) -> Recording:
     height = read_sensor_height(source)
     names = tuple(stem(file) for file in clouds)
     bins = [file for file in clouds if file.suffix.lower() == ".bin"]
-    columns, said = columns_of(bins, options)
+    columns, note = columns_of(bins, options)
 
     def frame(i: int) -> RecordedFrame:
         points = _read_cloud(clouds[i], columns, options)
@@ -89,7 +89,7 @@ def read(source: Path, options: Options) -> Recording:
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
     splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, labelled, splits, notes=lambda: [said] if said else [])
+    return Recording(names, frame, labelled, splits, notes=lambda: [note] if note else [])
 
 
 def _lowered(points: Points, height: float) -> Points:
@@ -100,10 +100,10 @@ def _lowered(points: Points, height: float) -> Points:
     return points
 
 
-def _lowered_boxes(found: Boxes, height: float) -> Boxes:
-    boxes = found.boxes.copy()
+def _lowered_boxes(original: Boxes, height: float) -> Boxes:
+    boxes = original.boxes.copy()
     boxes[:, 2] -= height
-    return Boxes(found.names, boxes)
+    return Boxes(original.names, boxes)
 
 
 def _write_cloud(file: Path, points: Points) -> None:

@@ -76,8 +76,8 @@ def sizes_of(vehicles: FloatArray) -> list[list[float]]:
     """Mean length, width and height of the short and of the long vehicles (m, 7)."""
     long = vehicles[:, 3] > LONG_FROM_M
     return [
-        [round(float(v), 2) for v in vehicles[own, 3:6].mean(axis=0)] if own.any() else usual
-        for own, usual in ((~long, list(CAR_M)), (long, list(LONG_M)))
+        [round(float(v), 2) for v in vehicles[mask, 3:6].mean(axis=0)] if mask.any() else usual
+        for mask, usual in ((~long, list(CAR_M)), (long, list(LONG_M)))
     ]
 
 
@@ -104,14 +104,14 @@ def write_configs(out: Path, vehicles: FloatArray, lidar: kitti.Lidar) -> None:
     """`cfgs` as it goes into OpenPCDet/tools, and a README with the commands."""
     reach = max(unit.range_m[1] for unit in lidar.field_of_view)
     known = values(vehicles, reach)
-    places = {"custom_dataset": "cfgs/dataset_configs"}
-    places |= dict.fromkeys(MODELS, "cfgs/custom_models")
-    for name, folder in places.items():
+    folders = {"custom_dataset": "cfgs/dataset_configs"}
+    folders |= dict.fromkeys(MODELS, "cfgs/custom_models")
+    for name, folder in folders.items():
         text = (TEMPLATES / f"{name}.yaml").read_text(encoding="utf-8")
         (out / folder).mkdir(parents=True, exist_ok=True)
         write(out / folder / f"{name}.yaml", Template(text).substitute(known))
     write(out / "README.md", (TEMPLATES / "README.md").read_bytes())
 
 
-def _numbers(found: list[float]) -> str:
-    return "[" + ", ".join(f"{round(value, 4):g}" for value in found) + "]"
+def _numbers(numbers: list[float]) -> str:
+    return "[" + ", ".join(f"{round(value, 4):g}" for value in numbers) + "]"

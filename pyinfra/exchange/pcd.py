@@ -29,7 +29,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
-PLACE: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
+POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Of a field here, its name in kitti.FIELDS and its type.
 MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
 # Names in use, in small letters; without one it is 0. CloudCompare puts `scalar_` before its own.
@@ -113,33 +113,33 @@ class Headers:
     def notes(self, *, shifted: bool = True) -> list[str]:
         """What points_of makes of viewpoints, and of clouds without an intensity."""
         moved = [header for header in self._all if not header.viewpoint.is_identity]
-        found = []
+        notes = []
         if moved:
-            said = _viewpoint_note(moved[0].viewpoint, shifted=shifted)
+            text = _viewpoint_note(moved[0].viewpoint, shifted=shifted)
             poses = [np.vstack([h.viewpoint.turn, h.viewpoint.shift]) for h in self._all]
             if any(not np.array_equal(pose, poses[0]) for pose in poses):
-                said += f" in {moved[0].file.name}; they differ"
-            found.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {said}")
+                text += f" in {moved[0].file.name}; they differ"
+            notes.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {text}")
             if self.labelled:
-                found.append("labels are taken to stand where VIEWPOINT moves the points")
+                notes.append("labels are taken to stand where VIEWPOINT moves the points")
         dark = [h for h in self._all if not set(INTENSITIES) & set(h.record.names or ())]
         if dark:
             names = " ".join(dark[0].record.names or ())
-            found.append(
+            notes.append(
                 f"{len(dark)} of {len(self.files)} clouds have no field for the intensity "
                 f"({names}): taken as 0"
             )
-        return found
+        return notes
 
 
 def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
     shift = "({:.6g}, {:.6g}, {:.6g})".format(*viewpoint.shift)
-    said = f"points are turned by {viewpoint.angle_deg:.2f} degrees"
+    text = f"points are turned by {viewpoint.angle_deg:.2f} degrees"
     if viewpoint.is_far:
-        return f"{said}, its shift {shift} is left out, as it is beyond {FARTHEST_M:g} m"
+        return f"{text}, its shift {shift} is left out, as it is beyond {FARTHEST_M:g} m"
     if not shifted:
-        return f"{said}, its shift {shift} is left out, as the sensor is the origin"
-    return f"{said} and moved by {shift}"
+        return f"{text}, its shift {shift} is left out, as the sensor is the origin"
+    return f"{text} and moved by {shift}"
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
@@ -160,13 +160,13 @@ def _stamp(records: Records) -> float | None:
 
 
 def _records(points: Points, fields: Records | None) -> Records:
-    more = [(name, kitti.FIELDS[own]) for name, own in MORE.items()]
-    out = np.empty(len(points), dtype=PLACE if fields is None else [*PLACE, *more])
-    for i, (name, _) in enumerate(PLACE):
+    more = [(name, kitti.FIELDS[field_name]) for name, field_name in MORE.items()]
+    out = np.empty(len(points), dtype=POINT_FIELDS if fields is None else [*POINT_FIELDS, *more])
+    for i, (name, _) in enumerate(POINT_FIELDS):
         out[name] = points[:, i]
     if fields is not None:
-        for name, own in MORE.items():
-            out[name] = fields[own]
+        for name, field_name in MORE.items():
+            out[name] = fields[field_name]
     return out
 
 
@@ -204,12 +204,12 @@ def _fields(file: Path, records: Records) -> Records | None:
     out = np.zeros(len(records), dtype=kitti.FIELDS)
     out["object_id"] = -1
     for name in set(MORE) & set(names):
-        column, own = _column(file, records, name), MORE[name]
-        if kitti.FIELDS[own].kind != "f":
-            ends = np.iinfo(kitti.FIELDS[own])
+        column, field_name = _column(file, records, name), MORE[name]
+        if kitti.FIELDS[field_name].kind != "f":
+            ends = np.iinfo(kitti.FIELDS[field_name])
             bad = np.flatnonzero(~((column >= ends.min) & (column <= ends.max)))
             if len(bad) > 0:
-                found = f"{file}: point {bad[0]}: {name}: found {column[bad[0]]:g}"
-                raise FormatError(f"{found}, allowed {ends.min} to {ends.max}")
-        out[own] = column
+                problem = f"{file}: point {bad[0]}: {name}: found {column[bad[0]]:g}"
+                raise FormatError(f"{problem}, allowed {ends.min} to {ends.max}")
+        out[field_name] = column
     return out

@@ -57,13 +57,13 @@ class Survey:
     options: Options
     turn: FloatArray  # (3, 3) from the source's axes to upright ones
     lift_m: float  # added to z
-    about: LidarFacts
+    facts: LidarFacts
     plane: RoadPlane | None
     assumed: tuple[str, ...]
     back_m: FloatArray = field(default_factory=lambda: np.zeros(3))  # taken off places, before all
 
 
-def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, road: bool) -> Survey:
+def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, road: bool) -> Survey:
     """Looks at some frames. road: units, axes and the road are looked for, else intensities alone.
 
     Raises ValueError for clouds whose unit or height cannot be told, with what the user can say.
@@ -84,7 +84,7 @@ def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, roa
         replace(options, intensity_max=highest, unit_m=unit),
         np.eye(3),
         0.0,
-        about,
+        given,
         None,
         tuple(assumed),
     )
@@ -93,25 +93,25 @@ def survey(source: Path, read: Read, options: Options, about: LidarFacts, *, roa
     result = _with_road(source, result, [cloud[:, :3] * unit for cloud in clouds])
     if origin is None or result.plane is None:
         return result
-    said = "the sensor is the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
+    text = "the sensor is the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
     back_m = origin * unit
-    return replace(result, back_m=back_m, assumed=(*result.assumed, said.format(*back_m)))
+    return replace(result, back_m=back_m, assumed=(*result.assumed, text.format(*back_m)))
 
 
-def turned(recording: Recording, found: Survey) -> Recording:
+def turned(recording: Recording, estimate: Survey) -> Recording:
     """The recording in upright axes, at the height where the sensor is the origin."""
-    up = [0.0, 0.0, found.lift_m]
-    shift = up - found.turn @ found.back_m
-    if np.array_equal(found.turn, np.eye(3)) and not shift.any():
+    up = [0.0, 0.0, estimate.lift_m]
+    shift = up - estimate.turn @ estimate.back_m
+    if np.array_equal(estimate.turn, np.eye(3)) and not shift.any():
         return recording
     read = recording.read
 
     def frame(i: int) -> RecordedFrame:
-        own = levelled(read(i), found.turn)
-        there = own.points[:, :3].any(axis=1)  # 0 0 0 stands for no return
-        own.points[there, :3] += shift.astype(np.float32)
-        own.boxes.boxes[:, :3] += shift
-        return own
+        recorded = levelled(read(i), estimate.turn)
+        there = recorded.points[:, :3].any(axis=1)  # 0 0 0 stands for no return
+        recorded.points[there, :3] += shift.astype(np.float32)
+        recorded.boxes.boxes[:, :3] += shift
+        return recorded
 
     return replace(recording, read=frame)
 
@@ -122,9 +122,9 @@ def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
     return None if plane is None or plane.share < LEAST_SHARE else plane
 
 
-def check_region(file: Path, region: Region, recording: Recording, found: Survey) -> None:
+def check_region(file: Path, region: Region, recording: Recording, estimate: Survey) -> None:
     """Raises ValueError if no looked-at frame has a return inside an outline."""
-    tilt = Rotation.from_euler("ZYX", [0, *(found.about.tilt or (0.0, 0.0))]).as_matrix()
+    tilt = Rotation.from_euler("ZYX", [0, *(estimate.facts.tilt or (0.0, 0.0))]).as_matrix()
     chosen = _spread(recording)
     reach = 0.0
     for i in chosen:
@@ -183,7 +183,7 @@ def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
 def _brightest(clouds: Sequence[Floats]) -> float:
     """The highest finite intensity, or 0."""
     values = [cloud[np.isfinite(cloud[:, 3]), 3] for cloud in clouds]
-    return max((float(own.max(initial=0)) for own in values), default=0.0)
+    return max((float(intensities.max(initial=0)) for intensities in values), default=0.0)
 
 
 def usual_intensity_max(brightest: float) -> float:
@@ -192,50 +192,50 @@ def usual_intensity_max(brightest: float) -> float:
     return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
 
 
-def _with_road(source: Path, found: Survey, clouds: Sequence[Floats]) -> Survey:
-    about = found.about
-    if about.tilt:
-        leaning = Rotation.from_euler("ZYX", [0, *about.tilt]).as_matrix()
+def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Survey:
+    facts = estimate.facts
+    if facts.tilt:
+        leaning = Rotation.from_euler("ZYX", [0, *facts.tilt]).as_matrix()
         plane = find_plane([c @ leaning.T for c in clouds], HEIGHTS_M, GIVEN_TILT_DEG)
         up = "z up"
     else:
         up, plane = _upright(clouds)
     if plane is None or plane.share < LEAST_SHARE:
-        if about.height_m is None and not any(map(len, clouds)):
-            return found
-        _check_millimetres(source, found, "no road was found")
-        said = (
+        if facts.height_m is None and not any(map(len, clouds)):
+            return estimate
+        _check_millimetres(source, estimate, "no road was found")
+        text = (
             "no road was found: points are turned as --tilt-deg says and no more"
-            if about.tilt
+            if facts.tilt
             else "no road was found: points stay as they are, z up; in metres around the sensor?"
         )
-        height = "" if about.height_m is not None else ", and the sensor's height is not known"
-        return replace(found, assumed=(*found.assumed, said + height))
+        height = "" if facts.height_m is not None else ", and the sensor's height is not known"
+        return replace(estimate, assumed=(*estimate.assumed, text + height))
     turn = np.array(UPS[up], dtype=np.float64)
-    assumed = list(found.assumed)
+    assumed = list(estimate.assumed)
     if up != "z up":
         assumed.append(
             f"{up}: turned so that z is up (x, y, z are now {_axes(turn)} of the source)"
         )
     if plane.height_m < LOWEST_M:
-        return _from_road_level(source, replace(found, turn=turn, assumed=tuple(assumed)), plane)
+        return _from_road_level(source, replace(estimate, turn=turn, assumed=tuple(assumed)), plane)
     upright = [c @ turn.T for c in clouds]
-    plane = _as_given(source, about, upright, plane)
-    return _shaped(_level(replace(found, turn=turn, assumed=tuple(assumed)), plane), upright)
+    plane = _as_given(source, facts, upright, plane)
+    return _shaped(_level(replace(estimate, turn=turn, assumed=tuple(assumed)), plane), upright)
 
 
-def _shaped(found: Survey, clouds: Sequence[Floats]) -> Survey:
+def _shaped(estimate: Survey, clouds: Sequence[Floats]) -> Survey:
     """With what is known of a road that is no plane. clouds: upright but for the tilt."""
-    about = found.about
-    lean = Rotation.from_euler("ZYX", [0, *(about.tilt or (0.0, 0.0))]).as_matrix()
-    shape = shape_of([cloud @ lean.T for cloud in clouds], about.height_m or 0.0)
+    facts = estimate.facts
+    lean = Rotation.from_euler("ZYX", [0, *(facts.tilt or (0.0, 0.0))]).as_matrix()
+    shape = shape_of([cloud @ lean.T for cloud in clouds], facts.height_m or 0.0)
     if shape is None:
-        return found
-    said = (
+        return estimate
+    text = (
         "the road is no plane: its heights are followed where vehicles drive, "
         f"{SHAPE_REACH_M:g} m around the sensor and straight on from there"
     )
-    return replace(found, about=replace(about, shape=shape), assumed=(*found.assumed, said))
+    return replace(estimate, facts=replace(facts, shape=shape), assumed=(*estimate.assumed, text))
 
 
 def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:
@@ -269,29 +269,29 @@ def _axes(turn: FloatArray) -> str:
     return ", ".join(names)
 
 
-def _from_road_level(source: Path, found: Survey, plane: RoadPlane) -> Survey:
+def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:
     """Clouds whose origin lies on the road: moved down by the height that the user says."""
-    height = found.about.height_m
+    height = estimate.facts.height_m
     below = f"the road lies {plane.height_m:.2f} m below the origin"
-    _check_millimetres(source, found, below)
+    _check_millimetres(source, estimate, below)
     if height is None or height < LOWEST_M:
         raise ValueError(
             f"{source}: found the road {plane.height_m:.2f} m below the origin, allowed "
             f"{LOWEST_M:g} m or more: are points in the road's frame? --height-m says how high "
             "above it the sensor stands, and moves them down"
         )
-    said = (
+    text = (
         f"{below}, points are in the road's frame: "
         f"moved down by {height - plane.height_m:.2f} m, as --height-m says"
     )
     return replace(
-        found, lift_m=plane.height_m - height, plane=plane, assumed=(*found.assumed, said)
+        estimate, lift_m=plane.height_m - height, plane=plane, assumed=(*estimate.assumed, text)
     )
 
 
-def _check_millimetres(source: Path, found: Survey, why: str) -> None:
+def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """Raises ValueError if a unit was guessed, and what follows is no sensor above a road."""
-    if MILLIMETRES in found.assumed:
+    if MILLIMETRES in estimate.assumed:
         raise ValueError(
             f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
             "around the sensor: --unit-m says what one is"
@@ -299,41 +299,41 @@ def _check_millimetres(source: Path, found: Survey, why: str) -> None:
 
 
 def _as_given(
-    source: Path, about: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
+    source: Path, facts: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
 ) -> RoadPlane:
     """The plane about the height that the user says. Raises ValueError if there is none."""
-    if about.height_m is None:
+    if facts.height_m is None:
         return plane
-    off = max(AS_GIVEN_M, AS_GIVEN_SHARE * about.height_m)
-    near = (about.height_m - off, about.height_m + off)
+    off = max(AS_GIVEN_M, AS_GIVEN_SHARE * facts.height_m)
+    near = (facts.height_m - off, facts.height_m + off)
     if near[0] <= plane.height_m <= near[1]:
         return plane
-    other = find_plane(clouds, near) if not about.tilt else None
+    other = find_plane(clouds, near) if not facts.tilt else None
     if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
         raise ValueError(
-            f"{source}: --height-m: found {about.height_m:g}, allowed {plane.height_m:.2f} within "
+            f"{source}: --height-m: found {facts.height_m:g}, allowed {plane.height_m:.2f} within "
             f"{off:.2g} m: there the road lies; leave the option out to take it"
         )
     return other
 
 
-def _level(found: Survey, plane: RoadPlane) -> Survey:
-    about = found.about
+def _level(estimate: Survey, plane: RoadPlane) -> Survey:
+    given = estimate.facts
     pitch, roll = (math.degrees(angle) for angle in plane.tilt)
     share = f"{100 * plane.share:.0f} % of the ground near the sensor lies on it"
     if not math.isnan(plane.moved_share):
         share += f", {100 * plane.moved_share:.0f} % of that under traffic"
-    said = [
+    notes = [
         f"the road lies {plane.height_m:.2f} m below the sensor: {share}, "
         f"{100 * plane.residual_m:.0f} cm off (root mean square within {FIT_M:g} m)"
     ]
     if plane.crown:
-        said.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
+        notes.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
     lean = f"pitch {pitch:.2f} and roll {roll:.2f} degrees"
-    if about.tilt:
-        said.append(f"--tilt-deg is taken as it is; the road leans by {lean} there")
+    if given.tilt:
+        notes.append(f"--tilt-deg is taken as it is; the road leans by {lean} there")
     elif math.hypot(pitch, roll) >= WORTH_DEG:
-        said.append(f"the sensor leans by {lean} to the road, which is taken to be level")
-    tilt = about.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
-    facts = replace(about, height_m=round(plane.height_m, 3), tilt=tilt)
-    return replace(found, about=facts, plane=plane, assumed=(*found.assumed, *said))
+        notes.append(f"the sensor leans by {lean} to the road, which is taken to be level")
+    tilt = given.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
+    facts = replace(given, height_m=round(plane.height_m, 3), tilt=tilt)
+    return replace(estimate, facts=facts, plane=plane, assumed=(*estimate.assumed, *notes))

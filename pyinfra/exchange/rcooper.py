@@ -41,7 +41,7 @@ def read(source: Path, options: Options) -> Recording:
     scene, pole, sequence = source.resolve().parts[-3:]
     top = source.resolve().parents[3]
     beside = (top / name / scene / pole / sequence for name in LABELS)
-    folder = options.labels or next((own for own in beside if own.is_dir()), None)
+    folder = options.labels or next((path for path in beside if path.is_dir()), None)
     if folder is not None:
         check_pairs(clouds, sorted_files(folder, [".json"]))
     names = tuple(stem(file) for file in clouds)
@@ -52,8 +52,8 @@ def read(source: Path, options: Options) -> Recording:
     def frame(i: int) -> RecordedFrame:
         points = points_of(clouds[i], read_pcd(clouds[i]), options)
         boxes = read_objects(folder / f"{names[i]}.json", ids) if folder is not None else NO_BOXES
-        own = RecordedFrame(points, boxes)
-        return levelled(own, leaning) if tilt else own
+        recorded = RecordedFrame(points, boxes)
+        return levelled(recorded, leaning) if tilt else recorded
 
     headers = Headers(clouds, folder is not None)
     return Recording(

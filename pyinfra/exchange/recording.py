@@ -91,8 +91,8 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     Hidden ones are left out: they are of a system, or being written.
     Raises FileNotFoundError without the folder, and ValueError if there is no such file.
     """
-    found = (file for file in folder.iterdir() if not file.name.startswith("."))
-    files = [file for file in found if file.name.lower().endswith(tuple(suffixes))]
+    candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
+    files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
     if not files:
         raise ValueError(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
@@ -124,8 +124,10 @@ def as_points(
         most = FARTHEST_M * (highest if name == "intensity" else 1 / options.unit_m)
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:
-            place = f"{file}: point {bad[0]}: {name}"
-            raise FormatError(f"{place}: found {column[bad[0]]:g}, allowed {-most:g} to {most:g}")
+            location = f"{file}: point {bad[0]}: {name}"
+            raise FormatError(
+                f"{location}: found {column[bad[0]]:g}, allowed {-most:g} to {most:g}"
+            )
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
     if highest != 1:
         points[:, 3] /= highest
@@ -146,10 +148,10 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
             f"{file}: found {size} bytes, allowed a multiple of {4 * columns} ({columns} float32 "
             "a point)"
         )
-    found = np.fromfile(file, dtype="<f4").reshape(-1, columns)
+    values = np.fromfile(file, dtype="<f4").reshape(-1, columns)
     if columns == 3:
-        found = np.column_stack([found, np.zeros(len(found), dtype=np.float32)])
-    return as_points(file, list(found.T[:4]), options, usual)
+        values = np.column_stack([values, np.zeros(len(values), dtype=np.float32)])
+    return as_points(file, list(values.T[:4]), options, usual)
 
 
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:

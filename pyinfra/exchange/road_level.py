@@ -46,14 +46,14 @@ class RoadSite:
 def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
     """The labels of the frames that have a class in the toolboxes, with that class."""
     cameras = read_cameras(folder, frames)
-    found = []
+    kept = []
     for frame, camera in zip(frames, cameras.of_frame, strict=True):
         file = kitti.frame_file(folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
         names = np.where(np.isin(labels.names, VEHICLE_TYPES), "Vehicle", labels.names)
         keep = np.isin(names, CLASSES)
-        found.append(Labels(names[keep], labels.boxes[keep], None))
-    return found
+        kept.append(Labels(names[keep], labels.boxes[keep], None))
+    return kept
 
 
 def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
@@ -73,12 +73,12 @@ def road_frames(
     folder: Path, frames: Sequence[int], labels: Sequence[Labels], site: RoadSite
 ) -> Iterator[RoadFrame]:
     """The frames one after another."""
-    for frame, own in zip(frames, labels, strict=True):
+    for frame, frame_labels in zip(frames, labels, strict=True):
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
         points[:, 2] -= np.float32(site.floor_z)
-        boxes = own.boxes.copy()
+        boxes = frame_labels.boxes.copy()
         boxes[:, 2] -= site.floor_z
-        yield RoadFrame(frame, points, own.names, boxes)
+        yield RoadFrame(frame, points, frame_labels.names, boxes)
 
 
 def write_sensor(out: Path, site: RoadSite) -> None:
@@ -108,7 +108,7 @@ def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
         return {"train": list(frames[:count]), "val": list(frames[count:])}
     chosen = set(frames)
     lists = {part: frame_numbers(folder, part) for part in ("train", "val")}
-    return {part: [k for k in own if k in chosen] for part, own in lists.items()}
+    return {part: [k for k in members if k in chosen] for part, members in lists.items()}
 
 
 def write_lists(out: Path, lists: dict[str, list[int]]) -> None:

@@ -125,9 +125,9 @@ def _within_reach(clouds: Sequence[Floats]) -> tuple[FloatArray, IntArray]:
     """(n, 3), and the frame of each (n,)."""
     parts = []
     for cloud in clouds:
-        place = cloud[:, :3].astype(np.float64)
-        slant = np.linalg.norm(place, axis=1)  # nan and inf are out of reach
-        parts.append(place[(slant >= REACH_M[0]) & (slant <= REACH_M[1])])
+        xyz = cloud[:, :3].astype(np.float64)
+        slant = np.linalg.norm(xyz, axis=1)  # nan and inf are out of reach
+        parts.append(xyz[(slant >= REACH_M[0]) & (slant <= REACH_M[1])])
     frame = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return np.concatenate([np.empty((0, 3)), *parts]), frame
 
@@ -213,7 +213,7 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
 def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
     """The plane through what lies about it, ever closer."""
     for near in (3 * NEAR_M, 2 * NEAR_M, NEAR_M, NEAR_M, NEAR_M):
-        rows, off = _about(ground, plane, near)
+        rows, off = _near_plane(ground, plane, near)
         x, y, z = ground.xyz[rows].T
         weight = ground.near[rows] / (1 + (off / SOFT_M) ** 2)
         a = np.column_stack([x, y, np.ones(len(x))])
@@ -232,7 +232,9 @@ def _plane_of(along_x: float, along_y: float, level: float) -> FloatArray:
     return np.array([*(normal / length), -level / length])
 
 
-def _about(ground: LowestPoints, plane: FloatArray, near: float) -> tuple[IntArray, FloatArray]:
+def _near_plane(
+    ground: LowestPoints, plane: FloatArray, near: float
+) -> tuple[IntArray, FloatArray]:
     """Which points of FIT_M lie so near a plane, and how far above it they are."""
     off = ground.xyz @ plane[:3] + plane[3]
     flat = np.hypot(ground.xyz[:, 0], ground.xyz[:, 1])
@@ -242,7 +244,7 @@ def _about(ground: LowestPoints, plane: FloatArray, near: float) -> tuple[IntArr
 
 def _with_crown(ground: LowestPoints, plane: FloatArray, *, crowned: bool) -> RoadPlane:
     """The plane that a crown stands evenly on, or the plane itself."""
-    rows, off = _about(ground, plane, NEAR_M)
+    rows, off = _near_plane(ground, plane, NEAR_M)
     weight = ground.near[rows] / (1 + (off / SOFT_M) ** 2)
     residual = math.sqrt(float(weight @ off**2) / max(float(weight.sum()), 1e-12))
     crown, fitted = 0.0, plane
@@ -258,27 +260,27 @@ def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, f
 
     Fitted twice, the second time to what lies about the first.
     """
-    rows, off = _about(ground, plane, 2 * NEAR_M)
+    rows, off = _near_plane(ground, plane, 2 * NEAR_M)
     xy, near = ground.xyz[rows, :2], ground.near[rows]
     modelled = np.zeros(len(rows))
     fold: FloatArray = modelled
-    found = np.zeros(4)
+    coefficients = np.zeros(4)
     for _ in range(2):
         weight = near / (1 + ((off - modelled) / SOFT_M) ** 2)
         best = weight @ off**2 * (1 - CROWN_GAIN)
         folds = list(_folds(xy, weight))
-        costs = [_slopes(xy, off, weight, own) for own in folds]
+        costs = [_slopes(xy, off, weight, candidate) for candidate in folds]
         at = min(range(len(folds)), key=lambda i: costs[i][1], default=-1)
         if at < 0 or costs[at][1] > best:
             return None
-        fold, (found, _) = folds[at], costs[at]
-        modelled = _columns(xy, fold) @ found
-    if not CROWN[0] <= -found[3] <= CROWN[1]:
+        fold, (coefficients, _) = folds[at], costs[at]
+        modelled = _columns(xy, fold) @ coefficients
+    if not CROWN[0] <= -coefficients[3] <= CROWN[1]:
         return None
     weight = near / (1 + ((off - modelled) / SOFT_M) ** 2)
     residual = math.sqrt(float(weight @ (off - modelled) ** 2) / float(weight.sum()))
-    lifted = _lifted(plane, found, float(weight @ fold / weight.sum()))
-    return -float(found[3]), lifted, residual
+    lifted = _lifted(plane, coefficients, float(weight @ fold / weight.sum()))
+    return -float(coefficients[3]), lifted, residual
 
 
 def _folds(xy: FloatArray, weight: FloatArray) -> Iterator[FloatArray]:
@@ -302,12 +304,12 @@ def _slopes(
     a = _columns(xy, fold)
     weighted = a.T * weight
     solved = np.linalg.solve(weighted @ a + 1e-9 * np.eye(4), weighted @ off)
-    found = np.asarray(solved, dtype=np.float64)
-    return found, float(weight @ (off - a @ found) ** 2)
+    coefficients = np.asarray(solved, dtype=np.float64)
+    return coefficients, float(weight @ (off - a @ coefficients) ** 2)
 
 
-def _lifted(plane: FloatArray, found: FloatArray, mean_fold: float) -> FloatArray:
+def _lifted(plane: FloatArray, coefficients: FloatArray, mean_fold: float) -> FloatArray:
     """A plane with the slopes and level that a fit of what is above it found."""
     x, y, z, d = plane
-    level = -d / z + found[2] + found[3] * mean_fold
-    return _plane_of(-x / z + found[0], -y / z + found[1], level)
+    level = -d / z + coefficients[2] + coefficients[3] * mean_fold
+    return _plane_of(-x / z + coefficients[0], -y / z + coefficients[1], level)

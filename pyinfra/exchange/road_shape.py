@@ -38,9 +38,9 @@ def shape_of(clouds: Sequence[Floats], height_m: float) -> RoadShape | None:
         return None
     above = xyz[:, 2] + height_m
     shape = _fitted(xyz[:, :2], above, height_m)
-    found = shape_heights(shape, xyz[:, :2]) + height_m
-    better = _mean_off(above) - _mean_off(above - found) >= GAIN_M
-    leaves = float(np.quantile(np.abs(found), 0.9)) >= WORTH_M
+    heights = shape_heights(shape, xyz[:, :2]) + height_m
+    better = _mean_off(above) - _mean_off(above - heights) >= GAIN_M
+    leaves = float(np.quantile(np.abs(heights), 0.9)) >= WORTH_M
     return shape if better and leaves and _is_road(shape, height_m) else None
 
 
@@ -52,14 +52,14 @@ def _fitted(xy: FloatArray, above: FloatArray, height_m: float) -> RoadShape:
     x, y = xy.T
     terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
     steady = np.diag([1e-6] * 3 + [STEADY_M4] * 3)
-    found = np.zeros(6)
+    coefficients = np.zeros(6)
     for gate in GATES_M:
-        off = above - terms @ found
+        off = above - terms @ coefficients
         weight = (np.abs(off) < gate) / (1 + (off / SOFT_M) ** 2)
         weight *= np.where(off > ABOVE_M, ABOVE_WEIGHT, 1.0)
         weighted = terms.T * weight
-        found = np.linalg.solve(weighted @ terms + steady, weighted @ above)
-    return RoadShape(float(found[0]) - height_m, *(float(v) for v in found[1:]))
+        coefficients = np.linalg.solve(weighted @ terms + steady, weighted @ above)
+    return RoadShape(float(coefficients[0]) - height_m, *(float(v) for v in coefficients[1:]))
 
 
 def _is_road(shape: RoadShape, height_m: float) -> bool:

@@ -28,7 +28,7 @@ class FrameSeries:
     lidar_folder: Path
     lidar: str
     scene: str
-    about: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
+    provenance: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
     ids_are_tracks: bool  # an object's id is the same in all frames
     period_s: float
     label_time: kitti.LabelTime
@@ -55,9 +55,9 @@ def read_series(lidar_folder: Path) -> FrameSeries:
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
     folder = lidar_folder.resolve()
-    about = _about(folder.parent / "dataset.yaml")
+    provenance = _provenance(folder.parent / "dataset.yaml")
     name = lidar.name if lidar else folder.name
-    scene = about.get("name", folder.parent.name)
+    scene = provenance.get("name", folder.parent.name)
     for file, part in ((folder / "lidar.yaml", name), (folder.parent / "dataset.yaml", scene)):
         if "/" in part:  # files are named by it
             raise FormatError(f"{file}: name: found '{part}', allowed a name without '/'")
@@ -66,9 +66,9 @@ def read_series(lidar_folder: Path) -> FrameSeries:
         lidar_folder=lidar_folder,
         lidar=name,
         scene=scene,
-        about={key: about[key] for key in _KEYS if key in about},
+        provenance={key: provenance[key] for key in _KEYS if key in provenance},
         # A recording whose objects were never tracked says `ids: rows`; labels have none.
-        ids_are_tracks=has_objects and about.get("ids") != "rows",
+        ids_are_tracks=has_objects and provenance.get("ids") != "rows",
         period_s=lidar.period_s if lidar else PERIOD_S,
         label_time=lidar.label_time if lidar else "frame",
         T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),
@@ -118,7 +118,7 @@ def copy_cloud(series: FrameSeries, number: int, to: Path) -> None:
     write(to, kitti.frame_file(series.lidar_folder, "velodyne", number).read_bytes())
 
 
-def _about(file: Path) -> dict[str, str]:
+def _provenance(file: Path) -> dict[str, str]:
     if not file.is_file():
         return {}
     top = kitti.read_yaml(file).node
@@ -143,10 +143,10 @@ def _boxes(series: FrameSeries, number: int, points: Points) -> Objects:
     folder = series.lidar_folder
     if not (folder / "training/objects").is_dir():
         return _labels(series, number, points)
-    found = kitti.read_objects(kitti.frame_file(folder, "objects", number))
+    objects = kitti.read_objects(kitti.frame_file(folder, "objects", number))
     if series.label_time == "frame":
-        return found
-    return replace(found, boxes=found.scan_boxes, points_in_box=found.points_in_scan_box)
+        return objects
+    return replace(objects, boxes=objects.scan_boxes, points_in_box=objects.points_in_scan_box)
 
 
 def _labels(series: FrameSeries, number: int, points: Points) -> Objects:

@@ -62,29 +62,29 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
 
     Raises FormatError that names the object.
     """
-    names, rows, own_ids, seen = [], [], [], []
+    names, rows, track_ids, seen = [], [], [], []
     for key, data in _objects(file):
         cuboid = data.get("cuboid")
         cuboid = cuboid[0] if isinstance(cuboid, list) and cuboid else cuboid
         cuboid = cuboid if isinstance(cuboid, dict) else {}
         values = cuboid.get("val")
-        place = f"{file}: object {key}"
+        location = f"{file}: object {key}"
         if not isinstance(values, list) or len(values) != 10:
-            raise FormatError(f"{place}: found no cuboid of ten numbers, needed")
-        x, y, z, *turn, length, width, height = (number(place, value) for value in values)
+            raise FormatError(f"{location}: found no cuboid of ten numbers, needed")
+        x, y, z, *turn, length, width, height = (number(location, value) for value in values)
         if not 0.9 <= np.linalg.norm(turn) <= 1.1:
-            raise FormatError(f"{place}: found {turn}, allowed a quaternion of length 1")
+            raise FormatError(f"{location}: found {turn}, allowed a quaternion of length 1")
         ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
         heading = float(np.arctan2(ahead[1], ahead[0]))
-        rows.append(checked_box(place, np.array([x, y, z, length, width, height, heading])))
+        rows.append(checked_box(location, np.array([x, y, z, length, width, height, heading])))
         names.append(str(data.get("type") or "unknown"))
-        own_ids.append(ids.setdefault(key, len(ids)))
+        track_ids.append(ids.setdefault(key, len(ids)))
         seen.append(_visibility(cuboid))
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
     return Boxes(
         np.array(names, dtype=np.str_),
         boxes,
-        np.array(own_ids, dtype=np.int64),
+        np.array(track_ids, dtype=np.int64),
         np.array(seen, dtype=np.float64),
     )
 
@@ -94,13 +94,13 @@ def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     content = read_json(file)
     try:
         frames = list(content["openlabel"]["frames"].values())
-        objects = [own for frame in frames for own in frame.get("objects", {}).items()]
-        found = [(key, own["object_data"]) for key, own in objects]
+        objects = [item for frame in frames for item in frame.get("objects", {}).items()]
+        object_data = [(key, item["object_data"]) for key, item in objects]
     except (AttributeError, KeyError, TypeError):
         raise FormatError(f"{file}: found no openlabel.frames with objects, needed") from None
     if len(frames) > 1:
         raise FormatError(f"{file}: found {len(frames)} frames, allowed one a cloud")
-    for key, data in found:
+    for key, data in object_data:
         if not isinstance(data, dict):
             raise FormatError(f"{file}: object {key}: found no object_data, needed")
         yield key, data
@@ -109,9 +109,9 @@ def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 def _visibility(cuboid: dict[str, Any]) -> float:
     attributes = cuboid.get("attributes")
     texts = attributes.get("text", []) if isinstance(attributes, dict) else []
-    for own in texts if isinstance(texts, list) else []:
-        if isinstance(own, dict) and own.get("name") == "occlusion_level":
-            return VISIBILITY.get(str(own.get("val")), 1.0)
+    for attribute in texts if isinstance(texts, list) else []:
+        if isinstance(attribute, dict) and attribute.get("name") == "occlusion_level":
+            return VISIBILITY.get(str(attribute.get("val")), 1.0)
     return 1.0
 
 

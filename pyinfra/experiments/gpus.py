@@ -15,7 +15,7 @@ POLL_S = 1.0
 
 
 @contextmanager
-def own_gpu(device: str, folder: Path) -> Iterator[str]:
+def exclusive_gpu(device: str, folder: Path) -> Iterator[str]:
     """`cuda` becomes a GPU of this machine that no other cell has; any other device stays.
 
     Waits until one is free. folder: of the locks, of all processes that share the GPUs.
@@ -38,5 +38,5 @@ def visible() -> list[str]:
     import torch
 
     count = torch.cuda.device_count()
-    told = os.environ.get("CUDA_VISIBLE_DEVICES", "")
-    return told.split(",")[:count] if told else [str(i) for i in range(count)]
+    listed = os.environ.get("CUDA_VISIBLE_DEVICES", "")
+    return listed.split(",")[:count] if listed else [str(i) for i in range(count)]

@@ -93,7 +93,7 @@ class Option:
     covered_in: str = ROAD  # what covered_m and road_m count
     no_interval: str = ""  # why covered_m has none
     ap_name: str = AP_R1000  # what these AP are; of a table of version 0.2 AP (R40)
-    found: Measured | None = None  # percent of the whole road's vehicles, by boxes of any score
+    detected: Measured | None = None  # percent of the whole road's vehicles, by boxes of any score
     whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
     mounts: int = 1  # LiDARs, whose frames are fused
     hardly_learnt: bool = False  # a network that learnt in the smoke tier
@@ -118,29 +118,31 @@ def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -
     return options_of(read_tables(folder, tier), scene, preset, wish)
 
 
-def options_of(found: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
+def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
     """The finished cells of a scene, lowest seed, by AP of all vehicles, then price.
 
     preset: by default that of the report's answers. Raises ValueError for a wrong table, a scene or
     preset that was not measured, or if a table has not all cells.
     """
-    done = found.done()
+    done = results.done()
     if done.empty:
-        raise ValueError(f"{file_of(found, 'cells')}: found no finished cell, allowed one or more")
+        raise ValueError(
+            f"{file_of(results, 'cells')}: found no finished cell, allowed one or more"
+        )
     scene, preset = chosen(done, scene, preset)
     cells = done[(done.scene == scene) & (done.preset == preset)]
     cells = cells.assign(hardly_learnt=hardly_learnt(cells))
-    cells = within(with_whole(cells), found.table("ranges"), wish)
+    cells = within(with_whole(cells), results.table("ranges"), wish)
     cells = cells.assign(hidden=hidden_share(cells))
     truth = str(cells.whole.iloc[0])
-    table = joined(cells, prices(found), file_of(found, "value"))
+    table = joined(cells, prices(results), file_of(results, "value"))
     distance, squares = (
         rows[(rows.scene == scene) & (rows.preset == preset)]
-        for rows in (found.table("distance"), found.table("squares"))
+        for rows in (results.table("distance"), results.table("squares"))
     )
     covering = coverage(distance, squares, wish, truth)
-    table = joined(table, covering, file_of(found, "distance"))
-    draws = CellDraws(found.table("draws"))
+    table = joined(table, covering, file_of(results, "distance"))
+    draws = CellDraws(results.table("draws"))
     name = ap_name(table)
     options = [replace(option(row, draws), ap_name=name) for _, row in table.iterrows()]
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
@@ -152,14 +154,14 @@ def read_tables(folder: Path, tier: str) -> Results:
         file = folder / f"{tier}{suffix}.csv"
         if not file.is_file():
             raise FileNotFoundError(2, "No such table; `pyinfra benchmark` writes it", str(file))
-    found = read_results(folder, tier)
-    lidars = found.table("lidars")
+    results = read_results(folder, tier)
+    lidars = results.table("lidars")
     if len(lidars) and "preset" not in lidars:
         raise ValueError(
-            f"{file_of(found, 'lidars')}: found no column preset, "
+            f"{file_of(results, 'lidars')}: found no column preset, "
             "allowed a table of `pyinfra benchmark`"
         )
-    return found
+    return results
 
 
 def file_of(results: Results, table: str) -> Path:
@@ -205,8 +207,8 @@ def prices(results: Results) -> pd.DataFrame:
         return value.assign(price_low_usd=value.price_usd, price_high_usd=value.price_usd)
     ends = ["price_low_usd", "price_high_usd"]
     value = value.merge(lidars[["lidar", "preset", *ends]], on=["lidar", "preset"], how="left")
-    found = {end: value[end] * value[MOUNTS] + value.site_usd for end in ends}
-    return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in found.items()})
+    totals = {end: value[end] * value[MOUNTS] + value.site_usd for end in ends}
+    return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in totals.items()})
 
 
 def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFrame:
@@ -215,37 +217,37 @@ def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFram
     That is NaN, and AP is of the whole region, where a cell has no rows in the table of ranges, as
     those of earlier versions. Raises ValueError for a range that was not measured.
     """
-    own = ranges.merge(cells[[*KEY, "whole"]], on=KEY)
-    if own.empty or len(own[KEY].drop_duplicates()) < len(cells):
+    by_range = ranges.merge(cells[[*KEY, "whole"]], on=KEY)
+    if by_range.empty or len(by_range[KEY].drop_duplicates()) < len(cells):
         return cells.assign(
             range_m=math.nan, recall=math.nan, recall_low=math.nan, recall_high=math.nan
         )
-    there = sorted(set(own.range_m))
+    there = sorted(set(by_range.range_m))
     if wish.range_m not in there:
         allowed = ", ".join(f"{range_m:g}" for range_m in there)
         raise ValueError(f"--range: expected one of {allowed} m, got {wish.range_m:g}")
-    own = own[own.range_m == wish.range_m]
-    found = cells[KEY].assign(range_m=wish.range_m, recalls=1000.0)
+    by_range = by_range[by_range.range_m == wish.range_m]
+    merged = cells[KEY].assign(range_m=wish.range_m, recalls=1000.0)
     for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):
-        of = own.ground_truth == (own.whole if truth == "whole" else truth)
+        of = by_range.ground_truth == (by_range.whole if truth == "whole" else truth)
         columns = {f"ap_fine{end}": f"{name}_fine{end}" for end in ("", "_low", "_high")}
         columns |= {"objects": f"objects_{truth}"}
         if truth == "whole":
             columns |= {name: name for name in ("recall", "recall_low", "recall_high")}
-        rows = own[of][[*KEY, *columns]].rename(columns=columns)
-        found = found.merge(rows, on=KEY, how="left")
-    others = [name for name in cells if name not in found or name in KEY]
-    return cells[others].merge(found, on=KEY)
+        rows = by_range[of][[*KEY, *columns]].rename(columns=columns)
+        merged = merged.merge(rows, on=KEY, how="left")
+    others = [name for name in cells if name not in merged or name in KEY]
+    return cells[others].merge(merged, on=KEY)
 
 
 def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
     """By cell covered_m, low_m and high_m, road_m, what they count, and why there are no ends."""
-    found = road(distance, wish, truth).assign(covered_in=ROAD)
+    rows_covered = road(distance, wish, truth).assign(covered_in=ROAD)
     near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= wish.range_m)]
     parts = near[near.road != LANES]
     if len(squares) and (distance.road == LANES).any():
-        own = squares[(squares.ground_truth == truth) & squares.ap_fine.notna()]
-        parts = own if wish.range_m >= REGION_M else own[own.distance_m <= wish.range_m]
+        usable = squares[(squares.ground_truth == truth) & squares.ap_fine.notna()]
+        parts = usable if wish.range_m >= REGION_M else usable[usable.distance_m <= wish.range_m]
         counted = parts.assign(
             covered_m=parts.ap_fine > wish.min_ap,
             low_m=parts.ap_fine_low > wish.min_ap,
@@ -254,16 +256,20 @@ def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: s
         )
         ends = ["covered_m", "low_m", "high_m", "road_m"]
         sums = counted.groupby(KEY)[ends].sum().astype(np.float64).reset_index()
-        found = found[KEY].merge(sums, on=KEY, how="left").fillna(dict.fromkeys(ends, 0.0))
-        found = found.assign(covered_in=SQUARES)
+        rows_covered = (
+            rows_covered[KEY].merge(sums, on=KEY, how="left").fillna(dict.fromkeys(ends, 0.0))
+        )
+        rows_covered = rows_covered.assign(covered_in=SQUARES)
     known = parts[parts.ap_fine.notna()]
     counts = known.assign(parts=1, unsure=known.ap_fine_low.isna())
     counts = counts.groupby(KEY)[["parts", "unsure"]].sum().reset_index()
-    found = found.merge(counts, on=KEY, how="left").fillna({"parts": 0, "unsure": 0})
-    reasons = [no_interval(row, wish) for _, row in found.iterrows()]
-    found = found.assign(no_interval=reasons)
+    rows_covered = rows_covered.merge(counts, on=KEY, how="left").fillna({"parts": 0, "unsure": 0})
+    reasons = [no_interval(row, wish) for _, row in rows_covered.iterrows()]
+    rows_covered = rows_covered.assign(no_interval=reasons)
     ends = ["low_m", "high_m"]
-    return found.assign(**{end: found[end].where(found.no_interval == "") for end in ends})
+    return rows_covered.assign(
+        **{end: rows_covered[end].where(rows_covered.no_interval == "") for end in ends}
+    )
 
 
 def no_interval(row: pd.Series, wish: Wish) -> str:
@@ -325,7 +331,7 @@ def option(row: pd.Series, draws: CellDraws) -> Option:
         recall=Measured(row.recall, row.recall_low, row.recall_high),
         covered_in=row.covered_in,
         no_interval=row.no_interval,
-        found=None if recall is None else drawn(recall).measured(),
+        detected=None if recall is None else drawn(recall).measured(),
         whole=row.whole,
         mounts=int(row[MOUNTS]),
         hardly_learnt=bool(row.hardly_learnt),

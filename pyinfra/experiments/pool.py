@@ -110,10 +110,10 @@ def _share(pool: Pool) -> float:
     """GPUs for each of Ray's workers: one, or less if there are more workers than GPUs."""
     import ray
 
-    found = float(ray.cluster_resources().get("GPU", 0))
-    if found == 0:
+    gpus = float(ray.cluster_resources().get("GPU", 0))
+    if gpus == 0:
         raise NoGpu("--device: found cuda, allowed cpu: the cluster has no GPU")
-    return min(1.0, found / pool.jobs)
+    return min(1.0, gpus / pool.jobs)
 
 
 def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> None:

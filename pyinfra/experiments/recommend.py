@@ -50,12 +50,12 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
     if not good:
         near = nearest(options, wish)
         rest = [option for option in options if option not in near]
-        return Answer(False, near, [*about(options, wish), *left_out(rest, wish)])
+        return Answer(False, near, [*general_notes(options, wish), *left_out(rest, wish)])
     named, more = good[:MOST], good[MOST:]
     before = options[: options.index(named[0])]  # of a higher AP
     slow = [option for option in before if misses(option, wish) == ["latency"]]
     rest = [option for option in options if option not in slow]
-    remarks = [*too_slow(slow, wish), *about(options, wish), *doubts(named, wish)]
+    remarks = [*too_slow(slow, wish), *general_notes(options, wish), *doubts(named, wish)]
     remarks += left_out(rest, wish)
     if more:
         meet = "meets" if len(more) == 1 else "meet"
@@ -63,35 +63,35 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
     return Answer(True, named, remarks)
 
 
-def told(answer: Answer, wish: Wish) -> Iterator[str]:
+def answer_lines(answer: Answer, wish: Wish) -> Iterator[str]:
     """An answer line by line."""
     if not answer.meets:
         near = " The nearest, and what to relax:" if answer.named else ""
         yield f"No option meets this.{near}"
-    for place, option in enumerate(answer.named, 1):
+    for rank, option in enumerate(answer.named, 1):
         relaxed = "" if answer.meets else f"; meets it with {relaxation(option, wish)}"
-        yield f"{place}. {sentence(option, wish)}{relaxed}"
+        yield f"{rank}. {sentence(option, wish)}{relaxed}"
     yield from answer.remarks
 
 
 def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
     """Why an option does not meet the wish; nothing if it does. What is not known does not meet."""
-    found = []
+    missed = []
     if option.price_usd > wish.budget_usd:
         over = option.price_usd / wish.budget_usd - 1
         relax = f"--budget {math.ceil(option.price_usd)}"
-        found.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
+        missed.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
     ap, counted = option.ap_whole.value, COUNTED[option.whole]
     if not ap >= wish.min_ap:
         relax = f"--min-ap {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
         reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
-        found.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
+        missed.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
     if not option.latency_ms <= wish.latency_ms:
         known = math.isfinite(option.latency_ms)
         relax = f"--latency {math.ceil(option.latency_ms)}" if known else ""
         share = option.latency_ms / wish.latency_ms - 1 if known else math.inf
-        found.append(Shortfall("latency", latency(option), relax, share))
-    return found
+        missed.append(Shortfall("latency", latency(option), relax, share))
+    return missed
 
 
 def misses(option: Option, wish: Wish) -> list[str]:
@@ -107,32 +107,32 @@ def nearest(options: Iterable[Option], wish: Wish) -> list[Option]:
     """
     broken = [(shortfalls(option, wish), option) for option in options]
     can = [
-        (own, option)
-        for own, option in broken
-        if all(one.relax for one in own if one.of != "latency")
+        (missed, option)
+        for missed, option in broken
+        if all(one.relax for one in missed if one.of != "latency")
     ]
 
     def away(pair: tuple[list[Shortfall], Option]) -> tuple[float, float]:
-        own = pair[0]
-        first = sum(one.share for one in own if one.of != "latency")
-        return first, next((one.share for one in own if one.of == "latency"), 0.0)
+        missed = pair[0]
+        first = sum(one.share for one in missed if one.of != "latency")
+        return first, next((one.share for one in missed if one.of == "latency"), 0.0)
 
     return [option for _, option in sorted(can, key=away)[:NEAREST]]
 
 
 def relaxation(option: Option, wish: Wish) -> str:
     """The words of a command line that would let an option in, and what is to be measured."""
-    found = shortfalls(option, wish)
-    words = " ".join(one.relax for one in found if one.relax)
-    unknown = any(not one.relax for one in found)
+    missed = shortfalls(option, wish)
+    words = " ".join(one.relax for one in missed if one.relax)
+    unknown = any(not one.relax for one in missed)
     measured = f"a measured latency of {wish.latency_ms:g} ms or less" if unknown else ""
     return " and ".join(text for text in (words, measured) if text)
 
 
 def sentence(option: Option, wish: Wish) -> str:
-    visible, found = "", ""
-    if option.found is not None and not option.recall.value >= 0:
-        found = f"finds {option.found.value:.0f} % of them, "
+    visible, recall_text = "", ""
+    if option.detected is not None and not option.recall.value >= 0:
+        recall_text = f"finds {option.detected.value:.0f} % of them, "
     if option.whole == "present":
         hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
         visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
@@ -143,7 +143,7 @@ def sentence(option: Option, wish: Wish) -> str:
     recalled = f"finds {recall.value:.0f} %{ends} of {of}, at any score; "
     return (
         f"{option.name}: {option.ap_name} of {COUNTED[option.whole]}{near} "
-        f"{with_interval(option.ap_whole)}, {found}{visible}of the vehicles it captures "
+        f"{with_interval(option.ap_whole)}, {recall_text}{visible}of the vehicles it captures "
         f"{with_interval(option.ap)}; {recalled if recall.value >= 0 else ''}"
         f"{price(option, wish)}; {covered_road(option, wish)}{latency(option)}"
     )
@@ -171,22 +171,22 @@ def covered_road(option: Option, wish: Wish) -> str:
 def price(option: Option, wish: Wish) -> str:
     """With the range of prices, if there is one, and whether a price too high may be within it."""
     text = f"{option.price_usd:,.0f} USD"
-    own = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
-    lidar = f"{own} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
+    noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
+    lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
     span, may = "", ""
     if option.price_low_usd != option.price_high_usd:
         span = price_range(option)
         within = option.price_low_usd <= wish.budget_usd < option.price_usd
         may = ": may be within the budget" if within else ""
-    said = "; ".join(word for word in (f"{span}{may}", lidar) if word)
-    return f"{text} ({said})" if said else text
+    remark = "; ".join(word for word in (f"{span}{may}", lidar) if word)
+    return f"{text} ({remark})" if remark else text
 
 
 def price_range(option: Option) -> str:
     return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
 
 
-def about(options: Sequence[Option], wish: Wish) -> Iterator[str]:
+def general_notes(options: Sequence[Option], wish: Wish) -> Iterator[str]:
     """What prices and latencies are of, the same for every option."""
     if options[0].whole == "all":
         yield (
@@ -202,11 +202,11 @@ def about(options: Sequence[Option], wish: Wish) -> Iterator[str]:
     if unknown:
         why = f"{FEW_BLOCKS}, or the table has none"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
-    yield from about_costs(options[0])
-    yield about_latency(options)
+    yield from cost_notes(options[0])
+    yield latency_note(options)
 
 
-def about_latency(options: Iterable[Option]) -> str:
+def latency_note(options: Iterable[Option]) -> str:
     """Where and under which load latencies were measured."""
     timed = [option for option in options if math.isfinite(option.latency_ms)]
     if not timed:
@@ -225,7 +225,7 @@ def too_slow(slow: Iterable[Option], wish: Wish) -> Iterator[str]:
         yield f"More accurate, but {what}: {sentence(option, wish)}; meets it with {relaxed}."
 
 
-def about_costs(option: Option) -> Iterator[str]:
+def cost_notes(option: Option) -> Iterator[str]:
     """What the prices hold beside the LiDAR, the same for every option, and what they do not."""
     if not option.site_usd:
         items = ", ".join(map(item_name, SITE_ITEMS))
@@ -274,11 +274,11 @@ def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
 def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
     """Which others may be as good as the first."""
     apart = [(o, first.less(o)) for o in others]
-    equal = [o for o, found in apart if found.is_known and not found.is_told]
+    equal = [o for o, interval in apart if interval.is_known and not interval.is_significant]
     if equal:
         text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
         yield f"{text} (the 95 % intervals include 0); {cheapest([first, *equal])}."
-    unknown = [o for o, found in apart if not found.is_known]
+    unknown = [o for o, interval in apart if not interval.is_known]
     if unknown:
         text = f"Whether {first.name} is better than {names(unknown)} is not known: no interval of "
         yield f"{text}the difference (too short a test, or a table of an earlier version)."
@@ -286,11 +286,11 @@ def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
 
 def cheapest(options: Sequence[Option]) -> str:
     least = min(option.price_usd for option in options)
-    found = [option for option in options if option.price_usd == least]
-    if len(found) == len(options):
+    lowest = [option for option in options if option.price_usd == least]
+    if len(lowest) == len(options):
         return f"each costs {least:,.0f} USD"
-    verb = "is" if len(found) == 1 else "are"
-    return f"the cheapest of these {verb} {names(found)} ({least:,.0f} USD)"
+    verb = "is" if len(lowest) == 1 else "are"
+    return f"the cheapest of these {verb} {names(lowest)} ({least:,.0f} USD)"
 
 
 def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
@@ -308,8 +308,8 @@ def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
     """Which may cost more than the budget; those of one range of prices in one sentence."""
     dear = [option for option in named if option.price_high_usd > wish.budget_usd]
     for span in dict.fromkeys(map(price_range, dear)):
-        own = names(option for option in dear if price_range(option) == span)
-        yield f"{own} may cost more than the budget: {span} USD."
+        listed = names(option for option in dear if price_range(option) == span)
+        yield f"{listed} may cost more than the budget: {span} USD."
 
 
 def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
@@ -323,6 +323,6 @@ def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
 def left_out(options: Iterable[Option], wish: Wish) -> Iterator[str]:
     """The options that fall short, with the reasons."""
     for option in options:
-        found = shortfalls(option, wish)
-        if found:
-            yield f"Left out: {option.name}: {', '.join(one.reason for one in found)}."
+        missed = shortfalls(option, wish)
+        if missed:
+            yield f"Left out: {option.name}: {', '.join(one.reason for one in missed)}."

@@ -51,8 +51,8 @@ def without(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.D
 def among(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.Series:
     """Which rows of the table have the key of one of the rows."""
     wanted = pd.MultiIndex.from_frame(rows[list(key)].astype(str))
-    found = pd.MultiIndex.from_frame(table[list(key)].astype(str)).isin(wanted)
-    return pd.Series(found, index=table.index)
+    mask = pd.MultiIndex.from_frame(table[list(key)].astype(str)).isin(wanted)
+    return pd.Series(mask, index=table.index)
 
 
 def has(table: pd.DataFrame, key: Mapping[str, object]) -> bool:
@@ -64,5 +64,5 @@ def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[
     if table.empty or not keys:
         return [False] * len(keys)
     wanted = pd.DataFrame(keys)
-    found: list[bool] = among(wanted, table, list(wanted)).to_list()
-    return found
+    present: list[bool] = among(wanted, table, list(wanted)).to_list()
+    return present

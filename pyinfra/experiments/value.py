@@ -138,8 +138,8 @@ def covered(
     pieces["covered_m"] = (end - begin).clip(lower=0)
     every = distance[KEY].drop_duplicates()
     metres = pieces.groupby(KEY).covered_m.sum()
-    found = every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
-    return found if lanes.empty else pd.concat([found, lanes], ignore_index=True)
+    merged = every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
+    return merged if lanes.empty else pd.concat([merged, lanes], ignore_index=True)
 
 
 def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
@@ -149,8 +149,8 @@ def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
         rivals.ap_whole_fine >= option.ap_whole_fine,
         rivals.ap_whole_fine > option.ap_whole_fine,
     )
-    found = rivals[as_cheap & as_good & (cheaper | better)]
-    if found.empty:
+    superior = rivals[as_cheap & as_good & (cheaper | better)]
+    if superior.empty:
         return ""
-    best = found.loc[found.ap_whole_fine.idxmax()]
+    best = superior.loc[superior.ap_whole_fine.idxmax()]
     return f"{best.lidar} {best.detector}"

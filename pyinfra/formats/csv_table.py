@@ -30,11 +30,11 @@ def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
     Raises FileNotFoundError, and FormatError with file, line and column.
     """
     table = read_words(file)
-    found = {
+    columns = {
         name: column.where(column != "", np.nan) if name in words else numbers(file, column)
         for name, column in table.items()
     }
-    return pd.DataFrame(found, index=table.index, columns=table.columns)
+    return pd.DataFrame(columns, index=table.index, columns=table.columns)
 
 
 def read_words(file: Path) -> pd.DataFrame:

@@ -187,8 +187,8 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
 
 def _count(file: Path, key: str, words: dict[str, list[str]]) -> int:
     if not words[key][0].isdecimal() or len(words[key][0]) > len(str(MOST_POINTS)):
-        found = words[key][0][:20]
-        _fail(file, f"{key}: found '{found}', allowed a whole number from 0 to {MOST_POINTS}")
+        text = words[key][0][:20]
+        _fail(file, f"{key}: found '{text}', allowed a whole number from 0 to {MOST_POINTS}")
     return int(words[key][0])
 
 
@@ -234,8 +234,8 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
         return np.empty(0, dtype=header.record)
     packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
     if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
-        found = f"{len(data)} of {packed} packed bytes for {unpacked}"
-        _fail(header.file, f"found {found}, allowed all of them for {size}: is it cut short?")
+        amount = f"{len(data)} of {packed} packed bytes for {unpacked}"
+        _fail(header.file, f"found {amount}, allowed all of them for {size}: is it cut short?")
     _check_end(header, len(data), packed)
     try:
         plain = lzf.decompress(data[:packed], size)

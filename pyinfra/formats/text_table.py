@@ -108,11 +108,11 @@ class NamedRows:
                 holds = rule.holds(self[column], *(self[name] for name in rule.beside))
                 bad = np.flatnonzero(~holds if rows is None else ~holds & rows)
                 if len(bad) > 0:
-                    found = f"{column}: found {self[column][bad[0]]:g}"
-                    self.fail(int(bad[0]), found, rule.allowed)
+                    problem = f"{column}: found {self[column][bad[0]]:g}"
+                    self.fail(int(bad[0]), problem, rule.allowed)
 
-    def fail(self, row: int, found: str, allowed: str) -> NoReturn:
-        raise FormatError(f"{self.file}:{self.lines[row]}: {found}, allowed {allowed}")
+    def fail(self, row: int, problem: str, allowed: str) -> NoReturn:
+        raise FormatError(f"{self.file}:{self.lines[row]}: {problem}, allowed {allowed}")
 
     def _fail_at_word(self, cells: Sequence[Sequence[str]]) -> NoReturn:
         for i, row in enumerate(cells):

@@ -26,10 +26,10 @@ def parse_yaml(text: str, name: str) -> "YamlNode":
 def read_keys(file: Path) -> dict[str, Any]:
     """All keys and values of a YAML file. Raises FormatError with file and line."""
     _parsed(file, compose)  # knows more of what is wrong
-    found = _parsed(file, yaml.safe_load)
-    if not isinstance(found, dict):
+    parsed = _parsed(file, yaml.safe_load)
+    if not isinstance(parsed, dict):
         raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
-    return found
+    return parsed
 
 
 def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
@@ -55,12 +55,12 @@ class YamlNode:
         path = f"{self.key}.{key}" if self.key else key
         if not isinstance(self.node, yaml.MappingNode):
             self.fail(f"found no mapping, allowed one with {key}")
-        found = [node for name, node in self.node.value if name.value == key]
-        if not found:
+        nodes = [node for name, node in self.node.value if name.value == key]
+        if not nodes:
             self.fail(f"found no key '{key}', it is needed")
-        if len(found) > 1:
-            YamlNode(self.file, found[1], path).fail("found twice, allowed once")
-        return YamlNode(self.file, found[0], path)
+        if len(nodes) > 1:
+            YamlNode(self.file, nodes[1], path).fail("found twice, allowed once")
+        return YamlNode(self.file, nodes[0], path)
 
     def items(self) -> "list[YamlNode]":
         if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
@@ -75,17 +75,19 @@ class YamlNode:
 
     def entries(self, key: str) -> "list[YamlNode]":
         """The entries of a list; none if it is empty or not there."""
-        found = self.maybe(key)
-        return found.items() if found and found.node and found.node.value else []
+        node = self.maybe(key)
+        return node.items() if node and node.node and node.node.value else []
 
     def values(self, key: str) -> "list[YamlNode]":
         """What a map has, in the order of the file; none if it is not there."""
-        found = self.maybe(key)
-        if found is None:
+        mapping = self.maybe(key)
+        if mapping is None:
             return []
-        if not isinstance(found.node, yaml.MappingNode):
-            found.fail("found no mapping, allowed one")
-        return [YamlNode(self.file, node, f"{found.key}.{k.value}") for k, node in found.node.value]
+        if not isinstance(mapping.node, yaml.MappingNode):
+            mapping.fail("found no mapping, allowed one")
+        return [
+            YamlNode(self.file, node, f"{mapping.key}.{k.value}") for k, node in mapping.node.value
+        ]
 
     def text(self) -> str:
         if not isinstance(self.node, yaml.ScalarNode):
@@ -121,9 +123,9 @@ class YamlNode:
         return values[0], values[1]
 
     def fail(self, what: str) -> NoReturn:
-        raise FormatError(f"{self.place()}: {what}")
+        raise FormatError(f"{self.location()}: {what}")
 
-    def place(self) -> str:
+    def location(self) -> str:
         """`file:line: key`, without the key at the root."""
         line = self.node.start_mark.line + 1 if self.node is not None else 1
         return f"{self.file}:{line}" + (f": {self.key}" if self.key else "")

@@ -31,7 +31,7 @@ class Measured:
         return math.isfinite(self.low) and math.isfinite(self.high)
 
     @property
-    def is_told(self) -> bool:
+    def is_significant(self) -> bool:
         """Of a difference: whether the two can be told apart."""
         return self.low > 0 or self.high < 0
 
@@ -67,9 +67,9 @@ def over_seeds(values: Sequence[Bootstrapped]) -> Measured:
     return values[0].measured() if len(values) == 1 else over_worlds([v.value for v in values])
 
 
-def over_worlds(found: Sequence[float]) -> Measured:
+def over_worlds(per_seed: Sequence[float]) -> Measured:
     """The mean of a figure over replicates, each of another world and training: Student's."""
-    values = np.asarray(found, dtype=np.float64)
+    values = np.asarray(per_seed, dtype=np.float64)
     if len(values) < 2:
         return Measured(float(values.mean()) if len(values) else math.nan, math.nan, math.nan)
     error = float(values.std(ddof=1)) / math.sqrt(len(values))

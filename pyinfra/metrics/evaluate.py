@@ -90,7 +90,9 @@ def evaluate(
     in_memory = isinstance(gt, FrameSequence) or isinstance(pred, pd.DataFrame)
     sequence = _chosen(gt, pred, frames, split)
     folder = sequence.folder if isinstance(sequence, RecordedFrames) else None
-    found, predictions = _predictions(pred, sequence, folder, allow_missing=allow_missing)
+    prediction_files, predictions = _predictions(
+        pred, sequence, folder, allow_missing=allow_missing
+    )
     truth = ground_truth_of(sequence)
     if settings is None:
         settings = settings_of(object_class or "vehicle", has_objects=truth.has_objects)
@@ -100,8 +102,10 @@ def evaluate(
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
     findings = [
         *(ground_truth_findings(folder, numbers, truth.vehicles, types) if folder else ()),
-        *found.findings,
-        *check_predictions(predictions, found.files, of_types, types, settings.min_score),
+        *prediction_files.findings,
+        *check_predictions(
+            predictions, prediction_files.files, of_types, types, settings.min_score
+        ),
     ]
     return evaluate_tables(truth, predictions, settings, findings, ranges=ranges)
 
@@ -142,10 +146,12 @@ def _predictions(
         names = tuple(Path(f"frame {k}") for k in numbers)
         return PredictionFiles(names, ()), predictions_of(pred, numbers)
     known = frame_numbers(folder, "all") if folder else numbers
-    found = find_files(Path(pred), numbers, known, lidar_folder=folder, allow_missing=allow_missing)
+    prediction_files = find_files(
+        Path(pred), numbers, known, lidar_folder=folder, allow_missing=allow_missing
+    )
     one = Cameras((kitti.simulated(),), np.zeros(len(numbers), dtype=np.int64))
     cameras = read_cameras(folder, numbers) if folder else one
-    return found, read_predictions(found.files, cameras)
+    return prediction_files, read_predictions(prediction_files.files, cameras)
 
 
 def judged(
@@ -165,8 +171,8 @@ def judged(
     files = find_files(pred, frames, frame_numbers(gt, "all"), lidar_folder=gt).files
     predictions = read_predictions(files, read_cameras(gt, frames))
     one = contest(truth, predictions, next(iter(settings.classes)), settings, "bev")
-    took = one.match(settings.ious[0], strict=False)
-    return [judge(one, which, took, settings.min_points) for which in settings.ground_truths]
+    matches = one.match(settings.ious[0], strict=False)
+    return [judge(one, which, matches, settings.min_points) for which in settings.ground_truths]
 
 
 def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
@@ -183,13 +189,13 @@ def settings_of(object_class: str, *, has_objects: bool) -> Settings:
     return settings if has_objects else replace(settings, ground_truths=("captured",))
 
 
-def class_settings(classes: Mapping[str, tuple[str, ...]], *, own_iou: bool = False) -> Settings:
+def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool = False) -> Settings:
     """Of vehicles or of people, who are found from another IoU on, or by their centres.
 
-    own_iou: an IoU takes the place of these. Raises ValueError for both together without one.
+    custom_iou: an IoU takes the place of these. Raises ValueError for both together without one.
     """
     of_people = [are_people(types) for types in classes.values()]
-    if not any(of_people) or (own_iou and not all(of_people)):
+    if not any(of_people) or (custom_iou and not all(of_people)):
         return Settings(classes=classes)
     if not all(of_people):
         names = ", ".join(classes)

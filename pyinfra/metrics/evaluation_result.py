@@ -91,9 +91,9 @@ class Evaluation:
             raise Error("result: expected one of evaluate(), got tables without predictions")
         first, metric = next(iter(self.settings.classes)), self.settings.metrics[0]
         one = contest(self.truth, self.predictions, first, self.settings, metric)
-        took = one.match(threshold_of(metric, self.settings.ious[0]), strict=False)
+        matches = one.match(threshold_of(metric, self.settings.ious[0]), strict=False)
         return {
-            which: judge(one, which, took, self.settings.min_points)
+            which: judge(one, which, matches, self.settings.min_points)
             for which in self.settings.ground_truths
         }
 
@@ -126,12 +126,12 @@ def evaluate_tables(
     parts = _primary_tables(first, settings, ranges=ranges)
     parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
     off_region = _off_region(contests, settings)
-    found = (*findings, *_warnings(table, truth, settings))
+    all_findings = (*findings, *_warnings(table, truth, settings))
     return Evaluation(
         truth=truth,
         ap=table,
         off_region=off_region,
-        findings=found,
+        findings=all_findings,
         predictions=predictions,
         settings=settings,
         **parts,
@@ -145,7 +145,7 @@ def _ap_rows(
     rows = []
     for (name, metric), one in contests.items():
         ious = settings.ious_of(metric)
-        took = {
+        matches = {
             (iou, strict): one.match(threshold_of(metric, iou), strict=strict)
             for iou in ious
             for strict in {protocol == "kitti" for protocol in settings.protocols}
@@ -153,7 +153,7 @@ def _ap_rows(
         for which in settings.ground_truths:
             for iou in ious:
                 for protocol in settings.protocols:
-                    matched = took[iou, protocol == "kitti"]
+                    matched = matches[iou, protocol == "kitti"]
                     judgement = judge(one, which, matched, settings.min_points)
                     row = ap_row(judgement, iou, protocol)
                     rows.append({"class": name, "ground_truth": which, **row})
@@ -177,10 +177,10 @@ def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings)
 def _primary_tables(one: Contest, settings: Settings, *, ranges: bool) -> dict[str, pd.DataFrame]:
     """The other tables: first class, metric and threshold, by the definition, each ground truth."""
     enough = threshold_of(one.metric, settings.ious[0])
-    took = one.match(enough, strict=False)
+    matches = one.match(enough, strict=False)
     tables: dict[str, list[pd.DataFrame]] = {}
     for which in settings.ground_truths:
-        judgement = judge(one, which, took, settings.min_points)
+        judgement = judge(one, which, matches, settings.min_points)
         distance, draws = distance_table(judgement, settings.min_objects)
         if settings.cut_first:
             windows = one.truth.windows()
@@ -188,24 +188,24 @@ def _primary_tables(one: Contest, settings: Settings, *, ranges: bool) -> dict[s
             distance["ap_cut_first"] = cut
             distance["difference"] = distance.ap_cut_first - distance.ap_fine
         areas = (distance, draws)
-        own = {"pr_curve": pr_table(judgement), "distance_ap": distance}
+        by_table = {"pr_curve": pr_table(judgement), "distance_ap": distance}
         if one.truth.of_lanes:
             areas = cell_table(judgement, settings.min_objects)
-            own["cells"] = areas[0].copy()
+            by_table["cells"] = areas[0].copy()
             areas[0].insert(0, "road", EVERYWHERE)
         measures = list(figures(judgement, (distance, draws), areas))
         if ranges and which != "common":
             near = list(by_range(judgement))
-            own["ranges"] = pd.DataFrame([row for row, _ in near])
+            by_table["ranges"] = pd.DataFrame([row for row, _ in near])
             measures += [(measure_of(row["range_m"]), fine) for row, fine in near]
         same = same_of(one.truth, judgement.blocks, settings.seed)
         kept = draw_rows(same, which, measures)
-        own |= {
+        by_table |= {
             "areas": area_table(judgement, *areas),
             "errors": error_table(judgement),
             "false_positives": false_positive_table(judgement, enough, strict=False),
         }
-        for name, rows in own.items():
+        for name, rows in by_table.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
         tables.setdefault("draws", []).append(kept)
@@ -221,7 +221,7 @@ def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.Dat
 
 def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
     """Warnings about the results themselves."""
-    found = []
+    warnings = []
     kinds = {which == "present" for which in settings.ground_truths}
     every = [blocks_of(truth, settings, present=kind) for kind in kinds]
     blocks = max(every, key=lambda one: one.block_s)
@@ -230,19 +230,19 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
             f"found {blocks.count:.1f} blocks of {blocks.block_s:g} s, as long as a vehicle stays, "
             f"allowed {MIN_BLOCKS:g} or more: no intervals"
         )
-        found.append(("few-blocks", text))
+        warnings.append(("few-blocks", text))
     for name, row in zip(table["class"], table.itertuples(), strict=True):
         kind = name if are_people(settings.classes[name]) else "vehicle"
         near = f"centres within {CENTRE_M:g} m" if math.isnan(row.iou) else f"IoU {row.iou:g}"
         what = f"{row.ground_truth}, {near}, {row.protocol}"
         value = shown_ap(row)[0]
         if math.isnan(value):
-            found.append(("no-objects", f"{what}: no {kind} to be found, so AP is undefined"))
+            warnings.append(("no-objects", f"{what}: no {kind} to be found, so AP is undefined"))
         elif value == 0:
             text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
-            found.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
+            warnings.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
             cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
             text = f"{what}: {row.objects} vehicles: the devkit's AP cannot pass {cap:g}"
-            found.append(("kitti-cap", text))
-    return [Finding("warning", name, text) for name, text in found]
+            warnings.append(("kitti-cap", text))
+    return [Finding("warning", name, text) for name, text in warnings]

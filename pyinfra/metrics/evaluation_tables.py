@@ -110,12 +110,12 @@ def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame
 def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
     """The same of each cell, where these are the areas; x, y of its middle, and how far it is."""
     truth = judgement.contest.truth
-    place = truth.lidar.T_world_levelled if truth.lidar else None
+    pose = truth.lidar.T_world_levelled if truth.lidar else None
     cells = {
         cell: {
             "x": cell.x,
             "y": cell.y,
-            "distance_m": math.hypot(cell.x - place.x, cell.y - place.y) if place else math.nan,
+            "distance_m": math.hypot(cell.x - pose.x, cell.y - pose.y) if pose else math.nan,
         }
         for cell in truth.cells()
     }
@@ -156,8 +156,8 @@ def cut_first_ap(
     """AP (R1000) of each window when what lies outside is cut away before matching."""
     values = []
     for window in windows:
-        took = contest.match(iou, strict=False, within=window)
-        alone = judge(contest, which, took, min_points)
+        matches = contest.match(iou, strict=False, within=window)
+        alone = judge(contest, which, matches, min_points)
         values.append(float(ap.average_precision(alone.ranking(window), ap.FINE_RECALLS)[0]))
     return values
 
@@ -218,7 +218,7 @@ def error_table(judgement: Judgement) -> pd.DataFrame:
     """
     contest = judgement.contest
     p = contest.predictions.boxes[judgement.hit]
-    v = contest.vehicles.boxes[judgement.took[judgement.hit]]
+    v = contest.vehicles.boxes[judgement.matches[judgement.hit]]
     dx, dy = p[:, 0] - v[:, 0], p[:, 1] - v[:, 1]
     cos, sin = np.cos(v[:, 6]), np.sin(v[:, 6])
     turn = np.degrees(p[:, 6] - v[:, 6])
@@ -270,23 +270,23 @@ def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> p
     total = np.bincount(slot, minlength=weights.shape[1])
     rows = []
     for cause in CAUSES:
-        own = np.bincount(slot[names == cause], minlength=weights.shape[1])
-        count = int(own.sum())
+        counts = np.bincount(slot[names == cause], minlength=weights.shape[1])
+        count = int(counts.sum())
         share = 100 * count / len(names) if len(names) > 0 else math.nan
-        drawn = 100 * _ratio(weights @ own, weights @ total)
+        drawn = 100 * _ratio(weights @ counts, weights @ total)
         low, high = map(float, judgement.interval(share, drawn, total))
         rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
     return pd.DataFrame(rows)
 
 
-def off_region_table(contest: Contest, took: IntArray) -> pd.DataFrame:
+def off_region_table(contest: Contest, matches: IntArray) -> pd.DataFrame:
     """Boxes that took nothing and are centred off the region, from some scores on.
 
     per_min: of the time that the frames show; on_people: those of them that stand on people, which
     count as wrong. nan where no region is known.
     """
     truth, scores = contest.truth, contest.predictions.scores
-    off = (took < 0) & ~contest.prediction_places.inside
+    off = (matches < 0) & ~contest.prediction_places.inside
     minutes = len(truth.frames) * truth.period_s / 60
     rows = []
     for cut in CUTS:

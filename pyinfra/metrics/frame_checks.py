@@ -58,22 +58,22 @@ def validate(
     frames = frame_numbers(folder, "all")
     if not frames:
         return [Finding("error", "no-frames", f"{folder}: found no frame, allowed one or more")]
-    found = [*_unreadable(folder, frames), *_unreadable_data_set(folder)]
-    if found:
-        return found
+    findings = [*_unreadable(folder, frames), *_unreadable_data_set(folder)]
+    if findings:
+        return findings
     vehicles = read_vehicles(folder, frames)
     types = Settings().types
-    found += ground_truth_findings(folder, frames, vehicles, types)
+    findings += ground_truth_findings(folder, frames, vehicles, types)
     labelled = read_labelled(folder, frames)  # which other tools read
     if vehicles.ids.max(initial=-1) >= 0 and (
         other := other_types(folder, frames, labelled, types)
     ):
-        found.append(Finding("warning", "other-types", other))
-    found += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
-    found += [*_sizes(folder, frames), *_counts(folder, frames)]
+        findings.append(Finding("warning", "other-types", other))
+    findings += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
+    findings += [*_sizes(folder, frames), *_counts(folder, frames)]
     if pred is not None:
-        found += _predictions(folder, pred, split, allow_missing)
-    return found
+        findings += _predictions(folder, pred, split, allow_missing)
+    return findings
 
 
 def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
@@ -284,13 +284,15 @@ def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
 def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: bool) -> list[Finding]:
     chosen, known = frame_numbers(folder, split), frame_numbers(folder, "all")
     try:
-        found = find_files(pred, chosen, known, lidar_folder=folder, allow_missing=allow_missing)
-        predictions = read_predictions(found.files, read_cameras(folder, chosen))
+        prediction_files = find_files(
+            pred, chosen, known, lidar_folder=folder, allow_missing=allow_missing
+        )
+        predictions = read_predictions(prediction_files.files, read_cameras(folder, chosen))
         vehicles = read_vehicles(folder, chosen)
-        checks = check_predictions(predictions, found.files, vehicles, Settings().types)
+        checks = check_predictions(predictions, prediction_files.files, vehicles, Settings().types)
     except FormatError as error:
         return [Finding("error", "wrong-predictions", str(error))]
-    return [*found.findings, *checks]
+    return [*prediction_files.findings, *checks]
 
 
 def folders_with_frames(data: Path) -> list[Path]:
@@ -300,8 +302,8 @@ def folders_with_frames(data: Path) -> list[Path]:
     """
     if (data / "training").is_dir():
         return [data]
-    found = (path.parent for path in data.glob("*/training"))
-    folders = sorted(folder for folder in found if not folder.name.startswith("."))
+    candidates = (path.parent for path in data.glob("*/training"))
+    folders = sorted(folder for folder in candidates if not folder.name.startswith("."))
     if not folders:
         raise FileNotFoundError(2, "No training folder in it or in its folders", str(data))
     return folders

@@ -168,33 +168,37 @@ def _reach(lidar: kitti.Lidar) -> float:
     return max(unit.range_m[1] for unit in lidar.field_of_view)
 
 
-def with_unreached(own: Vehicles, others: Vehicles) -> Vehicles:
+def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
     """Own vehicles, and those of the region that only the others have.
 
     These have 0 points, so that they are labelled at mid-frame.
     """
-    return _with(own, others.select(_unknown(own, others) & (others.visibility >= 0)))
+    return _with(vehicles, others.select(_unknown(vehicles, others) & (others.visibility >= 0)))
 
 
-def with_absent(own: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar) -> Vehicles:
+def with_absent(
+    vehicles: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar
+) -> Vehicles:
     """Own vehicles, and those that trajectories.csv has beside them."""
     if not file.is_file():
-        return own
+        return vehicles
     others = read_objects_at(file, frames, lidar.T_world_levelled)
-    return _with(own, others.select(_unknown(own, others)))
+    return _with(vehicles, others.select(_unknown(vehicles, others)))
 
 
-def _unknown(own: Vehicles, others: Vehicles) -> BoolArray:
+def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
     """Which of the others (n,) are not among the own ones."""
-    base = 1 + max(own.ids.max(initial=0), others.ids.max(initial=0))
-    return ~np.isin(others.frame * base + others.ids, own.frame * base + own.ids)
+    base = 1 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
+    return ~np.isin(others.frame * base + others.ids, vehicles.frame * base + vehicles.ids)
 
 
-def _with(own: Vehicles, extra: Vehicles) -> Vehicles:
+def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
     """Both, by frame; the extra ones without points and with their boxes at mid-frame."""
-    columns = {name: np.concatenate([vars(own)[name], vars(extra)[name]]) for name in vars(own)}
-    columns["points"][len(own) :] = 0
-    columns["boxes"][len(own) :] = extra.mid_frame
+    columns = {
+        name: np.concatenate([vars(vehicles)[name], vars(extra)[name]]) for name in vars(vehicles)
+    }
+    columns["points"][len(vehicles) :] = 0
+    columns["boxes"][len(vehicles) :] = extra.mid_frame
     joined = Vehicles(**columns)
     order = np.argsort(joined.frame, kind="stable")
     return Vehicles(**{name: column[order] for name, column in vars(joined).items()})

@@ -74,7 +74,7 @@ COLUMNS = tuple(field.name for field in fields(Trust))
 def trust(
     frames: Sequence[int],
     period_s: float,
-    found: BoxSeries,
+    detections: BoxSeries,
     moving: IntArray,
     off_region: BoolArray | None,
     clusters: BoxSeries,
@@ -89,20 +89,20 @@ def trust(
     travelling = clusters.select(travels(clusters, period_s))
     rows = []
     for cut in cuts:
-        keep = found.scores >= cut
-        own = found.select(keep)
+        keep = detections.scores >= cut
+        confident = detections.select(keep)
         confirmed = moving[keep] >= POINTS
         rows.append(
             Trust(
                 score=cut,
                 frames=len(numbers),
-                boxes_per_frame=len(own) / max(len(numbers), 1),
+                boxes_per_frame=len(confident) / max(len(numbers), 1),
                 confirmed_share=_share(confirmed),
-                found_share=_share(_has_box(travelling, own)),
+                found_share=_share(_has_box(travelling, confident)),
                 travelling_per_frame=len(travelling) / max(len(numbers), 1),
                 off_region_share=np.nan if off_region is None else _share(off_region[keep]),
-                flicker_share=_flicker(own, numbers, period_s),
-                standing_share=_share(stands(own, confirmed, len(numbers))),
+                flicker_share=_flicker(confident, numbers, period_s),
+                standing_share=_share(stands(confident, confirmed, len(numbers))),
             )
         )
     return rows
@@ -169,35 +169,35 @@ def stands(seen: BoxSeries, confirmed: BoolArray, frames: int) -> BoolArray:
     if len(seen) == 0 or frames < LEAST_FRAMES:
         return out
     near = cKDTree(seen.boxes[:, :2]).query_ball_point(seen.boxes[:, :2], HERE_M)
-    for i, own in enumerate(near):
-        present = len(np.unique(seen.frame[own]))
-        out[i] = present >= HALF * frames and confirmed[own].mean() < HALF
+    for i, neighbours in enumerate(near):
+        present = len(np.unique(seen.frame[neighbours]))
+        out[i] = present >= HALF * frames and confirmed[neighbours].mean() < HALF
     return out
 
 
-def _has_box(clusters: BoxSeries, found: BoxSeries) -> BoolArray:
+def _has_box(clusters: BoxSeries, detections: BoxSeries) -> BoolArray:
     """(c,) clusters that a box of their frame overlaps, or whose centre is near one's."""
     out = np.zeros(len(clusters), np.bool_)
     for number in np.unique(clusters.frame):
         here = np.flatnonzero(clusters.frame == number)
-        boxes = found.boxes[found.frame == number]
+        boxes = detections.boxes[detections.frame == number]
         if len(boxes) == 0:
             continue
-        own = clusters.boxes[here]
-        gap = np.linalg.norm(own[:, None, :2] - boxes[None, :, :2], axis=2)
-        out[here] = ((gap <= NEAR_M) | (bev_overlap(own, boxes) > 0)).any(axis=1)
+        targets = clusters.boxes[here]
+        gap = np.linalg.norm(targets[:, None, :2] - boxes[None, :, :2], axis=2)
+        out[here] = ((gap <= NEAR_M) | (bev_overlap(targets, boxes) > 0)).any(axis=1)
     return out
 
 
-def _flicker(found: BoxSeries, numbers: IntArray, period_s: float) -> float:
+def _flicker(detections: BoxSeries, numbers: IntArray, period_s: float) -> float:
     """Share of the boxes without a partner, of those in frames that have both neighbours."""
     inner = np.isin(numbers - 1, numbers) & np.isin(numbers + 1, numbers)
     if inner.sum() < LEAST_FRAMES - 2:
         return float("nan")
-    after = links(found, period_s)
-    before = np.zeros(len(found), np.bool_)
+    after = links(detections, period_s)
+    before = np.zeros(len(detections), np.bool_)
     before[after[after >= 0]] = True
-    counted = np.isin(found.frame, numbers[inner])
+    counted = np.isin(detections.frame, numbers[inner])
     return _share((~before & (after < 0))[counted])
 
 

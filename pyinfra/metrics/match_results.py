@@ -88,8 +88,8 @@ class Settings:
         if not 0 <= self.min_score <= 1:
             raise ValueError(f"min_score: found {self.min_score:g}, allowed 0 to 1")
         for name, least in (("min_points", 1), ("min_objects", 1), ("draws", 1), ("seed", 0)):
-            if (found := getattr(self, name)) < least:
-                raise ValueError(f"{name}: found {found}, allowed {least} or more")
+            if (value := getattr(self, name)) < least:
+                raise ValueError(f"{name}: found {value}, allowed {least} or more")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
         """Of the rows of a metric; one that is not known where centres decide."""
@@ -98,7 +98,7 @@ class Settings:
     @property
     def types(self) -> list[str]:
         """Names of vehicles and predictions that are evaluated, each once."""
-        every = (t for name, own in self.classes.items() for t in (*own, name))
+        every = (t for name, types in self.classes.items() for t in (*types, name))
         return list(dict.fromkeys(every))
 
 
@@ -150,10 +150,10 @@ class Contest:
         on = holding_centres(p.frame, p.boxes, who.frame, who.boxes)
         return on & (self.best_overlap < LEAST_OVERLAP - TIE)
 
-    def on_found(self, found: BoolArray) -> BoolArray:
+    def on_detected(self, detected: BoolArray) -> BoolArray:
         """(p,) predictions that overlap one of some vehicles (v,)."""
         on = np.zeros(len(self.predictions), dtype=np.bool_)
-        on[self.pairs.prediction[found[self.pairs.vehicle]]] = True
+        on[self.pairs.prediction[detected[self.pairs.vehicle]]] = True
         return on
 
     def match(self, iou: float, *, strict: bool, within: Window | None = None) -> IntArray:
@@ -178,7 +178,7 @@ class Judgement:
     """What became of every prediction and vehicle under one ground truth and threshold."""
 
     contest: Contest
-    took: IntArray  # (p,) vehicle, -1 for none
+    matches: IntArray  # (p,) vehicle, -1 for none
     counted: BoolArray  # (v,) vehicles to be found
     hit: BoolArray  # (p,) right
     wrong: BoolArray  # (p,) the rest is ignored
@@ -195,7 +195,7 @@ class Judgement:
             in_window = window.holds(contest.vehicle_places)
             counted = counted & in_window
             hit = hit.copy()
-            hit[hit] = in_window[self.took[hit]]
+            hit[hit] = in_window[self.matches[hit]]
             wrong = wrong & window.holds(contest.prediction_places)
         use = np.flatnonzero(hit | wrong)
         return ap.rank(
@@ -264,7 +264,7 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
     present: by every vehicle of the region, so that the length is the same for all mounts too.
     """
     frames = np.array(truth.frames, dtype=np.int64)
-    types = [t for own in settings.classes.values() for t in own]
+    types = [t for group in settings.classes.values() for t in group]
     people = are_people(types)
     block_s = settings.block_s or block_seconds(truth, people=people, present=present)
     return intervals.time_blocks(
@@ -294,22 +294,22 @@ def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = F
     return intervals.block_seconds(there.frame, there.ids, apart * truth.period_s)
 
 
-def judge(contest: Contest, which: Set, took: IntArray, min_points: int) -> Judgement:
+def judge(contest: Contest, which: Set, matches: IntArray, min_points: int) -> Judgement:
     """Counts under a ground truth what Contest.match() found."""
     counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
-    matched = took >= 0
+    matched = matches >= 0
     amiss = contest.prediction_places.inside | contest.on_people  # where a box costs something
     if contest.of_people:
-        found = np.zeros(len(counted), dtype=np.bool_)
-        found[took[matched]] = counted[took[matched]]
-        amiss |= contest.on_found(found)
+        detected = np.zeros(len(counted), dtype=np.bool_)
+        detected[matches[matched]] = counted[matches[matched]]
+        amiss |= contest.on_detected(detected)
     wrong = ~matched & amiss
     if which == "common":
         wrong &= contest.truth.in_common_view(contest.predictions.boxes)
     hit = matched.copy()
-    hit[matched] = counted[took[matched]]
+    hit[matched] = counted[matches[matched]]
     blocks = contest.present_blocks if which == "present" else contest.blocks
-    return Judgement(contest, took, counted, hit, wrong, blocks)
+    return Judgement(contest, matches, counted, hit, wrong, blocks)
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:

@@ -61,13 +61,15 @@ def match_table(result: Judgement) -> pd.DataFrame:
     numbers = np.array(result.contest.truth.frames, dtype=np.int64)
     outcome = np.full(len(predictions), "ignored", dtype=object)
     outcome[result.hit], outcome[result.wrong] = "true positive", "false positive"
-    matched = np.where(result.took >= 0, vehicles.ids[result.took], -1) if len(vehicles) else -1
+    matched = (
+        np.where(result.matches >= 0, vehicles.ids[result.matches], -1) if len(vehicles) else -1
+    )
     rows = pd.DataFrame({"frame": numbers[predictions.frame], "outcome": outcome})
     rows["type"] = predictions.names.astype(object)
     rows[BOX] = predictions.boxes
     rows["score"], rows["object_id"] = predictions.scores, matched
     taken = np.zeros(len(vehicles), np.bool_)
-    taken[result.took[result.took >= 0]] = True
+    taken[result.matches[result.matches >= 0]] = True
     missed = np.flatnonzero(result.counted & ~taken)
     others = pd.DataFrame({"frame": numbers[vehicles.frame[missed]], "outcome": "missed"})
     others["type"] = vehicles.names[missed].astype(object)

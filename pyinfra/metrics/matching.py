@@ -54,17 +54,17 @@ def overlapping_pairs(
     frames: (p,) and (v,), ascending; boxes: (p, 7) and (v, 7).
     """
     measure = _MEASURES[metric]
-    found = []
+    chunks = []
     for p, v in pairs_of_frames(prediction_frame, vehicle_frame):
         if metric != "centre":
             near = _may_overlap(predictions, vehicles, p, v)
             p, v = p[near], v[near]
         iou = measure(predictions[p], vehicles[v])
         much = iou >= LEAST_OVERLAP - TIE
-        found.append((p[much], v[much], iou[much]))
-    if not found:
+        chunks.append((p[much], v[much], iou[much]))
+    if not chunks:
         return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
-    return Pairs(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return Pairs(*(np.concatenate(column) for column in zip(*chunks, strict=True)))
 
 
 def _closeness(a: FloatArray, b: FloatArray) -> FloatArray:

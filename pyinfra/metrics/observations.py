@@ -182,11 +182,11 @@ def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntA
     """Points of each vehicle above a height: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     owner = read_owners(folder, frame, len(points))
-    found, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
-    own = np.zeros(len(ids), dtype=np.int64)
-    _, at, among = np.intersect1d(ids, found, return_indices=True)
-    own[at] = counts[among]
-    return own
+    owners, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
+    per_vehicle = np.zeros(len(ids), dtype=np.int64)
+    _, at, among = np.intersect1d(ids, owners, return_indices=True)
+    per_vehicle[at] = counts[among]
+    return per_vehicle
 
 
 def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:

@@ -59,8 +59,8 @@ def compare_places(folders: Sequence[Path], which: Set = "present") -> pd.DataFr
         rows += [_row(place, None, measure) for measure in MEASURES]
         frames, hidden = _frames(place), place.hidden_percent
         if math.isfinite(hidden):
-            own = (place.name, "", "hidden_percent", hidden, math.nan, math.nan)
-            rows.append(dict(zip(COLUMNS, (*own, len(place.rows), frames), strict=True)))
+            head = (place.name, "", "hidden_percent", hidden, math.nan, math.nan)
+            rows.append(dict(zip(COLUMNS, (*head, len(place.rows), frames), strict=True)))
     for first, second in itertools.combinations(places, 2):
         rows += [_row(second, first, measure) for measure in MEASURES]
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -73,7 +73,7 @@ def read_place(folder: Path, which: Set) -> Place:
         files = sorted(folder.glob("*/draws.csv"))
     if not files:
         raise FileNotFoundError(2, "No draws.csv; `pyinfra evaluate` writes it", str(folder))
-    found: dict[str, dict[str, pd.Series]] = {}
+    tables: dict[str, dict[str, pd.Series]] = {}
     objects = dict.fromkeys((which, "all"), 0)
     for file in files:
         table = read_csv(file)
@@ -85,14 +85,14 @@ def read_place(folder: Path, which: Set) -> Place:
                 f"`pyinfra evaluate --ground-truth {which} all` of this version writes it"
             )
         world = str(rows.world.iloc[0])
-        if world in found:
+        if world in tables:
             raise Error(f"{file}: expected another seed, got the same vehicles and frames twice")
-        found[world] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
+        tables[world] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
         counts = read_csv(file.with_name("ap.csv")).groupby("ground_truth").objects.first()
         for name in objects:
             objects[name] += counts.get(name, math.nan)
     hidden = 1 - objects["all"] / objects[which] if which == "present" else math.nan
-    return Place(str(folder), found, 100 * hidden)
+    return Place(str(folder), tables, 100 * hidden)
 
 
 def check_pairs(places: Sequence[Place]) -> None:
@@ -118,11 +118,15 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     for world, rows in place.rows.items():
         one = drawn(rows[name])
         values.append(one.less(drawn(minus.rows[world][name])) if minus else one)
-    found = over_seeds(values)
+    interval = over_seeds(values)
     least = -100.0 if minus else 0.0
-    ends = (max(found.low, least), min(found.high, 100.0)) if found.is_known else (math.nan,) * 2
-    own = (place.name, minus.name if minus else "", measure, found.value, *ends)
-    return dict(zip(COLUMNS, (*own, len(values), _frames(place)), strict=True))
+    ends = (
+        (max(interval.low, least), min(interval.high, 100.0))
+        if interval.is_known
+        else (math.nan,) * 2
+    )
+    head = (place.name, minus.name if minus else "", measure, interval.value, *ends)
+    return dict(zip(COLUMNS, (*head, len(values), _frames(place)), strict=True))
 
 
 def _frames(place: Place) -> int:

@@ -129,7 +129,7 @@ def check_predictions(
     if len(predictions) == 0:
         text = f"{_folder(files)}: all {len(files)} files are empty: AP is 0 if there is a vehicle"
         return [Finding("warning", "all-empty", text)]
-    found = [
+    findings = [
         *_names(predictions, files, types),
         *_scores(predictions, files, min_score),
         *_angles(predictions, files),
@@ -139,8 +139,8 @@ def check_predictions(
     used = used.select(used.frame % step == 0)
     vehicles = vehicles.select(vehicles.frame % step == 0)
     if len(used) > 0 and len(vehicles) > 0:
-        found += [Finding("warning", *pair) for pair in _places(used, vehicles)]
-    return found
+        findings += [Finding("warning", *pair) for pair in _position_findings(used, vehicles)]
+    return findings
 
 
 def _names(
@@ -172,8 +172,10 @@ def _scores(
     scores = predictions.scores
     odd = (scores < 0) | (scores > 1)
     if odd.any():
-        place = _first(predictions, files, odd)
-        text = f"{place}: {odd.sum()} scores outside 0 to 1; those below {min_score:g} do not count"
+        location = _first(predictions, files, odd)
+        text = (
+            f"{location}: {odd.sum()} scores outside 0 to 1; those below {min_score:g} do not count"
+        )
         yield Finding("warning", "score-range", text)
     if (scores < min_score).all():
         text = f"{_folder(files)}: all scores are below {min_score:g}, so no prediction counts"
@@ -190,7 +192,7 @@ def _angles(predictions: Predictions, files: Sequence[Path | None]) -> Iterator[
         yield Finding("warning", "heading-degrees", text)
 
 
-def _places(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str, str]]:
+def _position_findings(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str, str]]:
     p, v = _all_pairs(predictions, vehicles)
     boxes, truth = predictions.boxes, vehicles.boxes
     share = _share_near(boxes, truth, p, v)

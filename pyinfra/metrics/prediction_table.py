@@ -42,9 +42,9 @@ def predictions_of(table: pd.DataFrame, frames: Sequence[int]) -> Predictions:
         _check(numbers[name], name, 1e-3, FARTHEST_M)
     known = np.asarray(frames, dtype=np.int64)
     index = np.searchsorted(known, numbers["frame"])
-    found = known[np.minimum(index, len(known) - 1)] == numbers["frame"]
-    if not found.all():
-        row = int(np.flatnonzero(~found)[0])
+    is_known = known[np.minimum(index, len(known) - 1)] == numbers["frame"]
+    if not is_known.all():
+        row = int(np.flatnonzero(~is_known)[0])
         raise Error(
             f"predictions: row {row}: frame: expected one of the {len(known)} evaluated frames, "
             f"got {numbers['frame'][row]:g}"

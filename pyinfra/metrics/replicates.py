@@ -109,14 +109,14 @@ def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
 
 
 def draw_rows(
-    same: Mapping[str, object], which: str, found: Iterable[tuple[str, Bootstrapped]]
+    same: Mapping[str, object], which: str, estimates: Iterable[tuple[str, Bootstrapped]]
 ) -> pd.DataFrame:
     """The rows of one ground truth, with columns COLUMNS and the draws; same: of `same_of`."""
     rows = []
-    for measure, one in found:
-        own = {"ground_truth": which, "measure": measure, "value": one.value}
+    for measure, one in estimates:
+        head = {"ground_truth": which, "measure": measure, "value": one.value}
         drawn = {f"draw_{i + 1}": round(v, DIGITS) for i, v in enumerate(one.draws.tolist())}
-        rows.append({**own, "blocks": one.blocks, **same, **drawn})
+        rows.append({**head, "blocks": one.blocks, **same, **drawn})
     return pd.DataFrame(rows)
 
 

@@ -20,18 +20,18 @@ def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
 
     Column `recalls` says which of both a row has: see `ap_name`.
     """
-    found = {}
+    columns = {}
     for name in AP_OF.values():
-        own = cells.get(f"{name}_fine", pd.Series(np.nan, cells.index))
+        existing = cells.get(f"{name}_fine", pd.Series(np.nan, cells.index))
         for end in ("", "_low", "_high"):
             if f"{name}{end}" in cells:
                 fine = cells.get(f"{name}_fine{end}", np.nan)
-                found[f"{name}_fine{end}"] = cells[f"{name}{end}"].where(own.isna(), fine)
+                columns[f"{name}_fine{end}"] = cells[f"{name}{end}"].where(existing.isna(), fine)
     if "ap" in cells and "recalls" not in cells:
         fine = cells.get("ap_fine", pd.Series(np.nan, cells.index))
         recalls = pd.Series(np.where(fine.notna(), 1000.0, 40.0), cells.index)
-        found["recalls"] = recalls.where(cells.ap.notna() | fine.notna())
-    return cells.assign(**found)
+        columns["recalls"] = recalls.where(cells.ap.notna() | fine.notna())
+    return cells.assign(**columns)
 
 
 def ap_name(rows: pd.DataFrame) -> str:
@@ -57,8 +57,8 @@ def with_whole(cells: pd.DataFrame) -> pd.DataFrame:
     known = fine is not None and bool(done.any()) and bool(fine[done].notna().all())
     truth = "present" if known else "all"
     names = {end: f"{AP_OF[truth]}{end}" for end in AP_ENDS}
-    found = {f"ap_whole{end}": cells[name] for end, name in names.items() if name in cells}
-    return cells.assign(whole=truth, **found)
+    columns = {f"ap_whole{end}": cells[name] for end, name in names.items() if name in cells}
+    return cells.assign(whole=truth, **columns)
 
 
 def hidden_share(cells: pd.DataFrame) -> pd.Series:

@@ -95,12 +95,12 @@ def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
         best = sums[..., 0, others, 0].max(axis=-1)
         return ratio(sums[..., 0, avia, 0], best)
 
-    rows, found = _span(vehicles, blocks, FAR_SPAN_M, statistic)
+    rows, estimate = _span(vehicles, blocks, FAR_SPAN_M, statistic)
     points = rows.points[:, others].sum(axis=0)
     best = SPINNING[int(points.argmax())]
     where = _where(rows, FAR_SPAN_M, name)
     text = f"APV of {AVIA} over the best of the others (here {best}) is 1.5 to 2.5; {where}"
-    return _row("far-range", text, found, (1.5, 2.5))
+    return _row("far-range", text, estimate, (1.5, 2.5))
 
 
 def near_range(vehicles: Sightings, blocks: Blocks) -> Row:
@@ -125,12 +125,12 @@ def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
         exponent = decay_exponent(sums)
         return np.asarray(exponent[..., others].min(axis=-1) - exponent[..., avia])
 
-    found = blocks.estimate(vehicle_sums(vehicles, blocks, EDGES_M), statistic)
+    estimate = blocks.estimate(vehicle_sums(vehicles, blocks, EDGES_M), statistic)
     fits = decay(vehicles, blocks).set_index("lidar").exponent
     exponents = ", ".join(f"{name} {fits[name]:.2f}" for name in (AVIA, *SPINNING))
     where = _where(_within(vehicles, WHOLE_M), WHOLE_M, "common")
     text = f"smallest decay exponent of the others less that of {AVIA} is above 0 ({exponents})"
-    return _row("gentle", f"{text}; {where}", found, ABOVE_0)
+    return _row("gentle", f"{text}; {where}", estimate, ABOVE_0)
 
 
 def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
@@ -156,12 +156,12 @@ def only_one(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
     avia = far.column(AVIA)
     alone, another = (flags[:, avia] for flags in alone_and_another(far))
     sums = blocks.sums(far.frame, np.stack([alone - another, np.ones_like(alone)], axis=1))
-    found = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 1]))
+    estimate = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 1]))
     text = (
         f"vehicles hit by {AVIA} alone ({alone.sum()}) less those hit by another and not by it "
         f"({another.sum()}), per 100, are above 0; {_where(far, FAR_SPAN_M, name)}"
     )
-    row = _row("only-one", text, found, ABOVE_0)
+    row = _row("only-one", text, estimate, ABOVE_0)
     if len(far) > 0 and alone.sum() == 0:
         return Row(row.claim, row.statement, row.value, row.low, row.high, "fails")
     return row
@@ -212,10 +212,10 @@ def _apv_ratio(
 ) -> Row:
     """Points of one LiDAR over those of another, on the same vehicles of `common`."""
     above, below = (vehicles.column(name) for name in pair)
-    rows, found = _span(
+    rows, estimate = _span(
         vehicles, blocks, span, lambda s: ratio(s[..., 0, above, 0], s[..., 0, below, 0])
     )
-    return _row(claim, f"{text}; {_where(rows, span, 'common')}", found, inside)
+    return _row(claim, f"{text}; {_where(rows, span, 'common')}", estimate, inside)
 
 
 def _span(
@@ -243,6 +243,6 @@ def _where(rows: Sightings, span: tuple[float, float], name: str) -> str:
     )
 
 
-def _row(claim: str, text: str, found: Estimate, inside: tuple[float, float]) -> Row:
-    value, low, high = float(found.value), float(found.low), float(found.high)
+def _row(claim: str, text: str, estimate: Estimate, inside: tuple[float, float]) -> Row:
+    value, low, high = float(estimate.value), float(estimate.low), float(estimate.high)
     return Row(claim, text, value, low, high, verdict(low, high, inside))

@@ -54,7 +54,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
         for folder in scene.folders
     ]
     boxes = [_corners(v.box) for v in vehicles if v is not None]
-    drawn = np.concatenate([np.eye(3), *boxes, *(own for row in points for own in row)])
+    drawn = np.concatenate([np.eye(3), *boxes, *(cloud for row in points for cloud in row)])
     half = np.abs(_flat(drawn)).max(axis=0) + EDGE_M
     rows, columns = len(scene.lidars), len(vehicles)
     width = 8.5 / columns
@@ -66,16 +66,16 @@ def cutouts(scene: Scene, frame: int) -> Figure:
             axes.set_title(_column_title(vehicle, distance, frame), fontsize=8)
         for i, lidar in enumerate(scene.lidars):
             grid[i, 0].set_ylabel(lidar.model)
-            for axes, vehicle, own in zip(grid[i], vehicles, points[i], strict=True):
+            for axes, vehicle, cloud in zip(grid[i], vehicles, points[i], strict=True):
                 axes.set(aspect="equal", xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
                 axes.set(xticks=[], yticks=[])
                 axes.spines[:].set_visible(False)
                 if vehicle is not None:
-                    _draw_cutout(axes, vehicle.box, own)
+                    _draw_cutout(axes, vehicle.box, cloud)
                     seen = (
-                        vehicle.in_view[i] or len(own) > 0
+                        vehicle.in_view[i] or len(cloud) > 0
                     )  # a centre beyond the view may have an end in it
-                    caption = f"{len(own):,} points, {vehicle.distance:.0f} m"
+                    caption = f"{len(cloud):,} points, {vehicle.distance:.0f} m"
                     axes.set_xlabel(caption if seen else f"{caption}, out of view", labelpad=1)
         title = f"{scene.name}: the same {CLASS.lower()} in each column, front at the upper right"
         figure.suptitle(title, fontsize=9)
@@ -93,12 +93,12 @@ def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
     anywhere: list[Vehicle] | None = None
     chosen = []
     for distance in DISTANCES_M:
-        found = _nearest([v for v in here if v.common], distance)
-        if found is None:
+        vehicle = _nearest([v for v in here if v.common], distance)
+        if vehicle is None:
             anywhere = _vehicles(scene, sorted(frames)) if anywhere is None else anywhere
             for group in ([v for v in anywhere if v.common], here, anywhere):
-                found = found or _nearest(group, distance)
-        chosen.append(found)
+                vehicle = vehicle or _nearest(group, distance)
+        chosen.append(vehicle)
     return chosen
 
 
@@ -110,18 +110,18 @@ def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
     velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
     xyz = kitti.read_points(velodyne)[:, :3].astype(np.float64)
     cos, sin = np.cos(vehicle.box[6]), np.sin(vehicle.box[6])
-    own = (xyz - vehicle.box[:3]) @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    local = (xyz - vehicle.box[:3]) @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
     if kitti.frame_file(lidar_folder, "fields", vehicle.frame).is_file():
-        return np.asarray(own[read_owners(lidar_folder, vehicle.frame, len(xyz)) == vehicle.id])
+        return np.asarray(local[read_owners(lidar_folder, vehicle.frame, len(xyz)) == vehicle.id])
     high = vehicle.box[3:6] / 2 + MARGIN_M
     low = -high
     low[2] = -vehicle.box[5] / 2 + ROAD_M
-    return np.asarray(own[((own >= low) & (own <= high)).all(axis=1)])
+    return np.asarray(local[((local >= low) & (local <= high)).all(axis=1)])
 
 
 def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
     """Those that any LiDAR has in reach, of the class and visibility that are wanted."""
-    found: dict[tuple[int, int], Vehicle] = {}
+    by_id: dict[tuple[int, int], Vehicle] = {}
     for folder in scene.folders:
         table = frame_tables.read_vehicles(folder, frames)
         wanted = (table.names == CLASS) & (table.visibility >= LEAST_VISIBILITY)
@@ -133,8 +133,8 @@ def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
         in_view = np.stack(views, axis=1)
         for i, box in enumerate(table.mid_frame):  # the same for all LiDARs
             key = (frames[table.frame[i]], int(table.ids[i]))
-            found[key] = Vehicle(*key, box, float(np.hypot(box[0], box[1])), tuple(in_view[i]))
-    return list(found.values())
+            by_id[key] = Vehicle(*key, box, float(np.hypot(box[0], box[1])), tuple(in_view[i]))
+    return list(by_id.values())
 
 
 def _nearest(vehicles: Sequence[Vehicle], distance: float) -> Vehicle | None:

@@ -49,8 +49,8 @@ def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
     roads = evaluation.truth.roads
     if roads:
         sensor = evaluation.truth.lidar.T_world_levelled if evaluation.truth.lidar else None
-        place = (sensor.x, sensor.y) if sensor else None
-        figures["areas_plan"] = areas_plan(parts, roads, place)
+        position = (sensor.x, sensor.y) if sensor else None
+        figures["areas_plan"] = areas_plan(parts, roads, position)
     files = []
     for name, figure in figures.items():
         save(figure, out / name)
@@ -97,8 +97,8 @@ def areas(distance: pd.DataFrame) -> Figure:
         for ax, rows in panels:
             bottom = np.zeros(len(lidars))
             for quality, look in LOOKS.items():
-                own = rows[rows.quality == quality]
-                count = np.array([(own.lidar == name).sum() for name in lidars])
+                selected = rows[rows.quality == quality]
+                count = np.array([(selected.lidar == name).sum() for name in lidars])
                 ax.bar(lidars, count, bottom=bottom, width=0.6, edgecolor="black", **look)
                 _numbers(ax, count, bottom, dark=quality == "high")
                 bottom += count
@@ -205,13 +205,13 @@ def _handles() -> list[Patch]:
 
 
 def _legend(figure: Figure, handles: list[Patch] | None = None) -> Figure:
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for ax in figure.axes:
-        found |= {label: h for h, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+        entries |= {label: h for h, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     if handles is not None:
-        found = {str(handle.get_label()): handle for handle in handles}
+        entries = {str(handle.get_label()): handle for handle in handles}
     columns = min(4, max(1, int(figure.get_figwidth() / 2.2)))
     figure.legend(
-        found.values(), found.keys(), loc="outside lower center", ncols=columns, frameon=False
+        entries.values(), entries.keys(), loc="outside lower center", ncols=columns, frameon=False
     )
     return figure

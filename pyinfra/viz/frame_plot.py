@@ -53,8 +53,8 @@ def plot_frame(
     ax.scatter(x, y, s=0.3, c=z, cmap="Greys", vmin=-15, vmax=5, linewidths=0, rasterized=True)
     parts = [("labels", frame.labels, LABEL, "-")]
     if detections is not None:
-        own = detections[(detections.frame == frame.number) & (detections.score >= min_score)]
-        parts.append((f"detections, score {min_score:g} or more", own, DETECTION, "--"))
+        shown = detections[(detections.frame == frame.number) & (detections.score >= min_score)]
+        parts.append((f"detections, score {min_score:g} or more", shown, DETECTION, "--"))
     for name, table, colour, style in parts:
         boxes: FloatArray = table[BOX].to_numpy(dtype=np.float64).reshape(-1, 7)
         ax.add_collection(

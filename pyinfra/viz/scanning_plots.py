@@ -155,18 +155,18 @@ def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
         figure, axes = _panels(table, table[by].unique(), [""], size=(4.2, 2.8))
         for ax, panel, _ in axes:
             part = table[table[by] == panel]
-            places = list(_data_sets(part).unique())
+            data_sets = list(_data_sets(part).unique())
             names = list(table.lidar.unique())
             for name, lidar in _lidars(part, table):
                 shift = 0.12 * (names.index(name) - (len(names) - 1) / 2)
-                at = [places.index(p) + shift for p in _data_sets(lidar)]
+                at = [data_sets.index(p) + shift for p in _data_sets(lidar)]
                 middle = lidar[value]
                 ends = [middle - lidar.ci_low, lidar.ci_high - middle]
                 style = _line(name, table) | {"linestyle": "none"}
                 ax.errorbar(
                     at, middle, np.nan_to_num(ends).clip(min=0), label=name, capsize=2, **style
                 )
-            ax.set_xticks(range(len(places)), places, rotation=20, ha="right")
+            ax.set_xticks(range(len(data_sets)), data_sets, rotation=20, ha="right")
             ax.set(ylabel=label, title=str(panel))
         return _finish(figure)
 
@@ -213,10 +213,10 @@ def _panels(
 
 def _finish(figure: Figure) -> Figure:
     """One legend for all panels."""
-    found = [ax.get_legend_handles_labels() for ax in figure.axes]
+    legends = [ax.get_legend_handles_labels() for ax in figure.axes]
     labels = {
         label: handle
-        for handles, names in found
+        for handles, names in legends
         for handle, label in zip(handles, names, strict=True)
     }
     if labels:

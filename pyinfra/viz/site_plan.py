@@ -88,8 +88,8 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
     """The site's lanes with 20 m around them, or what is so near to the first mount."""
     scene = read_scene(folder)
     lanes = read_lanes(folder / scene["lanes"])
-    places = np.concatenate(list(lanes.values()))[:, :2]
-    low, high = places.min(0) - 20, places.max(0) + 20
+    points = np.concatenate(list(lanes.values()))[:, :2]
+    low, high = points.min(0) - 20, points.max(0) + 20
     if radius_m is not None:
         mount = next(iter(scene["mounts"].values()))
         foot = np.array([mount["x_m"], mount["y_m"]])
@@ -167,8 +167,8 @@ def read_features(folder: Path) -> dict[str, FloatArray]:
 
 
 def _draw_features(axes: Axes, features: dict[str, FloatArray]) -> None:
-    for kind, places in features.items():
-        axes.plot(*places.T, linestyle="none", zorder=5, **_look(kind))
+    for kind, points in features.items():
+        axes.plot(*points.T, linestyle="none", zorder=5, **_look(kind))
 
 
 def _handles_of(features: dict[str, FloatArray]) -> list[Line2D]:

@@ -58,7 +58,7 @@ def _draw(axes: Axes, site: Keys) -> None:
     for gantry in site.get("gantries", []):
         road = roads[gantry["road"]]
         reach = road.carriageway_half_m + 0.7
-        ends = [road.place(gantry["s_m"], left_m)[:2] for left_m in (-reach, reach)]
+        ends = [road.pose_at(gantry["s_m"], left_m)[:2] for left_m in (-reach, reach)]
         axes.plot(*np.transpose(ends), color=RAIL, linewidth=2, zorder=4)
     boxes = [
         [b["x_m"], b["y_m"], 0, b["length_m"], b["width_m"], 1, np.radians(b["heading_deg"])]
@@ -102,7 +102,7 @@ def _draw_plants(axes: Axes, plant: Keys, roads: dict[str, DrawnRoad]) -> None:
         half = row["width_m"] / 2
         return _strip(axes, road, row["offset_m"], half, LEAVES, 3, _stretch(row))
     for s in np.arange(row["from_m"], row["to_m"] + 1e-9, row["every_m"]):
-        x, y, _ = road.place(s, row["offset_m"])
+        x, y, _ = road.pose_at(s, row["offset_m"])
         _draw_crown(axes, x, y, row)
     return None
 

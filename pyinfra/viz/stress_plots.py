@@ -34,9 +34,9 @@ def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:
 
 def stress(table: pd.DataFrame) -> Figure:
     """A line with its interval for each detector; of one LiDAR."""
-    found = list(curves(table))
-    names = [name for name in STRESSORS if any(s.name == name for _, s, _ in found)]
-    looks = list(dict.fromkeys(key["detector"] for key, _, _ in found))
+    all_curves = list(curves(table))
+    names = [name for name in STRESSORS if any(s.name == name for _, s, _ in all_curves)]
+    looks = list(dict.fromkeys(key["detector"] for key, _, _ in all_curves))
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         down = math.ceil(len(names) / ACROSS)
         across = min(ACROSS, len(names))
@@ -44,12 +44,14 @@ def stress(table: pd.DataFrame) -> Figure:
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots(down, across, squeeze=False, sharey=True)
         for ax, name in zip(axes.flat, names, strict=False):
-            own = [
-                (key["detector"], curve) for key, stressor, curve in found if stressor.name == name
+            selected = [
+                (key["detector"], curve)
+                for key, stressor, curve in all_curves
+                if stressor.name == name
             ]
-            for detector, curve in own:
+            for detector, curve in selected:
                 _line(ax, curve, STRESSORS[name], looks, detector)
-            _finish(ax, STRESSORS[name], pd.concat([curve for _, curve in own]))
+            _finish(ax, STRESSORS[name], pd.concat([curve for _, curve in selected]))
         for ax in axes[:, 0]:
             ax.set_ylabel(ap_name(with_fine(table)))
         for ax in axes.flat[len(names) :]:

@@ -64,11 +64,11 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
     frames = frame_numbers(folder)
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files
-    own = read_predictions(files, read_cameras(folder, frames))
-    one = contest(truth, own, "vehicle", Settings(), "bev")
-    took = one.match(Settings().ious[0], strict=False)
+    detections = read_predictions(files, read_cameras(folder, frames))
+    one = contest(truth, detections, "vehicle", Settings(), "bev")
+    matches = one.match(Settings().ious[0], strict=False)
     for which in SETS:
-        judged = judge(one, which, took, 1)
+        judged = judge(one, which, matches, 1)
         use = np.flatnonzero(judged.hit | judged.wrong)
         counts = np.bincount(one.vehicles.frame[judged.counted], minlength=len(frames))
         ranking = ap.rank(
@@ -104,9 +104,13 @@ def main() -> None:
     for scene in SCENES:
         data = simulated(scene, args.work)
         for lidar in LIDARS:
-            found = correlation(data / lidar, predictions(data / lidar))
-            rows += [{"scene": scene, "lidar": lidar} | row for row in found]
-    about = {"command": "python -m reproduction correlation", "seed": 1, "version": __version__}
+            computed = correlation(data / lidar, predictions(data / lidar))
+            rows += [{"scene": scene, "lidar": lidar} | row for row in computed]
+    provenance = {
+        "command": "python -m reproduction correlation",
+        "seed": 1,
+        "version": __version__,
+    }
     table = pd.DataFrame(rows)
-    table.assign(**about, machine=machine()).to_csv(args.out, index=False)
+    table.assign(**provenance, machine=machine()).to_csv(args.out, index=False)
     print(table.to_string(index=False))

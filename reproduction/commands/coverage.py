@@ -62,7 +62,7 @@ class Traffic:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ScoredBoxes:
     """Scores of the vehicles that are found and of ghosts, and their frames."""
 
     scores: FloatArray
@@ -88,48 +88,48 @@ def autoregressive(noise: FloatArray, seconds: float) -> FloatArray:
     return np.asarray(lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise))
 
 
-def found_by(
+def detected_by(
     detector: Detector, t: Traffic, liking: FloatArray, random: np.random.Generator
-) -> Found:
+) -> ScoredBoxes:
     """liking: (n,) of each vehicle, unit variance, the same in all of its frames."""
     order = np.lexsort((t.frame, t.ids))
     moods = np.empty(len(order))
     moods[order] = autoregressive(random.normal(size=len(order)), CHANGES_S)
-    own = OF_THE_VEHICLE * liking + np.sqrt(1 - OF_THE_VEHICLE**2) * moods
-    logit = detector.logit - LOSS_PER_M * t.distance + detector.spread * own
+    bias = OF_THE_VEHICLE * liking + np.sqrt(1 - OF_THE_VEHICLE**2) * moods
+    logit = detector.logit - LOSS_PER_M * t.distance + detector.spread * bias
     hit = random.random(len(logit)) < 1 / (1 + np.exp(-logit))
     scores = 0.6 * logit + 0.8 * random.normal(size=len(logit))
     frames = round(RUN_S / APART_S)
     bouts = 0.6 * autoregressive(random.normal(size=frames), BOUTS_S)
     ghost = np.repeat(np.arange(frames), random.poisson(detector.ghosts * np.exp(bouts - 0.18)))
-    return Found(
+    return ScoredBoxes(
         scores=np.concatenate([scores[hit], random.normal(-0.8, 1.0, len(ghost))]),
         frame=np.concatenate([t.frame[hit], ghost]),
         hit=np.concatenate([np.ones(hit.sum(), np.bool_), np.zeros(len(ghost), np.bool_)]),
     )
 
 
-def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[str, Found]]]:
+def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[str, ScoredBoxes]]]:
     infrasim("run", scene_file(scene), "--lidar", "helios_16", "--frames", "0:1", "--out", work)
     roads = regions.read_roads(work / "roads.csv")
     for seed in range(1, count + 1):
         t, random = traffic(scene, seed, roads, work), np.random.default_rng(seed)
-        places = np.unique(t.ids, return_inverse=True)[1]
-        shared = random.normal(size=places.max() + 1)
-        found = {}
+        index = np.unique(t.ids, return_inverse=True)[1]
+        shared = random.normal(size=index.max() + 1)
+        by_detector = {}
         for name, detector in DETECTORS.items():
             liking = 0.7 * shared + np.sqrt(1 - 0.49) * random.normal(size=len(shared))
-            found[name] = found_by(detector, t, liking[places], random)
-        yield t, found
+            by_detector[name] = detected_by(detector, t, liking[index], random)
+        yield t, by_detector
 
 
-def ranking(t: Traffic, found: Found, first: int, blocks: intervals.Blocks) -> ap.Ranking:
+def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks) -> ap.Ranking:
     """Of the frames from `first` on."""
-    use, there = found.frame >= first, t.frame >= first
+    use, there = boxes.frame >= first, t.frame >= first
     slots = blocks.draws.shape[1]
     objects = np.bincount(blocks.slot[t.frame[there] - first], minlength=slots)
-    at = blocks.slot[found.frame[use] - first]
-    return ap.rank(found.scores[use], found.hit[use], objects, at)
+    at = blocks.slot[boxes.frame[use] - first]
+    return ap.rank(boxes.scores[use], boxes.hit[use], objects, at)
 
 
 def block_s(t: Traffic) -> float:
@@ -137,15 +137,15 @@ def block_s(t: Traffic) -> float:
 
 
 def figures(
-    t: Traffic, found: dict[str, Found], span_s: int, length_s: float
+    t: Traffic, by_detector: dict[str, ScoredBoxes], span_s: int, length_s: float
 ) -> dict[str, Bootstrapped]:
     """AP of each detector and two differences, of the last seconds of a run."""
     first = round((RUN_S - span_s) / APART_S)
     frames = np.arange(round(span_s / APART_S))
     blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, draws=DRAWS)
     out = {}
-    for name, own in found.items():
-        r = ranking(t, own, first, blocks)
+    for name, boxes in by_detector.items():
+        r = ranking(t, boxes, first, blocks)
         value = float(ap.average_precision(r, ap.FINE_RECALLS)[0])
         drawn = ap.average_precision(r, ap.FINE_RECALLS, blocks.draws)
         out[name] = Bootstrapped(value, drawn, blocks.count)
@@ -154,13 +154,13 @@ def figures(
     return out
 
 
-def truths(every: list[tuple[Traffic, dict[str, Found]]]) -> dict[str, float]:
+def truths(every: list[tuple[Traffic, dict[str, ScoredBoxes]]]) -> dict[str, float]:
     """AP over all runs together."""
     objects = sum(len(t.frame) for t, _ in every)
     out = {}
     for name in DETECTORS:
-        scores = np.concatenate([found[name].scores for _, found in every])
-        hit = np.concatenate([found[name].hit for _, found in every])
+        scores = np.concatenate([by_detector[name].scores for _, by_detector in every])
+        hit = np.concatenate([by_detector[name].hit for _, by_detector in every])
         out[name] = float(ap.average_precision(ap.rank(scores, hit, objects), ap.FINE_RECALLS)[0])
     out["good less middling"] = out["good"] - out["middling"]
     out["middling less poor"] = out["middling"] - out["poor"]
@@ -175,18 +175,18 @@ def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
         if span_s < intervals.MIN_BLOCKS * stay_s:
             continue
         ends: dict[str, list[tuple[float, float]]] = {name: [] for name in truth}
-        for t, found in every:
-            for name, one in figures(t, found, span_s, stay_s).items():
+        for t, by_detector in every:
+            for name, one in figures(t, by_detector, span_s, stay_s).items():
                 m = one.measured()
                 ends[name].append((m.low, m.high))
-        for name, own in ends.items():
-            low, high = np.array(own).T
+        for name, bounds in ends.items():
+            low, high = np.array(bounds).T
             held = 100 * np.mean((low <= truth[name]) & (truth[name] <= high))
-            about = {"scene": scene, "span_s": span_s, "rule": RULE, "block_s": stay_s}
-            yield {**about, "figure": name, "truth": round(truth[name], 2)} | {
+            settings = {"scene": scene, "span_s": span_s, "rule": RULE, "block_s": stay_s}
+            yield {**settings, "figure": name, "truth": round(truth[name], 2)} | {
                 "held_percent": round(float(held), 1),
                 "width": round(float((high - low).mean()), 2),
-                "studies": len(own),
+                "studies": len(bounds),
             }
 
 
@@ -196,11 +196,14 @@ def main() -> None:
     parser.add_argument("--studies", type=int, default=200)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "coverage.csv")
     args = parser.parse_args()
-    found: list[dict[str, object]] = []
+    all_rows: list[dict[str, object]] = []
     for scene in SCENES:
         (args.work / scene).mkdir(parents=True, exist_ok=True)
-        found += rows(scene, args.studies, args.work / scene)
-        about = {"command": f"python -m reproduction coverage --studies {args.studies}", "seed": 1}
-        table = pd.DataFrame(found).assign(**about, version=__version__, machine=machine())
+        all_rows += rows(scene, args.studies, args.work / scene)
+        provenance = {
+            "command": f"python -m reproduction coverage --studies {args.studies}",
+            "seed": 1,
+        }
+        table = pd.DataFrame(all_rows).assign(**provenance, version=__version__, machine=machine())
         table.to_csv(args.out, index=False)
         print(table[table.scene == scene].iloc[:, :9].to_string(index=False), flush=True)

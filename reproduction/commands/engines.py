@@ -124,11 +124,11 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
     detect.detect(network_on_road, files[:QUANTISED_BY], None)
     hook.remove()
     with one_thread():
-        found = engines(network.bev, seen, work)
-    times: dict[str, list[float]] = {name: [] for name in found}
+        by_engine = engines(network.bev, seen, work)
+    times: dict[str, list[float]] = {name: [] for name in by_engine}
     for file in files[QUANTISED_BY:]:
         points = kitti.read_points(file)
-        for name, engine in found.items():
+        for name, engine in by_engine.items():
             network.bev = engine
             start = time.perf_counter()
             boxes = network_on_road.predict(points)
@@ -136,12 +136,12 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
             (work / name).mkdir(exist_ok=True)
             detect.write(work / name, file, boxes)
     frames = [int(file.stem) for file in files[QUANTISED_BY:]]
-    for name, own in times.items():
+    for name, timings in times.items():
         (judgement,) = judged(folder, work / name, SETTINGS, frames=frames)
-        ratio = np.median(np.array(times["pytorch"]) / np.array(own))
+        ratio = np.median(np.array(times["pytorch"]) / np.array(timings))
         yield {
             "engine": name,
-            "latency_p50_ms": round(float(np.median(own)), 1),
+            "latency_p50_ms": round(float(np.median(timings)), 1),
             "speed": round(float(ratio), 3),
             "ap_fine": round(fine_ap(judgement).measured().value, 3),
         }
@@ -152,7 +152,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="folder of frames")
     parser.add_argument("--out", type=Path, default=ROOT / "results/engines.csv")
     args = parser.parse_args()
-    about = {
+    provenance = {
         "version": __version__,
         "machine": machine(),
         "command": "python -m reproduction engines",
@@ -160,6 +160,6 @@ def main() -> None:
     for scene, lidar in CELLS:
         folder = simulated(scene, lidar, args.work)
         for row in rows(folder, args.work):
-            found = {"scene": scene, "lidar": lidar, **row, **about}
-            store.put(args.out, pd.DataFrame([found]), KEY)
-            print(found, flush=True)
+            record = {"scene": scene, "lidar": lidar, **row, **provenance}
+            store.put(args.out, pd.DataFrame([record]), KEY)
+            print(record, flush=True)

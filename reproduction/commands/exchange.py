@@ -57,8 +57,8 @@ def rows(data: Path, folder: Path) -> Iterator[Row]:
         for name in IMPORTS:
             recording = source if name == "kitti" else folder / f"{lidar}-{name}"
             out = folder / f"{lidar}-from-{name}" / lidar
-            about = LidarFacts(lidar, "highway")
-            seconds = timed(partial(import_recording, recording, name, out, about, Options()))
+            facts = LidarFacts(lidar, "highway")
+            seconds = timed(partial(import_recording, recording, name, out, facts, Options()))
             yield row("import", name, lidar, len(frames), out, seconds)
 
 

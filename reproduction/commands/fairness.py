@@ -37,7 +37,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--out", type=Path, default=ROOT / "results/fairness.csv")
     args = parser.parse_args()
-    about = {
+    provenance = {
         "version": __version__,
         "machine": machine(),
         "command": "python -m reproduction fairness",
@@ -50,9 +50,9 @@ def main() -> None:
             if store.has(store.read(args.out, KEY), wanted):
                 continue
             folder = folder or generalist.simulated(cell, args.work)
-            found = {**generalist.row(folder, arm, model), **wanted}
-            row = {name: found[name] for name in COLUMNS}
-            store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **about}]), KEY)
+            record = {**generalist.row(folder, arm, model), **wanted}
+            row = {name: record[name] for name in COLUMNS}
+            store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **provenance}]), KEY)
             print(model.stem, *(row[name] for name in (*KEY[:5], "ap_fine")), flush=True)
             for made in folder.parent.glob(f"{folder.name}_*"):
                 shutil.rmtree(made)

@@ -134,14 +134,14 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     _, times = detect.detect(detect.detector_at(file, folder), files, run / "predictions")
     (judgement,) = judged(folder, run / "predictions", SETTINGS)
-    found = fine_ap(judgement)
+    bootstrapped = fine_ap(judgement)
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
-    draws = draw_rows(same, "captured", [("ap_fine", found)]).iloc[0]
+    draws = draw_rows(same, "captured", [("ap_fine", bootstrapped)]).iloc[0]
     return {
         "steps": steps,
         "train_cpu_s": round(seconds, 1),
         "latency_p50_ms": round(float(np.median(times)), 1),
-        **{name: round(v, 3) for name, v in fine_columns(judgement, found).items()},
+        **{name: round(v, 3) for name, v in fine_columns(judgement, bootstrapped).items()},
         "objects": judgement.objects,
         **at_cut(judgement),
         **draws.to_dict(),
@@ -182,7 +182,7 @@ def main() -> None:
     parser.add_argument("--paper", action="store_true", help="the cells of the first trial")
     args = parser.parse_args()
     chosen = cells_of_trial(args.seeds) if args.paper else cells(args.sites, args.seeds)
-    about = {
+    provenance = {
         "commit": __version__,
         "machine": machine(),
         "command": "python -m reproduction generalist",
@@ -192,7 +192,7 @@ def main() -> None:
         table = store.read(args.out, [*KEY, "start"])
         starts = {arm: start_of(arm, args.model) for arm in args.arms}
         wanted = {arm: {**key, "arm": arm, "start": start} for arm, start in starts.items()}
-        arms = [arm for arm, own in wanted.items() if not store.has(table, own)]
+        arms = [arm for arm, values in wanted.items() if not store.has(table, values)]
         if not arms:
             continue
         folder = simulated(cell, args.work)
@@ -200,7 +200,7 @@ def main() -> None:
             print(cell.name, "shows no vehicle: left out", flush=True)
             arms = []
         for arm in arms:
-            found = {**wanted[arm], **row(folder, arm, args.model), **about}
-            store.put(args.out, pd.DataFrame([found]), KEY)
-            print(*(found[name] for name in (*KEY, "ap_fine", "train_cpu_s")), flush=True)
+            record = {**wanted[arm], **row(folder, arm, args.model), **provenance}
+            store.put(args.out, pd.DataFrame([record]), KEY)
+            print(*(record[name] for name in (*KEY, "ap_fine", "train_cpu_s")), flush=True)
         shutil.rmtree(folder.parent)

@@ -69,10 +69,10 @@ def parts_of(value: str) -> dict[str, bool]:
 
 def assignments(model: dict[str, str]) -> list[str]:
     """The keys of the scene that a model sets, as `--set` has them."""
-    own = {dial: model[dial] for dial in ("detail", "aggregation", "label_time")}
-    own |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
-    own |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
-    return [word for key, value in own.items() for word in ("--set", f"{key}={value}")]
+    settings = {dial: model[dial] for dial in ("detail", "aggregation", "label_time")}
+    settings |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
+    settings |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
+    return [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
 
 
 def simulated(model: dict[str, str], preset: str, names: Sequence[str], folder: Path) -> float:
@@ -97,14 +97,14 @@ def row(folder: Path, detector: str) -> dict[str, object]:
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.load_detector(run), files, run / "predictions")
     evaluation = evaluate(folder, run / "predictions", Settings(ground_truths=("captured",)))
-    found = evaluation.ap.iloc[0]
+    ap_row = evaluation.ap.iloc[0]
     draws = evaluation.draws[evaluation.draws.measure == "ap_fine"].iloc[0]
     frames = kitti.frames(folder)
     points = int(read_vehicles(folder, frames).points.sum())
     return {
         "lidar": folder.name,
-        **found[AP].astype(float).round(4),
-        "objects": int(found.objects),
+        **ap_row[AP].astype(float).round(4),
+        "objects": int(ap_row.objects),
         "vehicle_points_per_frame": round(points / len(frames), 2),
         **draws.drop(["lidar", "frames", "version"]).to_dict(),
     }
@@ -121,8 +121,13 @@ def main() -> None:
     parser.add_argument("--frames", default="1000", help="of the default; a divisor of 5,000")
     parser.add_argument("--values", nargs="+", help="of the dials, these alone; default all")
     args = parser.parse_args()
-    about = {"preset": args.preset, "detector": args.detector, "seed": 1, "version": __version__}
-    about |= {"command": command(args), "machine": machine()}
+    provenance = {
+        "preset": args.preset,
+        "detector": args.detector,
+        "seed": 1,
+        "version": __version__,
+    }
+    provenance |= {"command": command(args), "machine": machine()}
     table = pd.read_csv(args.out, dtype=str) if args.out.is_file() else pd.DataFrame()
     for model in models(args.dials, args.frames, args.values):
         if len(table) and (table[list(model)] == pd.Series(model)).all(axis=1).any():
@@ -131,7 +136,7 @@ def main() -> None:
         folder = args.work / name
         cost = {"ms_per_frame_set": round(simulated(model, args.preset, args.lidars, folder), 3)}
         rows = [{**model, **row(folder / n, args.detector), **cost} for n in args.lidars]
-        table = pd.concat([table, pd.DataFrame(rows).assign(**about)], ignore_index=True)
+        table = pd.concat([table, pd.DataFrame(rows).assign(**provenance)], ignore_index=True)
         with replacing(args.out) as beside:
             table.to_csv(beside, index=False)
         print(name, *(f"{one['lidar']} {one['ap_fine']}" for one in rows), flush=True)

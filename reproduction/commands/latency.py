@@ -76,8 +76,8 @@ def measured(task: Task, workspace: Workspace, every: int) -> None:
     """Times a task on one thread; into the table of latencies, and into its cell's own row."""
     folder = workspace.data(task.cell.world) / task.cell.lidar
     columns, _ = measure.timed_alone(task.run(workspace), folder, "cpu", every=every)
-    about = {"frames": columns["latency_frames"], "command": "python -m reproduction latency"}
-    row = pd.DataFrame([{**task.key, **columns, **about}])
+    provenance = {"frames": columns["latency_frames"], "command": "python -m reproduction latency"}
+    row = pd.DataFrame([{**task.key, **columns, **provenance}])
     store.put(workspace.results / "latency.csv", row, [*KEY, "budget"])
     put_latency(task.cell, workspace, columns)
     print(task.cell.title, task.budget, columns["latency_p50_ms"], "ms", flush=True)

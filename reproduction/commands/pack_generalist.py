@@ -52,14 +52,14 @@ class Judged:
 
 def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -> Iterator[Judged]:
     """The boxes of each class in its region."""
-    found = []
+    detections = []
     for sample in samples:
         network.know(sample.region)
-        found.append(network.predict(sample.points))
+        detections.append(network.predict(sample.points))
     for number, name in enumerate(network.classes):
         parts = [
             right_of(*pair, number, name, METRICS[name])
-            for pair in zip(samples, found, strict=True)
+            for pair in zip(samples, detections, strict=True)
         ]
         scores, right, objects = zip(*parts, strict=True)
         columns = np.concatenate(scores), np.concatenate(right)
@@ -68,7 +68,7 @@ def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -
 
 def right_of(
     sample: SiteSample,
-    found: Detections,
+    detections: Detections,
     number: int,
     name: ObjectClass,
     metric: matching.Metric,
@@ -76,9 +76,9 @@ def right_of(
 ) -> tuple[FloatArray, BoolArray, int]:
     """Scores of a class's boxes in its region, which are right, and how many objects there are."""
     margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
-    inside = (found.names == TYPES[name]) & sample.region.holds(found.boxes, margin_m)
+    inside = (detections.names == TYPES[name]) & sample.region.holds(detections.boxes, margin_m)
     there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
-    boxes, scores, truth = found.boxes[inside], found.scores[inside], sample.boxes[there]
+    boxes, scores, truth = detections.boxes[inside], detections.scores[inside], sample.boxes[there]
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
     right = matching.hits(frames[0], boxes, scores, frames[1], truth, metric, iou)
     return scores, right, len(truth)
@@ -103,8 +103,10 @@ def row(cell: Judged, line: tuple[float, float]) -> dict[str, object]:
 
 def line_of(cells: list[Judged], name: ObjectClass) -> tuple[float, float]:
     """Raises ValueError for a class without a right and a wrong box."""
-    own = [cell for cell in cells if cell.name == name]
-    columns = (np.concatenate([getattr(cell, key) for cell in own]) for key in ("scores", "right"))
+    selected = [cell for cell in cells if cell.name == name]
+    columns = (
+        np.concatenate([getattr(cell, key) for cell in selected]) for key in ("scores", "right")
+    )
     try:
         return calibration.fit(*columns)
     except ValueError as error:
@@ -122,8 +124,8 @@ def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
 def figures_of(table: pd.DataFrame) -> dict[str, float]:
     """Means over sites and LiDARs; those of people by the name of their class."""
     return {
-        key if name in VEHICLES else f"{name}_{key}": round(float(own[key].mean()), 3)
-        for name, own in table.groupby("class", sort=False)
+        key if name in VEHICLES else f"{name}_{key}": round(float(group[key].mean()), 3)
+        for name, group in table.groupby("class", sort=False)
         for key in ("precision", "recall")
     }
 
@@ -136,8 +138,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=MODELS / "generalist.safetensors")
     parser.add_argument("--table", type=Path, default=ROOT / "results/generalist_sites.csv")
     args = parser.parse_args()
-    found = checkpoint.load(model_file(args.run))
-    network = fused(found.network())
+    loaded = checkpoint.load(model_file(args.run))
+    network = fused(loaded.network())
     classes = network.classes
     network.calibration, network.min_score = None, MIN_SCORE
     cells = [
@@ -153,12 +155,12 @@ def main() -> None:
     )
     table.to_csv(args.table, index=False, float_format="%.4g")
     figures = figures_of(table)
-    about = replace(
-        found.about,
+    provenance = replace(
+        loaded.provenance,
         anywhere=True,
         calibration=line,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
     args.out.parent.mkdir(exist_ok=True)
-    checkpoint.write(args.out, halved(found.weights()), about)
+    checkpoint.write(args.out, halved(loaded.weights()), provenance)
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")

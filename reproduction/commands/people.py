@@ -78,17 +78,17 @@ def points(world: simulation.World, lidar: simulation.Lidar) -> pd.DataFrame:
     """A row for each frame and class; 0 points of what is out of reach."""
     rows = []
     for k, (frame,) in simulation.simulate(world, [lidar], range(FRAMES)):
-        found = dict(
+        counts = dict(
             zip(frame.objects["id"].tolist(), frame.objects["points"].tolist(), strict=True)
         )
         middle = FROM_M + STEP_M * (k + 0.5)
-        rows += [(name, middle, found.get(number(name, k), 0)) for name in SIZES]
+        rows += [(name, middle, counts.get(number(name, k), 0)) for name in SIZES]
     return pd.DataFrame(rows, columns=["class", "distance", "points"])
 
 
-def by_distance(found: pd.DataFrame) -> pd.DataFrame:
-    from_m = (BIN_M * (found.distance // BIN_M)).astype(int)
-    groups = found.groupby(["class", from_m.rename("from_m")], sort=False).points
+def by_distance(rows: pd.DataFrame) -> pd.DataFrame:
+    from_m = (BIN_M * (rows.distance // BIN_M)).astype(int)
+    groups = rows.groupby(["class", from_m.rename("from_m")], sort=False).points
     table = groups.agg(points="median", seen_share=lambda p: (p > 0).mean(), frames="size")
     return table.reset_index()
 
@@ -119,6 +119,6 @@ def main() -> None:
     files = [file for file in catalogue_files() if file.stem != "livox_mid_360"]
     with tempfile.TemporaryDirectory() as work:
         table = pd.concat(measured(write_scene(Path(work)), files))
-    about = {"preset": "datasheet", "seed": 1, "version": __version__, "machine": machine()}
-    table = table.assign(**about)
+    provenance = {"preset": "datasheet", "seed": 1, "version": __version__, "machine": machine()}
+    table = table.assign(**provenance)
     table.to_csv(args.out, index=False, float_format="%.4g")

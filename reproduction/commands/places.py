@@ -41,9 +41,9 @@ NAMES = ("place", "minus")  # columns of paths
 def scene(work: Path) -> Path:
     """The scene of the page, saved under its name."""
     page = (ROOT / "docs/several_poles.md").read_text("utf-8")
-    found = re.search(r"^```yaml corner.yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    (file := work / "corner.yaml").write_text(found[1], "utf-8")
+    match = re.search(r"^```yaml corner.yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    assert match is not None
+    (file := work / "corner.yaml").write_text(match[1], "utf-8")
     return file
 
 
@@ -61,13 +61,13 @@ def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
     words += ["--fuse"] if len(places) > 1 else []
     infrasim("run", scene(work), "--lidar", lidar_file(lidar), *words)
     for place, folder in places.items():
-        gt, found = data / folder / lidar, work / "runs" / lidar / f"{place}_{seed}"
+        gt, predictions = data / folder / lidar, work / "runs" / lidar / f"{place}_{seed}"
         out = work / "out" / lidar / place / str(seed)
         if not (out / "draws.csv").is_file():
-            if not found.is_dir():
-                pyinfra("detect", "--model", "generalist", "--data", gt, "--out", found)
+            if not predictions.is_dir():
+                pyinfra("detect", "--model", "generalist", "--data", gt, "--out", predictions)
             of = ("--ground-truth", "present", "all", "--no-figures")
-            pyinfra("evaluate", "--gt", gt, "--pred", found, *of, "--out", out)
+            pyinfra("evaluate", "--gt", gt, "--pred", predictions, *of, "--out", out)
 
 
 def main() -> None:
@@ -90,8 +90,8 @@ def main() -> None:
             for group in groups:
                 rows = compare_places(group, which)
                 names = {column: rows[column].map(lambda t: Path(t).name) for column in NAMES}
-                own = {"lidar": lidar, "detector": "generalist", "ground_truth": which}
-                tables.append(pd.DataFrame(own, index=rows.index).join(rows.assign(**names)))
-    about = {"seed": " ".join(map(str, SEEDS)), "version": __version__, "machine": machine()}
-    about["command"] = f"python -m reproduction places --work {args.work.name}"
-    pd.concat(tables).assign(**about).to_csv(args.out, index=False, float_format="%.5g")
+                columns = {"lidar": lidar, "detector": "generalist", "ground_truth": which}
+                tables.append(pd.DataFrame(columns, index=rows.index).join(rows.assign(**names)))
+    provenance = {"seed": " ".join(map(str, SEEDS)), "version": __version__, "machine": machine()}
+    provenance["command"] = f"python -m reproduction places --work {args.work.name}"
+    pd.concat(tables).assign(**provenance).to_csv(args.out, index=False, float_format="%.5g")

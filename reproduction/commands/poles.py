@@ -107,11 +107,11 @@ def truth_of(folder: Path, reference: Path) -> GroundTruth:
     """With the vehicles of the reference, and `all` as that has it; labels and points stay."""
     truth = read_ground_truth(folder, frame_numbers(folder))
     others = read_vehicles(reference, truth.frames)
-    own = with_unreached(truth.vehicles, others)
+    vehicles = with_unreached(truth.vehicles, others)
     seen = dict(zip(zip(others.frame, others.ids, strict=True), others.visibility, strict=True))
-    pairs = zip(own.frame, own.ids, strict=True)
+    pairs = zip(vehicles.frame, vehicles.ids, strict=True)
     visibility = np.array([seen.get(pair, -1.0) for pair in pairs])
-    return replace(truth, vehicles=replace(own, visibility=visibility))
+    return replace(truth, vehicles=replace(vehicles, visibility=visibility))
 
 
 def model_of(arm: str, folder: Path) -> tuple[Path, float]:
@@ -126,29 +126,29 @@ def model_of(arm: str, folder: Path) -> tuple[Path, float]:
 def judged(model: Path, folder: Path, reference: Path) -> tuple[list[Judgement], float]:
     """Under each ground truth, and the median of milliseconds a frame."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
-    found, times = detect.detect(detect.detector_at(model, folder), files, None)
+    detections, times = detect.detect(detect.detector_at(model, folder), files, None)
     truth = truth_of(folder, reference)
-    one = contest(truth, as_predictions(found), "vehicle", SETTINGS, "bev")
-    took = one.match(IOU, strict=False)
-    rows = [judge(one, which, took, SETTINGS.min_points) for which in SETTINGS.ground_truths]
+    one = contest(truth, as_predictions(detections), "vehicle", SETTINGS, "bev")
+    matches = one.match(IOU, strict=False)
+    rows = [judge(one, which, matches, SETTINGS.min_points) for which in SETTINGS.ground_truths]
     return rows, float(np.median(times))
 
 
 def row(judgement: Judgement, which: str) -> dict[str, object]:
-    found = fine_ap(judgement)
+    bootstrapped = fine_ap(judgement)
     vehicles = judgement.contest.vehicles
     same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
     wrong = causes(judgement, IOU, strict=False)
     frames = len(judgement.contest.truth.frames)
     return {
-        **{name: round(v, 3) for name, v in fine_columns(judgement, found).items()},
+        **{name: round(v, 3) for name, v in fine_columns(judgement, bootstrapped).items()},
         "objects": judgement.objects,
         "found": int(judgement.hit.sum()),
         "points_per_vehicle": float(np.median(vehicles.points[judgement.counted])),
         "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / frames,
         "misplaced_per_frame": np.count_nonzero(wrong == "localisation") / frames,
         **box_errors(judgement),
-        **draw_rows(same, which, [("ap_fine", found)]).iloc[0].to_dict(),
+        **draw_rows(same, which, [("ap_fine", bootstrapped)]).iloc[0].to_dict(),
     }
 
 
@@ -164,14 +164,14 @@ def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterat
         learnt = folder if arm.endswith(ANEW) else simulated(lidar, poles, args.work)
         model, seconds = model_of(arm, learnt)
         judgements, ms = judged(model, folder, reference)
-        found = [row(j, which) for j, which in zip(judgements, SETTINGS.ground_truths, strict=True)]
+        rows = [row(j, which) for j, which in zip(judgements, SETTINGS.ground_truths, strict=True)]
         points = [
             kitti.frame_file(folder, "velodyne", k).stat().st_size / 16
             for k in kitti.frames(folder)
         ]
         more = {"points_per_frame": round(float(np.mean(points))), "train_cpu_s": round(seconds, 1)}
         more |= {"latency_p50_ms": round(ms, 1)}
-        yield pd.DataFrame([{**cell, **asdict(error), **more, **one} for one in found])
+        yield pd.DataFrame([{**cell, **asdict(error), **more, **one} for one in rows])
 
 
 def main() -> None:
@@ -181,7 +181,7 @@ def main() -> None:
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
     args = parser.parse_args()
-    about = {
+    provenance = {
         "version": __version__,
         "machine": machine(),
         "command": "python -m reproduction poles",
@@ -190,5 +190,5 @@ def main() -> None:
         for lidar in args.lidars:
             for poles in MOUNTS:
                 for rows in filled(lidar, poles, arm, args):
-                    store.put(args.out, rows.assign(**about), KEY)
+                    store.put(args.out, rows.assign(**provenance), KEY)
                     print(*rows.iloc[0][[*KEY, "ap_fine", "train_cpu_s"]], flush=True)

@@ -70,11 +70,18 @@ def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
     shared = dict(steps.seconds)
     record = yaml.safe_load((site / "map.yaml").read_text())
     vehicles = pd.read_csv(site / "trajectories.csv", usecols=["id"]).id.nunique()
-    about = {"lanes": record["lanes"], "triangles": record["triangles"], "vehicles": vehicles}
+    counts = {"lanes": record["lanes"], "triangles": record["triangles"], "vehicles": vehicles}
     for lidar in LIDARS:
         steps.seconds = dict(shared)
-        found = with_background(steps, data / lidar, work / name / lidar)
-        yield {"site": name, "map": map_.name, "lidar": lidar, **about, **steps.seconds, **found}
+        measures = with_background(steps, data / lidar, work / name / lidar)
+        yield {
+            "site": name,
+            "map": map_.name,
+            "lidar": lidar,
+            **counts,
+            **steps.seconds,
+            **measures,
+        }
 
 
 def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
@@ -85,16 +92,16 @@ def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
     words = ["--gt", data, "--pred", run / "predictions", "--out", work / "ap"]
     steps.run("evaluate_s", "pyinfra", "evaluate", *words, "--no-figures")
     table = pd.read_csv(work / "ap" / "ap.csv").set_index("ground_truth")
-    found: dict[str, object] = {"frames": table.frames["all"]}
+    measures: dict[str, object] = {"frames": table.frames["all"]}
     for truth in ("captured", "all"):
         row = table.loc[truth]
-        found |= {
+        measures |= {
             f"ap_{truth}": row.ap_fine,
             f"ap_{truth}_low": row.ap_fine_low,
             f"ap_{truth}_high": row.ap_fine_high,
             f"objects_{truth}": row.objects,
         }
-    return found
+    return measures
 
 
 def maps_of(towns: Path | None, work: Path) -> Iterator[tuple[str, Path]]:
@@ -118,7 +125,7 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="also those that are in the table")
     parser.add_argument("--out", type=Path, default=ROOT / "results/sites.csv")
     args = parser.parse_args()
-    about = {"preset": PRESET, "seed": SEED, "version": __version__, "machine": machine()}
+    provenance = {"preset": PRESET, "seed": SEED, "version": __version__, "machine": machine()}
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"site": []})
     for name, map_ in maps_of(args.towns, args.work.resolve()):
         wanted = not args.sites or name in args.sites
@@ -129,7 +136,7 @@ def main() -> None:
         except RuntimeError as error:
             print(f"{name}: {error}")
             continue
-        new = pd.DataFrame(rows).assign(**about, command=COMMAND)
+        new = pd.DataFrame(rows).assign(**provenance, command=COMMAND)
         table = pd.concat([table[table.site != name], new], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")
         print(new.T.to_string(header=False), flush=True)

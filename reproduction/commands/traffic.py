@@ -50,15 +50,15 @@ def rows(place: Place, demand: Demand, seconds: float, seed: int) -> Iterator[di
     start = time.perf_counter()
     sumo_run = record(place.net, place.feet, demand, seconds, seed)
     after = cleaned(sumo_run, place.feet)
-    took = time.perf_counter() - start
+    elapsed_s = time.perf_counter() - start
     end = sumo_run.start + sumo_run.count
     raw = [unsmoothed(path).between(sumo_run.start, end) for path in sumo_run.paths]
     before = [track for track in raw if track is not None]
-    about = {"net": place.name, "seed": seed, "run_s": round(took, 1)}
+    facts = {"net": place.name, "seed": seed, "run_s": round(elapsed_s, 1)}
     left_out = len(after.overlapping) + len(after.rough)
     for stage, tracks, out in (("SUMO", before, 0), ("smoothed", after.tracks, left_out)):
         figures = row(traffic_figures(tracks, place.feet))
-        yield about | {"stage": stage} | figures | {"left_out": out}
+        yield facts | {"stage": stage} | figures | {"left_out": out}
 
 
 def row(figures: TrafficFigures) -> dict[str, object]:
@@ -84,11 +84,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         crossing = Place("crossing", traffic_data.crossing(Path(folder)), np.array([[12.0, 12.0]]))
         places = [crossing, *map(place_of, args.sites)]
-        found = [
+        records = [
             row for place in places for seed in SEEDS
             for row in rows(place, demand, args.seconds, seed)
         ]  # fmt: skip
-    table = pd.DataFrame(found).assign(
+    table = pd.DataFrame(records).assign(
         version=__version__, machine=machine(), command="python -m reproduction traffic"
     )
     table.to_csv(args.out, index=False)

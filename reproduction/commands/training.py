@@ -43,8 +43,8 @@ def split_at_random(data: Path) -> Path:
     for folder in data.glob("*/lidar.yaml"):
         for name in ("lidar.yaml", "training"):
             link(twin / folder.parent.name / name, folder.parent / name)
-    found = read_data_set(twin)
-    split.write(found, split.by_random(found.frames, SPLIT_SEED))
+    source = read_data_set(twin)
+    split.write(source, split.by_random(source.frames, SPLIT_SEED))
     return twin
 
 

@@ -99,11 +99,11 @@ class Boxes:
 
     def recall_at_half(self, chosen: BoolArray) -> float:
         """The highest recall at a precision of 0.5 or more, of the chosen sites."""
-        own = chosen[self.slot]
-        right = self.right[own][np.argsort(-self.scores[own], kind="stable")]
-        found = np.cumsum(right)
-        precise = found >= 0.5 * np.arange(1, len(right) + 1)
-        return float(found[precise].max(initial=0) / max(1, self.objects[chosen].sum()))
+        mask = chosen[self.slot]
+        right = self.right[mask][np.argsort(-self.scores[mask], kind="stable")]
+        hits = np.cumsum(right)
+        precise = hits >= 0.5 * np.arange(1, len(right) + 1)
+        return float(hits[precise].max(initial=0) / max(1, self.objects[chosen].sum()))
 
 
 @dataclass
@@ -116,10 +116,10 @@ class Parts:
     def __post_init__(self) -> None:
         self.objects, self.frames = (np.zeros(self.sites, np.int64) for _ in range(2))
 
-    def add(self, place: int, scores: FloatArray, right: BoolArray, objects: int) -> None:
-        self.boxes.append((np.full(len(scores), place), scores, right))
-        self.objects[place] += objects
-        self.frames[place] += 1
+    def add(self, slot: int, scores: FloatArray, right: BoolArray, objects: int) -> None:
+        self.boxes.append((np.full(len(scores), slot), scores, right))
+        self.objects[slot] += objects
+        self.frames[slot] += 1
 
     def whole(self) -> Boxes:
         slot, scores, right = (np.concatenate(column) for column in zip(*self.boxes, strict=True))
@@ -129,16 +129,16 @@ class Parts:
 Key = tuple[str, int, str, str]  # condition, model, kind of object, measure
 
 
-def found_at(
-    sample: SiteSample, found: Detections, names: tuple[ObjectClass, ...], measure: Measure
+def scored_boxes(
+    sample: SiteSample, detections: Detections, names: tuple[ObjectClass, ...], measure: Measure
 ) -> tuple[FloatArray, BoolArray, int]:
     """Scores of the boxes of some classes, which are right, and how many objects there are."""
     _, metric, limit = measure
     margin_m = 0.0 if names == VEHICLES else FOOTWAYS_M
     types, numbers = [TYPES[name] for name in names], [CLASSES.index(name) for name in names]
-    inside = np.isin(found.names, types) & sample.region.holds(found.boxes, margin_m)
+    inside = np.isin(detections.names, types) & sample.region.holds(detections.boxes, margin_m)
     there = np.isin(sample.numbers, numbers) & sample.region.holds(sample.boxes, margin_m)
-    boxes, scores, truth = found.boxes[inside], found.scores[inside], sample.boxes[there]
+    boxes, scores, truth = detections.boxes[inside], detections.scores[inside], sample.boxes[there]
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
     right = matching.hits(frames[0], boxes, scores, frames[1], truth, metric, limit)
     return scores, right, len(truth)
@@ -148,27 +148,27 @@ def gathered(
     name: str, sites: int, frames: int, networks: list[Network], conditions: dict[str, Fault]
 ) -> dict[Key, Boxes]:
     parts: dict[Key, Parts] = {}
-    places: dict[str, int] = {}
+    slots: dict[str, int] = {}
     for site, _, samples in frozen_sites.looked_at(name, CLASSES, sites, frames):
-        place = places.setdefault(site, len(places))
+        slot = slots.setdefault(site, len(slots))
         for sample in samples:
             for condition, fault in conditions.items():
                 points = lifted(fault(lifted(sample.points, -sample.height_m)), sample.height_m)
                 for model, network in enumerate(networks):
                     network.know(sample.region)
-                    found = network.predict(points)
+                    detections = network.predict(points)
                     for kind, names in OBJECTS.items():
                         if not set(names) <= set(network.classes):
                             continue
                         for measure in OF_VEHICLES if names == VEHICLES else OF_PEOPLE:
                             key = (condition, model, kind, measure[0])
-                            own = parts.setdefault(key, Parts(sites))
-                            own.add(place, *found_at(sample, found, names, measure))
-    return {key: own.whole() for key, own in parts.items()}
+                            part = parts.setdefault(key, Parts(sites))
+                            part.add(slot, *scored_boxes(sample, detections, names, measure))
+    return {key: part.whole() for key, part in parts.items()}
 
 
 def rows(
-    found: dict[Key, Boxes], names: list[str], kinds: dict[str, BoolArray]
+    pooled: dict[Key, Boxes], names: list[str], kinds: dict[str, BoolArray]
 ) -> Iterator[dict[str, object]]:
     random = np.random.default_rng(1)
     for kind, chosen in kinds.items():
@@ -178,14 +178,14 @@ def rows(
         drawn = random.multinomial(count, np.ones(count) / count, REPLICATES)
         weights = np.zeros((1 + REPLICATES, len(chosen)), np.int64)
         weights[0, chosen], weights[1:, chosen] = 1, drawn
-        every = {key: own.ap(weights) for key, own in found.items()}
-        for (condition, model, name, measure), own in found.items():
+        every = {key: boxes.ap(weights) for key, boxes in pooled.items()}
+        for (condition, model, name, measure), boxes in pooled.items():
             ap = every[(condition, model, name, measure)]
             first = every.get((condition, 0, name, measure))
             less = ap - first if model and first is not None else None
             as_known = every[(AS_KNOWN, model, name, measure)]
             cost = as_known - ap if condition != AS_KNOWN else None
-            false = own.false_per_frame(weights)
+            false = boxes.false_per_frame(weights)
             yield {
                 "model": names[model],
                 "condition": condition,
@@ -193,11 +193,11 @@ def rows(
                 "measure": measure,
                 "sites": kind,
                 "count": count,
-                "objects": int(own.objects[chosen].sum()),
+                "objects": int(boxes.objects[chosen].sum()),
                 **with_ends("ap_fine", ap, count),
                 **with_ends("difference", less, count),
                 **with_ends("cost", cost, count),
-                "recall_at_half": own.recall_at_half(chosen),
+                "recall_at_half": boxes.recall_at_half(chosen),
                 **with_ends("false_per_frame", false, count),
             }
 
@@ -220,12 +220,12 @@ def tested(
         ("cluttered", {AS_KNOWN: CONDITIONS[AS_KNOWN]}),
     ):
         keys = [keys for keys, _ in frozen_sites.read_visits(name)][:sites]
-        kinds = {kind: np.array([holds(own) for own in keys]) for kind, holds in KINDS.items()}
-        found = gathered(name, len(keys), frames, networks, conditions)
+        kinds = {kind: np.array([holds(item) for item in keys]) for kind, holds in KINDS.items()}
+        pooled = gathered(name, len(keys), frames, networks, conditions)
         all_of = {"all": kinds.pop("all")}
-        yield from ({"set": name, **row} for row in rows(found, names, all_of))
+        yield from ({"set": name, **row} for row in rows(pooled, names, all_of))
         if name == "plain":
-            as_known = {key: own for key, own in found.items() if key[0] == AS_KNOWN}
+            as_known = {key: item for key, item in pooled.items() if key[0] == AS_KNOWN}
             yield from ({"set": name, **row} for row in rows(as_known, names, kinds))
 
 

@@ -113,8 +113,8 @@ def detection_in_short() -> str:
 
 def _in_short(claims: Claims, cell: Callable[[str, str, str], str]) -> str:
     rows = [
-        [said, named(claim, note), *(cell(claim, words, preset) for preset in PRESETS)]
-        for said, claim, words, note in claims
+        [statement, named(claim, note), *(cell(claim, words, preset) for preset in PRESETS)]
+        for statement, claim, words, note in claims
     ]
     return markdown(["the paper says", "claim", *(f"`{p}`" for p in PRESETS)], rows)
 
@@ -127,31 +127,33 @@ def named(claim: str, note: str) -> str:
 
 
 def scanned(claim: str, words: str, preset: str) -> str:
-    found = rows_of(results("claims"), claim, words, preset=preset)
-    verdicts = sorted(set(found.verdict))
-    times = f" ({number(found.value.iloc[0])} times)" if claim == "far-range" else ""
+    rows = rows_of(results("claims"), claim, words, preset=preset)
+    verdicts = sorted(set(rows.verdict))
+    times = f" ({number(rows.value.iloc[0])} times)" if claim == "far-range" else ""
     return " / ".join(verdicts) + times
 
 
 def counted(claim: str, words: str, preset: str) -> str:
-    found = rows_of(results("quick_claims"), claim, words, preset=preset).verdict
-    if found.empty:
+    verdicts = rows_of(results("quick_claims"), claim, words, preset=preset).verdict
+    if verdicts.empty:
         return ""
-    return " / ".join(str((found == verdict).sum()) for verdict in ("holds", "fails", "undecided"))
+    return " / ".join(
+        str((verdicts == verdict).sum()) for verdict in ("holds", "fails", "undecided")
+    )
 
 
 def scanning() -> str:
     """Value, interval and verdict of each claim about scanning."""
     rows = []
-    for claim, words, said, where in OF_SCANNING:
+    for claim, words, statement, where in OF_SCANNING:
         cells = (scanned_row(claim, words, preset) for preset in PRESETS)
-        rows.append([said, where, *cells])
+        rows.append([statement, where, *cells])
     return markdown(["claim", "set, distance", *PRESETS], rows)
 
 
 def scanned_row(claim: str, words: str, preset: str) -> str:
-    found = rows_of(results("claims"), claim, words, preset=preset)
-    ((value, low, high, verdict),) = found[["value", "low", "high", "verdict"]].itertuples(
+    selected = rows_of(results("claims"), claim, words, preset=preset)
+    ((value, low, high, verdict),) = selected[["value", "low", "high", "verdict"]].itertuples(
         index=False
     )
     return f"{with_interval(value, low, high)} {verdict}"
@@ -160,33 +162,33 @@ def scanned_row(claim: str, words: str, preset: str) -> str:
 def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
     """A column a detector; a row that none of them has is left out."""
     rows = []
-    for claim, words, said, shape in OF_A_SCENE:
+    for claim, words, statement, shape in OF_A_SCENE:
         cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
         if any(cells):
-            rows.append([said, *cells])
+            rows.append([statement, *cells])
     return markdown(["claim", *(DETECTORS[d] for d in names)], rows)
 
 
 def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
     """A column a scene, the detectors beside each other in it."""
     rows = []
-    for claim, words, said, shape in OF_A_SCENE:
+    for claim, words, statement, shape in OF_A_SCENE:
         cells = [
             " / ".join(filter(None, (verdict(s, preset, claim, words, d, shape) for d in names)))
             for s in scenes
         ]
         if any(cells):
-            rows.append([said, *cells])
+            rows.append([statement, *cells])
     return markdown(["claim", *scenes], rows)
 
 
 def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shape: str) -> str:
     """Value and verdict of a claim about one detector; nothing if it was not tested."""
-    found = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
-    found = found[found.statement.str.startswith(f"{detector}:")]
-    if found.empty:
+    rows = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
+    rows = rows[rows.statement.str.startswith(f"{detector}:")]
+    if rows.empty:
         return ""
-    ((value, text),) = found[["value", "verdict"]].itertuples(index=False)
+    ((value, text),) = rows[["value", "verdict"]].itertuples(index=False)
     return f"{shape.format(value)} {text}"
 
 
@@ -196,12 +198,12 @@ def detectors(scene: str, preset: str) -> str:
     table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
     rows = []
     for name, words in DETECTORS.items():
-        own = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
+        by_lidar = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
         cells = [
-            with_interval_of_ap(*ends(own.loc[x], "ap_fine")) if x in own.index else ""
+            with_interval_of_ap(*ends(by_lidar.loc[x], "ap_fine")) if x in by_lidar.index else ""
             for x in LIDARS
         ]
-        seconds = own.train_seconds.dropna()
+        seconds = by_lidar.train_seconds.dropna()
         span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
         rows.append([words, *cells, span])
     return markdown([f"{ap_name(table)} of", *LIDARS.values(), "train, CPU s"], rows)

@@ -10,9 +10,9 @@ def coverage() -> str:
     table = results("coverage")
     table = table[table.rule == "as long as a stay"]
     rows = []
-    for (scene, span), own in table.groupby(["scene", "span_s"], sort=False):
-        cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in own.itertuples()]
-        rows.append([scene, f"{span}", f"{own.block_s.iloc[0]:.0f}", *cells])
+    for (scene, span), group in table.groupby(["scene", "span_s"], sort=False):
+        cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in group.itertuples()]
+        rows.append([scene, f"{span}", f"{group.block_s.iloc[0]:.0f}", *cells])
     figures = list(dict.fromkeys(table.figure))
     return markdown(["scene", "test, s", "block, s", *figures], rows)
 
@@ -23,7 +23,7 @@ def correlation() -> str:
     table = table[table.ground_truth == "all"]
     by_lidar = table.pivot(index="scene", columns="lidar", values="correlation_s")
     rows = [
-        [scene, f"{own.block_s.iloc[0]:.0f}", *(f"{by_lidar.loc[scene, x]:.0f}" for x in LIDARS)]
-        for scene, own in table.groupby("scene", sort=False)
+        [scene, f"{group.block_s.iloc[0]:.0f}", *(f"{by_lidar.loc[scene, x]:.0f}" for x in LIDARS)]
+        for scene, group in table.groupby("scene", sort=False)
     ]
     return markdown(["scene", "block, s", *LIDARS.values()], rows)

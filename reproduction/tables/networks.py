@@ -39,19 +39,19 @@ MANY_LABELS = 200  # in the frames of test
 def generalist_sites() -> str:
     """By LiDAR, precision and recall of the shipped network's vehicles at sites it never saw."""
     rows, table = [], results("generalist_sites")
-    for lidar, own in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
-        found = own[["boxes", "objects"]].sum()
-        right = (own.precision * own.boxes).sum()
-        said = (own.precision_said * own.boxes).sum() / found.boxes
-        low, high = own[own.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
+    for lidar, group in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
+        totals = group[["boxes", "objects"]].sum()
+        right = (group.precision * group.boxes).sum()
+        stated = (group.precision_said * group.boxes).sum() / totals.boxes
+        low, high = group[group.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
         spread = f"{low:.2f} to {high:.2f}"
         shares = (
-            f"{right / found.boxes:.2f}",
+            f"{right / totals.boxes:.2f}",
             spread,
-            f"{said:.2f}",
-            f"{right / found.objects:.2f}",
+            f"{stated:.2f}",
+            f"{right / totals.objects:.2f}",
         )
-        rows.append([str(lidar), str(own.site.nunique()), f"{found.objects:.0f}", *shares])
+        rows.append([str(lidar), str(group.site.nunique()), f"{totals.objects:.0f}", *shares])
     heads = ["precision", "of 80 % of the sites", "precision said", "recall"]
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 
@@ -59,13 +59,15 @@ def generalist_sites() -> str:
 def generalist_classes() -> str:
     """What the shipped network's boxes of each class are at sites it never saw, from the cut on."""
     rows, table = [], results("generalist_sites")
-    for name, own in table.groupby("class", sort=False):
-        own = own.assign(right=own.precision * own.boxes, said=own.precision_said * own.boxes)
-        objects, boxes, right, said = own[["objects", "boxes", "right", "said"]].sum()
-        sites = own.groupby("site")[["right", "said", "boxes"]].sum()
+    for name, group in table.groupby("class", sort=False):
+        group = group.assign(
+            right=group.precision * group.boxes, said=group.precision_said * group.boxes
+        )
+        objects, boxes, right, stated = group[["objects", "boxes", "right", "said"]].sum()
+        sites = group.groupby("site")[["right", "said", "boxes"]].sum()
         sites = sites[sites.boxes >= LEAST_BOXES]
         off = (sites.said - sites.right).abs() / sites.boxes
-        shares = (f"{v:.2f}" for v in (right / boxes, said / boxes, right / objects))
+        shares = (f"{v:.2f}" for v in (right / boxes, stated / boxes, right / objects))
         close = f"{100 * (off <= 0.05).mean():.0f} % of {len(sites)}"
         rows.append([str(name), f"{objects:.0f}", f"{boxes:.0f}", *shares, close])
     heads = ["class", "objects", "boxes", "precision", "said", "recall", "sites within 0.05"]
@@ -76,8 +78,8 @@ def generalist() -> str:
     """Fine AP of the shipped network as it comes, after a little training, and of a specialist."""
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
-    for (site, lidar, world), own in table.groupby(["site", "lidar", "seed"], sort=False):
-        by_arm = own.set_index("arm")
+    for (site, lidar, world), group in table.groupby(["site", "lidar", "seed"], sort=False):
+        by_arm = group.set_index("arm")
         cells = (
             with_interval_of_ap(*ends(by_arm.loc[arm], "ap_fine")) if arm in by_arm.index else ""
             for arm in ARMS
@@ -101,8 +103,8 @@ def beside_specialists() -> str:
         "the study's": ~generated,
     }
     for (kind, chosen), arm in itertools.product(kinds.items(), list(ARMS)[:-1]):
-        own = cells[chosen]
-        less = (own[arm] - own.specialist).dropna()
+        selected = cells[chosen]
+        less = (selected[arm] - selected.specialist).dropna()
         of_sites = less.groupby("site").mean().to_numpy()
         least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
         spread = f"{least} to {most}"
@@ -130,10 +132,10 @@ def unseen() -> str:
     models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table.objects > 0)]
     kinds = (table["sites"] == "all") | (table["class"] == "vehicle")
-    for (name, sites, kind), own in table[kinds].groupby(["set", "sites", "class"], sort=False):
-        of = own.set_index("model")
+    for (name, sites, kind), group in table[kinds].groupby(["set", "sites", "class"], sort=False):
+        of = group.set_index("model")
         ap = (with_interval_of_ap(*ends(of.loc[model], "ap_fine")) for model in models)
-        count, objects = own[["count", "objects"]].iloc[0]
+        count, objects = group[["count", "objects"]].iloc[0]
         where = f"{name}, {sites} ({count})"
         rows.append([where, kind, str(objects), *ap, _pair(ends(of.iloc[-1], "difference"))])
     names = (model.replace("_", " ") for model in models)
@@ -145,8 +147,8 @@ def unseen_pose() -> str:
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     wrong = table[table.condition != "as known"]
-    for (condition, kind), own in wrong.groupby(["condition", "class"], sort=False):
-        of = own.set_index("model")
+    for (condition, kind), group in wrong.groupby(["condition", "class"], sort=False):
+        of = group.set_index("model")
         costs = (_pair(ends(of.loc[model], "cost")) for model in models)
         rows.append([condition, kind, *costs])
     return markdown(["error", "class", *(f"cost, {m.replace('_', ' ')}" for m in models)], rows)
@@ -157,8 +159,8 @@ def unseen_shown() -> str:
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table["sites"] == "all")]
-    for (name, kind), own in table.groupby(["set", "class"], sort=False):
-        of = own.set_index("model")
+    for (name, kind), group in table.groupby(["set", "class"], sort=False):
+        of = group.set_index("model")
         false = (
             "{:.2f} [{:.2f}, {:.2f}]".format(*ends(of.loc[model], "false_per_frame"))
             for model in models
@@ -177,32 +179,32 @@ def stress_generalist() -> str:
         for name in ("stress_generalist_summary", "stress_generalist")
     )
     columns = [(lidar, who) for lidar in curves.lidar.unique() for who in STRESSED]
-    rows = [[f"{AP_R1000} without", *(_unstressed(trials, *own) for own in columns)]]
-    for (stressor, unit), own in curves[curves.unit != "name"].groupby(
+    rows = [[f"{AP_R1000} without", *(_unstressed(trials, *pair) for pair in columns)]]
+    for (stressor, unit), group in curves[curves.unit != "name"].groupby(
         ["stressor", "unit"], sort=False
     ):
-        cells = own.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
+        cells = group.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
         falls = (" / ".join(cells.loc[c]) if c in cells.index else "" for c in columns)
         rows.append([f"{stressor}, {unit}", *falls])
     names = trials[trials.unit == "name"]
-    for (stressor, dial), own in names.groupby(["stressor", "dial"], sort=False):
-        ap = own.set_index(["lidar", "who"]).ap_fine
+    for (stressor, dial), group in names.groupby(["stressor", "dial"], sort=False):
+        ap = group.set_index(["lidar", "who"]).ap_fine
         cells = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
         rows.append([f"{stressor}: {dial}", *cells])
     return markdown(["", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
 
 
 def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
-    own = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
-    return with_interval_of_ap(*ends(own.iloc[0], "ap_fine"))
+    selected = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
+    return with_interval_of_ap(*ends(selected.iloc[0], "ap_fine"))
 
 
 def engines() -> str:
     """How much faster a frame is with another engine in the generalist, and its AP."""
     table = results("engines")
     rows = []
-    for engine, own in table.groupby("engine", sort=False):
-        by_scene = own.set_index("scene")
+    for engine, group in table.groupby("engine", sort=False):
+        by_scene = group.set_index("scene")
         both = (f"{row.speed:.2f}, {row.ap_fine:.1f}" for _, row in by_scene.iterrows())
         rows.append([str(engine), *both])
     scenes = table.drop_duplicates("scene")

@@ -27,20 +27,20 @@ def ladder(name: str = "ladder") -> str:
     usual = {dial: table[dial].mode()[0] for dial in dials}
     lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
     rows, default = [], None
-    for model, own in table.groupby(dials, sort=False):
+    for model, group in table.groupby(dials, sort=False):
         other = [f"{d} `{v}`" for d, v in zip(dials, model, strict=True) if v != usual[d]]
-        seconds = own.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
-        by_lidar = own.set_index("lidar")
+        seconds = group.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
+        by_lidar = group.set_index("lidar")
         default = by_lidar if default is None else default
         cells = [_step(by_lidar.loc[x], default.loc[x] if other else None) for x in lidars]
         rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *cells])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
 
 
-def _step(own: pd.Series, default: pd.Series | None) -> str:
+def _step(row: pd.Series, default: pd.Series | None) -> str:
     """AP, or a signed difference, bold where its interval does not hold 0."""
-    if default is None or not are_pairs(own, default):
-        return with_interval_of_ap(*own[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float))
-    found = difference(own, default).measured()
-    text = f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
-    return f"**{text}**" if found.low > 0 or found.high < 0 else text
+    if default is None or not are_pairs(row, default):
+        return with_interval_of_ap(*row[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float))
+    change = difference(row, default).measured()
+    text = f"{change.value:+.1f} [{change.low:+.1f}, {change.high:+.1f}]"
+    return f"**{text}**" if change.low > 0 or change.high < 0 else text

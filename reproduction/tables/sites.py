@@ -40,20 +40,22 @@ def people() -> str:
     table = results("people")
     at_m = (20, 50, 100, 150)
     rows = []
-    for lidar, own in table.groupby("lidar", sort=False):
-        walkers = own[own["class"] == "Pedestrian"].set_index("from_m").points
-        reached = [people_reach(own[own["class"] == name]) for name in ("Pedestrian", "Cyclist")]
+    for lidar, group in table.groupby("lidar", sort=False):
+        walkers = group[group["class"] == "Pedestrian"].set_index("from_m").points
+        reached = [
+            people_reach(group[group["class"] == name]) for name in ("Pedestrian", "Cyclist")
+        ]
         rows.append([str(lidar), *reached, *(f"{walkers.get(m, 0):g}" for m in at_m)])
     heads = ["LiDAR", "pedestrian, m", "cyclist, m"]
     return markdown([*heads, *(f"points from {m} m" for m in at_m)], rows)
 
 
-def people_reach(own: pd.DataFrame) -> str:
+def people_reach(bins: pd.DataFrame) -> str:
     """The end of the last bin with enough points, and that of the last without a gap before it."""
-    enough = (own.points >= PEOPLE_POINTS).to_numpy()
+    enough = (bins.points >= PEOPLE_POINTS).to_numpy()
     if not enough.any():
         return "-"
-    end = own.from_m.to_numpy() + PEOPLE_BIN_M
+    end = bins.from_m.to_numpy() + PEOPLE_BIN_M
     first, last = enough.argmax(), len(enough) - 1 - enough[::-1].argmax()
     if enough[first : last + 1].all():
         return f"{end[last]}"
@@ -64,8 +66,8 @@ def people_reach(own: pd.DataFrame) -> str:
 def traffic() -> str:
     """How SUMO's vehicles, riders and people on foot move, before and after smoothing."""
     rows = []
-    for (net, seed), own in results("traffic").groupby(["net", "seed"], sort=False):
-        before, after = own.iloc[0], own.iloc[1]
+    for (net, seed), group in results("traffic").groupby(["net", "seed"], sort=False):
+        before, after = group.iloc[0], group.iloc[1]
         pairs = ("turn_deg", "acceleration_m_s2", "overlap_percent")
         figures = (f"{before[name]:.4g} / {after[name]:.4g}" for name in pairs)
         tracks = f"{after.vehicles_and_riders} + {after.pedestrians}"
@@ -79,16 +81,16 @@ def sites() -> str:
     table = results("sites")
     steps = ("import", "traffic", "check", "run")
     rows = []
-    for site, own in table.groupby("site", sort=False):
-        first = own.iloc[0]
+    for site, group in table.groupby("site", sort=False):
+        first = group.iloc[0]
         counts = [f"{first.lanes}", f"{first.triangles / 1000:.0f}", f"{first.vehicles}"]
         seconds = [f"{first[f'{step}_s']:.1f}" for step in steps]
-        by_lidar = own.set_index("lidar")
+        by_lidar = group.set_index("lidar")
         line = by_lidar.loc["ruby_plus"]
         seconds += [f"{line.detect_s + line.evaluate_s:.1f}"]
-        found = [site_ap(by_lidar.loc[lidar], "all") for lidar in ("ruby_plus", "livox_avia")]
+        ap_cells = [site_ap(by_lidar.loc[lidar], "all") for lidar in ("ruby_plus", "livox_avia")]
         captured = [site_ap(by_lidar.loc["livox_avia"], "captured")]
-        rows.append([str(site).replace("_", " "), *counts, *seconds, *found, *captured])
+        rows.append([str(site).replace("_", " "), *counts, *seconds, *ap_cells, *captured])
     heads = ["site", "lanes", "triangles, k", "vehicles", *(f"{step}, s" for step in steps)]
     heads += ["Background, s", "AP of all, 128 lines", "AP of all, Avia", "of captured, Avia"]
     return markdown(heads, rows)
@@ -101,12 +103,21 @@ def site_ap(row: pd.Series, truth: str) -> str:
 def poles() -> str:
     """AP by the number of poles, and what more poles add."""
     rows = []
-    for names, own in of_poles():
+    for names, by_poles in of_poles():
         ap = [
-            with_interval(*own[n][["ap_fine", "ap_fine_low", "ap_fine_high"]]) if n in own else ""
+            with_interval(*by_poles[n][["ap_fine", "ap_fine_low", "ap_fine_high"]])
+            if n in by_poles
+            else ""
             for n in (1, 2, 4)
         ]
-        rows.append([*names, *ap, _less(own.get(2), own.get(1)), _less(own.get(4), own.get(2))])
+        rows.append(
+            [
+                *names,
+                *ap,
+                _less(by_poles.get(2), by_poles.get(1)),
+                _less(by_poles.get(4), by_poles.get(2)),
+            ]
+        )
     heads = ["1 pole", "2 poles", "4 poles", "2 less 1", "4 less 2"]
     return markdown(["LiDAR", "detector", *heads], rows)
 
@@ -116,20 +127,20 @@ def places() -> str:
     table = results("places").fillna({"minus": ""})
     keys = ["ground_truth", "place", "minus", "measure"]
     rows = []
-    for lidar, own in table.groupby("lidar", sort=False):
-        found = {tuple(row[key] for key in keys): row for _, row in own.iterrows()}
+    for lidar, group in table.groupby("lidar", sort=False):
+        by_key = {tuple(row[key] for key in keys): row for _, row in group.iterrows()}
         for place, words in PLACES.items():
             cells = [
-                with_interval_of_ap(*found[truth, place, "", measure][["value", "low", "high"]])
+                with_interval_of_ap(*by_key[truth, place, "", measure][["value", "low", "high"]])
                 for truth, measure in (
                     ("all", "ap_r1000"),
                     ("present", "ap_r1000"),
                     ("present", "found_percent"),
                 )
             ]
-            hidden = found["present", place, "", "hidden_percent"].value
-            after = found.get(("present", place, COMPARED, "ap_r1000"))
-            before = found.get(("present", COMPARED, place, "ap_r1000"))
+            hidden = by_key["present", place, "", "hidden_percent"].value
+            after = by_key.get(("present", place, COMPARED, "ap_r1000"))
+            before = by_key.get(("present", COMPARED, place, "ap_r1000"))
             less = ""
             if after is not None:
                 less = _signed(after.value, after.low, after.high)
@@ -147,8 +158,8 @@ def _signed(value: float, low: float, high: float) -> str:
 def pole_errors() -> str:
     """What each error costs, of two poles and of four."""
     rows = []
-    for names, own in of_poles():
-        for right in (own[n] for n in (2, 4) if n in own):
+    for names, by_poles in of_poles():
+        for right in (by_poles[n] for n in (2, 4) if n in by_poles):
             cells = [_less(wrong, right) for wrong in _errors(right)]
             rows.append([*names, f"{right.poles}", *cells])
     return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
@@ -159,9 +170,9 @@ def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
     table = results("poles")
     right = table[(table.error == "none") & (table.ground_truth == "all")]
     for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
-        own = right[(right.lidar == lidar) & (right.arm == detector)]
-        if len(own):
-            rows = {int(row.poles): row for _, row in own.iterrows()}
+        selected = right[(right.lidar == lidar) & (right.arm == detector)]
+        if len(selected):
+            rows = {int(row.poles): row for _, row in selected.iterrows()}
             yield [words, POLE_DETECTORS[detector]], rows
 
 
@@ -169,13 +180,13 @@ def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
     """The same cell with each error, if it is there."""
     table = results("poles")
     keys = ["lidar", "arm", "poles", "ground_truth"]
-    own = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
-    return (own.loc[name] if name in own.index else None for name in POLE_ERRORS)
+    by_error = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
+    return (by_error.loc[name] if name in by_error.index else None for name in POLE_ERRORS)
 
 
 def _less(a: pd.Series | None, b: pd.Series | None) -> str:
     """Their difference with its interval; nothing if one is not there."""
     if a is None or b is None:
         return ""
-    found = difference(a, b).measured()
-    return f"{found.value:+.1f} [{found.low:+.1f}, {found.high:+.1f}]"
+    change = difference(a, b).measured()
+    return f"{change.value:+.1f} [{change.low:+.1f}, {change.high:+.1f}]"

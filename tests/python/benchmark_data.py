@@ -25,8 +25,8 @@ def cells(half: float = 1.0) -> pd.DataFrame:
         | {"ap": ap, "ap_low": ap - half, "ap_high": ap + half}
         | {"ap_all": ap, "ap_all_low": ap - half, "ap_all_high": ap + half}
         | {"latency_p50_ms": 50.0, "version": "1"}
-        for detector, own in AP.items()
-        for lidar, ap in zip(PRICES, own, strict=True)
+        for detector, aps in AP.items()
+        for lidar, ap in zip(PRICES, aps, strict=True)
     ]
     return pd.DataFrame(rows)
 
@@ -37,14 +37,14 @@ def draws_of(
     """The draws of cells whose `value` has an interval of `half` either way, each on its own."""
     same = {"world": "w", "version": "1", "label_time": "frame", "frames": 180, "block_s": 10.0}
     same |= {"blocks": 1e6, "draws": 200, "draws_seed": 1, "measure": "ap_fine"}
-    found = []
+    records = []
     for i, row in enumerate(rows.to_dict("records")):
         wave = np.sin(2 * np.pi * (i + 1) * (np.arange(200) + 0.5) / 200)  # orthogonal
         drawn = row[value] + wave * half / 1.96 / wave.std(ddof=1)
         key = {name: row[name] for name in KEY}
         numbers = {f"draw_{k + 1}": one for k, one in enumerate(drawn)}
-        found.append(key | same | {"ground_truth": ground_truth, "value": row[value]} | numbers)
-    return pd.DataFrame(found).assign(**more)
+        records.append(key | same | {"ground_truth": ground_truth, "value": row[value]} | numbers)
+    return pd.DataFrame(records).assign(**more)
 
 
 def values() -> pd.DataFrame:

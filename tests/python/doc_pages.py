@@ -47,8 +47,8 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    found = re.findall(r"^```([^\n]*)\n(.*?)^```$", page.read_text(), re.DOTALL | re.MULTILINE)
-    return [Block(*info.partition(" ")[::2], text) for info, text in found]
+    matches = re.findall(r"^```([^\n]*)\n(.*?)^```$", page.read_text(), re.DOTALL | re.MULTILINE)
+    return [Block(*info.partition(" ")[::2], text) for info, text in matches]
 
 
 def commands(text: str) -> list[str]:
@@ -122,9 +122,9 @@ def parse_dask(words: list[str]) -> None:
 def parse_torchrun(words: list[str]) -> None:
     from torch.distributed.run import get_args_parser
 
-    own = get_args_parser().parse_args(words)
-    assert (own.module, own.training_script) == (True, "pyinfra"), words
-    main.make_parser(own.training_script_args).parse_args(own.training_script_args)
+    parsed = get_args_parser().parse_args(words)
+    assert (parsed.module, parsed.training_script) == (True, "pyinfra"), words
+    main.make_parser(parsed.training_script_args).parse_args(parsed.training_script_args)
 
 
 PARSERS = {"ray": parse_ray, "dask": parse_dask, "torchrun": parse_torchrun}

@@ -84,8 +84,8 @@ def write_lidar(
             )
             header = ",".join(kitti.OBJECT_COLUMNS)
             kitti.frame_file(folder, "objects", k).write_text(f"{header}\n{text}")
-    about = {"name": folder.name, "half": half_deg, "reach": reach_m, "period": period_s}
-    text = LIDAR.format(**about, label_time=label_time)
+    fields = {"name": folder.name, "half": half_deg, "reach": reach_m, "period": period_s}
+    text = LIDAR.format(**fields, label_time=label_time)
     (folder / "lidar.yaml").write_text(text)
     return folder
 
@@ -108,8 +108,10 @@ def object_line(number: object, v: Vehicle) -> str:
 def label_line(name: str, values: Sequence[float], score: float | None = None) -> str:
     """A line of label_2, by the devkit's description; with a score a line of a result."""
     x, y, z, dx, dy, dz, heading = values
-    size, place = f"{dz:.6f} {dy:.6f} {dx:.6f}", f"{-y:.6f} {dz / 2 - z:.6f} {x:.6f}"
-    line = f"{name} 0.00 0 0.00 0.00 0.00 50.00 50.00 {size} {place} {-heading - math.pi / 2:.6f}"
+    size, position = f"{dz:.6f} {dy:.6f} {dx:.6f}", f"{-y:.6f} {dz / 2 - z:.6f} {x:.6f}"
+    line = (
+        f"{name} 0.00 0 0.00 0.00 0.00 50.00 50.00 {size} {position} {-heading - math.pi / 2:.6f}"
+    )
     return line if score is None else f"{line} {score:.6f}"
 
 
@@ -137,9 +139,9 @@ def traffic(frames: int, seed: int = 0, per_frame: int = 8) -> list[list[dict[st
     result = []
     for _ in range(frames):
         slots = random.choice(16, per_frame, replace=False)
-        places = -96 + 12 * slots + random.uniform(0, 4, per_frame)
+        positions = -96 + 12 * slots + random.uniform(0, 4, per_frame)
         lanes = random.choice([-6.0, -2.0, 2.0, 6.0], per_frame)
-        result.append([car(x, y) for x, y in zip(places, lanes, strict=True)])
+        result.append([car(x, y) for x, y in zip(positions, lanes, strict=True)])
     return result
 
 
@@ -151,11 +153,11 @@ def noisy(
     scale = spread * np.array([1, 0.5, 0.3, 0.5, 0.2, 0.2, 0.1])
     result = []
     for frame in frames:
-        found = []
+        copies = []
         for v in frame:
             if random.random() < 0.85:
-                found += [box(v)] * (1 + (random.random() < 0.1))
-        noisy_boxes = [(np.array(b) + random.normal(size=7) * scale).tolist() for b in found]
+                copies += [box(v)] * (1 + (random.random() < 0.1))
+        noisy_boxes = [(np.array(b) + random.normal(size=7) * scale).tolist() for b in copies]
         empty = [box(car(random.uniform(-100, 100), random.uniform(-9, 9))) for _ in range(ghosts)]
         scored = [(b, random.uniform(0.3, 1)) for b in noisy_boxes]
         result.append(scored + [(b, random.uniform(0.1, 0.7)) for b in empty])

@@ -103,31 +103,31 @@ ODD: dict[str, Callable[[np.ndarray], Any]] = {
 
 long = whole.map(lambda n: min(n, 2**63 - 1))
 metres = st.sampled_from([0.0, 0.5, 1.0, 1.5, 2.0, 10.0, -10.0])
-places = table(3, np.float32, metres, real)
+positions = table(3, np.float32, metres, real)
 triple = st.lists(few, min_size=3, max_size=3) | st.lists(few, max_size=4)
 
 
-def within(found: np.ndarray, end: int) -> None:
-    assert ((found >= 0) & (found < max(end, 1))).all()
+def within(indices: np.ndarray, end: int) -> None:
+    assert ((indices >= 0) & (indices < max(end, 1))).all()
 
 
 # --- what is called ------------------------------------------------------------------------------
 
 
-@given(places, few)
+@given(positions, few)
 def farthest_points(xyz: Any, count: int) -> None:
-    found = logged(_core.farthest_points, xyz, count)
-    if found is not None:
-        assert len(found) == count
-        within(found, len(xyz))
+    result = logged(_core.farthest_points, xyz, count)
+    if result is not None:
+        assert len(result) == count
+        within(result, len(xyz))
 
 
-@given(places, places, real, few)
+@given(positions, positions, real, few)
 def ball_query(points: Any, centres: Any, radius: float, limit: int) -> None:
-    found = logged(_core.ball_query, points, centres, radius, limit)
-    if found is not None:
-        assert found[0].shape == (len(centres), limit)
-        within(found[0], len(points))
+    result = logged(_core.ball_query, points, centres, radius, limit)
+    if result is not None:
+        assert result[0].shape == (len(centres), limit)
+        within(result[0], len(points))
 
 
 @given(table(None, np.int64, st.integers(-50, 50), long), st.lists(few, max_size=4))
@@ -138,11 +138,11 @@ def shifted_pairs(keys: Any, steps: list[int]) -> None:
         and keys.ndim == 1
         and keys.size < 99
     ):
-        found = logged(_core.shifted_pairs, np.unique(keys), steps)
-        if found is not None:
+        result = logged(_core.shifted_pairs, np.unique(keys), steps)
+        if result is not None:
             kept = np.unique(keys).tolist()
-            moved = np.repeat(np.array(steps, object), found[2])
-            pairs = zip(found[0], found[1], moved, strict=True)
+            moved = np.repeat(np.array(steps, object), result[2])
+            pairs = zip(result[0], result[1], moved, strict=True)
             assert all(kept[i] == kept[j] + step for i, j, step in pairs)
     logged(_core.shifted_pairs, keys, steps)
 
@@ -153,9 +153,9 @@ grid = st.lists(st.integers(1, 4), min_size=3, max_size=3)
 
 @given(voxels, st.tuples(*[grid | triple] * 5))
 def reached_voxels(coordinates: Any, sizes: tuple[list[int], ...]) -> None:
-    found = logged(_core.reached_voxels, coordinates, *sizes)
-    if found is not None:
-        (inputs, outputs, counts), keys = found
+    result = logged(_core.reached_voxels, coordinates, *sizes)
+    if result is not None:
+        (inputs, outputs, counts), keys = result
         assert len(inputs) == len(outputs) == sum(counts)
         assert len(counts) == np.prod(sizes[1])
         within(inputs, len(coordinates))
@@ -165,10 +165,10 @@ def reached_voxels(coordinates: Any, sizes: tuple[list[int], ...]) -> None:
 
 @given(table(7, np.float64, metres, real), real, few)
 def suppress(boxes: Any, iou: float, limit: int) -> None:
-    found = logged(_core.suppress, boxes, iou, limit)
-    if found is not None:
-        assert len(found) <= limit
-        within(found, len(boxes))
+    result = logged(_core.suppress, boxes, iou, limit)
+    if result is not None:
+        assert len(result) <= limit
+        within(result, len(boxes))
 
 
 corners = st.lists(st.tuples(real, real), max_size=5)
@@ -185,19 +185,19 @@ FILTERS = st.one_of(
 )
 
 
-@given(places, st.lists(FILTERS, max_size=3))
+@given(positions, st.lists(FILTERS, max_size=3))
 def kept_rows(points: Any, steps: list[Any]) -> None:
-    found = logged(_core.kept_rows, points, steps)
-    if found is not None:
-        assert (np.diff(found) > 0).all()
-        within(found, len(points))
+    result = logged(_core.kept_rows, points, steps)
+    if result is not None:
+        assert (np.diff(result) > 0).all()
+        within(result, len(points))
 
 
 @given(
-    st.lists(places, max_size=3),
+    st.lists(positions, max_size=3),
     st.dictionaries(st.sampled_from(["azimuth_cell_deg", "elevation_cell_deg"]), real)
     | st.dictionaries(st.sampled_from(["range_margin_m", "height_margin_m"]), real),
-    places,
+    positions,
     word,
 )
 def learn_background(frames: list[Any], named: dict[str, float], points: Any, name: str) -> None:
@@ -210,7 +210,7 @@ def learn_background(frames: list[Any], named: dict[str, float], points: Any, na
 MODEL = b"infrasim-background 1\n"
 
 
-@given(st.lists(few, min_size=4, max_size=4), st.binary(max_size=200), st.booleans(), places)
+@given(st.lists(few, min_size=4, max_size=4), st.binary(max_size=200), st.booleans(), positions)
 def load_background(header: list[int], cells: bytes, fits: bool, points: Any) -> None:
     numbers = np.array([n % 2**32 for n in header], np.uint32).astype(np.int32)
     if fits:
@@ -231,8 +231,8 @@ WORLD = _core.World.of_text(SCENE, "site")
 
 @given(st.sampled_from(LIDARS), few, few, few, st.none() | few, word)
 def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, mount: str) -> None:
-    found = logged(lidar.pattern, first, last, step, seed, mount)
-    assert found is None or np.isfinite(found).all()
+    result = logged(lidar.pattern, first, last, step, seed, mount)
+    assert result is None or np.isfinite(result).all()
     logged(lidar.period_warnings, first, last, step)
     logged(lidar.with_free_motors().pattern, first, first + 1, step, seed, mount)
 
@@ -256,10 +256,10 @@ def of_text(at: int, less: int, more: str, preset: str) -> None:
 
 @given(few, real, word)
 def mesh(frame: int, share: float, preset: str) -> None:
-    found = logged(WORLD.mesh, frame, share)
-    if found is not None:
-        assert np.isfinite(found[0]).all()
-        within(found[1], len(found[0]))
+    result = logged(WORLD.mesh, frame, share)
+    if result is not None:
+        assert np.isfinite(result[0]).all()
+        within(result[1], len(result[0]))
     logged(WORLD.label_time, preset)
 
 
@@ -270,13 +270,13 @@ def frame_stream(lidars: list[Any], frames: list[int], threads: int) -> None:
         _core.FrameStream, WORLD, lidars, frames, min(threads, 4) if threads < 1025 else threads
     )
     for _ in range(len(frames) + 2 if stream is not None else 0):
-        found = logged(next, stream, None)
-        for frame in found[1] if found is not None else ():
+        result = logged(next, stream, None)
+        for frame in result[1] if result is not None else ():
             columns = (frame.intensity, frame.time, frame.ring, frame.class_id, frame.object_id)
             assert {len(column) for column in columns} == {len(frame)} == {len(frame.xyz)}
             assert frame.rays > 0
             assert len(frame.objects.dtype.names) > 10
-            del stream, found  # its columns outlive them
+            del stream, result  # its columns outlive them
             assert np.isfinite(frame.xyz).all()
             return
 

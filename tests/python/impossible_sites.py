@@ -432,16 +432,16 @@ def main() -> int:
     parser.add_argument("--binary", type=Path, default=Path(sys.executable).with_name("infrasim"))
     parser.add_argument("--out", type=Path, required=True, help="CSV")
     args = parser.parse_args()
-    found = list(rows(args.binary))
+    records = list(rows(args.binary))
     with args.out.open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(["site", "expected", "judged", "message"])
-        writer.writerows(found)
-    for name, _, judgement, message in found:
+        writer.writerows(records)
+    for name, _, judgement, message in records:
         if judgement == "wrong":
             print(f"{name}: {message or 'allowed'}")
-    print(f"{sum(row[2] == 'right' for row in found)} of {len(found)} sites judged right")
-    return int(any(row[2] == "wrong" for row in found))
+    print(f"{sum(row[2] == 'right' for row in records)} of {len(records)} sites judged right")
+    return int(any(row[2] == "wrong" for row in records))
 
 
 if __name__ == "__main__":

@@ -33,10 +33,10 @@ class Killed(Exception):
 
 
 def recipe(detector: str) -> Recipe:
-    found = read_recipe(ROOT / f"configs/detectors/{detector}.yaml", "smoke")
-    learning = dataclasses.replace(found.learning, steps=5, batch=2, validate_frames=2)
+    original = read_recipe(ROOT / f"configs/detectors/{detector}.yaml", "smoke")
+    learning = dataclasses.replace(original.learning, steps=5, batch=2, validate_frames=2)
     augmentation = Augmentation(flip=True, rotation_deg=5, scale=0.05, pasted=3)
-    return dataclasses.replace(found, learning=learning, augmentation=augmentation)
+    return dataclasses.replace(original, learning=learning, augmentation=augmentation)
 
 
 def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
@@ -44,8 +44,8 @@ def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
     torch.manual_seed(1)
     network = checkpoint.build(detector, recipe(detector).network, SITE).train()
     distributed.share_norms(network)
-    own = samples[distributed.rank() :: distributed.count()]
-    parts = network.losses(make_batch(own, network.site.area))
+    rank_samples = samples[distributed.rank() :: distributed.count()]
+    parts = network.losses(make_batch(rank_samples, network.site.area))
     torch.stack(list(parts.values())).sum().backward()
     distributed.average_gradients(network)
     torch.optim.SGD(network.parameters(), 0.01).step()
@@ -70,12 +70,12 @@ def main(folder: Path, out: Path) -> None:
     meet_elsewhere()
     with distributed.joined(torch.device("cpu")):
         rank, many = distributed.rank(), distributed.count() > 1
-        found = {}
+        tensors = {}
         for detector in SAME:
-            found |= one_step(detector, [road_sample(1), road_sample(2, 2)])
+            tensors |= one_step(detector, [road_sample(1), road_sample(2, 2)])
         odd_step = one_step("pointpillars", [road_sample(1), odd])
-        found |= {f"odd {name}": tensor for name, tensor in odd_step.items()}
-    torch.save(found, out / f"{rank}.pt")
+        tensors |= {f"odd {name}": tensor for name, tensor in odd_step.items()}
+    torch.save(tensors, out / f"{rank}.pt")
     if many:
         run_twice(folder, out, rank)
 

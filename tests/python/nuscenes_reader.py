@@ -78,11 +78,11 @@ class Database:
 
     def box_in_sensor(self, annotation: Row, data: Row) -> np.ndarray:
         """x y z dx dy dz heading of an annotation, through ego to the sensor."""
-        centre, own = np.array(annotation["translation"]), turn(annotation["rotation"])
+        centre, axes = np.array(annotation["translation"]), turn(annotation["rotation"])
         for turned, moved in reversed(self.poses(data)):
-            centre, own = turned.T @ (centre - moved), turned.T @ own
+            centre, axes = turned.T @ (centre - moved), turned.T @ axes
         width, length, height = annotation["size"]
-        return np.array([*centre, length, width, height, np.arctan2(own[1, 0], own[0, 0])])
+        return np.array([*centre, length, width, height, np.arctan2(axes[1, 0], axes[0, 0])])
 
 
 def turn(wxyz: list[float]) -> np.ndarray:
@@ -112,16 +112,16 @@ def read(root: Path, version: str) -> Database:
     return Database(root, tables)
 
 
-def check(tables: dict[str, dict[str, Row]], place: str, kind: str, value: Any) -> None:
+def check(tables: dict[str, dict[str, Row]], location: str, kind: str, value: Any) -> None:
     if "->" in kind:
         tokens = value if kind.startswith("*") else [value]
         if not (kind.startswith("?") and value == ""):
-            assert all(token in tables[kind.split("->")[1]] for token in tokens), place
+            assert all(token in tables[kind.split("->")[1]] for token in tokens), location
     elif kind.startswith("float"):
-        assert len(value) == int(kind[5:]), place
-        assert all(type(number) is float for number in value), place
+        assert len(value) == int(kind[5:]), location
+        assert all(type(number) is float for number in value), location
     else:
-        assert type(value).__name__ == kind, place
+        assert type(value).__name__ == kind, location
 
 
 def check_chains(tables: dict[str, dict[str, Row]], name: str) -> None:

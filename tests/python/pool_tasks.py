@@ -5,7 +5,7 @@ import signal
 import time
 from pathlib import Path
 
-from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.gpus import exclusive_gpu
 
 
 def dies_once(task: Path) -> None:
@@ -26,7 +26,7 @@ def dies(task: Path) -> None:
 
 
 def takes_a_gpu(task: Path) -> None:
-    with own_gpu("cuda", task.parent) as device:
+    with exclusive_gpu("cuda", task.parent) as device:
         mark = task.parent / device.replace(":", "_")
         mark.touch(exist_ok=False)  # nobody else is at it
         time.sleep(0.1)

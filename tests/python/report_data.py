@@ -141,11 +141,11 @@ def draws(rows: pd.DataFrame, value: str, half: float) -> pd.DataFrame:
     same = {"measure": "ap_fine", "blocks": 1e6, "block_s": 10.0, "draws": 50, "draws_seed": 1}
     same |= {"world": "w", "ground_truth": "captured", "version": "1"}
     waves = [np.sin(2 * np.pi * (i + 1) * (np.arange(50) + 0.5) / 50) for i in range(len(rows))]
-    found = [
+    records = [
         {f"draw_{k + 1}": v + x * half / 1.96 / wave.std(ddof=1) for k, x in enumerate(wave)}
         for v, wave in zip(rows[value], waves, strict=True)
     ]
-    return pd.concat([rows.reset_index(drop=True), pd.DataFrame(found)], axis=1).assign(
+    return pd.concat([rows.reset_index(drop=True), pd.DataFrame(records)], axis=1).assign(
         value=rows[value].to_numpy(), **same
     )
 
@@ -192,8 +192,8 @@ def aggregation() -> pd.DataFrame:
 
 def hits() -> pd.DataFrame:
     key = {"scene": "highway", "preset": "paper", "frames": 1000}
-    found = {"livox_avia": 10529 * 1.1, "ruby_plus": 46723 * 0.9}
-    return pd.DataFrame([{**key, "lidar": n, "hits_per_frame": h} for n, h in found.items()])
+    by_lidar = {"livox_avia": 10529 * 1.1, "ruby_plus": 46723 * 0.9}
+    return pd.DataFrame([{**key, "lidar": n, "hits_per_frame": h} for n, h in by_lidar.items()])
 
 
 def points() -> pd.DataFrame:

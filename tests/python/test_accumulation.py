@@ -64,11 +64,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def recipe(**network: object) -> Recipe:
-    found = read_recipe(CONFIG, "smoke")
+    original = read_recipe(CONFIG, "smoke")
     return dataclasses.replace(
-        found,
-        network=dataclasses.replace(found.network, **network),
-        learning=dataclasses.replace(found.learning, steps=2),
+        original,
+        network=dataclasses.replace(original.network, **network),
+        learning=dataclasses.replace(original.learning, steps=2),
     )
 
 
@@ -228,8 +228,8 @@ def test_age_of_single_frames_is_an_error(folder: Path, tmp_path: Path) -> None:
 def test_a_model_says_what_it_learnt_and_goes_on_with_that_alone(
     folder: Path, trained: Path
 ) -> None:
-    about = checkpoint.load(trained / "last.safetensors").about
-    assert (about.accumulate, about.label_at) == (3, "middle")
+    provenance = checkpoint.load(trained / "last.safetensors").provenance
+    assert (provenance.accumulate, provenance.label_at) == (3, "middle")
     assert detect.accumulation_of(trained / "last.safetensors") == MIDDLE
     assert "accumulate: 3\nlabel_at: middle\n" in (trained / "run.yaml").read_text()
     other = read_source(folder, "smoke", THREE)
@@ -240,9 +240,9 @@ def test_a_model_says_what_it_learnt_and_goes_on_with_that_alone(
 def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Path) -> None:
     train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
     file = tmp_path / "last.safetensors"
-    about = yaml.safe_load(about_of(file))
-    del about["accumulate"], about["label_at"], about["network"]["age"]
-    save_file(load_file(file), file, metadata={"about": yaml.safe_dump(about)})
+    provenance = yaml.safe_load(metadata_of(file))
+    del provenance["accumulate"], provenance["label_at"], provenance["network"]["age"]
+    save_file(load_file(file), file, metadata={"about": yaml.safe_dump(provenance)})
     assert detect.accumulation_of(file) == Accumulation()
     before = file.read_bytes()
     train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
@@ -251,7 +251,7 @@ def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Pat
         train(recipe(), [read_source(folder, "smoke", THREE)], tmp_path, quiet=True)
 
 
-def about_of(file: Path) -> str:
+def metadata_of(file: Path) -> str:
     with safe_open(file, framework="pt") as opened:
         return str(opened.metadata()["about"])
 

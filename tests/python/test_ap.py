@@ -43,12 +43,12 @@ def slow_r40(scores: FloatArray, hit: BoolArray, objects: int, recalls: list[flo
 
 def devkit(scores: FloatArray, hit: BoolArray, objects: int) -> float:
     """getThresholds and the sampling of precision, as loops."""
-    found = sorted(scores[hit], reverse=True)
+    hits = sorted(scores[hit], reverse=True)
     thresholds, current = [], 0.0
-    for i, score in enumerate(found):
+    for i, score in enumerate(hits):
         left = (i + 1) / objects
-        right = (i + 2) / objects if i < len(found) - 1 else left
-        if right - current < current - left - 1e-12 and i < len(found) - 1:
+        right = (i + 2) / objects if i < len(hits) - 1 else left
+        if right - current < current - left - 1e-12 and i < len(hits) - 1:
             continue
         thresholds.append(score)
         current += 1 / 40
@@ -246,7 +246,7 @@ def test_vehicles_of_another_frame_are_not_taken() -> None:
     st.randoms(),
 )
 def test_order_of_boxes_and_of_equal_scores_has_no_influence(
-    found: list[tuple[int, int, int]], truth: list[tuple[int, int]], random: object
+    detected: list[tuple[int, int, int]], truth: list[tuple[int, int]], random: object
 ) -> None:
     """The same boxes, and not just as many, are right."""
 
@@ -257,10 +257,10 @@ def test_order_of_boxes_and_of_equal_scores_has_no_influence(
         pairs = match(predictions, [r[2] / 4 for r in p], vehicles, 0.3)
         return sorted((p[i], v[j]) for i, j in enumerate(pairs) if j >= 0)
 
-    p, v = list(found), list(truth)
+    p, v = list(detected), list(truth)
     random.shuffle(p)  # type: ignore[attr-defined]
     random.shuffle(v)  # type: ignore[attr-defined]
-    assert taken(found, truth) == taken(p, v)
+    assert taken(detected, truth) == taken(p, v)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -59,9 +59,9 @@ def empty_road() -> Background:
 def busy_road() -> Background:
     """Learnt with cars along x, in lanes at y = 2 and 9."""
     rng = np.random.default_rng(1)
-    places = [(x, y) for x in np.arange(-95, 95, 19.0) for y in (2, 9)]
+    positions = [(x, y) for x in np.arange(-95, 95, 19.0) for y in (2, 9)]
     frames = [
-        cast(np.concatenate([box(x + rng.uniform(-6, 6), y, 0.0) for x, y in places]), seed)
+        cast(np.concatenate([box(x + rng.uniform(-6, 6), y, 0.0) for x, y in positions]), seed)
         for seed in range(20)
     ]
     return Background.learn(frames)
@@ -77,16 +77,16 @@ def test_a_frame_without_objects_has_no_detection(empty_road: Background) -> Non
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 45, 90, 120, 179.9, -179.9, -135, -60])
-@pytest.mark.parametrize("place", [(20, 3), (-15, 18), (4, -18)])
+@pytest.mark.parametrize("position", [(20, 3), (-15, 18), (4, -18)])
 def test_a_car_is_found_at_any_heading(
-    empty_road: Background, place: tuple[float, float], degrees: float
+    empty_road: Background, position: tuple[float, float], degrees: float
 ) -> None:
-    car = box(*place, np.radians(degrees))
-    found = empty_road.predict(cast(car, seed=99))
-    assert found.names.tolist() == ["Car"]
-    assert bev_iou(found.boxes, car)[0, 0] > 0.5
-    assert iou_3d(found.boxes, car)[0, 0] > 0.5
-    assert -np.pi <= found.boxes[0, 6] <= np.pi
+    car = box(*position, np.radians(degrees))
+    detections = empty_road.predict(cast(car, seed=99))
+    assert detections.names.tolist() == ["Car"]
+    assert bev_iou(detections.boxes, car)[0, 0] > 0.5
+    assert iou_3d(detections.boxes, car)[0, 0] > 0.5
+    assert -np.pi <= detections.boxes[0, 6] <= np.pi
 
 
 @pytest.mark.parametrize(
@@ -97,9 +97,9 @@ def test_the_size_names_the_class(
     busy_road: Background, name: str, size: tuple[float, float, float]
 ) -> None:
     vehicle = box(14, 9, 0.0, size)
-    found = busy_road.predict(cast(vehicle, seed=99))
-    assert found.names.tolist() == [name]
-    assert bev_iou(found.boxes, vehicle)[0, 0] > 0.5
+    detections = busy_road.predict(cast(vehicle, seed=99))
+    assert detections.names.tolist() == [name]
+    assert bev_iou(detections.boxes, vehicle)[0, 0] > 0.5
 
 
 @pytest.mark.parametrize(
@@ -111,9 +111,9 @@ def test_small_clusters_are_people_if_that_is_asked_for(
     points = cast(box(14, 9, 0.0, size), seed=99)
     assert not set(busy_road.predict(points).names) & set(kitti.PERSON_TYPES)
     asked = replace(busy_road, settings=replace(busy_road.settings, people=True))
-    found = asked.predict(points)
-    assert found.names.tolist() == [name]
-    assert bev_iou(found.boxes, box(14, 9, 0.0, size))[0, 0] > 0.25
+    detections = asked.predict(points)
+    assert detections.names.tolist() == [name]
+    assert bev_iou(detections.boxes, box(14, 9, 0.0, size))[0, 0] > 0.25
     asked.save(tmp_path / "asked")
     assert Background.load(tmp_path / "asked").settings.people
     cars = cast(box(14, 9, 0.0), seed=99)
@@ -122,21 +122,21 @@ def test_small_clusters_are_people_if_that_is_asked_for(
 
 def test_cars_side_by_side_are_two_and_the_scores_fall(busy_road: Background) -> None:
     cars = np.concatenate([box(20, 2, 0.0), box(20, 5.5, 0.0), box(50, 9, 0.0)])
-    found = busy_road.predict(cast(cars, seed=99))
-    assert len(found) == 3
-    assert (bev_iou(found.boxes, cars).max(1) > 0.5).all()
-    assert (np.diff(found.scores) <= 0).all()
-    assert (found.scores > 0).all()
-    assert (found.scores <= 1).all()
+    detections = busy_road.predict(cast(cars, seed=99))
+    assert len(detections) == 3
+    assert (bev_iou(detections.boxes, cars).max(1) > 0.5).all()
+    assert (np.diff(detections.scores) <= 0).all()
+    assert (detections.scores > 0).all()
+    assert (detections.scores <= 1).all()
 
 
 def test_traffic_tells_the_heading_of_a_car_with_few_points(busy_road: Background) -> None:
     """At 80 m only the rear of a car is seen, which alone would be a wall across the road."""
     car = box(80, 9, 0.0)
-    found = busy_road.predict(cast(car, seed=99))
-    assert len(found) == 1
-    assert abs(np.sin(found.boxes[0, 6])) < 0.1
-    assert bev_iou(found.boxes, car)[0, 0] > 0.5
+    detections = busy_road.predict(cast(car, seed=99))
+    assert len(detections) == 1
+    assert abs(np.sin(detections.boxes[0, 6])) < 0.1
+    assert bev_iou(detections.boxes, car)[0, 0] > 0.5
 
 
 @pytest.mark.parametrize(("across_m", "along_m"), [(2.0, 0.5), (0.5, 2.0)])
@@ -156,16 +156,16 @@ def test_points_are_of_one_cluster_up_to_the_gap_of_their_direction(
 def test_a_queue_that_stands_half_of_the_time_is_no_background() -> None:
     queue = np.concatenate([box(x, 6, 0.0) for x in (18.0, 26.0, 34.0)])
     frames = [cast(queue if seed % 2 else NO_BOXES, seed) for seed in range(20)]
-    found = Background.learn(frames).predict(cast(queue, seed=99))
-    assert (bev_iou(queue, found.boxes).max(1) > 0.5).all()
+    detections = Background.learn(frames).predict(cast(queue, seed=99))
+    assert (bev_iou(queue, detections.boxes).max(1) > 0.5).all()
 
 
 def test_what_always_stands_is_background_and_a_car_beside_it_is_not() -> None:
     wall, car = box(20, 12, 0.0, (30, 1, 3)), box(20, 5, 0.0)
     known = Background.learn([cast(wall, seed) for seed in range(10)])
-    found = known.predict(cast(np.concatenate([wall, car]), seed=99))
-    assert bev_iou(found.boxes[:1], car)[0, 0] > 0.5
-    assert len(found) == 1
+    detections = known.predict(cast(np.concatenate([wall, car]), seed=99))
+    assert bev_iou(detections.boxes[:1], car)[0, 0] > 0.5
+    assert len(detections) == 1
 
 
 def test_vehicles_do_not_raise_ground_that_no_ray_reaches() -> None:
@@ -271,8 +271,8 @@ def test_far_cars_side_by_side_are_two_where_the_direction_of_the_road_is_known(
     unknown = replace(region, axes=None)
     points = cast(pair, seed=99)
     for given, count in ((unknown, 0), (region, 2)):
-        found = Background.learn(frames, region=given).predict(points).boxes
-        assert np.count_nonzero(bev_iou(pair, found).max(1, initial=0) > 0.5) == count
+        boxes = Background.learn(frames, region=given).predict(points).boxes
+        assert np.count_nonzero(bev_iou(pair, boxes).max(1, initial=0) > 0.5) == count
 
 
 @pytest.mark.parametrize("kind", ["roads", "outline"])
@@ -287,11 +287,11 @@ def test_a_hedge_beside_the_road_is_no_vehicle_and_a_car_on_it_is(
     car = box(20, 3, 0.0)
     points = beside_a_hedge(car, seed=99)
     for other in (anywhere, unmasked):
-        found = other.predict(points).boxes
-        assert np.count_nonzero(found[:, 1] > HEDGE_Y_M - 2) >= 2
-    found = known.predict(points).boxes
-    assert len(found) == 1
-    assert bev_iou(found, car)[0, 0] > 0.5
+        boxes = other.predict(points).boxes
+        assert np.count_nonzero(boxes[:, 1] > HEDGE_Y_M - 2) >= 2
+    boxes = known.predict(points).boxes
+    assert len(boxes) == 1
+    assert bev_iou(boxes, car)[0, 0] > 0.5
     assert len(known.predict(hedge(99))) == 0
 
 
@@ -328,8 +328,12 @@ def test_a_wrong_outline_is_an_error(tmp_path: Path, corners: str, message: str)
 
 def test_no_point_and_one_point_are_fine(empty_road: Background) -> None:
     nothing = np.empty((0, 4), np.float32)
-    found = empty_road.predict(nothing)
-    assert (found.boxes.shape, found.scores.shape, found.names.shape) == ((0, 7), (0,), (0,))
+    detections = empty_road.predict(nothing)
+    assert (detections.boxes.shape, detections.scores.shape, detections.names.shape) == (
+        (0, 7),
+        (0,),
+        (0,),
+    )
     on_the_ground = np.array([[20, 3, -SENSOR_HEIGHT_M, 0]], np.float32)
     assert len(empty_road.predict(on_the_ground)) == 0
     above = np.array([[20, 3, 1 - SENSOR_HEIGHT_M, 0]], np.float32)
@@ -341,8 +345,8 @@ def test_points_not_finite_or_out_of_range_are_left_out(empty_road: Background) 
     bad = np.array([np.nan, np.inf, -np.inf, 120, 1e6, -1e30], np.float32)
     extra = np.tile(car[:1], (18, 1))
     extra[np.arange(18), np.arange(18) % 3] = np.repeat(bad, 3)
-    found, alone = empty_road.predict(np.concatenate([extra, car])), empty_road.predict(car)
-    assert np.array_equal(found.boxes, alone.boxes)
+    detections, alone = empty_road.predict(np.concatenate([extra, car])), empty_road.predict(car)
+    assert np.array_equal(detections.boxes, alone.boxes)
     assert len(empty_road.predict(extra)) == 0
 
 
@@ -355,9 +359,9 @@ def test_duplicates_and_order_move_no_box(empty_road: Background) -> None:
 
 def test_points_at_one_place_are_a_box_of_the_size_of_a_class(empty_road: Background) -> None:
     same = np.tile(np.array([[20, 3, 1 - SENSOR_HEIGHT_M, 0]], np.float32), (1000, 1))
-    found = empty_road.predict(same)
-    assert len(found) == 1
-    assert (found.boxes[0, 3:6] >= [2.2, 0.8, 1.4]).all()
+    detections = empty_road.predict(same)
+    assert len(detections) == 1
+    assert (detections.boxes[0, 3:6] >= [2.2, 0.8, 1.4]).all()
 
 
 def test_points_are_never_changed(empty_road: Background) -> None:
@@ -372,8 +376,8 @@ def test_points_are_never_changed(empty_road: Background) -> None:
 def test_noise_everywhere_ends(empty_road: Background) -> None:
     noise = np.random.default_rng(4).uniform(-110, 110, (40_000, 4)).astype(np.float32)
     noise[:, 2] = np.random.default_rng(5).uniform(-6, -2, len(noise))
-    found = empty_road.predict(noise)
-    assert np.isfinite(found.boxes).all()
+    detections = empty_road.predict(noise)
+    assert np.isfinite(detections.boxes).all()
 
 
 def test_points_of_another_shape_are_an_error(empty_road: Background) -> None:
@@ -468,9 +472,9 @@ def centres_y(folder: Path, out: Path, *words: str) -> FloatArray:
     """y of what `pyinfra train` and then `pyinfra detect` find in the folder's frames."""
     recipe = ROOT / "configs/detectors/background.yaml"
     assert main.main(["train", str(recipe), "--data", str(folder), "--out", str(out), *words]) == 0
-    found = out / "predictions"
-    assert main.main(["detect", str(out), "--data", str(folder), "--out", str(found)]) == 0
-    files = sorted(found.glob("*.txt"))
+    predictions = out / "predictions"
+    assert main.main(["detect", str(out), "--data", str(folder), "--out", str(predictions)]) == 0
+    files = sorted(predictions.glob("*.txt"))
     return np.concatenate([kitti.read_labels(file, scores=True).boxes[:, 1] for file in files])
 
 
@@ -485,8 +489,8 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
         outline(tmp_path)
         words = ["--region", str(tmp_path / "region.yaml")]
     y = centres_y(recording, tmp_path / "run", *words)
-    said = "background: pole: found no roads.csv and no --region" in capsys.readouterr().err
-    assert said == (known_by == "nothing")
+    refused = "background: pole: found no roads.csv and no --region" in capsys.readouterr().err
+    assert refused == (known_by == "nothing")
     assert (np.abs(y - 3) < 1).sum() >= 10
     assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")
 

@@ -25,7 +25,7 @@ from pyinfra.experiments.benchmark import frames, measure
 from pyinfra.experiments.benchmark.latency import time_untimed
 from pyinfra.experiments.benchmark.matrix import Cell, read_plan
 from pyinfra.experiments.benchmark.workspace import Workspace
-from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.gpus import exclusive_gpu
 from pyinfra.experiments.value import KEY, Costs, covered, value_table
 from pyinfra.models.training.recipe import read_recipe
 
@@ -157,9 +157,9 @@ def test_nothing_is_timed_while_another_command_runs_experiments(
     workspace = Workspace(Path(f"{results}-work"), results, "smoke")
     monkeypatch.setattr(Workspace, "without_row", lambda *_: list(plan.cells[:1]))
     monkeypatch.setattr(measure, "timed_alone", lambda *_, **_how: pytest.fail("timed"))
-    said: list[str] = []
-    time_untimed(plan, workspace, say=said.append)
-    assert len(said) == 1
+    messages: list[str] = []
+    time_untimed(plan, workspace, say=messages.append)
+    assert len(messages) == 1
 
 
 def test_the_load_of_others_is_what_they_compute_and_not_what_is_timed(
@@ -173,10 +173,10 @@ def test_the_load_of_others_is_what_they_compute_and_not_what_is_timed(
         )
     monkeypatch.setattr(load, "_TIMES", tmp_path / "stat")
     (tmp_path / "stat").write_text(f"cpu  {100 * ticks} 0 0 70 80 0 0 0 9 9\ncpu0 1 1 1\n")
-    with load.other_load() as found:  # three seconds of two cores, one of them its own
+    with load.other_load() as others:  # three seconds of two cores, one of them its own
         (tmp_path / "stat").write_text(f"cpu  {103 * ticks} 0 0 90 99 0 0 0 99 99\ncpu0 1 1 1\n")
-    assert found.cores == pytest.approx(1.0)
-    assert found.text == "other processes used 1.0 cores"
+    assert others.cores == pytest.approx(1.0)
+    assert others.text == "other processes used 1.0 cores"
     monkeypatch.undo()
     with load.other_load() as real:
         sum(range(100_000))
@@ -285,8 +285,8 @@ def test_cells_take_turns_on_the_gpus(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_a_device_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
     for device in ("cpu", "cuda:3"):
-        with own_gpu(device, tmp_path) as own:
-            assert own == device
+        with exclusive_gpu(device, tmp_path) as gpu:
+            assert gpu == device
 
 
 def test_gpus_are_named_as_the_process_sees_them(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -305,16 +305,16 @@ def test_ray_gives_each_worker_a_gpu_of_its_own_and_listens_to_this_machine_alon
     ray_init = ray.init
     monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=2))
     with pool.workers(pool.Pool("ray", 2, gpu=True)):
-        found = joblib.Parallel(batch_size=1)(joblib.delayed(its_gpus)(i) for i in range(4))
+        visible_gpus = joblib.Parallel(batch_size=1)(joblib.delayed(its_gpus)(i) for i in range(4))
         assert_this_machine_alone_is_listened_to()
-    assert set(found) == {"0", "1"}
+    assert set(visible_gpus) == {"0", "1"}
 
 
 def assert_this_machine_alone_is_listened_to() -> None:
     me = psutil.Process()
-    found = {c.laddr.ip for p in (me, *me.children(recursive=True)) for c in listening(p)}
-    assert found
-    assert {ip.removeprefix("::ffff:") for ip in found} == {"127.0.0.1"}
+    addresses = {c.laddr.ip for p in (me, *me.children(recursive=True)) for c in listening(p)}
+    assert addresses
+    assert {ip.removeprefix("::ffff:") for ip in addresses} == {"127.0.0.1"}
 
 
 def listening(process: psutil.Process) -> list[Any]:
@@ -340,11 +340,11 @@ def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> None:
     tasks = [tmp_path / name for name in (*"abc", "victim")]
     lost: list[Path] = []
-    said: list[str] = []
+    messages: list[str] = []
     where = pool.Pool("local", 2)
-    pool.run(dies, tasks, where, not_there, lambda task, _: lost.append(task), said.append)
+    pool.run(dies, tasks, where, not_there, lambda task, _: lost.append(task), messages.append)
     assert lost == [tmp_path / "victim"]
-    assert [line.split(":")[1] for line in said][-1] == " a worker died, 1 tasks left"
+    assert [line.split(":")[1] for line in messages][-1] == " a worker died, 1 tasks left"
     assert not_there(tasks) == lost
 
 

@@ -135,20 +135,20 @@ def test_a_digest_knows_the_split_and_the_recorded_vehicles(config: Path) -> Non
         inputs.resolved.cache_clear()
         return str(inputs.digests(read_plan(config, "smoke")).inputs.item())
 
-    found = [digest()]
+    digests = [digest()]
     changed(config, "val_from_s: 1.5", "val_from_s: 1.4")
-    found.append(digest())
+    digests.append(digest())
     scene = yaml.safe_load((config.parent / "site.yaml").read_text())
     del scene["traffic"]
-    own = {"trajectories": "t.csv", "duration_s": 0.1}
-    (config.parent / "site.yaml").write_text(yaml.safe_dump(scene | own))
+    keys = {"trajectories": "t.csv", "duration_s": 0.1}
+    (config.parent / "site.yaml").write_text(yaml.safe_dump(scene | keys))
     for x in (1, 2):
         (config.parent / "t.csv").write_text(
             "t,id,class,x,y,z,heading,dx,dy,dz,speed\n"
             f"0,1,Car,{x},0,1,0,4,2,2,0\n0.1,1,Car,{x},0,1,0,4,2,2,0\n"
         )
-        found.append(digest())
-    assert len(set(found)) == 4
+        digests.append(digest())
+    assert len(set(digests)) == 4
 
 
 def test_a_step_that_shows_a_part_of_a_pattern_is_said_before_it_is_simulated(
@@ -237,8 +237,8 @@ def test_the_mask_of_background_is_in_its_digest() -> None:
 
 @pytest.mark.parametrize("name", ["007", "NA", "1e5", "null"])
 def test_a_lidar_may_have_a_name_that_looks_like_no_text(name: str, config: Path) -> None:
-    own = (config.parent / "own.yaml").read_text()
-    (config.parent / f"{name}.yaml").write_text(own.replace("name: own", f'name: "{name}"'))
+    text = (config.parent / "own.yaml").read_text()
+    (config.parent / f"{name}.yaml").write_text(text.replace("name: own", f'name: "{name}"'))
     changed(config, "[own.yaml]", f"[{name}.yaml]")
     assert run(config) == 0
     assert run(config, "--dry-run") == 0

@@ -18,10 +18,10 @@ def test_scores_are_then_shares_of_right_boxes() -> None:
     draw = np.random.default_rng(4)
     scores = draw.beta(0.7, 0.9, 30_000)
     right = draw.random(len(scores)) < scores**2  # no line of logits
-    found = calibrated(scores, fit(scores, right))
+    shares = calibrated(scores, fit(scores, right))
     for low in (0.1, 0.3, 0.5, 0.7):
-        here = (found >= low) & (found < low + 0.2)
-        assert found[here].mean() == pytest.approx(right[here].mean(), abs=0.06)
+        here = (shares >= low) & (shares < low + 0.2)
+        assert shares[here].mean() == pytest.approx(right[here].mean(), abs=0.06)
 
 
 def test_sure_scores_stay_finite() -> None:

@@ -21,7 +21,7 @@ from pyinfra.models.detectors.centre_head import AxisHead  # noqa: E402
 from pyinfra.models.detectors.classes import OBJECT_CLASSES, TYPES, ObjectClass, numbers_of  # noqa: E402
 from pyinfra.models.detectors.windows import view_of  # noqa: E402
 from pyinfra.models.training import checkpoint, train, validation  # noqa: E402
-from pyinfra.models.training.checkpoint import About, config_of  # noqa: E402
+from pyinfra.models.training.checkpoint import Provenance, config_of  # noqa: E402
 from pyinfra.models.training.recipe import Learning, Recipe  # noqa: E402
 from pyinfra.models.training.samples import Augmentation, Frames, augmented  # noqa: E402
 from pyinfra.models.training.sources import Source, hit_boxes  # noqa: E402
@@ -56,9 +56,9 @@ def test_each_class_has_heat_at_its_own_boxes_alone() -> None:
     sure = torch.full((1, 3, 32, 48), -12.0)
     row, column = head.cells_of(boxes, (32, 48))
     sure[0, numbers, row, column] = 12.0
-    found = torch.zeros(1, 32, 48, 9)
-    found[0, row, column, :8] = head.encode(boxes, row, column)
-    head.forward = lambda x: (sure, found)  # type: ignore[method-assign]
+    residuals = torch.zeros(1, 32, 48, 9)
+    residuals[0, row, column, :8] = head.encode(boxes, row, column)
+    head.forward = lambda x: (sure, residuals)  # type: ignore[method-assign]
     right = head.losses(torch.zeros(1), batch.boxes, batch.classes)
     wrong = head.losses(torch.zeros(1), batch.boxes, (2 - batch.classes[0],))
     for name in ALL:
@@ -68,8 +68,8 @@ def test_each_class_has_heat_at_its_own_boxes_alone() -> None:
     best = scores > 0.5
     assert sorted(classes[best].tolist()) == [0, 0, 1, 2]
     for box, number in zip(boxes, numbers, strict=True):
-        own = peaks[best & (classes == number)]
-        assert (own[:, :2] - box[:2]).norm(dim=1).min() < 1e-3
+        of_class = peaks[best & (classes == number)]
+        assert (of_class[:, :2] - box[:2]).norm(dim=1).min() < 1e-3
 
 
 def test_a_road_s_axis_is_no_pedestrian_s() -> None:
@@ -77,14 +77,14 @@ def test_a_road_s_axis_is_no_pedestrian_s() -> None:
     head.know(crossing(), (32, 48))
     box = torch.tensor([[20.0, 0.5, -4.5, 0.7, 0.6, 1.8, math.pi / 3]])
     row, column = head.cells_of(box, (32, 48))
-    found = torch.cat([head.encode(box, row, column), torch.zeros(1, 1)], dim=1)
-    found[:, 6:8] *= 1e-3
-    along = head.decode(found, row, column, along_road=True)[0, 6]
-    alone = head.decode(found, row, column, along_road=False)[0, 6]
+    residuals = torch.cat([head.encode(box, row, column), torch.zeros(1, 1)], dim=1)
+    residuals[:, 6:8] *= 1e-3
+    along = head.decode(residuals, row, column, along_road=True)[0, 6]
+    alone = head.decode(residuals, row, column, along_road=False)[0, 6]
     assert along == pytest.approx(0, abs=1e-2)
     assert alone == pytest.approx(math.pi / 3, abs=1e-4)
     head.know(dataclasses.replace(crossing(), axes=None), (32, 48))  # another site's roads are none
-    assert head.decode(found, row, column, along_road=True)[0, 6] == alone
+    assert head.decode(residuals, row, column, along_road=True)[0, 6] == alone
 
 
 def test_boxes_of_a_class_suppress_each_other_alone() -> None:
@@ -93,14 +93,14 @@ def test_boxes_of_a_class_suppress_each_other_alone() -> None:
     boxes = torch.tensor([[10.0, 0, -5, 4, 2, 1.5, 0], [10.5, 0, -5, 4, 2, 1.5, 0]])
     one = (boxes.repeat(2, 1), torch.tensor([0.6, 0.5, 0.9, 0.7]), torch.tensor([0, 0, 1, 1]))
     network.candidates = lambda _: [one]  # type: ignore[method-assign]
-    found = network.predict(road_sample(1).points)
-    assert found.names.tolist() == ["Pedestrian", "vehicle"]
-    assert found.scores == pytest.approx([0.9, 0.6])
+    detections = network.predict(road_sample(1).points)
+    assert detections.names.tolist() == ["Pedestrian", "vehicle"]
+    assert detections.scores == pytest.approx([0.9, 0.6])
     network.calibration = (1.0, 0.0, 1.0, -3.0, 1.0, 0.0)
-    found = network.predict(road_sample(1).points)
-    assert found.names.tolist() == ["vehicle", "Pedestrian"]
+    detections = network.predict(road_sample(1).points)
+    assert detections.names.tolist() == ["vehicle", "Pedestrian"]
     lower = calibration.calibrated(np.array([0.9]), (1.0, -3.0)).item()
-    assert found.scores == pytest.approx([0.6, lower])
+    assert detections.scores == pytest.approx([0.6, lower])
 
 
 def test_types_of_files_have_the_numbers_of_their_classes() -> None:
@@ -115,10 +115,10 @@ def test_boxes_of_frames_come_with_the_numbers_of_their_classes() -> None:
     many, boxes = np.arange(5), np.arange(35.0).reshape(5, 7)
     points = np.array([3, 1, 0, 5, 2])
     vehicles = Vehicles(np.array([0, 0, 0, 1, 1]), many, names, boxes, boxes, points, 1.0 * many)
-    found, numbers = hit_boxes(vehicles, 2, ALL)
-    assert [own.tolist() for own in numbers] == [[0, 1], [2, 0]]
-    np.testing.assert_array_equal(found[1], boxes[3:])
-    assert [len(own) for own in hit_boxes(vehicles, 2)[0]] == [1, 1]
+    hit, numbers = hit_boxes(vehicles, 2, ALL)
+    assert [part.tolist() for part in numbers] == [[0, 1], [2, 0]]
+    np.testing.assert_array_equal(hit[1], boxes[3:])
+    assert [len(part) for part in hit_boxes(vehicles, 2)[0]] == [1, 1]
 
 
 def test_boxes_keep_their_classes_whatever_is_done_to_a_frame() -> None:
@@ -131,8 +131,8 @@ def test_boxes_keep_their_classes_whatever_is_done_to_a_frame() -> None:
     batch = make_batch([sample, other], SITE.area)
     seen = Windows(100.0, torch.tensor([[12.0, 10.0], [22.0, -10.0]]))
     view = view_of(dataclasses.replace(batch, windows=seen), SITE.area, 0.4, 4)
-    assert [own.tolist() for own in view.classes] == [[1], [2]]
-    assert [len(own) for own in view.boxes] == [1, 1]
+    assert [part.tolist() for part in view.classes] == [[1], [2]]
+    assert [len(part) for part in view.boxes] == [1, 1]
 
 
 def test_the_best_state_is_that_of_all_classes() -> None:
@@ -155,13 +155,13 @@ def recipe(classes: tuple[ObjectClass, ...], start: str = "") -> Recipe:
 
 def source(classes: tuple[ObjectClass, ...]) -> Source:
     samples = [mixed_sample(seed) for seed in range(4)]
-    own = [s.numbers < len(classes) for s in samples]
+    masks = [s.numbers < len(classes) for s in samples]
     return Source(
         *("lidar", "datasheet", "scene", "scan"),
         clouds=tuple((lambda s=s: s.points) for s in samples),
-        read_boxes=lambda: tuple(s.boxes[o] for s, o in zip(samples, own, strict=True)),
+        read_boxes=lambda: tuple(s.boxes[o] for s, o in zip(samples, masks, strict=True)),
         classes=classes,
-        read_classes=lambda: tuple(s.numbers[o] for s, o in zip(samples, own, strict=True)),
+        read_classes=lambda: tuple(s.numbers[o] for s, o in zip(samples, masks, strict=True)),
     )
 
 
@@ -172,8 +172,8 @@ def test_a_network_begins_with_what_one_of_fewer_classes_learnt(tmp_path: Path) 
     assert checkpoint.load(begun).classes == ALL
     network = checkpoint.build("centerpoint-pillar", config(), SITE)
     drawn = network.state_dict()["head.heat.weight"].clone()
-    about = train._begun_with(network, one, checkpoint.load(begun).about)
-    assert (about.start, about.calibration) == (checkpoint.digest(one), None)
+    provenance = train._begun_with(network, one, checkpoint.load(begun).provenance)
+    assert (provenance.start, provenance.calibration) == (checkpoint.digest(one), None)
     weights, kept = network.state_dict(), checkpoint.load(one).weights()
     torch.testing.assert_close(weights["head.heat.weight"][:1], kept["head.heat.weight"])
     torch.testing.assert_close(weights["head.heat.weight"][1:], drawn[1:])
@@ -194,5 +194,5 @@ def test_classes_are_known_and_each_is_there_once() -> None:
     with pytest.raises(ConfigError, match="classes: found none"):
         config_of("centerpoint-pillar", {"classes": []})
     assert config_of("centerpoint-pillar", {}).classes == ("vehicle",)
-    about = About("pointpillars", {}, SITE, "lidar", "datasheet", "scene", 1, 0, 1)
-    assert checkpoint.Checkpoint(about, {}).classes == ("vehicle",)
+    provenance = Provenance("pointpillars", {}, SITE, "lidar", "datasheet", "scene", 1, 0, 1)
+    assert checkpoint.Checkpoint(provenance, {}).classes == ("vehicle",)

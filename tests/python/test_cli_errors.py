@@ -364,10 +364,10 @@ def test_no_number_may_be_infinite_or_none(kind: str, site: Site) -> None:
     file = site.folder / "whole.yaml"
     file.write_text(whole)
     assert site.infrasim("check", file).returncode == 0
-    for found in NUMBER.finditer(whole):
-        line = whole[: found.start()].count("\n") + 1
+    for match in NUMBER.finditer(whole):
+        line = whole[: match.start()].count("\n") + 1
         for value in (".nan", ".inf", "-.inf", "nan", "inf", "1e999"):
-            file.write_text(whole[: found.start()] + value + whole[found.end() :])
+            file.write_text(whole[: match.start()] + value + whole[match.end() :])
             assert_one_line(site.infrasim("check", file), site, f"{file}:{line}:", f"'{value}'")
 
 
@@ -684,11 +684,11 @@ def test_file_that_is_no_configuration(
 def test_byte_that_is_no_text(byte: bytes, kind: str, site: Site) -> None:
     """YAML's own reader ends at a 4, and replaces what is not UTF-8."""
     file = site.scene if kind == "scene" else site.lidar
-    for place in (b"name: ", b"\n", b"{"):
+    for mark in (b"name: ", b"\n", b"{"):
         old = file.read_bytes()
-        before, _, after = old.partition(place)
-        file.write_bytes(before + place + byte + after)
-        lines = (before + place).split(b"\n")
+        before, _, after = old.partition(mark)
+        file.write_bytes(before + mark + byte + after)
+        lines = (before + mark).split(b"\n")
         line, column = len(lines), len(lines[-1]) + 1
         escaped = f"found the byte \\x{byte.hex()}, allowed text in UTF-8"
         assert_one_line(site.run(), site, f"{file}:{line}:{column}: (document): {escaped}")

@@ -198,7 +198,7 @@ def test_labels_are_the_hit_objects_in_the_camera_frame(training: Path, k: int) 
 
 
 @pytest.mark.parametrize(
-    ("preset", "words", "found"),
+    ("preset", "words", "expected"),
     [
         ("paper", [], "frame"),
         ("equal", [], "frame"),
@@ -213,17 +213,17 @@ def test_labels_hold_at_the_time_of_the_preset_or_the_one_asked_for(
     tmp_path: Path,
     preset: str,
     words: list[str],
-    found: str,
+    expected: str,
 ) -> None:
     out = tmp_path / "out"
     infrasim(*run_command(preset=preset, frames="3:4", out=out), *words, check=True)
     for file in (out / "dataset.yaml", out / "helios_16/lidar.yaml"):
-        assert f"\nlabel_time: {found}\n" in file.read_text()
+        assert f"\nlabel_time: {expected}\n" in file.read_text()
     hit = objects(out / "helios_16/training", 3).query("points > 0")
     lines = (out / "helios_16/training/label_2/000003.txt").read_text().splitlines()
     labelled = np.array([float(line.split()[13]) for line in lines])  # z of the camera: ahead
     assert np.abs(hit.scan_x - hit.x).max() > 0.3
-    np.testing.assert_allclose(labelled, hit.scan_x if found == "scan" else hit.x, atol=2e-4)
+    np.testing.assert_allclose(labelled, hit.scan_x if expected == "scan" else hit.x, atol=2e-4)
 
 
 def test_a_folder_holds_labels_of_one_time(

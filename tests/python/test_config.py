@@ -39,9 +39,9 @@ def written(folder: Path, text: str) -> Path:
 
 def test_a_file_fills_the_class_and_keeps_its_defaults(tmp_path: Path) -> None:
     text = "name: x\nkind: b\ninner: {sizes: [1, 2.5]}\nmore: {width: 4}\n"
-    found = read_config(written(tmp_path, text), Outer)
-    assert found == Outer("x", "b", inner=Inner(sizes=(1.0, 2.5)), more=Inner(4))
-    assert from_plain(as_plain(found), Outer, "plain") == found
+    parsed = read_config(written(tmp_path, text), Outer)
+    assert parsed == Outer("x", "b", inner=Inner(sizes=(1.0, 2.5)), more=Inner(4))
+    assert from_plain(as_plain(parsed), Outer, "plain") == parsed
 
 
 @pytest.mark.parametrize(

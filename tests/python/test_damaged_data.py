@@ -58,10 +58,10 @@ def replace(file: Path, old: str, new: str, count: int = -1) -> None:
 def names_of(folder: Path, pred: Path) -> tuple[float, set[str]]:
     """AP, and the findings that are no notes, of evaluate and of validate, which are the same."""
     result = evaluate(folder, pred, Settings(ground_truths=("captured",)))
-    found = {f.name for f in result.findings if f.level != "note"}
+    names = {f.name for f in result.findings if f.level != "note"}
     checked = {f.name for f in validate(folder, pred) if f.level != "note"}
-    assert checked - {"labels-off-points"} == found - {"few-blocks"}
-    return float(result.ap.ap.iloc[0]), found - {"few-blocks"}
+    assert checked - {"labels-off-points"} == names - {"few-blocks"}
+    return float(result.ap.ap.iloc[0]), names - {"few-blocks"}
 
 
 # --- the region
@@ -71,9 +71,9 @@ def test_a_lidar_copied_without_its_roads_is_named(data_set: Path, tmp_path: Pat
     pred = tmp_path / "pred"
     assert names_of(data_set / "near", pred) == (100, set())
     copy = Path(shutil.copytree(data_set / "near", tmp_path / "copy/near"))
-    ap, found = names_of(copy, pred)
+    ap, names = names_of(copy, pred)
     assert ap < 95
-    assert found == {"no-roads"}
+    assert names == {"no-roads"}
     (warning,) = [f for f in evaluate(copy, pred).findings if f.name == "no-roads"]
     assert warning.text.startswith(f"{copy / 'lidar.yaml'}:3: preset: found 'paper', of a simul")
 
@@ -138,16 +138,16 @@ def test_names_that_count_nowhere_are_named(tmp_path: Path, objects: bool) -> No
         part: kitti.Part = "objects" if objects else "label_2"
         replace(kitti.frame_file(gt, part, k), "Car", "car")
     replace(kitti.frame_file(gt, part, 0), "Car", "Pedestrian", 1)
-    ap, found = names_of(gt, pred)
+    ap, names = names_of(gt, pred)
     assert ap < 60
-    assert found == {"other-types"}
+    assert names == {"other-types"}
     (text,) = [f.text for f in evaluate(gt, pred).findings if f.name == "other-types"]
     line = 2 if objects else 1
     file = kitti.frame_file(gt, part, 3)
     assert text.startswith(f"{file}:{line}: counted nowhere: car (72); allowed Car, Van, ")
     assert names_of(gt, pred)[1] == {"other-types"}
-    own = evaluate(gt, pred, Settings({"vehicle": ("Car", "car")}, ("captured",)))
-    assert own.ap.ap.iloc[0] > 95
+    custom = evaluate(gt, pred, Settings({"vehicle": ("Car", "car")}, ("captured",)))
+    assert custom.ap.ap.iloc[0] > 95
 
 
 def test_labels_are_looked_at_beside_objects(tmp_path: Path) -> None:

@@ -29,12 +29,12 @@ def sha256sum(folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    ("count", "found", "step"),
+    ("count", "expected", "step"),
     [(5000, 5000, 1), (500, 500, 10), (100, 100, 50), (3000, 2500, 2), (3, 3, 2499), (2, 2, 4999)],
 )
-def test_frames_are_spread_over_the_whole_scene(count: int, found: int, step: int) -> None:
+def test_frames_are_spread_over_the_whole_scene(count: int, expected: int, step: int) -> None:
     frames = release.spread(count)
-    assert (frames[0], len(frames), frames.step) == (0, found, step)
+    assert (frames[0], len(frames), frames.step) == (0, expected, step)
 
 
 def test_any_number_of_frames_can_be_split() -> None:

@@ -39,26 +39,26 @@ def test_cells_without_draws_claim_nothing() -> None:
 def test_areas_are_compared_by_share_and_by_number() -> None:
     share = figure("p_hqda", "captured", 5, ruby_plus=80, livox_avia=75)
     number = figure("n_hqda", "captured", 1, ruby_plus=8, livox_avia=3)
-    found = verdicts({"cells": cells(), "draws": pd.concat([share, number])}, "areas")
+    outcome = verdicts({"cells": cells(), "draws": pd.concat([share, number])}, "areas")
     # 5 either way makes 7 of the difference of -5: within 10 it is not sure.
-    assert list(found.values()) == ["undecided", "holds"]
+    assert list(outcome.values()) == ["undecided", "holds"]
 
 
 def test_the_draws_of_a_difference_go_in_pairs() -> None:
     common = np.sin(np.arange(200))
     a, b = Bootstrapped(90, 90 + common, 1e6), Bootstrapped(88, 88 + common, 1e6)
-    found = a.less(b).measured()
-    assert (found.value, found.low, found.high) == pytest.approx((2, 2, 2))
-    assert found.is_told
+    interval = a.less(b).measured()
+    assert (interval.value, interval.low, interval.high) == pytest.approx((2, 2, 2))
+    assert interval.is_significant
     assert a.less(Bootstrapped(90, 90 - common, 1e6)).measured().low < -2
     assert a.over(b).value == pytest.approx(90 / 88)
     assert a.times(2).draws == pytest.approx(2 * a.draws)
 
 
 def test_figures_without_draws_are_not_told_apart() -> None:
-    found = Bootstrapped(90, np.empty(0), 2).less(Bootstrapped(10, np.empty(0), 2)).measured()
-    assert not found.is_known
-    assert not found.is_told
+    interval = Bootstrapped(90, np.empty(0), 2).less(Bootstrapped(10, np.empty(0), 2)).measured()
+    assert not interval.is_known
+    assert not interval.is_significant
 
 
 @pytest.mark.parametrize("column", ["world", "version", "label_time", "block_s", "draws_seed"])
@@ -71,48 +71,48 @@ def test_draws_of_other_blocks_are_not_compared(column: str) -> None:
 
 
 def test_a_figure_over_worlds_has_students_interval() -> None:
-    found = over_worlds([1.0, 2.0, 3.0])
-    assert found.value == 2
-    assert found.high - found.value == pytest.approx(4.3027 / 3**0.5, rel=1e-3)
+    interval = over_worlds([1.0, 2.0, 3.0])
+    assert interval.value == 2
+    assert interval.high - interval.value == pytest.approx(4.3027 / 3**0.5, rel=1e-3)
     assert not over_worlds([1.0]).is_known
 
 
 def test_comparable_is_about_three_points_either_way() -> None:
-    found = verdicts(tables(), "comparable")
+    outcome = verdicts(tables(), "comparable")
     # Differences of 1, 0 and -4, give or take 1.41; of both ground truths.
-    assert list(found.values()) == ["holds"] * 4 + ["undecided"] * 2
+    assert list(outcome.values()) == ["holds"] * 4 + ["undecided"] * 2
     assert list(verdicts(tables(0.1), "comparable").values())[-1] == "fails"
 
 
 def test_of_a_seed_that_failed_the_next_one_stands_in() -> None:
-    own = tables()
-    failed = own["cells"].assign(ap=float("nan"))
-    second = {name: rows.assign(seed=2) for name, rows in own.items()}
+    data = tables()
+    failed = data["cells"].assign(ap=float("nan"))
+    second = {name: rows.assign(seed=2) for name, rows in data.items()}
     both = {"cells": pd.concat([failed, second["cells"]]), "draws": second["draws"]}
-    assert verdicts(both, "comparable") == verdicts(own, "comparable")
+    assert verdicts(both, "comparable") == verdicts(data, "comparable")
 
 
 def test_the_64_lines_are_below_both() -> None:
-    found = verdicts(tables(), "64-below")
-    assert list(found.values()) == ["holds"] * 4 + ["undecided"] * 2
+    outcome = verdicts(tables(), "64-below")
+    assert list(outcome.values()) == ["holds"] * 4 + ["undecided"] * 2
 
 
 def test_algorithms_are_compared_with_the_best() -> None:
-    found = verdicts(tables(), "algorithms")
+    outcome = verdicts(tables(), "algorithms")
     best = "ruby_plus: AP of the best (pv-rcnn) less that of"
-    assert found[f"{best} PointRCNN 20 or more"] == "holds"
-    assert found[f"{best} pointpillars 5 or less"] == "holds"
+    assert outcome[f"{best} PointRCNN 20 or more"] == "holds"
+    assert outcome[f"{best} pointpillars 5 or less"] == "holds"
     # 94 - 70 = 24 for the Avia; 62 - 30 = 32 for the 16 lines. None for the best less itself.
-    assert len(found) == 2 * 4
+    assert len(outcome) == 2 * 4
 
 
 def test_a_straight_line_has_its_slope_in_every_draw() -> None:
     windows = pd.DataFrame({"s": range(0, 50, 10), "ap_fine": [90.0, 88, 86, 84, 82]})
     windows = windows.assign(ap_fine_low=windows.ap_fine - 2, ap_fine_high=windows.ap_fine + 2)
     draws = np.outer(np.arange(5), [-1.0, -3.0]) + 90
-    found = slope(windows, draws, 10)
-    assert found.value == pytest.approx(-2)
-    assert found.draws == pytest.approx([-1, -3])
+    bootstrapped = slope(windows, draws, 10)
+    assert bootstrapped.value == pytest.approx(-2)
+    assert bootstrapped.draws == pytest.approx([-1, -3])
 
 
 def test_gentle_is_the_avia_against_the_gentlest_of_the_others() -> None:
@@ -120,28 +120,30 @@ def test_gentle_is_the_avia_against_the_gentlest_of_the_others() -> None:
         "ap_slope", "captured", 0.2, ruby_plus=-2, livox_avia=-1, pandar_64=-3, helios_16=-4
     )
     rows = claims_table({"cells": cells(), "draws": slopes})
-    found = rows[rows.claim == "gentle"]
-    assert found.value.to_list() == pytest.approx([1.0])
-    assert found.verdict.to_list() == ["holds"]
+    selected = rows[rows.claim == "gentle"]
+    assert selected.value.to_list() == pytest.approx([1.0])
+    assert selected.verdict.to_list() == ["holds"]
 
 
 def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
     areas = figure("n_hqda", "all", 1, **dict.fromkeys(PRICES, 10.0))
-    own = tables()
-    own = own | {"value": values(), "draws": pd.concat([own["draws"], areas])}
-    found = verdicts(own, "value")
+    data = tables()
+    data = data | {"value": values(), "draws": pd.concat([data["draws"], areas])}
+    outcome = verdicts(data, "value")
     # 94 AP for 2,000 against 60 for 1,000; 10 areas for 2,000 against as many for 1,000.
     text = "pointpillars: {} per dollar of the Avia over the best of the others (helios_16) above 1"
-    assert found[text.format("AP")] == "fails"
-    assert found[text.format("high-quality areas")] == "fails"
+    assert outcome[text.format("AP")] == "fails"
+    assert outcome[text.format("high-quality areas")] == "fails"
     unsure = figure("n_hqda", "all", 9, **dict.fromkeys(PRICES, 10.0))
-    found = verdicts(own | {"draws": pd.concat([tables()["draws"], unsure])}, "value")
-    assert found[text.format("high-quality areas")] == "undecided"
+    outcome = verdicts(data | {"draws": pd.concat([tables()["draws"], unsure])}, "value")
+    assert outcome[text.format("high-quality areas")] == "undecided"
 
 
 def test_tilt_takes_the_best_angle_against_none() -> None:
     dials = {"none": ["0"], "tilt": ["5", "10", "20", "30"], "unseen_lidar": ["pandar_64"]}
-    curve = pd.DataFrame([{"stressor": s, "dial": d} for s, own in dials.items() for d in own])
+    curve = pd.DataFrame(
+        [{"stressor": s, "dial": d} for s, levels in dials.items() for d in levels]
+    )
     curve = curve.assign(x=[80.0, 81, 84, 70, 99, 99], tier="quick", seed=1)
     curve = curve.assign(lidar="livox_avia", scene="road", preset="paper", detector="dsvt")
     more = curve[["stressor", "dial"]].assign(run="a")
@@ -150,23 +152,23 @@ def test_tilt_takes_the_best_angle_against_none() -> None:
     assert (row.claim, row.value, row.verdict) == ("tilt", 4, "fails")
     worse = drawn.assign(preset="equal", value=drawn.value - 30)
     both = claims_table({"cells": cells(), "stress_draws": pd.concat([drawn, worse])})
-    found = both[both.claim == "tilt"].set_index("preset").value
-    assert found.to_dict() == {"paper": 4, "equal": 4}
+    by_preset = both[both.claim == "tilt"].set_index("preset").value
+    assert by_preset.to_dict() == {"paper": 4, "equal": 4}
 
 
 def test_of_four_cells_the_papers_order_comes_by_chance_in_two_of_24() -> None:
-    own = paper_ap().assign(preset="paper", tier="quick", seed=1)
-    four = own[(own.scene == "curve") & (own.detector == "pointpillars")]
+    published = paper_ap().assign(preset="paper", tier="quick", seed=1)
+    four = published[(published.scene == "curve") & (published.detector == "pointpillars")]
     assert paper_table(four).p_value.to_list() == pytest.approx([2 / 24] * 2)
 
 
 def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
-    own = paper_ap().assign(preset="paper", tier="quick", seed=1)
-    found = paper_table(own.assign(ap=own.ap / 2)).set_index("scene")
-    assert list(found.cells) == [16, 16, 16, 48]
-    assert found.p_value.max() < 0.001
-    assert found.rank_correlation.to_list() == pytest.approx([1] * 4)
+    published = paper_ap().assign(preset="paper", tier="quick", seed=1)
+    agreement = paper_table(published.assign(ap=published.ap / 2)).set_index("scene")
+    assert list(agreement.cells) == [16, 16, 16, 48]
+    assert agreement.p_value.max() < 0.001
+    assert agreement.rank_correlation.to_list() == pytest.approx([1] * 4)
     # The paper's mean over the curve's 16 cells is 70.6.
-    assert found.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
-    turned = paper_table(own.assign(ap=100 - own.ap))
+    assert agreement.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
+    turned = paper_table(published.assign(ap=100 - published.ap))
     assert turned.rank_correlation.to_list() == pytest.approx([-1] * 4)

@@ -41,11 +41,11 @@ def network_of(name: str) -> Network:
     return checkpoint.build(name, recipe.network, SITE)
 
 
-def overlaps(found: Detections, boxes: np.ndarray) -> list[float]:
+def overlaps(detections: Detections, boxes: np.ndarray) -> list[float]:
     """The best overlap of each box with a detection."""
-    if len(found) == 0:
+    if len(detections) == 0:
         return [0.0] * len(boxes)
-    return exact.bev_iou(boxes, found.boxes).max(axis=1).tolist()
+    return exact.bev_iou(boxes, detections.boxes).max(axis=1).tolist()
 
 
 @pytest.mark.slow
@@ -63,14 +63,17 @@ def test_overfits_one_frame_without_a_miss_or_a_ghost(name: str) -> None:
             torch.nn.utils.clip_grad_norm_(network.parameters(), 10)
             optimizer.step()
             if step % 20 == 19:
-                found = network.eval().predict(sample.points)
-                good = len(found) == len(sample.boxes) and min(overlaps(found, sample.boxes)) > 0.7
+                detections = network.eval().predict(sample.points)
+                good = (
+                    len(detections) == len(sample.boxes)
+                    and min(overlaps(detections, sample.boxes)) > 0.7
+                )
                 if good:
                     break
-    assert len(found) == len(sample.boxes)
-    assert min(overlaps(found, sample.boxes)) > 0.7
-    order = exact.bev_iou(sample.boxes, found.boxes).argmax(axis=1)
-    turn = np.abs(found.boxes[order, 6] - sample.boxes[:, 6]) % np.pi
+    assert len(detections) == len(sample.boxes)
+    assert min(overlaps(detections, sample.boxes)) > 0.7
+    order = exact.bev_iou(sample.boxes, detections.boxes).argmax(axis=1)
+    turn = np.abs(detections.boxes[order, 6] - sample.boxes[:, 6]) % np.pi
     assert (np.minimum(turn, np.pi - turn) < 0.1).all()
 
 
@@ -89,9 +92,9 @@ def test_overfits_one_frame_without_a_miss_or_a_ghost(name: str) -> None:
 )
 def test_odd_clouds_give_an_answer(name: str, points: np.ndarray) -> None:
     before = points.copy()
-    found = network_of(name).eval().predict(points)
-    assert found.boxes.shape == (len(found), 7)
-    assert np.isfinite(found.boxes).all()
+    detections = network_of(name).eval().predict(points)
+    assert detections.boxes.shape == (len(detections), 7)
+    assert np.isfinite(detections.boxes).all()
     np.testing.assert_array_equal(points, before)
 
 
@@ -128,11 +131,11 @@ def test_layers_of_half_the_bits_learn_in_whole_ones(name: str) -> None:
         if isinstance(module, torch.nn.Linear | torch.nn.Conv2d):
             module.register_forward_hook(lambda _m, _i, out: half_bits.append(out.dtype))
     with torch.autocast("cpu", torch.bfloat16):
-        found = half.losses(batch)
+        losses = half.losses(batch)
     assert set(half_bits) == {torch.bfloat16}
-    assert {loss.dtype for loss in found.values()} == {torch.float32}
+    assert {loss.dtype for loss in losses.values()} == {torch.float32}
     # In sum: second stages look at other proposals where the first has other scores.
-    total = torch.stack(list(found.values())).sum()
+    total = torch.stack(list(losses.values())).sum()
     assert total.item() == pytest.approx(sum(v.item() for v in expected.values()), rel=0.25)
     total.backward()
     for parameter in half.parameters():
@@ -157,8 +160,8 @@ def test_a_step_on_a_gpu_is_as_on_the_cpu(name: str, precision: torch.dtype) -> 
         torch.optim.AdamW(network.parameters(), 1e-4).step()
         assert all(torch.isfinite(p).all() for p in network.parameters())
     assert totals["cuda"].item() == pytest.approx(totals["cpu"].item(), rel=0.1)
-    found = networks["cuda"].eval().predict(road_sample(2).points)
-    assert np.isfinite(found.boxes).all()
+    detections = networks["cuda"].eval().predict(road_sample(2).points)
+    assert np.isfinite(detections.boxes).all()
 
 
 @needs_gpu
@@ -198,9 +201,9 @@ def with_intensity(points: np.ndarray, value: float) -> np.ndarray:
 def test_another_sensor_gives_finite_boxes(
     name: str, change: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    found = network_of(name).eval().predict(change(road_sample(5).points))
-    assert np.isfinite(found.boxes).all()
-    assert ((found.scores >= 0) & (found.scores <= 1)).all()
+    detections = network_of(name).eval().predict(change(road_sample(5).points))
+    assert np.isfinite(detections.boxes).all()
+    assert ((detections.scores >= 0) & (detections.scores <= 1)).all()
 
 
 @pytest.mark.parametrize("name", LEARNT)
@@ -208,13 +211,13 @@ def test_vehicles_at_the_border_and_at_half_a_turn_are_learnt_from(name: str) ->
     low, high = SITE.area.low, SITE.area.high
     size = (4.3, 1.85, 1.6)
     z = FLOOR_Z + size[2] / 2
-    places = [
+    poses = [
         (low[0] + 0.01, 0.0, z, *size, math.pi),  # half outside
         (high[0] - 0.01, 5.0, z, *size, -math.pi),
         (20.0, high[1] - 0.01, z, *size, math.pi / 2),
         (20.0, low[1] - 0.5, z, *size, 0.0),  # its centre outside, so not learnt
     ]
-    boxes = np.array(places)
+    boxes = np.array(poses)
     clouds = [road_sample(6).points, *(vehicle_points(b, np.random.default_rng(1)) for b in boxes)]
     network = network_of(name).train()
     points = np.concatenate(clouds)
@@ -232,8 +235,8 @@ def test_half_a_turn_either_way_is_one_heading() -> None:
     boxes[1, 6] = -math.pi
     anchors = boxes.clone()
     anchors[:, 6] = 0
-    found = decode(encode(boxes, anchors), anchors, is_backwards(boxes[:, 6]))
-    turn = (found[:, 6] - math.pi + math.pi) % (2 * math.pi) - math.pi
+    decoded = decode(encode(boxes, anchors), anchors, is_backwards(boxes[:, 6]))
+    turn = (decoded[:, 6] - math.pi + math.pi) % (2 * math.pi) - math.pi
     assert turn.abs().max() < 1e-5
     assert is_backwards(boxes[:, 6]).all()
 
@@ -253,10 +256,10 @@ def test_an_anchor_far_below_its_vehicle_still_leads_to_it() -> None:
     high = torch.tensor([[20.0, 0.3, FLOOR_Z + 4.0, 4.3, 1.85, 1.6, 0.1]])
     targets = anchors.targets(high)
     assert targets.positive.any()
-    own = anchors.boxes[targets.positive]
-    wanted = high.expand(len(own), 7)
-    found = decode(encode(wanted, own), own, is_backwards(wanted[:, 6]))
-    torch.testing.assert_close(found, wanted, atol=1e-4, rtol=1e-4)
+    matched = anchors.boxes[targets.positive]
+    wanted = high.expand(len(matched), 7)
+    decoded = decode(encode(wanted, matched), matched, is_backwards(wanted[:, 6]))
+    torch.testing.assert_close(decoded, wanted, atol=1e-4, rtol=1e-4)
 
 
 def test_a_truck_is_for_the_long_anchors() -> None:
@@ -399,9 +402,9 @@ def test_residuals_of_anchors_round_trip_through_every_heading() -> None:
     boxes[:, 6] = torch.linspace(-math.pi, math.pi - 1e-3, 200)
     anchors = boxes[torch.randperm(200, generator=draw)].clone()
     anchors[:, 6] = torch.tensor([0.0, math.pi / 2]).repeat(100)
-    found = decode(encode(boxes, anchors), anchors, is_backwards(boxes[:, 6]))
-    torch.testing.assert_close(found[:, :6], boxes[:, :6], atol=1e-4, rtol=1e-4)
-    turn = (found[:, 6] - boxes[:, 6] + math.pi) % (2 * math.pi) - math.pi
+    decoded = decode(encode(boxes, anchors), anchors, is_backwards(boxes[:, 6]))
+    torch.testing.assert_close(decoded[:, :6], boxes[:, :6], atol=1e-4, rtol=1e-4)
+    turn = (decoded[:, 6] - boxes[:, 6] + math.pi) % (2 * math.pi) - math.pi
     assert turn.abs().max() < 1e-4
 
 
@@ -409,10 +412,10 @@ def test_anchors_match_by_the_exact_overlap_of_upright_footprints() -> None:
     anchors = Anchors(AnchorConfig(), SITE, 0.8, (32, 48))
     boxes = torch.from_numpy(road_sample(7).boxes).float()
     boxes[:, 6] = torch.tensor([0.0, math.pi / 2, math.pi, -math.pi / 2])
-    found = anchors.axis_aligned_iou(boxes)
+    computed = anchors.axis_aligned_iou(boxes)
     flat = anchors.boxes.flatten(0, 2)[::97].double().numpy()
     wanted = exact.bev_iou(flat, boxes.double().numpy())
-    np.testing.assert_allclose(found.flatten(0, 2)[::97].numpy(), wanted, atol=1e-5)
+    np.testing.assert_allclose(computed.flatten(0, 2)[::97].numpy(), wanted, atol=1e-5)
     targets = anchors.targets(boxes)
     assert set(targets.box[targets.positive].tolist()) == {0, 1, 2, 3}
     assert not (targets.positive & targets.negative).any()
@@ -463,8 +466,8 @@ def test_an_axis_and_a_way_are_a_heading() -> None:
     row, column = head.cells_of(boxes, (32, 48))
     for sign in (1, -1):  # of a way that is right, and one that is wrong
         way = torch.where(is_backwards(boxes[:, 6]), sign, -sign)[:, None].float()
-        found = torch.cat([head.encode(boxes, row, column), way], dim=1)
-        turned = head.decode(found, row, column)[:, 6] - boxes[:, 6]
+        residuals = torch.cat([head.encode(boxes, row, column), way], dim=1)
+        turned = head.decode(residuals, row, column)[:, 6] - boxes[:, 6]
         torch.testing.assert_close(turned.cos(), torch.full((64,), float(sign)), atol=1e-5, rtol=0)
 
 
@@ -484,8 +487,8 @@ def crossing(way: float = math.pi / 6) -> Region:
 def test_roads_have_an_axis_where_one_is_and_none_where_two_cross_or_off_them() -> None:
     region = crossing()
     assert region.axes is not None
-    places = np.array([[30.0, 1.0], [-30.0, -4.5], [1.0, -25.0], [1.0, 1.0], [30.0, 9.0]])
-    sin, cos = region.axes(places).T
+    positions = np.array([[30.0, 1.0], [-30.0, -4.5], [1.0, -25.0], [1.0, 1.0], [30.0, 9.0]])
+    sin, cos = region.axes(positions).T
     np.testing.assert_allclose(sin, 0, atol=1e-12)
     np.testing.assert_allclose(cos, [1, 1, -1, 0, 0], atol=1e-12)
 
@@ -495,10 +498,10 @@ def test_a_road_s_axis_fills_up_what_was_not_found_of_a_vehicle_s() -> None:
     head.know(crossing(), (32, 48))
     box = torch.tensor([[20.0, 0.5, -4.5, 4.0, 2.0, 1.5, math.pi / 3]])
     row, column = head.cells_of(box, (32, 48))
-    found = torch.cat([head.encode(box, row, column), torch.zeros(1, 1)], dim=1)
-    sure = head.decode(found, row, column)[0, 6]
+    residuals = torch.cat([head.encode(box, row, column), torch.zeros(1, 1)], dim=1)
+    sure = head.decode(residuals, row, column)[0, 6]
     assert sure == pytest.approx(math.pi / 3, abs=1e-5)
-    unsure = found.clone()
+    unsure = residuals.clone()
     unsure[:, 6:8] *= 1e-3
     assert head.decode(unsure, row, column)[0, 6] == pytest.approx(0, abs=1e-2)
 

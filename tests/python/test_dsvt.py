@@ -54,8 +54,8 @@ def test_windows_hold_the_cells_of_a_square_of_one_frame() -> None:
         same_square = (square[:, None] == square).all(dim=2)
         same_window = windows.window[:, None] == windows.window
         assert torch.equal(same_square, same_window)
-        for place in (windows.row, windows.column):
-            assert 0 <= int(place.min()) <= int(place.max()) < side
+        for coordinate in (windows.row, windows.column):
+            assert 0 <= int(coordinate.min()) <= int(coordinate.max()) < side
 
 
 @pytest.mark.parametrize(("side", "shift"), [(12, 0), (24, 6)])
@@ -78,9 +78,9 @@ def test_a_window_has_no_more_sets_than_its_voxels_need_and_they_are_of_like_siz
         lengths = np.array([len(one) for one in members(sets)])
         window = windows.window[sets.voxel[:, 0]].numpy()
         for number in np.unique(window):
-            own = lengths[window == number]
-            assert len(own) == np.ceil(own.sum() / SIZE)
-            assert own.max() - own.min() <= 1
+            in_window = lengths[window == number]
+            assert len(in_window) == np.ceil(in_window.sum() / SIZE)
+            assert in_window.max() - in_window.min() <= 1
 
 
 def test_sets_are_strips_along_one_axis_and_then_along_the_other() -> None:
@@ -124,17 +124,17 @@ def test_attention_in_a_set_is_that_of_its_voxels_without_the_repeats() -> None:
     torch.manual_seed(1)
     windows = windows_of(*voxels(6, 300), 12, 0)
     sets, attention = both(windows)[0], SetAttention(16, 4)
-    x, place = torch.randn(300, 16), torch.randn(300, 16)
-    found = attention(x, place, sets)
+    x, position = torch.randn(300, 16), torch.randn(300, 16)
+    attended = attention(x, position, sets)
     plain = torch.nn.MultiheadAttention(16, 4, batch_first=True)
     with torch.no_grad():
         plain.in_proj_weight.copy_(torch.cat([attention.query_key.weight, attention.value.weight]))
         plain.in_proj_bias.copy_(torch.cat([attention.query_key.bias, attention.value.bias]))
     plain.out_proj = attention.out
     for one in members(sets):
-        at = (x + place)[None, one]
+        at = (x + position)[None, one]
         wanted = plain(at, at, x[None, one])[0][0]
-        torch.testing.assert_close(found[one], wanted, atol=1e-5, rtol=1e-4)
+        torch.testing.assert_close(attended[one], wanted, atol=1e-5, rtol=1e-4)
 
 
 def test_what_happens_in_a_set_or_a_frame_stays_there() -> None:
@@ -142,11 +142,11 @@ def test_what_happens_in_a_set_or_a_frame_stays_there() -> None:
     cells = voxels(7)
     windows = windows_of(*cells, 12, 0)
     sets, attention = both(windows)[0], SetAttention(16, 4)
-    x, place = torch.randn(3000, 16), torch.zeros(3000, 16)
+    x, position = torch.randn(3000, 16), torch.zeros(3000, 16)
     changed = x.clone()
     first = members(sets)[0]
     changed[first[0]] += 1
-    moved = (attention(x, place, sets) != attention(changed, place, sets)).any(dim=1)
+    moved = (attention(x, position, sets) != attention(changed, position, sets)).any(dim=1)
     assert moved.nonzero()[:, 0].tolist() == sorted(first)
 
     transformer, other = Transformer(SMALL).eval(), cells[0] == 1

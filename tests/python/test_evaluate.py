@@ -31,7 +31,7 @@ from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_results import Settings
 
-Found = list[tuple[list[float], float]]
+ScoredBoxes = list[tuple[list[float], float]]
 SETS = ("captured", "common", "all")
 
 
@@ -39,12 +39,14 @@ SETS = ("captured", "common", "all")
 def run(tmp_path: Path) -> Callable[..., Evaluation]:
     """Evaluates predictions of the frames of one LiDAR on a straight road."""
 
-    def call(frames: list, found: list[Found], name: str = "vehicle", **settings) -> Evaluation:
+    def call(
+        frames: list, predictions: list[ScoredBoxes], name: str = "vehicle", **settings
+    ) -> Evaluation:
         label_time = str(settings.pop("label_time", "frame"))
         data = tmp_path / label_time
         gt = write_lidar(data / "lidar", frames, label_time=label_time)
         write_roads(data)
-        pred = write_predictions(data / "pred", found, name)
+        pred = write_predictions(data / "pred", predictions, name)
         return evaluate(gt, pred, Settings(**{"ground_truths": SETS, "block_s": 5} | settings))
 
     return call
@@ -84,10 +86,10 @@ def test_a_vehicle_without_points_counts_for_all_but_is_ignored_for_captured(
     run: Callable[..., Evaluation],
 ) -> None:
     frames = [[car(20), car(40, points=0)]]
-    unseen_found = run(frames, [[(box(car(20)), 0.9), (box(car(40)), 0.8)]])
-    assert row(unseen_found, ground_truth="captured").ap == 100
-    assert row(unseen_found, ground_truth="captured").predictions == 1
-    assert row(unseen_found, ground_truth="all").ap == 100
+    unseen_result = run(frames, [[(box(car(20)), 0.9), (box(car(40)), 0.8)]])
+    assert row(unseen_result, ground_truth="captured").ap == 100
+    assert row(unseen_result, ground_truth="captured").predictions == 1
+    assert row(unseen_result, ground_truth="all").ap == 100
 
 
 def test_a_missed_vehicle_without_points_costs_recall_for_all(
@@ -115,8 +117,8 @@ def test_vehicles_and_ghosts_outside_the_region_are_ignored(
     """100 m along the road and 10 m to its sides."""
     out = [car(103, visibility=-1), car(50, 12, visibility=-1)]
     ghosts = [(box(car(-120)), 0.95), (box(car(0, -14)), 0.95)]
-    found = [(box(v), 0.9) for v in out] + ghosts + [(box(car(20)), 0.5)]
-    result = run([[car(20), *out]], [found])
+    predictions = [(box(v), 0.9) for v in out] + ghosts + [(box(car(20)), 0.5)]
+    result = run([[car(20), *out]], [predictions])
     assert (result.ap.ap == 100).all()
     assert (result.ap.predictions == 1).all()
 
@@ -129,8 +131,8 @@ def test_a_drawn_region_stands_for_roads(tmp_path: Path) -> None:
     settings = Settings(ground_truths=("captured",), block_s=5)
     assert row(evaluate(gt, ghosts, settings)).ap < 50
     (gt / "region.yaml").write_text("outline_m: [[-9, -9], [40, -9], [40, 9], [-9, 9]]\n")
-    for found in (pred, ghosts):
-        counted = row(evaluate(gt, found, settings))
+    for predicted in (pred, ghosts):
+        counted = row(evaluate(gt, predicted, settings))
         assert counted[["objects", "predictions", "ap"]].tolist() == [1, 1, 100]
     (gt / "region.yaml").write_text("outline_m: [[0, 0], [9, 9]]\n")
     with pytest.raises(ConfigError, match=r"region.yaml.*outline_m: found 2 corners"):
@@ -140,16 +142,16 @@ def test_a_drawn_region_stands_for_roads(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_is_found_where_its_label_is(run: Callable[..., Evaluation]) -> None:
-    frames, found = [[car(20, ahead=1.5)]], [[(box(car(21.5)), 0.9)]]
-    assert (run(frames, found, label_time="scan").ap.ap == 100).all()
-    assert (run(frames, found, label_time="frame").ap.ap == 0).all()
+    frames, predictions = [[car(20, ahead=1.5)]], [[(box(car(21.5)), 0.9)]]
+    assert (run(frames, predictions, label_time="scan").ap.ap == 100).all()
+    assert (run(frames, predictions, label_time="frame").ap.ap == 0).all()
 
 
 def test_a_vehicle_belongs_where_it_is_at_mid_frame(run: Callable[..., Evaluation]) -> None:
     """Scanned 2 m further on: beyond the region's end, or within it."""
     frames = [[car(99, ahead=2), car(-101, ahead=2, visibility=-1)]]
-    found = [[(box(car(101)), 0.9), (box(car(-99)), 0.8)]]
-    result = run(frames, found, label_time="scan")
+    predictions = [[(box(car(101)), 0.9), (box(car(-99)), 0.8)]]
+    result = run(frames, predictions, label_time="scan")
     assert (result.ap.objects == 1).all()
     assert (result.ap.ap == 100).all()
     assert (result.ap.predictions == 1).all()
@@ -159,8 +161,8 @@ def test_a_vehicle_out_of_reach_is_labelled_at_mid_frame(tmp_path: Path) -> None
     write_roads(tmp_path)
     near = write_lidar(tmp_path / "near", [[car(20)]], reach_m=50, label_time="scan")
     write_lidar(tmp_path / "far", [[car(20), car(80, ahead=2)]], label_time="scan")
-    own = read_ground_truth(near, beyond_range=True).vehicles
-    assert own.boxes[:, 0].tolist() == own.mid_frame[:, 0].tolist() == [20, 80]
+    truth = read_ground_truth(near, beyond_range=True).vehicles
+    assert truth.boxes[:, 0].tolist() == truth.mid_frame[:, 0].tolist() == [20, 80]
     far = read_ground_truth(tmp_path / "far").vehicles
     assert far.boxes[:, 0].tolist() == [20, 82]
 
@@ -180,13 +182,13 @@ def test_a_box_inside_that_took_a_vehicle_outside_is_ignored(
 
 
 def test_a_second_box_on_a_vehicle_is_a_duplicate(run: Callable[..., Evaluation]) -> None:
-    found = [
+    predictions = [
         (box(car(20)), 0.9),
         (box(car(20.2)), 0.95),
         (box(car(42.5)), 0.8),
         (box(car(80)), 0.7),
     ]
-    result = run([[car(20), car(40)]], [found])
+    result = run([[car(20), car(40)]], [predictions])
     counts = result.false_positives[result.false_positives.ground_truth == "captured"]
     assert counts.set_index("cause")["count"].to_dict() == {
         "ghost": 1,
@@ -196,13 +198,15 @@ def test_a_second_box_on_a_vehicle_is_a_duplicate(run: Callable[..., Evaluation]
 
 
 def test_scores_below_the_threshold_do_not_count(run: Callable[..., Evaluation]) -> None:
-    found = [[(box(car(20)), 0.1), (box(car(60)), 0.0999)]]
-    assert row(run([[car(20)]], found, min_score=0.1), ground_truth="captured").predictions == 1
+    predictions = [[(box(car(20)), 0.1), (box(car(60)), 0.0999)]]
+    assert (
+        row(run([[car(20)]], predictions, min_score=0.1), ground_truth="captured").predictions == 1
+    )
 
 
 def test_every_score_counts_by_default(run: Callable[..., Evaluation]) -> None:
-    found = [[(box(car(20)), 0.1), (box(car(60)), 0.0)]]
-    assert row(run([[car(20)]], found), ground_truth="captured").predictions == 2
+    predictions = [[(box(car(20)), 0.1), (box(car(60)), 0.0)]]
+    assert row(run([[car(20)]], predictions), ground_truth="captured").predictions == 2
 
 
 def test_common_leaves_out_what_another_lidar_cannot_see(tmp_path: Path) -> None:
@@ -211,8 +215,10 @@ def test_common_leaves_out_what_another_lidar_cannot_see(tmp_path: Path) -> None
     write_roads(tmp_path)
     gt = write_lidar(tmp_path / "wide", frames)
     write_lidar(tmp_path / "narrow", frames, half_deg=35)
-    found = [[(box(car(50)), 0.9), (box(car(-70)), 0.95)]]
-    result = evaluate(gt, write_predictions(tmp_path / "pred", found), Settings(ground_truths=SETS))
+    predictions = [[(box(car(50)), 0.9), (box(car(-70)), 0.95)]]
+    result = evaluate(
+        gt, write_predictions(tmp_path / "pred", predictions), Settings(ground_truths=SETS)
+    )
     assert row(result, ground_truth="common")[["objects", "predictions", "ap"]].tolist() == [
         1,
         1,
@@ -280,12 +286,12 @@ def test_files_read_together_are_as_read_alone(tmp_path: Path) -> None:
 
 def test_csv_and_kitti_predictions_give_the_same(tmp_path: Path) -> None:
     frames = traffic(5)
-    found = noisy(frames)
+    predictions = noisy(frames)
     gt = write_lidar(tmp_path / "lidar", frames)
-    pred = write_predictions(tmp_path / "pred", found)
+    pred = write_predictions(tmp_path / "pred", predictions)
     as_csv = tmp_path / "csv"
     as_csv.mkdir()
-    for k, boxes in enumerate(found):
+    for k, boxes in enumerate(predictions):
         rows = "".join(
             f"{score:.6f},vehicle,{','.join(f'{value:.6f}' for value in b)}\n" for b, score in boxes
         )
@@ -322,14 +328,14 @@ def test_only_the_split_is_evaluated(tmp_path: Path) -> None:
 def test_order_of_boxes_in_the_files_has_no_influence(tmp_path: Path, seed: int) -> None:
     """With scores of one digit, so that many are equal."""
     frames = traffic(20)
-    found = [[(b, round(s, 1)) for b, s in boxes] for boxes in noisy(frames, spread=0.8)]
+    predictions = [[(b, round(s, 1)) for b, s in boxes] for boxes in noisy(frames, spread=0.8)]
     write_roads(tmp_path)
     gt = write_lidar(tmp_path / "a", frames)
-    pred = write_predictions(tmp_path / "pred", found)
+    pred = write_predictions(tmp_path / "pred", predictions)
     shuffle = random.Random(seed).shuffle
-    for boxes in [*frames, *found]:
+    for boxes in [*frames, *predictions]:
         shuffle(boxes)
-    other = write_predictions(tmp_path / "other", found)
+    other = write_predictions(tmp_path / "other", predictions)
     shuffled = write_lidar(tmp_path / "b", frames)
     first, second = evaluate(gt, pred), evaluate(shuffled, other)
     for name, table in first.tables().items():
@@ -339,10 +345,13 @@ def test_order_of_boxes_in_the_files_has_no_influence(tmp_path: Path, seed: int)
 
 def test_order_of_frames_has_no_influence_on_ap(tmp_path: Path) -> None:
     frames = traffic(20)
-    found = noisy(frames)
-    one = evaluate(write_lidar(tmp_path / "a", frames), write_predictions(tmp_path / "p", found))
+    predictions = noisy(frames)
+    one = evaluate(
+        write_lidar(tmp_path / "a", frames), write_predictions(tmp_path / "p", predictions)
+    )
     two = evaluate(
-        write_lidar(tmp_path / "b", frames[::-1]), write_predictions(tmp_path / "q", found[::-1])
+        write_lidar(tmp_path / "b", frames[::-1]),
+        write_predictions(tmp_path / "q", predictions[::-1]),
     )
     assert one.ap.ap.tolist() == two.ap.ap.tolist()
 
@@ -390,10 +399,10 @@ def test_areas_with_few_objects_do_not_count(run: Callable[..., Evaluation]) -> 
 def test_an_area_whose_interval_holds_85_is_undecided(run: Callable[..., Evaluation]) -> None:
     """In some blocks of 5 s all vehicles are found and in others few."""
     frames = [[car(12)] for _ in range(1000)]
-    found = [
+    predictions = [
         boxes if (k // 50) % 6 or k % 4 == 0 else [] for k, boxes in enumerate(perfect(frames))
     ]
-    result = run(frames, found)
+    result = run(frames, predictions)
     one = result.distance_ap[(result.distance_ap.s == 10)].iloc[0]
     assert one.ap_low < 85 < one.ap_high
     assert one.quality == "undecided"
@@ -424,8 +433,8 @@ def test_few_blocks_give_no_interval_and_a_warning(run: Callable[..., Evaluation
 
 def test_the_interval_holds_the_ap_of_more_frames(run: Callable[..., Evaluation]) -> None:
     frames = traffic(800)
-    found = noisy(frames, spread=0.6)
-    first = run(frames[:500], found[:500]).ap.iloc[0]
+    predictions = noisy(frames, spread=0.6)
+    first = run(frames[:500], predictions[:500]).ap.iloc[0]
     assert first.ap_low < first.ap < first.ap_high
     assert first.ap_high - first.ap_low < 10
 

@@ -29,12 +29,12 @@ TYPES = {4: "<u2", 5: "<i4", 7: "<f4"}  # of sensor_msgs/PointField
 
 def read(file: Path) -> dict[str, list[tuple[int, SimpleNamespace]]]:
     """Log time in ns and message, by topic."""
-    found: dict[str, list[tuple[int, SimpleNamespace]]] = {}
+    by_topic: dict[str, list[tuple[int, SimpleNamespace]]] = {}
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for _, channel, message, decoded in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, []).append((message.log_time, decoded))
-    return found
+            by_topic.setdefault(channel.topic, []).append((message.log_time, decoded))
+    return by_topic
 
 
 def exported(folder: Path, frames: list[int], out: Path) -> dict[str, list[SimpleNamespace]]:
@@ -82,8 +82,8 @@ def boxes(array: SimpleNamespace) -> np.ndarray:
 
 
 def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), list(FRAMES), tmp_path / "out")
-    clouds, arrays, poses = found["/pole/points"], found["/pole/boxes"], found["/tf"]
+    by_topic = exported(write_recording(tmp_path), list(FRAMES), tmp_path / "out")
+    clouds, arrays, poses = by_topic["/pole/points"], by_topic["/pole/boxes"], by_topic["/tf"]
     assert len(clouds) == len(arrays) == len(poses) == 3
     for (frame, ids), cloud, array, pose in zip(FRAMES.items(), clouds, arrays, poses, strict=True):
         got, fields = records(cloud), fields_of(frame)
@@ -105,8 +105,8 @@ def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
 
 
 def test_the_transform_takes_points_to_the_world(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), [5], tmp_path / "out")
-    for stamped in found["/tf"][0].transforms:
+    by_topic = exported(write_recording(tmp_path), [5], tmp_path / "out")
+    for stamped in by_topic["/tf"][0].transforms:
         assert (stamped.header.frame_id, stamped.child_frame_id) == ("world", "pole")
         turn = rotation(quaternion(stamped.transform.rotation))
         got = points(5)[:, :3] @ turn.T + vector(stamped.transform.translation)
@@ -115,8 +115,8 @@ def test_the_transform_takes_points_to_the_world(tmp_path: Path) -> None:
 
 def test_messages_are_logged_at_the_end_of_their_frame(tmp_path: Path) -> None:
     mcap.export(write_recording(tmp_path), [5, 7], tmp_path)
-    found = read(tmp_path / "pole.mcap")
-    for messages in found.values():
+    by_topic = read(tmp_path / "pole.mcap")
+    for messages in by_topic.values():
         assert [time for time, _ in messages] == [600_000_000, 800_000_000]
 
 
@@ -125,14 +125,14 @@ def test_without_fields_and_objects_and_dataset_there_are_points_and_labels(
 ) -> None:
     whole = write_recording(tmp_path)
     folder = without(whole, tmp_path / "bare", "fields", "objects")
-    found = exported(folder, list(FRAMES), tmp_path / "out")
-    for frame, cloud in zip(FRAMES, found["/pole/points"], strict=True):
+    by_topic = exported(folder, list(FRAMES), tmp_path / "out")
+    for frame, cloud in zip(FRAMES, by_topic["/pole/points"], strict=True):
         assert records(cloud).dtype.names == ("x", "y", "z", "intensity")
         xyzi = records(cloud).view("<f4").reshape(-1, 4)
         np.testing.assert_array_equal(xyzi, points(frame))
-    numbers = [m.id for array in found["/pole/boxes"] for m in array.markers[1:]]
+    numbers = [m.id for array in by_topic["/pole/boxes"] for m in array.markers[1:]]
     assert numbers == [0, 1, 2]  # labels know no identity
-    np.testing.assert_allclose(boxes(found["/pole/boxes"][2])[0], BOXES[3], atol=1e-5)
+    np.testing.assert_allclose(boxes(by_topic["/pole/boxes"][2])[0], BOXES[3], atol=1e-5)
 
 
 def test_a_folder_of_kitti_alone_stands_at_the_origin(tmp_path: Path) -> None:
@@ -146,9 +146,9 @@ def test_a_folder_of_kitti_alone_stands_at_the_origin(tmp_path: Path) -> None:
 @pytest.mark.parametrize("lidar", LIDARS)
 def test_each_lidar_comes_back(motorway: Path, tmp_path: Path, lidar: str) -> None:
     folder = motorway / lidar
-    found = exported(folder, [0, 1, 2], tmp_path / "out")
+    by_topic = exported(folder, [0, 1, 2], tmp_path / "out")
     for frame in range(3):
-        cloud, array = found[f"/{lidar}/points"][frame], found[f"/{lidar}/boxes"][frame]
+        cloud, array = by_topic[f"/{lidar}/points"][frame], by_topic[f"/{lidar}/boxes"][frame]
         expected = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
         fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
         objects = kitti.read_objects(kitti.frame_file(folder, "objects", frame))

@@ -140,10 +140,10 @@ def test_each_lidar_comes_back(motorway: Path, tmp_path: Path, lidar: str) -> No
         order = {token: i for i, token in enumerate(instances)}
         assert len(order) == len(objects)
         boxes = np.array([database.box_in_sensor(a, data) for a in database.annotations(sample)])
-        by_place = np.lexsort(boxes[:, :2].T), np.lexsort(objects.boxes[:, :2].T)
-        turn = boxes[by_place[0], 6] - objects.boxes[by_place[1], 6]
+        by_position = np.lexsort(boxes[:, :2].T), np.lexsort(objects.boxes[:, :2].T)
+        turn = boxes[by_position[0], 6] - objects.boxes[by_position[1], 6]
         np.testing.assert_allclose(
-            boxes[by_place[0], :6], objects.boxes[by_place[1], :6], atol=1e-5
+            boxes[by_position[0], :6], objects.boxes[by_position[1], :6], atol=1e-5
         )
         np.testing.assert_allclose(np.cos(turn), 1, atol=1e-10)
 

@@ -42,8 +42,8 @@ def exported(folder: Path, frames: list[int], out: Path) -> dict[str, Any]:
 
 
 def cuboids(frame: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    found = {int(uid): item["object_data"] for uid, item in frame["objects"].items()}
-    return {uid: data["cuboid"][0] for uid, data in found.items()}
+    objects = {int(uid): item["object_data"] for uid, item in frame["objects"].items()}
+    return {uid: data["cuboid"][0] for uid, data in objects.items()}
 
 
 def box(cuboid: dict[str, Any]) -> list[float]:
@@ -56,9 +56,9 @@ def numbers(cuboid: dict[str, Any]) -> dict[str, float]:
 
 
 def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), list(FRAMES), tmp_path / "out")
-    assert list(found["frames"]) == ["0", "1", "2"]
-    for (number, ids), frame in zip(FRAMES.items(), found["frames"].values(), strict=True):
+    document = exported(write_recording(tmp_path), list(FRAMES), tmp_path / "out")
+    assert list(document["frames"]) == ["0", "1", "2"]
+    for (number, ids), frame in zip(FRAMES.items(), document["frames"].values(), strict=True):
         properties = frame["frame_properties"]
         assert properties["timestamp"] == f"0.{number}50000000"
         stream = properties["streams"]["pole"]
@@ -74,8 +74,8 @@ def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
 
 
 def test_the_pose_takes_the_lidar_to_the_world(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), [5], tmp_path / "out")
-    systems = found["coordinate_systems"]
+    document = exported(write_recording(tmp_path), [5], tmp_path / "out")
+    systems = document["coordinate_systems"]
     assert systems["world"]["parent"] == ""
     assert systems["world"]["children"] == ["pole"]
     assert systems["pole"]["parent"] == "world"
@@ -85,44 +85,44 @@ def test_the_pose_takes_the_lidar_to_the_world(tmp_path: Path) -> None:
 
 
 def test_objects_know_when_they_are_there(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), list(FRAMES), tmp_path / "out")
+    document = exported(write_recording(tmp_path), list(FRAMES), tmp_path / "out")
     intervals = {
         uid: [(i["frame_start"], i["frame_end"]) for i in item["frame_intervals"]]
-        for uid, item in found["objects"].items()
+        for uid, item in document["objects"].items()
     }
     assert intervals == {"3": [(0, 0), (2, 2)], "8": [(0, 0)]}
-    assert {uid: item["type"] for uid, item in found["objects"].items()} == {
+    assert {uid: item["type"] for uid, item in document["objects"].items()} == {
         "3": "Car",
         "8": "Truck",
     }
-    assert found["frame_intervals"] == [{"frame_start": 0, "frame_end": 2}]
+    assert document["frame_intervals"] == [{"frame_start": 0, "frame_end": 2}]
 
 
 def test_neighbouring_frames_are_one_interval(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), [5, 7], tmp_path / "out")
-    assert found["objects"]["3"]["frame_intervals"] == [{"frame_start": 0, "frame_end": 1}]
+    document = exported(write_recording(tmp_path), [5, 7], tmp_path / "out")
+    assert document["objects"]["3"]["frame_intervals"] == [{"frame_start": 0, "frame_end": 1}]
 
 
 def test_what_is_not_known_is_left_out(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), [5], tmp_path / "out")
-    car, truck = cuboids(found["frames"]["0"]).values()
+    document = exported(write_recording(tmp_path), [5], tmp_path / "out")
+    car, truck = cuboids(document["frames"]["0"]).values()
     assert numbers(car) == {"points_in_box": 3, "speed": 15.0, "visibility": 0.5}
     assert numbers(truck) == {"points_in_box": 3, "speed": 0.0}
 
 
 def test_frames_without_any_object_make_a_valid_file(tmp_path: Path) -> None:
-    found = exported(write_recording(tmp_path), [6], tmp_path / "out")
-    assert found["objects"] == {}
-    assert found["frames"]["0"]["objects"] == {}
+    document = exported(write_recording(tmp_path), [6], tmp_path / "out")
+    assert document["objects"] == {}
+    assert document["frames"]["0"]["objects"] == {}
 
 
 def test_without_fields_and_objects_and_dataset_every_label_is_an_object(tmp_path: Path) -> None:
     whole = write_recording(tmp_path)
     folder = without(whole, tmp_path / "bare", "fields", "objects")
-    found = exported(folder, list(FRAMES), tmp_path / "out")
-    assert list(found["objects"]) == ["0", "1", "2"]
-    assert found["metadata"]["name"] == "bare, pole"
-    shapes = [c for frame in found["frames"].values() for c in cuboids(frame).values()]
+    document = exported(folder, list(FRAMES), tmp_path / "out")
+    assert list(document["objects"]) == ["0", "1", "2"]
+    assert document["metadata"]["name"] == "bare, pole"
+    shapes = [c for frame in document["frames"].values() for c in cuboids(frame).values()]
     assert [numbers(shape) for shape in shapes] == [{"points_in_box": 3}] * 3
     np.testing.assert_allclose(box(shapes[1]), BOXES[8], atol=1e-5)
 
@@ -130,8 +130,8 @@ def test_without_fields_and_objects_and_dataset_every_label_is_an_object(tmp_pat
 @pytest.mark.parametrize("lidar", LIDARS)
 def test_each_lidar_comes_back(motorway: Path, tmp_path: Path, lidar: str) -> None:
     folder = motorway / lidar
-    found = exported(folder, [0, 1, 2], tmp_path / "out")
-    for number, frame in enumerate(found["frames"].values()):
+    document = exported(folder, [0, 1, 2], tmp_path / "out")
+    for number, frame in enumerate(document["frames"].values()):
         uri = frame["frame_properties"]["streams"][lidar]["uri"]
         expected = kitti.frame_file(folder, "velodyne", number).read_bytes()
         assert (tmp_path / "out" / uri).read_bytes() == expected

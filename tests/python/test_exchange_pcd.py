@@ -26,8 +26,8 @@ def test_all_fields_by_hand(tmp_path: Path) -> None:
     cloud = PointCloud.from_path(tmp_path / "out/points/000005.pcd")
     assert cloud.fields == ALL
     assert np.array_equal(columns(cloud, ALL[:4]), points(5))
-    for name, own in zip(ALL[4:], ("time_s", "ring", "object_id", "class"), strict=True):
-        assert np.array_equal(cloud.pc_data[name], fields_of(5)[own])
+    for name, ours in zip(ALL[4:], ("time_s", "ring", "object_id", "class"), strict=True):
+        assert np.array_equal(cloud.pc_data[name], fields_of(5)[ours])
     first, second = (tmp_path / "out/labels/000005.txt").read_text().splitlines()
     assert [float(word) for word in first.split()[:7]] == pytest.approx(BOXES[3])
     assert second.split()[7] == "Truck"
@@ -43,8 +43,8 @@ def test_frames_of_each_lidar(motorway: Path, lidar: str, tmp_path: Path) -> Non
     export(motorway / lidar, [0, 2], "pcd", tmp_path / "out")
     for frame in (0, 2):
         cloud = PointCloud.from_path(tmp_path / f"out/points/{frame:06d}.pcd")
-        own = kitti.read_points(kitti.frame_file(motorway / lidar, "velodyne", frame))
-        assert np.array_equal(columns(cloud, ALL[:4]), own)
+        original = kitti.read_points(kitti.frame_file(motorway / lidar, "velodyne", frame))
+        assert np.array_equal(columns(cloud, ALL[:4]), original)
         fields = kitti.read_fields(kitti.frame_file(motorway / lidar, "fields", frame))
         assert np.array_equal(cloud.pc_data["object_id"], fields["object_id"])
         assert np.array_equal(cloud.pc_data["time"], fields["time_s"])
@@ -58,9 +58,9 @@ def test_files_of_another_writer(encoding: Encoding, count: int, tmp_path: Path)
     values = [draw.uniform(0, 9, count).astype(t) for t in types]
     cloud = PointCloud.from_points(values, names, [np.dtype(t) for t in types])
     cloud.save(tmp_path / "a.pcd", encoding=encoding)
-    found = read_pcd(tmp_path / "a.pcd")
+    records = read_pcd(tmp_path / "a.pcd")
     for name, value in zip(names, values, strict=True):
-        assert np.allclose(found[name], value, atol=1e-5)
+        assert np.allclose(records[name], value, atol=1e-5)
 
 
 HEADER = """VERSION 0.7
@@ -126,9 +126,9 @@ def test_a_field_of_several_numbers_and_padding(tmp_path: Path) -> None:
         "FIELDS x _ normal z\nSIZE 4 1 4 4\nTYPE F U F F\nCOUNT 1 3 3 1\nPOINTS 2\nDATA binary\n"
     )
     (tmp_path / "a.pcd").write_bytes(header.encode() + data.tobytes())
-    found = read_pcd(tmp_path / "a.pcd")
-    assert found["normal"].tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert found["z"].tolist() == [7, 8]
+    records = read_pcd(tmp_path / "a.pcd")
+    assert records["normal"].tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert records["z"].tolist() == [7, 8]
 
 
 def test_a_compressed_file_without_its_package_names_the_extra(
@@ -152,7 +152,7 @@ def written(folder: Path, viewpoints: list[str], fields: str) -> Path:
 
 @pytest.mark.parametrize("layout", ["pcd", "tumtraf", "dair-v2x", "rcooper"])
 @pytest.mark.parametrize(
-    ("viewpoints", "place", "notes"),
+    ("viewpoints", "position", "notes"),
     [
         (["0 0 0 1 0 0 0"] * 2, (1, 2, 3), []),
         (["10 0 5 0.5 0.5 0.5 0.5"] * 2, (13, 1, 7), ["turned by 120.00 degrees and moved by (10"]),
@@ -163,7 +163,11 @@ def written(folder: Path, viewpoints: list[str], fields: str) -> Path:
     ],
 )
 def test_every_reader_of_clouds_applies_their_viewpoint_and_says_so(
-    layout: str, viewpoints: list[str], place: tuple[float, ...], notes: list[str], tmp_path: Path
+    layout: str,
+    viewpoints: list[str],
+    position: tuple[float, ...],
+    notes: list[str],
+    tmp_path: Path,
 ) -> None:
     inside = {"pcd": ".", "tumtraf": ".", "dair-v2x": "velodyne", "rcooper": "lidar"}[layout]
     source = tmp_path / "data/scene/pole/seq-1"
@@ -173,12 +177,12 @@ def test_every_reader_of_clouds_applies_their_viewpoint_and_says_so(
     if inside != ".":
         folder.rename(source / inside)
     recording = reader(layout)(source, Options())
-    assert recording.read(0).points[0, :3] == pytest.approx(place, abs=1e-5)
+    assert recording.read(0).points[0, :3] == pytest.approx(position, abs=1e-5)
     assert recording.notes is not None
-    said = "; ".join(recording.notes())
-    assert ("VIEWPOINT" in said) == bool(notes)
-    assert all(note in said for note in notes)
-    assert said.endswith("2 of 2 clouds have no field for the intensity (x y z): taken as 0")
+    text = "; ".join(recording.notes())
+    assert ("VIEWPOINT" in text) == bool(notes)
+    assert all(note in text for note in notes)
+    assert text.endswith("2 of 2 clouds have no field for the intensity (x y z): taken as 0")
 
 
 def test_names_that_differ_in_capitals_alone_keep_them(tmp_path: Path) -> None:

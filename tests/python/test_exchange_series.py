@@ -29,14 +29,14 @@ def test_frames_that_do_not_ascend_are_an_error(tmp_path: Path) -> None:
 def test_a_recording_says_where_it_comes_from(tmp_path: Path) -> None:
     series = read_series(write_recording(tmp_path))
     assert (series.scene, series.lidar) == ("made_up", "pole")
-    assert series.about["seed"] == "7"
+    assert series.provenance["seed"] == "7"
 
 
 def test_a_folder_without_a_data_set_is_named_by_its_path(tmp_path: Path) -> None:
     folder = without(write_recording(tmp_path / "data"), tmp_path / "site")
     (folder / "lidar.yaml").unlink()
     series = read_series(folder)
-    assert (series.scene, series.lidar, series.about) == ("site", "pole", {})
+    assert (series.scene, series.lidar, series.provenance) == ("site", "pole", {})
     assert series.period_s == 0.1
 
 
@@ -44,8 +44,8 @@ def test_points_of_a_label_are_those_in_its_box_or_five_centimetres_outside(tmp_
     folder = without(write_recording(tmp_path), tmp_path / "bare", "objects")
     x, y, z, dx, _, _, heading = BOXES[3]
     ahead = np.array([np.cos(heading), np.sin(heading), 0])
-    places = [np.array([x, y, z]) + ahead * (dx / 2 + gap) for gap in (-0.01, 0.049, 0.051)]
-    cloud = np.column_stack([places, np.ones(3)]).astype(np.float32)
+    positions = [np.array([x, y, z]) + ahead * (dx / 2 + gap) for gap in (-0.01, 0.049, 0.051)]
+    cloud = np.column_stack([positions, np.ones(3)]).astype(np.float32)
     kitti.write_points(kitti.frame_file(folder, "velodyne", 5), cloud)
     (folder / "training/fields/000005.bin").write_bytes(bytes(36))
     (frame,) = read_frames(read_series(folder), [5])

@@ -34,10 +34,10 @@ def at_road_level(box: tuple[float, ...]) -> list[float]:
 
 
 def test_openpcdet_has_points_and_boxes_above_the_road(out: Path) -> None:
-    found = openpcdet(out / "openpcdet", "000005")
-    assert found.names == ["Vehicle", "Vehicle"]
-    assert np.allclose(found.boxes, [at_road_level(BOXES[i]) for i in (3, 8)], atol=1e-6)
-    assert np.allclose(found.points, points(5) + UP[:4], atol=1e-6)
+    exported = openpcdet(out / "openpcdet", "000005")
+    assert exported.names == ["Vehicle", "Vehicle"]
+    assert np.allclose(exported.boxes, [at_road_level(BOXES[i]) for i in (3, 8)], atol=1e-6)
+    assert np.allclose(exported.points, points(5) + UP[:4], atol=1e-6)
     assert (out / "openpcdet/sensor.yaml").read_text().count("z_m: 6,") == 1
 
 
@@ -87,11 +87,11 @@ def test_frames_of_each_lidar(motorway: Path, lidar: str, tmp_path: Path) -> Non
         cloud = kitti.read_points(kitti.frame_file(folder, "velodyne", frame)) + UP[:4]
         labels = kitti.read_labels(kitti.frame_file(folder, "label_2", frame))
         boxes = labels.boxes + UP
-        for found in (openpcdet(tmp_path / "openpcdet", f"{frame:06d}"), infos[f"{frame:06d}"]):
-            assert np.allclose(found.points, cloud, atol=1e-5, rtol=0)
-            assert np.allclose(found.boxes, boxes, atol=1e-5, rtol=0)
-            assert set(found.names) == {"Vehicle"}
-            assert np.abs(found.boxes[:, 2] - found.boxes[:, 5] / 2).max() < 1e-4
+        for exported in (openpcdet(tmp_path / "openpcdet", f"{frame:06d}"), infos[f"{frame:06d}"]):
+            assert np.allclose(exported.points, cloud, atol=1e-5, rtol=0)
+            assert np.allclose(exported.boxes, boxes, atol=1e-5, rtol=0)
+            assert set(exported.names) == {"Vehicle"}
+            assert np.abs(exported.boxes[:, 2] - exported.boxes[:, 5] / 2).max() < 1e-4
     check_configs(tmp_path / "openpcdet", boxes)
 
 

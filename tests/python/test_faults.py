@@ -202,9 +202,9 @@ def test_a_full_disk_is_named_with_the_file_by_every_command_of_pyinfra(
     assert main.main([word.format(**words) for word in COMMANDS[name]]) == 1
     message = capsys.readouterr().err.splitlines()[-1]
     assert re.match(rf"pyinfra: {small_disk}/[\w./-]+: No space left on device", message)
-    place = message.split(": ")[1]
-    assert not any(part.startswith(".") for part in Path(place).parts), message
-    assert Path(place).suffix or name == "nuscenes", message
+    path = message.split(": ")[1]
+    assert not any(part.startswith(".") for part in Path(path).parts), message
+    assert Path(path).suffix or name == "nuscenes", message
 
 
 def test_an_error_of_the_system_names_what_was_to_be_written(tmp_path: Path) -> None:

@@ -18,13 +18,13 @@ FRAMES = "0:3"
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """`parts/own.yaml`, whose table lies beside it: degrees, fired in bursts of five."""
-    own = tmp_path / "parts"
-    own.mkdir()
+    parts = tmp_path / "parts"
+    parts.mkdir()
     k = np.arange(ROWS)
     rows = {"azimuth_deg": k * 0.72 - 179.9, "elevation_deg": -2.0 - k % 20}
     table = pd.DataFrame(rows).assign(time_s=k // 5 * 5e-4 + k % 5 * 1e-5)
-    table.to_csv(own / "table.csv", index=False)
-    write_lidar(own / "own.yaml", "table.csv")
+    table.to_csv(parts / "table.csv", index=False)
+    write_lidar(parts / "own.yaml", "table.csv")
     return tmp_path
 
 
@@ -55,10 +55,10 @@ def test_a_table_in_degrees_with_times_fires_its_rows_at_their_times(
     folder: Path, infrasim: Infrasim
 ) -> None:
     table = pd.read_csv(folder / "parts/table.csv")
-    found = rays(infrasim, folder / "parts/own.yaml")
-    assert len(found) == pytest.approx(0.1 * ROWS / table.time_s.max() * (ROWS - 1) / ROWS, abs=5)
-    np.testing.assert_allclose(np.degrees(found[:ROWS, 1]), table.elevation_deg, atol=1e-5)
-    np.testing.assert_allclose(found[:ROWS, 2], table.time_s, atol=1e-8)
+    fired = rays(infrasim, folder / "parts/own.yaml")
+    assert len(fired) == pytest.approx(0.1 * ROWS / table.time_s.max() * (ROWS - 1) / ROWS, abs=5)
+    np.testing.assert_allclose(np.degrees(fired[:ROWS, 1]), table.elevation_deg, atol=1e-5)
+    np.testing.assert_allclose(fired[:ROWS, 2], table.time_s, atol=1e-8)
 
 
 def test_what_pattern_writes_is_a_table(folder: Path, infrasim: Infrasim) -> None:

@@ -26,10 +26,10 @@ def test_it_is_small_and_says_what_it_is() -> None:
     assert shipped() == ["generalist"]
     assert MODEL.stat().st_size < 1_500_000
     with safe_open(MODEL, "pt") as file:
-        about = file.metadata()
+        metadata = file.metadata()
         kinds = {str(file.get_tensor(name).dtype) for name in file.keys()}  # noqa: SIM118
     assert "torch.float16" in kinds
-    text = " ".join(about.values())
+    text = " ".join(metadata.values())
     for word in ("calibration", "figures", "precision", "recall", "steps: 12000"):
         assert word in text
 

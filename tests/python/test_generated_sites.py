@@ -137,7 +137,7 @@ def test_cluttered_streets_can_be_and_hold_every_kind_of_furniture(tmp_path: Pat
 
 def test_crossings_are_also_a_t_and_some_roads_across_are_one_way() -> None:
     drawn = [crossing(Draws(seed, "roads"), STREET, RANGES) for seed in range(300)]
-    layouts = [varied(own, Draws(seed, "junction"), RANGES) for seed, own in enumerate(drawn)]
+    layouts = [varied(site, Draws(seed, "junction"), RANGES) for seed, site in enumerate(drawn)]
     through, side = zip(*(layout.roads for layout in layouts), strict=True)
     t = np.array([b.length_m < 0.6 * a.length_m for a, b in zip(through, side, strict=True)])
     one_way = [road.keys["lanes"].get("one_way", False) for road in side]
@@ -165,7 +165,12 @@ def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
 def test_some_sites_have_many_motorcycles_and_some_many_buses() -> None:
     shares = [make_site(seed)["traffic"]["class_shares"] for seed in range(120)]
     assert all(0 <= weight <= 1 for of_site in shares for weight in of_site.values())
-    many = [name for name in ("Motorcycle", "Bus") for own in shares if own.get(name, 0) >= 0.4]
+    many = [
+        name
+        for name in ("Motorcycle", "Bus")
+        for site_shares in shares
+        if site_shares.get(name, 0) >= 0.4
+    ]
     assert 8 <= many.count("Motorcycle") <= 30
     assert 3 <= many.count("Bus") <= 20
 
@@ -254,14 +259,14 @@ def test_a_site_that_cannot_be_is_drawn_again() -> None:
 
     def with_a_house_on_the_road(seed: int) -> Keys:
         keys = make_site(seed)
-        x, y, _ = DrawnRoad(keys["roads"][0]).place(20.0, keys["roads"][0]["lanes"]["width_m"])
+        x, y, _ = DrawnRoad(keys["roads"][0]).pose_at(20.0, keys["roads"][0]["lanes"]["width_m"])
         house = {"x_m": x, "y_m": y, "length_m": 9, "width_m": 9, "height_m": 9}
         return keys | ({"buildings": [house]} if seed < refused else {})
 
     refused = 2_000_000_000
     usual = SiteSamples(replace(PLAN, first_site=refused), FEW)
-    found = SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road)
-    np.testing.assert_array_equal(found.sample(0).points, usual.sample(0).points)
+    streamed = SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road)
+    np.testing.assert_array_equal(streamed.sample(0).points, usual.sample(0).points)
     refused = 10**12
     with pytest.raises(simulation.ConfigError, match="on a lane"):
         SiteSamples(PLAN, FEW, make_keys=with_a_house_on_the_road).sample(0)
@@ -294,10 +299,10 @@ def test_another_sample_is_of_the_same_visit_and_lidar() -> None:
     samples = SiteSamples(PLAN, FEW)
     draw = np.random.default_rng(0)
     for i in range(4):
-        own = samples.sample(i)
+        sample = samples.sample(i)
         others = [samples.another(i, draw) for _ in range(12)]
-        assert all(other.region is own.region for other in others)
-        assert any(other is not own for other in others)
+        assert all(other.region is sample.region for other in others)
+        assert any(other is not sample for other in others)
 
 
 def test_a_stream_says_what_it_is_of() -> None:
@@ -379,13 +384,13 @@ def test_a_file_says_what_is_streamed(tmp_path: Path) -> None:
     assert "ruby_plus" not in stream.lidar.split()
     assert (stream.label_time, stream.preset) == ("scan", "datasheet equal paper")
     assert len(stream.samples) == 7 * 4 * 2
-    for text, found in (
+    for text, expected in (
         ("plan: {lidars: 0}\n", r"stream.yaml:1: plan.lidars: found 0, allowed 1 to 100"),
         ("without: [none]\n", r"stream.yaml: without: found 'none', allowed bundle"),
         ("plan: {lidars: 99}\n", r"stream.yaml: lidars: found 99, allowed up to"),
     ):
         file.write_text(text)
-        with pytest.raises(ConfigError, match=found):
+        with pytest.raises(ConfigError, match=expected):
             read_stream(file)
 
 

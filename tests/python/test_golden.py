@@ -56,16 +56,16 @@ def frame_tables(preset: str) -> dict[str, pd.DataFrame]:
 
 @pytest.mark.parametrize("preset", ["paper", "datasheet"])
 def test_frame(preset: str) -> None:
-    found = frame_tables(preset)
+    tables = frame_tables(preset)
     name = f"frame_{preset}.csv"
     some = [
         table.iloc[::EVERY].assign(lidar=lidar, points=len(table))
-        for lidar, table in found.items()
+        for lidar, table in tables.items()
     ]  # fmt: skip
     golden(name, pd.concat(some).to_csv(index=False, float_format="%.9g"))
     lost, missed = (LOST, 1) if preset == "datasheet" else (0, 0)
     for lidar, kept in pd.read_csv(GOLDEN / name).groupby("lidar"):
-        now = found[str(lidar)]
+        now = tables[str(lidar)]
         assert abs(len(now) - kept.points.iloc[0]) <= lost
         missing = [row for row in kept.itertuples() if not is_there(row, now)]
         assert len(missing) <= missed, missing

@@ -39,8 +39,8 @@ def test_roads_of_one_level_are_a_plane() -> None:
 def test_a_place_is_as_high_as_the_nearest_centreline() -> None:
     pose = WorldPose(10, -4, 7, np.pi / 2)  # x points along the world's y, y against its x
     ground = ground_of_roads([road(0, 0.1 * np.arange(80.0)), road(60, np.full(80, -1.0))], pose)
-    places = np.array([[4.0, 0], [4.0, -30], [64.0, 0], [4.0, 500]])
-    np.testing.assert_allclose(ground.height(places), [-6, -3, -8, -7], atol=0.11)
+    positions = np.array([[4.0, 0], [4.0, -30], [64.0, 0], [4.0, 500]])
+    np.testing.assert_allclose(ground.height(positions), [-6, -3, -8, -7], atol=0.11)
 
 
 def test_points_come_back_from_the_road() -> None:
@@ -111,5 +111,5 @@ class Lowest:
 def test_a_detector_on_a_slope_looks_from_the_road() -> None:
     ground = Ground((0.1, 0.0, -6.0))
     points = np.array([[-50, 0, -10.0, 0], [50, 0, -1.5, 0]], dtype=np.float32)  # 1 and -0.5 above
-    found = OnRoad(Lowest(), ground).predict(points)
-    np.testing.assert_allclose(found.boxes[0, :3], [50, 0, -1.5], atol=1e-5)
+    detections = OnRoad(Lowest(), ground).predict(points)
+    np.testing.assert_allclose(detections.boxes[0, :3], [50, 0, -1.5], atol=1e-5)

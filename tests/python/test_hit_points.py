@@ -93,7 +93,7 @@ def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
 
 def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
     """A channel at elevation e from 6 m hits flat ground at 6 / sin(-e); the range is 100 m."""
-    found = runs.hits_per_frame(
+    hits = runs.hits_per_frame(
         catalogue.scene_file("flat"), [catalogue.lidar_file("pandar_64")], "0:20"
     )
     elevations = np.radians(np.linspace(-25, 15, 64))
@@ -102,4 +102,4 @@ def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
     # CARLA: 45 % dropped; of the rest, below intensity 0.8, a share of 0.4 - 0.5 I is dropped too.
     intensity = np.exp(-0.004 * ranges)
     kept = 0.55 * np.where(intensity > 0.8, 1, 1 - (0.4 - 0.5 * intensity))
-    assert found["pandar_64"] == pytest.approx(1800 * kept.sum(), rel=0.01)
+    assert hits["pandar_64"] == pytest.approx(1800 * kept.sum(), rel=0.01)

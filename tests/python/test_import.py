@@ -22,7 +22,7 @@ from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
 
 LAYOUTS = ("kitti", "openpcdet", "pcd", "nuscenes")
-ABOUT = LidarFacts("pole", "junction")
+FACTS = LidarFacts("pole", "junction")
 
 
 def source_of(layout: str, folder: Path, frames: list[int], to: Path) -> Path:
@@ -41,8 +41,8 @@ def objects(lidar: Path, frame: int) -> kitti.Objects:
 def test_every_layout_gives_the_frames_that_went_out(layout: str, tmp_path: Path) -> None:
     pole = write_recording(tmp_path / "made_up")
     source = source_of(layout, pole, [5, 6, 7], tmp_path / "source")
-    found, labelled = import_recording(source, layout, tmp_path / "in/pole", ABOUT, Options())
-    assert (found.frames, found.points, labelled) == (3, 30, True)
+    summary, labelled = import_recording(source, layout, tmp_path / "in/pole", FACTS, Options())
+    assert (summary.frames, summary.points, labelled) == (3, 30, True)
     numbers = kitti.frames(tmp_path / "in/pole")
     for old, new in zip((5, 6, 7), numbers, strict=True):
         cloud = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", new))
@@ -62,11 +62,11 @@ def test_every_layout_gives_the_frames_that_went_out(layout: str, tmp_path: Path
 def test_frames_of_each_lidar(motorway: Path, lidar: str, layout: str, tmp_path: Path) -> None:
     folder = motorway / lidar
     source = source_of(layout, folder, [0, 1, 2], tmp_path / "source")
-    import_recording(source, layout, tmp_path / "in" / lidar, ABOUT, Options())
+    import_recording(source, layout, tmp_path / "in" / lidar, FACTS, Options())
     for old, new in zip(range(3), kitti.frames(tmp_path / "in" / lidar), strict=True):
         cloud = kitti.read_points(kitti.frame_file(folder, "velodyne", old))
-        found = kitti.read_points(kitti.frame_file(tmp_path / "in" / lidar, "velodyne", new))
-        assert np.allclose(found, cloud, atol=1e-5, rtol=0)
+        imported = kitti.read_points(kitti.frame_file(tmp_path / "in" / lidar, "velodyne", new))
+        assert np.allclose(imported, cloud, atol=1e-5, rtol=0)
         want = kitti.read_labels(kitti.frame_file(folder, "label_2", old)).boxes
         boxes = objects(tmp_path / "in" / lidar, new).boxes
         if layout == "nuscenes":  # has the vehicles that were not hit as well
@@ -80,15 +80,15 @@ def test_frames_of_each_lidar(motorway: Path, lidar: str, layout: str, tmp_path:
 
 def test_fields_of_a_pcd_come_along(tmp_path: Path) -> None:
     export(write_recording(tmp_path / "made_up"), [5], "pcd", tmp_path / "source")
-    import_recording(tmp_path / "source", "pcd", tmp_path / "in/pole", ABOUT, Options())
-    found = kitti.read_fields(kitti.frame_file(tmp_path / "in/pole", "fields", 5))
-    assert np.array_equal(found, fields_of(5))
+    import_recording(tmp_path / "source", "pcd", tmp_path / "in/pole", FACTS, Options())
+    fields = kitti.read_fields(kitti.frame_file(tmp_path / "in/pole", "fields", 5))
+    assert np.array_equal(fields, fields_of(5))
 
 
 def test_what_is_known_stands_in_the_data_set(tmp_path: Path) -> None:
     source = source_of("kitti", write_recording(tmp_path / "made_up"), [], tmp_path / "source")
-    about = LidarFacts("pole", "junction", model="Some 32", price_usd=(900, 1200), period_s=0.05)
-    import_recording(source, "kitti", tmp_path / "in/pole", about, Options())
+    facts = LidarFacts("pole", "junction", model="Some 32", price_usd=(900, 1200), period_s=0.05)
+    import_recording(source, "kitti", tmp_path / "in/pole", facts, Options())
     data = read_data_set(tmp_path / "in")
     assert (data.scene, data.preset, data.names) == ("junction", "recorded", ("pole",))
     (lidar,) = data.lidars
@@ -110,7 +110,7 @@ def test_the_field_of_view_is_that_of_the_returns(tmp_path: Path) -> None:
     folder = tmp_path / "source/velodyne"
     folder.mkdir(parents=True)
     cloud.astype("<f4").tofile(folder / "000000.bin")
-    import_recording(tmp_path / "source", "kitti", tmp_path / "in/pole", ABOUT, Options())
+    import_recording(tmp_path / "source", "kitti", tmp_path / "in/pole", FACTS, Options())
     (unit,) = kitti.read_lidar(tmp_path / "in/pole").field_of_view
     low, high = np.degrees(unit.azimuth)
     assert high - low == pytest.approx(21)
@@ -126,11 +126,13 @@ def test_a_leaning_sensor_is_turned_upright(tmp_path: Path) -> None:
     cloud = np.array([[10, 0, 0, 0.5], [0, 0, 10, 0.5], [0, 10, 0, 0.5]], dtype=np.float32)
     np.save(tmp_path / "source/points/a.npy", cloud)
     (tmp_path / "source/labels/a.txt").write_text("10 0 0 4 2 1.5 0 car\n")
-    about = LidarFacts("pole", "junction", tilt=(math.radians(30), 0))
-    import_recording(tmp_path / "source", "openpcdet", tmp_path / "in/pole", about, Options())
-    found = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
+    facts = LidarFacts("pole", "junction", tilt=(math.radians(30), 0))
+    import_recording(tmp_path / "source", "openpcdet", tmp_path / "in/pole", facts, Options())
+    imported = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
     side, down = 10 * math.cos(math.pi / 6), 10 * math.sin(math.pi / 6)
-    assert found[:, :3] == pytest.approx(np.array([[side, 0, -down], [down, 0, side], [0, 10, 0]]))
+    assert imported[:, :3] == pytest.approx(
+        np.array([[side, 0, -down], [down, 0, side], [0, 10, 0]])
+    )
     assert objects(tmp_path / "in/pole", 0).boxes[0, :3] == pytest.approx(
         [side, 0, -down], abs=1e-4
     )
@@ -149,9 +151,9 @@ def test_types_intensities_columns_and_points_without_a_return(tmp_path: Path) -
     (folder / "boxes/frame_10.txt").write_text("9 1 2 4 2 2 0 Lkw\n5 0 0 1 1 1 0 Hund\n")
     (folder / "boxes/frame_9.txt").write_text("")
     options = Options(intensity_max=255, columns=5, labels=folder / "boxes")
-    about = LidarFacts("pole", "junction", types={"Lkw": "Truck"})
-    found, _ = import_recording(folder, "openpcdet", tmp_path / "in/pole", about, options)
-    assert found.without_return == 2
+    facts = LidarFacts("pole", "junction", types={"Lkw": "Truck"})
+    summary, _ = import_recording(folder, "openpcdet", tmp_path / "in/pole", facts, options)
+    assert summary.without_return == 2
     last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 1))
     assert last.tolist() == pytest.approx(np.array([[9, 1, 2, 1], [1, 0, 0, 0.2]]))
     assert objects(tmp_path / "in/pole", 1).names.tolist() == ["Truck", "Hund"]
@@ -194,7 +196,7 @@ def tables(folder: Path) -> Path:
 
 
 def test_tables_by_hand(tmp_path: Path) -> None:
-    import_recording(tables(tmp_path / "a"), "nuscenes", tmp_path / "in/pole", ABOUT, Options())
+    import_recording(tables(tmp_path / "a"), "nuscenes", tmp_path / "in/pole", FACTS, Options())
     # 6 m along the sensor's x is its foot; its z, 1 m, is ahead.
     (point,) = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
     assert point == pytest.approx([1, 0, -6, 0.2], abs=1e-5)
@@ -254,7 +256,7 @@ def test_wrong_tables_are_named(case: str, tmp_path: Path) -> None:
     text = "[{" if changed is None else json.dumps(changed)
     file.write_text(changed if isinstance(changed, str) else text)
     with pytest.raises(ValueError, match=message):
-        import_recording(tmp_path / "a", "nuscenes", tmp_path / "in/pole", ABOUT, Options())
+        import_recording(tmp_path / "a", "nuscenes", tmp_path / "in/pole", FACTS, Options())
     assert not any(path.name.startswith(".pole") for path in tmp_path.rglob("*"))
 
 
@@ -321,13 +323,13 @@ def test_fields_that_are_not_those_of_the_points_are_named(tmp_path: Path) -> No
     folder = write_recording(tmp_path / "made_up")
     kitti.frame_file(folder, "fields", 6).write_bytes(b"")
     with pytest.raises(FormatError, match=r"fields/000006\.bin: found 0 records, allowed 10"):
-        import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
+        import_recording(folder, "kitti", tmp_path / "in/pole", FACTS, Options())
 
 
 def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
     folder = write_recording(tmp_path / "made_up")
     (folder / "training/velodyne/._000005.bin").write_bytes(b"of another system")
-    import_recording(folder, "kitti", tmp_path / "in/pole", ABOUT, Options())
+    import_recording(folder, "kitti", tmp_path / "in/pole", FACTS, Options())
     assert kitti.frames(tmp_path / "in/pole") == [5, 6, 7]
 
 
@@ -414,16 +416,16 @@ def test_numbers_of_frames_are_kept_and_blank_lines_are_no_objects(
     for folder in ("velodyne", "label_2", "calib"):
         (training / folder).mkdir(parents=True)
     for number, text in enumerate(texts, start=9):
-        own = name.format(number)
+        stem = name.format(number)
         cloud = np.zeros((0 if number == 9 else 3, 4), dtype="<f4") + number
-        cloud.tofile(training / f"velodyne/{own}.bin")
-        (training / f"label_2/{own}.txt").write_bytes(text.encode())
-    found, _ = import_recording(
-        tmp_path / "source", "kitti", tmp_path / "in/pole", ABOUT, Options()
+        cloud.tofile(training / f"velodyne/{stem}.bin")
+        (training / f"label_2/{stem}.txt").write_bytes(text.encode())
+    summary, _ = import_recording(
+        tmp_path / "source", "kitti", tmp_path / "in/pole", FACTS, Options()
     )
     assert kitti.frames(tmp_path / "in/pole") == [9, 10, 11, 12]
     assert [len(objects(tmp_path / "in/pole", k)) for k in (9, 10, 11, 12)] == [0, 1, 0, 1]
-    assert found.empty == [name.format(9)]
+    assert summary.empty == [name.format(9)]
     # The camera of a frame without calib stands at the sensor and looks along x.
     van = objects(tmp_path / "in/pole", 10).boxes[0]
     assert van == pytest.approx([25, 3, -0.98, 4.2, 1.8, 1.5, 0], abs=1e-4)
@@ -447,10 +449,10 @@ def test_a_sequence_of_the_tracking_benchmark_keeps_its_tracks(tmp_path: Path) -
     )
     source, out = tmp_path / "source", tmp_path / "in/pole"
     with pytest.raises(ValueError, match=r"expected one of the sequences .* got 0000, 0001"):
-        import_recording(source, "kitti", out, ABOUT, Options())
-    found, labelled = import_recording(source, "kitti", out, ABOUT, Options(channel="0001"))
+        import_recording(source, "kitti", out, FACTS, Options())
+    summary, labelled = import_recording(source, "kitti", out, FACTS, Options(channel="0001"))
     assert labelled
-    assert "1 labelled frames have no cloud, as 3: left out" in found.assumed
+    assert "1 labelled frames have no cloud, as 3: left out" in summary.assumed
     assert [objects(out, k).ids.tolist() for k in (0, 1, 2)] == [[7], [], [7, 8]]
     van = objects(out, 0).boxes[0]
     assert van == pytest.approx([25.27, 3, -1.06, 4.2, 1.8, 1.5, 0], abs=1e-4)
@@ -508,8 +510,8 @@ def test_a_folder_that_is_there_stays(
 def test_lidars_of_the_same_tables_stand_in_one_data_set(tmp_path: Path) -> None:
     recording = tables(tmp_path / "a")
     for name in ("one", "two"):
-        about = LidarFacts(name, "junction")
-        import_recording(recording, "nuscenes", tmp_path / "in" / name, about, Options())
+        facts = LidarFacts(name, "junction")
+        import_recording(recording, "nuscenes", tmp_path / "in" / name, facts, Options())
     assert read_data_set(tmp_path / "in").names == ("one", "two")
 
 

@@ -17,7 +17,7 @@ from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
 
-ABOUT = LidarFacts("pole", "junction")
+FACTS = LidarFacts("pole", "junction")
 LEAN = (math.radians(9), math.radians(-3))  # pitch, roll
 TIMES = ("1693908913.282000", "1693908913.382000", "1693908913.482000")
 TUM_TIMES = ("1651673050_454284855", "1651673050_554284855", "1651673050_654284855")
@@ -50,11 +50,11 @@ def write_cloud(
 
 def objects(labels: kitti.Labels, lean: tuple[float, float], **more: Any) -> list[dict[str, Any]]:
     """As DAIR-V2X and RCooper have them; numbers are text in some of their files."""
-    found = []
+    entries = []
     for i, (x, y, z, length, width, height, heading) in enumerate(labels.boxes):
         cx, cy, cz = np.array([x, y, z]) @ leaning(lean)
         ahead = np.array([math.cos(heading), math.sin(heading), 0]) @ leaning(lean)
-        found.append(
+        entries.append(
             {
                 "type": "Car",
                 "occluded_state": 1,
@@ -65,7 +65,7 @@ def objects(labels: kitti.Labels, lean: tuple[float, float], **more: Any) -> lis
                 **more,
             }
         )
-    return found
+    return entries
 
 
 def write_json(file: Path, content: object) -> None:
@@ -100,16 +100,16 @@ def tumtraf(motorway: Path, top: Path) -> Path:
     for i, time in enumerate(TUM_TIMES):
         name = f"{time}_{LIDAR}"
         write_cloud(top / f"point_clouds/{LIDAR}/{name}.pcd", motorway, i, LEAN)
-        labels, found = truth(motorway, i), {}
+        labels, entries = truth(motorway, i), {}
         for j, (x, y, z, *size, heading) in enumerate(labels.boxes):
             turn = leaning(LEAN).T @ Rotation.from_euler("Z", heading).as_matrix()
-            place = np.array([x, y, z]) @ leaning(LEAN)
-            val = [*place, *Rotation.from_matrix(turn).as_quat(), *size]
+            position = np.array([x, y, z]) @ leaning(LEAN)
+            val = [*position, *Rotation.from_matrix(turn).as_quat(), *size]
             occluded = {"name": "occlusion_level", "val": "PARTIALLY_OCCLUDED"}
             cuboid = {"name": "shape3D", "val": val, "attributes": {"text": [occluded]}}
             kind = "TRAILER" if j == 0 else "CAR"
-            found[f"uuid-{j}"] = {"object_data": {"type": kind, "cuboid": cuboid}}
-        frames = {"0": {"frame_properties": {}, "objects": found}}
+            entries[f"uuid-{j}"] = {"object_data": {"type": kind, "cuboid": cuboid}}
+        frames = {"0": {"frame_properties": {}, "objects": entries}}
         write_json(
             top / f"labels_point_clouds/{LIDAR}/{name}.json", {"openlabel": {"frames": frames}}
         )
@@ -122,35 +122,35 @@ LAYOUTS = {"dair-v2x": dair, "rcooper": rcooper, "tumtraf": tumtraf}
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_clouds_and_boxes_stand_upright(layout: str, motorway: Path, tmp_path: Path) -> None:
     source = LAYOUTS[layout](motorway, tmp_path / "set")
-    found, labelled = import_recording(source, layout, tmp_path / "in/pole", ABOUT, Options())
+    summary, labelled = import_recording(source, layout, tmp_path / "in/pole", FACTS, Options())
     assert labelled
-    assert found.frames == 3
+    assert summary.frames == 3
     order = (1, 2, 0) if layout == "dair-v2x" else (0, 1, 2)
     # The road's plane is found to a tenth of a degree, the others say how the LiDAR leans.
     off = 0.002 if layout == "tumtraf" else 1e-5
     for new, old in enumerate(order):
         want = truth(motorway, old)
-        own = kitti.read_objects(kitti.frame_file(tmp_path / "in/pole", "objects", new))
+        imported = kitti.read_objects(kitti.frame_file(tmp_path / "in/pole", "objects", new))
         far = np.hypot(want.boxes[:, 0], want.boxes[:, 1]).max(initial=1)
-        assert np.abs(own.boxes[:, :6] - want.boxes[:, :6]).max() < off * far + 1e-3
-        assert np.abs(np.sin((own.boxes[:, 6] - want.boxes[:, 6]) / 2)).max() < 0.01
-        assert set(own.names) <= {"Car", "vehicle"}
-        assert set(own.visibility) == {0.6}
+        assert np.abs(imported.boxes[:, :6] - want.boxes[:, :6]).max() < off * far + 1e-3
+        assert np.abs(np.sin((imported.boxes[:, 6] - want.boxes[:, 6]) / 2)).max() < 0.01
+        assert set(imported.names) <= {"Car", "vehicle"}
+        assert set(imported.visibility) == {0.6}
         cloud = kitti.frame_file(motorway / "livox_avia", "velodyne", old)
         points = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", new))
         apart = np.abs(points[:, :3] - kitti.read_points(cloud)[:, :3]).max()
         assert apart < 250 * off + 1e-3
         assert points[:, 3].max() <= 1
-    assert not warnings(found, labelled)
+    assert not warnings(summary, labelled)
 
 
 def test_what_is_known_of_time_and_place(motorway: Path, tmp_path: Path) -> None:
     for layout, make in LAYOUTS.items():
         source = make(motorway, tmp_path / layout)
         out = tmp_path / f"in_{layout}/pole"
-        found, _ = import_recording(source, layout, out, ABOUT, Options())
+        summary, _ = import_recording(source, layout, out, FACTS, Options())
         assert kitti.read_lidar(out).period_s == pytest.approx(0.1)
-        assert any("out of order" in line for line in found.assumed) == (layout == "dair-v2x")
+        assert any("out of order" in line for line in summary.assumed) == (layout == "dair-v2x")
     pose = kitti.read_lidar(tmp_path / "in_rcooper/pole").T_world_levelled
     assert (pose.x, pose.y, pose.z, pose.yaw) == pytest.approx((10, 20, 6, 0.5))
     for layout in ("rcooper", "tumtraf"):
@@ -168,10 +168,10 @@ def test_names_of_the_sets_and_those_that_are_not_understood(
     first = objects(truth(motorway, 0), (0, 0))[0]
     file = source / "single-infrastructure-side/label/virtuallidar/000000.json"
     write_json(file, [{**first, "type": kind} for kind in kinds])
-    found, labelled = import_recording(source, "dair-v2x", tmp_path / "in/p", ABOUT, Options())
-    own = kitti.read_objects(kitti.frame_file(tmp_path / "in/p", "objects", 2))
-    assert own.names.tolist() == [*kinds[:4], "Motorcycle", "Misc", "Misc", "Tank"]
-    (line,) = warnings(found, labelled)
+    summary, labelled = import_recording(source, "dair-v2x", tmp_path / "in/p", FACTS, Options())
+    imported = kitti.read_objects(kitti.frame_file(tmp_path / "in/p", "objects", 2))
+    assert imported.names.tolist() == [*kinds[:4], "Motorcycle", "Misc", "Misc", "Tank"]
+    (line,) = warnings(summary, labelled)
     assert line.startswith("not understood, and no vehicle: Tank (1)")
 
 
@@ -203,7 +203,7 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
     file = source / "single-infrastructure-side/label/virtuallidar/000001.json"
     write_json(file, change(json.loads(file.read_text())))
     with pytest.raises(FormatError, match=f"000001.json: .*{message}"):
-        import_recording(source, "dair-v2x", tmp_path / "in/p", ABOUT, Options())
+        import_recording(source, "dair-v2x", tmp_path / "in/p", FACTS, Options())
     assert not (tmp_path / "in/p").exists()
 
 
@@ -231,20 +231,20 @@ def test_wrong_cuboids_are_named(
     file = source / f"labels_point_clouds/{LIDAR}/{TUM_TIMES[0]}_{LIDAR}.json"
     file.write_text(content)
     with pytest.raises(FormatError, match=f"{file.name}: .*{message}"):
-        import_recording(source, "tumtraf", tmp_path / "in/p", ABOUT, Options())
+        import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
 
 
 def test_one_of_several_lidars_is_chosen(motorway: Path, tmp_path: Path) -> None:
     source = tumtraf(motorway, tmp_path / "set")
     write_cloud(source / "point_clouds/north/1651673050_454284855_north.pcd", motorway, 0)
     with pytest.raises(ValueError, match=f"found LiDARs north, {LIDAR}, allowed one of them"):
-        import_recording(source, "tumtraf", tmp_path / "in/p", ABOUT, Options())
+        import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
     chosen = Options(channel=LIDAR)
-    assert import_recording(source, "tumtraf", tmp_path / "in/p", ABOUT, chosen)[0].frames == 3
+    assert import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, chosen)[0].frames == 3
 
 
 def test_without_labels_the_clouds_come_alone(motorway: Path, tmp_path: Path) -> None:
     source = rcooper(motorway, tmp_path / "set")
     (tmp_path / "set/label").rename(tmp_path / "elsewhere")
-    found, labelled = import_recording(source, "rcooper", tmp_path / "in/p", ABOUT, Options())
-    assert (found.frames, labelled) == (3, False)
+    summary, labelled = import_recording(source, "rcooper", tmp_path / "in/p", FACTS, Options())
+    assert (summary.frames, labelled) == (3, False)

@@ -87,8 +87,8 @@ def test_points_counted_in_a_box_lie_in_it(data_set: Path) -> None:
     objects = kitti.read_objects(kitti.frame_file(folder, "objects", 3))
     at_mid_frame = zip(objects.boxes, objects.ids, objects.points_in_box, strict=True)
     at_scan = zip(objects.scan_boxes, objects.ids, objects.points_in_scan_box, strict=True)
-    for box, own_id, expected in (*at_mid_frame, *at_scan):
-        from_centre = points[fields["object_id"] == own_id, :3] - box[:3]
+    for box, object_id, expected in (*at_mid_frame, *at_scan):
+        from_centre = points[fields["object_id"] == object_id, :3] - box[:3]
         cos, sin = np.cos(box[6]), np.sin(box[6])
         along = from_centre @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
         inside = (np.abs(along) <= box[3:6] / 2 + 0.01).all(axis=1)
@@ -210,10 +210,10 @@ def test_objects_of_a_run_whose_vehicles_lean_have_a_pitch(tmp_path: Path) -> No
     np.testing.assert_array_equal(objects.boxes[0], level.boxes[0])
 
 
-@pytest.mark.parametrize("found", ["frame", "scan"])
-def test_labels_of_a_folder_hold_when_its_lidar_says(found: str, tmp_path: Path) -> None:
-    folder = lidar_folder(tmp_path, LIDAR.replace("label_time: frame", f"label_time: {found}"))
-    assert kitti.read_label_time(folder) == kitti.read_lidar(folder).label_time == found
+@pytest.mark.parametrize("expected", ["frame", "scan"])
+def test_labels_of_a_folder_hold_when_its_lidar_says(expected: str, tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path, LIDAR.replace("label_time: frame", f"label_time: {expected}"))
+    assert kitti.read_label_time(folder) == kitti.read_lidar(folder).label_time == expected
 
 
 def test_labels_of_a_folder_without_a_lidar_hold_at_mid_frame(tmp_path: Path) -> None:

@@ -164,17 +164,17 @@ def test_any_objects_round_trip(
 ) -> None:
     file = tmp_path_factory.mktemp("objects") / "000000.csv"
     counts = np.array([row[2] for row in rows], dtype=np.int64)
-    places = np.array([row[1] for row in rows], dtype=np.float64).reshape(-1, 7)
+    poses = np.array([row[1] for row in rows], dtype=np.float64).reshape(-1, 7)
     objects = kitti.Objects(
         ids=np.arange(len(rows)),
         names=np.array([row[0] for row in rows], dtype=np.str_),
-        boxes=places,
+        boxes=poses,
         speed=counts / 1e3,
         points=counts,
         points_in_box=counts // 2,
-        distance=np.hypot(places[:, 0], places[:, 1]),
+        distance=np.hypot(poses[:, 0], poses[:, 1]),
         visibility=np.array([row[3] for row in rows], dtype=np.float64),
-        scan_boxes=places[:, [1, 0, 2, 3, 4, 5, 6]],
+        scan_boxes=poses[:, [1, 0, 2, 3, 4, 5, 6]],
         scan_time_s=np.minimum(counts / 1e5, 1),
         points_in_scan_box=counts // 3,
         pitch=counts / 1e6 - 0.5 if leans else None,
@@ -268,15 +268,15 @@ def replaced(text: str, words: dict[str, str]) -> str:
 def test_calib_files_of_all_benchmarks_place_the_same_boxes(
     calibration: kitti.Calibration, tmp_path: Path, text: str
 ) -> None:
-    found = kitti.read_calibration(written(tmp_path, text))
-    assert np.array_equal(found.T_camera_lidar, calibration.T_camera_lidar)
-    assert np.array_equal(found.P[2], calibration.P[2])
+    parsed = kitti.read_calibration(written(tmp_path, text))
+    assert np.array_equal(parsed.T_camera_lidar, calibration.T_camera_lidar)
+    assert np.array_equal(parsed.P[2], calibration.P[2])
 
 
 def test_the_transform_of_the_odometry_benchmark_is_rectified(tmp_path: Path) -> None:
     text = CALIB[: CALIB.index("R0_rect")] + "Tr: 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\n"
-    found = kitti.read_calibration(written(tmp_path, text)).T_camera_lidar
-    assert found[:3].tolist() == [[0, -1, 0, 0], [0, 0, -1, -0.08], [1, 0, 0, -0.27]]
+    transform = kitti.read_calibration(written(tmp_path, text)).T_camera_lidar
+    assert transform[:3].tolist() == [[0, -1, 0, 0], [0, 0, -1, -0.08], [1, 0, 0, -0.27]]
 
 
 def test_wrong_arrays_are_refused_and_nothing_is_written(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ MAY_INCLUDE = BELOW_PIPELINE | {
     "pipeline": set(BELOW_PIPELINE),
     "cli": {"pipeline", *BELOW_PIPELINE},
 }
-ONLY_PLACE = {
+ALLOWED_FOLDER = {
     "yaml-cpp": "config",
     "embree3": "raycast",
     "embree4": "raycast",
@@ -60,8 +60,10 @@ def test_simulator_includes_point_downwards(path: Path) -> None:
 def test_constants_and_types_of_sources_have_names_of_their_own() -> None:
     """A unity build compiles sources together, which ones depends on how many there are."""
     pattern = r"^(?:const.* (?=k[A-Z])|enum (?:class )?|struct |class )(\w+)(?= *[\[={:])"
-    found = [set(re.findall(pattern, path.read_text(), re.M)) for path in SIMULATOR.rglob("*.cpp")]
-    names = Counter(name for names in found for name in names)
+    per_file = [
+        set(re.findall(pattern, path.read_text(), re.M)) for path in SIMULATOR.rglob("*.cpp")
+    ]
+    names = Counter(name for names in per_file for name in names)
     assert {name for name, count in names.items() if count > 1} == set()
 
 
@@ -71,7 +73,7 @@ def test_simulator_includes_its_own_headers_by_their_full_name() -> None:
         assert all(name.startswith("infrasim/") for name in quoted), path
 
 
-@pytest.mark.parametrize(("library", "folder"), ONLY_PLACE.items())
+@pytest.mark.parametrize(("library", "folder"), ALLOWED_FOLDER.items())
 def test_library_is_included_in_one_folder_only(library: str, folder: str) -> None:
     users = {
         path.relative_to(ROOT)
@@ -90,14 +92,14 @@ def test_no_number_of_the_simulator_is_written_by_the_locale_of_its_process() ->
     """Python may have set a decimal comma; the binary keeps the locale that it starts with."""
     by_locale = r"%[-+#0-9.*]*l?[aefgAEFG]|\b(strto[dfl]|sto[dfi]|ato[fi]|setlocale|sscanf)\b"
     files = [*sources(ROOT / "cpp/infrasim"), *sources(ROOT / "bindings")]
-    found = [
+    offenders = [
         f"{file.relative_to(ROOT)}: {line.strip()}"
         for file in files
         if file.parent != ROOT / "cpp/infrasim/cli"
         for line in file.read_text().splitlines()
         if re.search(by_locale, line) and not line.lstrip().startswith("//")
     ]
-    assert found == []
+    assert offenders == []
 
 
 @pytest.mark.parametrize("folder", ["cpp", "bindings", "tests/cpp", "tests/fuzz", "benchmarks"])
@@ -147,9 +149,9 @@ def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
     parts = path.relative_to(ROOT / "pyinfra").parts
     if len(parts) == 1:
         return  # pyinfra/__init__.py and __main__.py: the public API and the command
-    own = parts[0]
+    importer = parts[0]
     imported = {package for name in imports(path) if (package := package_of(name))}
-    assert {p for p in imported - {own} if LAYER_OF[p] >= LAYER_OF[own]} == set()
+    assert {p for p in imported - {importer} if LAYER_OF[p] >= LAYER_OF[importer]} == set()
 
 
 def test_pyinfra_imports_neither_the_study_nor_the_benchmarks() -> None:

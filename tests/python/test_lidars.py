@@ -31,10 +31,10 @@ def test_the_catalogue_has_a_row_for_each_lidar_that_a_terminal_holds(
 def test_a_row_is_what_the_simulator_makes_of_the_file(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    head, own, _, presets, assumption, source = listed(capsys, "ruby_plus")
+    head, first, _, presets, assumption, source = listed(capsys, "ruby_plus")
     assert head.split() == "lidar model lines view, deg range 10 % USD presets".split()
     words = "ruby_plus RoboSense Ruby Plus 128 360 x 40 250 240* 24000 [1] p e D"
-    assert own.split() == words.split()
+    assert first.split() == words.split()
     assert presets.startswith("presets: p paper, e equal, d datasheet")
     assert assumption.startswith("* the only range known")
     assert source == "[1] table of the paper 'Repetitive or Non-repetitive?', 2025"

@@ -98,9 +98,9 @@ def test_evaluate_report_and_recommend_show_the_same_digits(
     assert len({numbers[0] for numbers in evaluated.values()}) == 3
     captured, whole = shown(evaluated["captured"]), shown(evaluated["present"])
     assert main.main(["recommend", str(results), "--budget", "9000", "--min-ap", "20"]) == 0
-    said = capsys.readouterr().out
-    assert f"AP (R1000) of every vehicle within 100 m {whole}, of those visible" in said
-    assert f"of the vehicles it captures {captured};" in said
+    output = capsys.readouterr().out
+    assert f"AP (R1000) of every vehicle within 100 m {whole}, of those visible" in output
+    assert f"of the vehicles it captures {captured};" in output
     out = results.parent / "report.html"
     assert main.main(["report", str(results), "--out", str(out)]) == 0
     text = Read(out).text
@@ -124,9 +124,9 @@ def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Pa
     out = tmp_path / "report.html"
     assert main.main(["report", str(tmp_path), "--out", str(out)]) == 0
     text = Read(out).text
-    found = [text[at.start() - 12 : at.start()] for at in re.finditer(r"12\.3", text)]
-    assert all("R40" in before for before in found), found
-    assert len(found) == ("highway" in str(results))
+    contexts = [text[at.start() - 12 : at.start()] for at in re.finditer(r"12\.3", text)]
+    assert all("R40" in before for before in contexts), contexts
+    assert len(contexts) == ("highway" in str(results))
 
 
 def test_an_ap_of_an_old_table_is_called_what_it_is() -> None:

@@ -34,9 +34,11 @@ def saved(name: str, folder: Path, steps: int = 0) -> Path:
         torch.stack(list(losses.values())).sum().backward()
         optimizer.step()
     plain = as_plain(recipe.network)
-    about = checkpoint.About(recipe.detector, plain, SITE, "ring", "paper", "road", 1, 1, 1)
+    provenance = checkpoint.Provenance(
+        recipe.detector, plain, SITE, "ring", "paper", "road", 1, 1, 1
+    )
     folder.mkdir()
-    checkpoint.save(folder / "last.safetensors", network, {}, about)
+    checkpoint.save(folder / "last.safetensors", network, {}, provenance)
     return folder
 
 
@@ -49,8 +51,8 @@ def test_the_file_gives_the_boxes_of_the_network(name: str, tmp_path: Path) -> N
     network = checkpoint.load(run / "last.safetensors").network()
     for points in (road_sample(1).points, road_sample(2).points[::3], road_sample(3).points[:1]):
         inside = network.site.area.crop(points)
-        found = session.run(None, {"points": inside})
-        ours = network.best(*(torch.from_numpy(column) for column in found))
+        outputs = session.run(None, {"points": inside})
+        ours = network.best(*(torch.from_numpy(column) for column in outputs))
         theirs = network.predict(points)
         np.testing.assert_allclose(ours.boxes, theirs.boxes, atol=1e-3)
         np.testing.assert_allclose(ours.scores, theirs.scores, atol=1e-4)

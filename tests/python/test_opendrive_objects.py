@@ -39,10 +39,10 @@ def test_s_is_the_length_along_a_cubic(tmp_path: Path) -> None:
     """x = 20 p + 80 p^2 is 100 m long: half of it is at x = 50, p = 0.675."""
     shape = '<paramPoly3 pRange="normalized" bU="20" cU="80"/>'
     house = '<object type="building" id="1" s="50" t="12" length="4" width="4" height="5"/>'
-    found = read(tmp_path, objects(house), shape=shape)
-    np.testing.assert_allclose(found.bodies[0].outline.mean(0), (50, 12), atol=0.01)
-    assert found.not_understood == []
-    right = next(lane for lane in found.lanes if lane.name == "road1_0_right1")
+    site_map = read(tmp_path, objects(house), shape=shape)
+    np.testing.assert_allclose(site_map.bodies[0].outline.mean(0), (50, 12), atol=0.01)
+    assert site_map.not_understood == []
+    right = next(lane for lane in site_map.lanes if lane.name == "road1_0_right1")
     np.testing.assert_allclose(
         right.centre[:, 0], np.linspace(0, 100, len(right.centre)), atol=0.01
     )
@@ -59,19 +59,19 @@ def test_cubics_of_either_parameter_have_one_speed(tmp_path: Path, range_: str) 
     shape = f'<paramPoly3 pRange="{range_}" bU="{b}" cU="{c}" cV="{v}"/>'
     if range_ == "arcLength":
         length = 40.0  # p runs to the geometry's length
-    found = read(tmp_path, "", shape=shape, length=length)
-    lane = next(lane for lane in found.lanes if lane.name == "road1_0_left1")
+    site_map = read(tmp_path, "", shape=shape, length=length)
+    lane = next(lane for lane in site_map.lanes if lane.name == "road1_0_left1")
     inner = lane.left[:, :2]  # the reference line
     steps = np.hypot(*np.diff(inner, axis=0).T)
     assert steps.std() < 0.01 * steps.mean()
     np.testing.assert_allclose(np.sort(inner[[0, -1]], axis=0)[1], line[-1], atol=1e-6)
 
 
-@pytest.mark.parametrize(("said", "names"), [(100, 0), (100.5, 0), (2000, 1), (40, 1)])
+@pytest.mark.parametrize(("stated", "names"), [(100, 0), (100.5, 0), (2000, 1), (40, 1)])
 def test_a_length_that_is_not_that_of_the_geometry_is_named(
-    tmp_path: Path, said: float, names: int
+    tmp_path: Path, stated: float, names: int
 ) -> None:
-    road = site_data.road(1, (0, 0, 0), 100).replace('length="100"', f'length="{said}"', 1)
+    road = site_data.road(1, (0, 0, 0), 100).replace('length="100"', f'length="{stated}"', 1)
     (tmp_path / "a.xodr").write_text(site_data.open_drive(road))
     notes = read_opendrive(tmp_path / "a.xodr").not_understood
     assert len([n for n in notes if n.startswith("road 1: length: expected 100 m")]) == names
@@ -84,10 +84,10 @@ def test_an_open_outline_is_a_thin_wall_along_its_corners(tmp_path: Path) -> Non
     for frame in ("<outlines>{}</outlines>", "{}"):  # 1.5 and later, 1.4
         inner = frame.format(f'<outline closed="false">{corners}</outline>')
         rail = f'<object type="barrier" id="1" s="50" t="5" length="54" width="0">{inner}</object>'
-        found = read(tmp_path, objects(rail), shape=BEND)
-        assert len(found.bodies) == 12
-        np.testing.assert_allclose(radii(found.bodies), 45, atol=0.15)
-        assert {b.height_m for b in found.bodies} == {0.8}
+        site_map = read(tmp_path, objects(rail), shape=BEND)
+        assert len(site_map.bodies) == 12
+        np.testing.assert_allclose(radii(site_map.bodies), 45, atol=0.15)
+        assert {b.height_m for b in site_map.bodies} == {0.8}
 
 
 def test_a_closed_outline_supersedes_the_box(tmp_path: Path) -> None:
@@ -98,24 +98,24 @@ def test_a_closed_outline_supersedes_the_box(tmp_path: Path) -> None:
     )
     for text in (corners, on_road):
         house = '<object type="building" id="1" s="40" t="-25" length="3" width="3" height="6">'
-        found = read(
+        site_map = read(
             tmp_path, objects(f"{house}<outlines><outline>{text}</outline></outlines></object>")
         )
-        low, high = found.bodies[0].outline.min(0), found.bodies[0].outline.max(0)
+        low, high = site_map.bodies[0].outline.min(0), site_map.bodies[0].outline.max(0)
         np.testing.assert_allclose([low, high], [(30, -30), (50, -20)], atol=1e-9)
-        assert found.bodies[0].height_m == 6
+        assert site_map.bodies[0].height_m == 6
 
 
 def test_a_continuous_repeat_follows_the_bend(tmp_path: Path) -> None:
     span = 's="10" length="60" distance="0" tStart="6" tEnd="6" widthStart="0.3" widthEnd="0.3"'
     repeat = f'<repeat {span} heightStart="1" heightEnd="2"/>'
     rail = f'<object type="railing" id="1" s="0" t="0" height="0">{repeat}</object>'
-    found = read(tmp_path, objects(rail), shape=BEND)
-    np.testing.assert_allclose(radii(found.bodies), 44, atol=0.2)
-    heights = [b.height_m for b in found.bodies]
+    site_map = read(tmp_path, objects(rail), shape=BEND)
+    np.testing.assert_allclose(radii(site_map.bodies), 44, atol=0.2)
+    heights = [b.height_m for b in site_map.bodies]
     assert heights[0] == pytest.approx(1, abs=0.05)
     assert heights[-1] == pytest.approx(2, abs=0.05)
-    ends = np.concatenate([b.outline for b in found.bodies])
+    ends = np.concatenate([b.outline for b in site_map.bodies])
     reach = np.arctan2(ends[:, 0], 50 - ends[:, 1]) * 50
     assert (reach.min(), reach.max()) == pytest.approx((10, 70), abs=0.01)
 
@@ -125,11 +125,11 @@ def test_a_repeat_with_a_distance_is_copies_and_not_the_object(tmp_path: Path) -
     repeat = f'<repeat {span} heightStart="4" heightEnd="4"/>'
     pole = f'<object type="pole" id="1" s="0" t="0" radius="0.2" height="9">{repeat}</object>'
     tree = f'<object type="tree" id="2" s="0" t="0" height="9">{repeat}</object>'
-    found = read(tmp_path, objects(pole + tree))
+    site_map = read(tmp_path, objects(pole + tree))
     wanted = [(20, 8), (30, 10), (40, 12), (50, 14)]
-    np.testing.assert_allclose([b.outline.mean(0) for b in found.bodies], wanted, atol=1e-9)
-    np.testing.assert_allclose([(t.x_m, t.y_m) for t in found.trees], wanted, atol=1e-9)
-    assert {b.height_m for b in found.bodies} == {t.height_m for t in found.trees} == {4}
+    np.testing.assert_allclose([b.outline.mean(0) for b in site_map.bodies], wanted, atol=1e-9)
+    np.testing.assert_allclose([(t.x_m, t.y_m) for t in site_map.trees], wanted, atol=1e-9)
+    assert {b.height_m for b in site_map.bodies} == {t.height_m for t in site_map.trees} == {4}
 
 
 ASAM = (
@@ -143,9 +143,9 @@ ASAM = (
 def test_each_kind_of_object_is_built_or_listed(tmp_path: Path, kind: str) -> None:
     for extent in ('length="2" width="1" height="3"', 'radius="0.5" height="3"', ""):
         thing = f'<object type="{kind}" id="7" s="40" t="9" {extent}/>'
-        found = read(tmp_path, objects(thing))
-        listed = any("object 7" in note for note in found.not_understood)
-        assert found.bodies or found.trees or listed, extent
+        site_map = read(tmp_path, objects(thing))
+        listed = any("object 7" in note for note in site_map.not_understood)
+        assert site_map.bodies or site_map.trees or listed, extent
 
 
 @pytest.mark.parametrize(
@@ -215,10 +215,10 @@ def test_a_direct_junction_leads_to_both_of_its_roads(tmp_path: Path) -> None:
         ),
     ]  # fmt: skip
     junction = '<junction id="9" type="direct">'
-    for number, (to, own) in enumerate(((2, -1), (3, -2))):
+    for number, (to, from_lane) in enumerate(((2, -1), (3, -2))):
         junction += (
             f'<connection id="{number}" incomingRoad="1" linkedRoad="{to}" contactPoint="start">'
-            f'<laneLink from="{own}" to="-1"/></connection>'
+            f'<laneLink from="{from_lane}" to="-1"/></connection>'
         )
     made = imported(tmp_path, site_data.open_drive(*roads, junction + "</junction>"))
     assert any("junction 9: direct" in n for n in made.record["not_understood"])

@@ -126,14 +126,14 @@ def test_descent_on_the_overlap_brings_a_box_home() -> None:
     assert boxes.iou_3d_pairs(box, goal) > 0.98
 
 
-def crowd(n: int, places: int, seed: int) -> tuple[Tensor, Tensor]:
+def crowd(n: int, clusters: int, seed: int) -> tuple[Tensor, Tensor]:
     """Boxes (n, 7) of cars in heaps and their scores, with ties."""
     random = np.random.default_rng(seed)
-    at = random.integers(places, size=n)
+    at = random.integers(clusters, size=n)
     b = np.zeros((n, 7))
-    b[:, :2] = random.uniform(-60, 60, (places, 2))[at] + random.normal(0, 0.5, (n, 2))
+    b[:, :2] = random.uniform(-60, 60, (clusters, 2))[at] + random.normal(0, 0.5, (n, 2))
     b[:, 3:6] = [4.2, 1.9, 1.6] * random.uniform(0.9, 1.1, (n, 3))
-    b[:, 6] = random.uniform(-3, 3, places)[at] + random.normal(0, 0.1, n)
+    b[:, 6] = random.uniform(-3, 3, clusters)[at] + random.normal(0, 0.1, n)
     return torch.from_numpy(b), torch.from_numpy(random.integers(100, size=n) / 100)
 
 
@@ -361,7 +361,7 @@ def test_sparse_convolution_on_a_gpu_is_as_on_the_cpu() -> None:
 @needs_gpu
 def test_gradients_of_sparse_convolutions_on_a_gpu_are_those_of_the_cpu() -> None:
     down, same = SparseConv3d(8, 8, "a").double(), SubmanifoldConv3d(8, 4, "b").double()
-    found = {}
+    gradients = {}
     for device in ("cpu", "cuda"):
         x = voxels(700, 8, 0)
         features = x.features.to(device).requires_grad_()
@@ -369,8 +369,8 @@ def test_gradients_of_sparse_convolutions_on_a_gpu_are_those_of_the_cpu() -> Non
         out = same.to(device)(down.to(device)(at)).features
         weights = torch.linspace(-1, 1, out.numel(), dtype=out.dtype, device=device)
         inputs = [features, down.weight, same.weight]
-        found[device] = torch.autograd.grad((out.flatten() * weights).sum(), inputs)
-    for here, there in zip(found["cpu"], found["cuda"], strict=True):
+        gradients[device] = torch.autograd.grad((out.flatten() * weights).sum(), inputs)
+    for here, there in zip(gradients["cpu"], gradients["cuda"], strict=True):
         assert (here - there.cpu()).abs().max() < 1e-10
 
 
@@ -410,9 +410,9 @@ def test_ball_query_finds_the_first_points_of_each_ball(radius: float, step: flo
     rows, empty = points.ball_query(xyz, centres, radius, 8)
     near = torch.cdist(centres.double(), xyz.double()) < radius
     assert (empty == ~near.any(1)).all()
-    for ball, found in zip(near, rows.tolist(), strict=True):
+    for ball, neighbours in zip(near, rows.tolist(), strict=True):
         inside = torch.nonzero(ball).flatten().tolist()[:8]
-        assert found == inside + [inside[0] if inside else 0] * (8 - len(inside))
+        assert neighbours == inside + [inside[0] if inside else 0] * (8 - len(inside))
 
 
 @pytest.mark.usefixtures("either")
@@ -435,9 +435,9 @@ def test_compiled_kernels_and_torch_choose_the_same_points(monkeypatch: pytest.M
     clouds = [cloud(n, n, step) for n in (1, 70, 3000) for step in (0.0, 1.0)]
 
     def chosen() -> list[Tensor]:
-        found = [points.farthest_points(xyz, 200) for xyz in clouds]
-        found += [points.ball_query(xyz, xyz[::3], 1.0, 16)[0] for xyz in clouds]
-        return found
+        results = [points.farthest_points(xyz, 200) for xyz in clouds]
+        results += [points.ball_query(xyz, xyz[::3], 1.0, 16)[0] for xyz in clouds]
+        return results
 
     compiled = chosen()
     without_kernels(monkeypatch)
@@ -543,13 +543,13 @@ def test_groups_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
     frame, row, column = torch.randint(0, 40, (3, 2000), generator=torch.manual_seed(1)).unique(
         dim=1
     )
-    found = []
+    results = []
     for device in ("cpu", "cuda"):
         x, c, f = xyz.to(device), centres.to(device), features.to(device)
         rows, empty = points.ball_query(x, c, 2, 8)
         windows = sets.windows_of(frame.to(device), row.to(device), column.to(device), 12, 6)
         parts = sets.partition(windows, windows.by_row, 36)
-        found.append(
+        results.append(
             [
                 points.group(x, f, c, rows, empty),
                 points.interpolate(f, *points.three_nearest(c, x)),
@@ -560,6 +560,6 @@ def test_groups_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
                 parts.slot,
             ]
         )
-    for here, there in zip(*found, strict=True):
+    for here, there in zip(*results, strict=True):
         assert there.is_cuda
         torch.testing.assert_close(here, there.cpu(), atol=1e-4, rtol=1e-4)

@@ -65,10 +65,10 @@ def test_what_stands_at_streets_is_listed_and_drawn_where_it_is(tmp_path: Path) 
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {kind.replace("_", " ") for kind in listed} <= names
     drawn = [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
-    for kind, places in read_features(site).items():
+    for kind, positions in read_features(site).items():
         look = MARKERS.get(kind, (".", "#555555"))
         assert any(
-            np.array_equal(np.asarray(line.get_xydata()), places)
+            np.array_equal(np.asarray(line.get_xydata()), positions)
             and (line.get_marker(), to_hex(line.get_color())) == (look[0], look[1].lower())
             for line in drawn
         ), kind
@@ -115,8 +115,8 @@ def test_sidewalks_are_where_the_map_says(
     mesh = read_ply(site / "meshes/sidewalk.ply")
     y = mesh.vertices[mesh.faces].mean(1)
     y = y[np.abs(y[:, 0]) > 20, 1]
-    own, up, down = ((y > 8).any(), ((y > 3) & (y < 6)).any(), ((y < -3) & (y > -6)).any())
-    assert (own, up, down) == (True, north, south)
+    apart, up, down = ((y > 8).any(), ((y > 3) & (y < 6)).any(), ((y < -3) & (y > -6)).any())
+    assert (apart, up, down) == (True, north, south)
     separate = (
         "separate" in sides_without({k.replace("__", ":"): v for k, v in tags.items()}).values()
     )
@@ -159,14 +159,14 @@ def test_crosswalks_signals_and_marks_of_opendrive_are_listed(tmp_path: Path) ->
     )
     file = tmp_path / "a.xodr"
     file.write_text(site_data.open_drive(site_data.road(1, (0, 0, 0), 100, more=more)))
-    found = read_opendrive(file)
-    assert [(f.kind, f.source, f.x_m, f.y_m) for f in found.features] == [
+    site_map = read_opendrive(file)
+    assert [(f.kind, f.source, f.x_m, f.y_m) for f in site_map.features] == [
         ("crossing", "road 1: object 1", 40, 0),
         ("traffic_signals", "road 1: signal 4", 50, 5),
         ("traffic_sign", "road 1: signal 5", 60, -5),
     ]
-    assert found.not_understood == ["road 1: 2 objects of road marks: left out"]
-    assert len(found.bodies) == 2  # the signals' posts
+    assert site_map.not_understood == ["road 1: 2 objects of road marks: left out"]
+    assert len(site_map.bodies) == 2  # the signals' posts
     import_map(file, tmp_path / "s")
     record = yaml.safe_load((tmp_path / "s/map.yaml").read_text())
     x, y, _ = record["offset_m"]

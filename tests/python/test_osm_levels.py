@@ -56,9 +56,9 @@ def levels_of(folder: Path, text: str) -> Levels:
 def test_a_way_on_another_layer_has_the_clearance(
     tmp_path: Path, tags: dict[str, str], under: str, z_m: float
 ) -> None:
-    found = levels_of(tmp_path, crossroads(tags, under=under))
-    assert (found.crossings, found.flat) == (1, [])
-    assert found.heights.get("4", 0) == found.heights.get("5", 0) == pytest.approx(z_m)
+    levels = levels_of(tmp_path, crossroads(tags, under=under))
+    assert (levels.crossings, levels.flat) == (1, [])
+    assert levels.heights.get("4", 0) == levels.heights.get("5", 0) == pytest.approx(z_m)
 
 
 @pytest.mark.parametrize(
@@ -75,11 +75,13 @@ def test_a_bridge_over_no_road_stays(tmp_path: Path) -> None:
 
 
 def test_ramps_are_no_steeper_than_roads_are(tmp_path: Path) -> None:
-    found = levels_of(tmp_path, crossroads(BRIDGE))
-    places = sorted(
-        (lat, found.heights[name]) for name, (_, lat) in found.places.items() if abs(_ - 8.4) < 1e-6
+    levels = levels_of(tmp_path, crossroads(BRIDGE))
+    profile = sorted(
+        (lat, levels.heights[name])
+        for name, (_, lat) in levels.places.items()
+        if abs(_ - 8.4) < 1e-6
     )
-    north, z = np.array(places).T
+    north, z = np.array(profile).T
     grades = np.diff(z) / np.diff(north * 111_200)
     assert np.abs(grades).max() < 0.065
     assert z.max() == pytest.approx(CLEARANCE_M)
@@ -95,9 +97,9 @@ def test_three_roads_lie_one_above_the_other(tmp_path: Path) -> None:
         osm.way(ends[:2], **main)
         osm.way(ends[1:3], **main, bridge="yes", layer=str(layer))
         osm.way(ends[2:], **main)
-    found = levels_of(tmp_path, osm.text())
-    assert (found.crossings, found.flat) == (3, [])
-    assert (found.heights["4"], found.heights["8"]) == pytest.approx((6, 12))
+    levels = levels_of(tmp_path, osm.text())
+    assert (levels.crossings, levels.flat) == (3, [])
+    assert (levels.heights["4"], levels.heights["8"]) == pytest.approx((6, 12))
 
 
 def test_a_bridge_without_room_for_ramps_is_named(tmp_path: Path) -> None:
@@ -108,8 +110,8 @@ def test_a_bridge_without_room_for_ramps_is_named(tmp_path: Path) -> None:
     osm.way([osm.node(-300, 0), below, osm.node(300, 0)], **main)
     osm.way([osm.node(0, -300), above, osm.node(0, 300)], **main, **BRIDGE)
     osm.way([below, above], **main)
-    found = levels_of(tmp_path, osm.text())
-    for name, z in found.heights.items():
+    levels = levels_of(tmp_path, osm.text())
+    for name, z in levels.heights.items():
         assert abs(z) <= CLEARANCE_M + 0.01, name
     with_heights = re.sub(r'(<node id="1"[^>]*>)', r'\1<tag k="ele" v="3"/>', osm.text())
     assert "way 2 (bridge, layer) crosses above way 1" in levels_of(tmp_path, with_heights).flat[0]
@@ -154,9 +156,9 @@ def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
     gone = gone.replace("<way", '<node id="888" visible="false"/><way', 1)
     (tmp_path / "all.osm").write_text(text)
     (tmp_path / "gone.osm").write_text(gone)
-    whole, found = (read_street_map(tmp_path / f"{name}.osm") for name in ("all", "gone"))
-    assert len(found.ways) == len(whole.ways) - 1
-    assert len(found.houses) == len(whole.houses) - 2
+    whole, edited = (read_street_map(tmp_path / f"{name}.osm") for name in ("all", "gone"))
+    assert len(edited.ways) == len(whole.ways) - 1
+    assert len(edited.houses) == len(whole.houses) - 2
     lanes = [import_map(tmp_path / f"{n}.osm", tmp_path / n).lanes for n in ("all", "gone")]
     assert lanes[1] < lanes[0]
     record = yaml.safe_load((tmp_path / "gone/map.yaml").read_text())
@@ -171,7 +173,7 @@ def nodes_behind(text: str) -> str:
     return f'<osm version="0.6" generator="Overpass API">{head}{"".join(ways + nodes)}</osm>'
 
 
-def places_inside(text: str) -> str:
+def with_inline_positions(text: str) -> str:
     """As Overpass's `out geom`: no nodes, but those with tags."""
     at = dict(re.findall(r'<node id="(\d+)" (lon="[^"]*" lat="[^"]*")', text))
     text = re.sub(r'<node id="\d+"[^>]*></node>', "", text)
@@ -187,7 +189,7 @@ def bounded(text: str) -> str:
     return text.replace('<osm version="0.6">', f'<osm version="0.6">{bounds}')
 
 
-@pytest.mark.parametrize("written", [nodes_behind, places_inside, bounded])
+@pytest.mark.parametrize("written", [nodes_behind, with_inline_positions, bounded])
 def test_files_of_editors_and_servers_are_one_map(tmp_path: Path, written) -> None:  # type: ignore[no-untyped-def]
     text = district_text()
     (tmp_path / "a.osm").write_text(text)

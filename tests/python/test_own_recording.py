@@ -21,7 +21,7 @@ from pyinfra.exchange.road_plane import find_plane
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
 
-ABOUT = LidarFacts("pole", "junction")
+FACTS = LidarFacts("pole", "junction")
 HEIGHT_M = 6.0
 HALF_ROAD_M = 16.0
 LIDARS = ("livox_avia", "helios_16", "ruby_plus")
@@ -47,7 +47,7 @@ def clouds_of(site: Path, lidar: str) -> Clouds:
     return [kitti.read_points(file) for file in files]
 
 
-def with_place(clouds: Clouds, change: Callable[[np.ndarray], np.ndarray]) -> Clouds:
+def with_positions(clouds: Clouds, change: Callable[[np.ndarray], np.ndarray]) -> Clouds:
     return [np.column_stack([change(c[:, :3].astype(np.float64)), c[:, 3]]) for c in clouds]
 
 
@@ -63,8 +63,8 @@ def write(folder: Path, clouds: Clouds, names: list[str] | None = None) -> Path:
 def taken(source: Path, **options: object) -> tuple[Path, str]:
     """The folder of an import from .bin files, and all that was said of it."""
     out = source.parent / f"in_{source.name}/pole"
-    found, labelled = import_recording(source, "bin", out, ABOUT, Options(), **options)
-    return out, "\n".join([*found.assumed, *warnings(found, labelled)])
+    summary, labelled = import_recording(source, "bin", out, FACTS, Options(), **options)
+    return out, "\n".join([*summary.assumed, *warnings(summary, labelled)])
 
 
 def road_at(folder: Path) -> float:
@@ -81,15 +81,15 @@ def road_at(folder: Path) -> float:
 @pytest.mark.parametrize("lidar", LIDARS)
 def test_the_road_of_a_leaning_sensor_is_found(site: Path, lidar: str, tmp_path: Path) -> None:
     lean = Rotation.from_euler("ZYX", [0, math.radians(12), math.radians(-4)]).as_matrix()
-    clouds = with_place(clouds_of(site, lidar), lambda p: p @ lean)  # T_sensor_levelled
-    folder, said = taken(write(tmp_path / "source", clouds))
+    clouds = with_positions(clouds_of(site, lidar), lambda p: p @ lean)  # T_sensor_levelled
+    folder, text = taken(write(tmp_path / "source", clouds))
     assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
     tilt = kitti.read_tilt(folder)
     assert np.degrees([tilt.pitch, tilt.roll]) == pytest.approx([12, -4], abs=0.1)
     assert kitti.read_lidar(folder).T_world_levelled.z == pytest.approx(HEIGHT_M, abs=0.03)
-    assert "the road lies 6.0" in said or "the road lies 5.9" in said
-    assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == said.splitlines()[:3]
-    assert said.splitlines()[2] == "frames are 0.1 s apart, as no times say it: --period-s does"
+    assert "the road lies 6.0" in text or "the road lies 5.9" in text
+    assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == text.splitlines()[:3]
+    assert text.splitlines()[2] == "frames are 0.1 s apart, as no times say it: --period-s does"
 
 
 def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
@@ -98,8 +98,10 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     """It says how the sensor leans, looks and stands: 6 m up in a place of its own."""
     turn = Rotation.from_euler("ZYX", [40, 12, -4], degrees=True)
     shift = np.array([120.0, -50, HEIGHT_M])
-    level = with_place(clouds_of(site, "ruby_plus")[::4], Rotation.from_euler("z", 40, True).apply)
-    clouds = with_place(level, turn.inv().apply)
+    level = with_positions(
+        clouds_of(site, "ruby_plus")[::4], Rotation.from_euler("z", 40, True).apply
+    )
+    clouds = with_positions(level, turn.inv().apply)
     clouds[0][5, :3] = 0  # without a return
     source = tmp_path / "source"
     source.mkdir()
@@ -112,20 +114,20 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
         (source / f"{i}.pcd").write_bytes(
             data.replace(b"VIEWPOINT 0 0 0 1 0 0 0", viewpoint.encode())
         )
-    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
-    said = "\n".join(found.assumed)
-    assert "VIEWPOINT of 5 of 5 clouds: points are turned by 42.27 degrees" in said
-    assert "the sensor is the origin: points are moved back by (120, -50, 6) m" in said
-    assert found.without_return == 1
+    summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
+    text = "\n".join(summary.assumed)
+    assert "VIEWPOINT of 5 of 5 clouds: points are turned by 42.27 degrees" in text
+    assert "the sensor is the origin: points are moved back by (120, -50, 6) m" in text
+    assert summary.without_return == 1
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
     last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 4))
     assert np.abs(last[:, :3] - level[4][:, :3]).max() < 0.2  # but for the road's noise
-    found, _ = import_recording(
-        source, "pcd", tmp_path / "as_is/pole", ABOUT, Options(), upright="as-is"
+    summary, _ = import_recording(
+        source, "pcd", tmp_path / "as_is/pole", FACTS, Options(), upright="as-is"
     )
     placed = kitti.read_points(kitti.frame_file(tmp_path / "as_is/pole", "velodyne", 4))
     assert placed[:, :3] == pytest.approx(level[4][:, :3] + shift, abs=1e-3)
-    assert found.without_return == 1
+    assert summary.without_return == 1
     capsys.readouterr()
     words = ["detect", "--model", "generalist", str(source / "4.pcd"), "--height-m", "6"]
     assert main.main(words) == 0
@@ -139,10 +141,12 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     [*(("helios_16", up) for up in UPS), ("livox_avia", "y down"), ("ruby_plus", "z down")],
 )
 def test_any_axis_may_be_up(site: Path, lidar: str, up: str, tmp_path: Path) -> None:
-    clouds = with_place(clouds_of(site, lidar), lambda p: p @ np.array(UPS[up], dtype=np.float64))
-    folder, said = taken(write(tmp_path / "source", clouds))
+    clouds = with_positions(
+        clouds_of(site, lidar), lambda p: p @ np.array(UPS[up], dtype=np.float64)
+    )
+    folder, text = taken(write(tmp_path / "source", clouds))
     assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
-    assert (f"{up}: turned so that z is up" in said) == (up != "z up")
+    assert (f"{up}: turned so that z is up" in text) == (up != "z up")
     first = kitti.read_points(kitti.frame_file(folder, "velodyne", 0))
     truth = clouds_of(site, lidar)[0]
     assert np.abs(first - truth).max() < 0.6  # turned back, but for a tilt below the road's noise
@@ -168,11 +172,11 @@ def test_a_field_beside_the_road_is_not_taken_for_it(
 ) -> None:
     """The field is larger than the road, and flat, as the road is."""
 
-    def sunk(place: np.ndarray) -> np.ndarray:
-        field = np.abs(place[:, 1]) > HALF_ROAD_M
-        return place - np.outer(field * lower_m, [0, 0, 1])
+    def sunk(xyz: np.ndarray) -> np.ndarray:
+        field = np.abs(xyz[:, 1]) > HALF_ROAD_M
+        return xyz - np.outer(field * lower_m, [0, 0, 1])
 
-    plane = find_plane(with_place(clouds_of(site, lidar), sunk))
+    plane = find_plane(with_positions(clouds_of(site, lidar), sunk))
     assert plane is not None
     assert plane.height_m == pytest.approx(HEIGHT_M, abs=0.03)
     assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.15)
@@ -182,11 +186,11 @@ def test_a_field_beside_the_road_is_not_taken_for_it(
 def test_a_crowned_road_is_levelled_evenly(site: Path, slope: float) -> None:
     """The sensor stands four metres to the right of the middle, where the road falls to it."""
 
-    def crowned(place: np.ndarray) -> np.ndarray:
-        aside = np.minimum(np.abs(place[:, 1] - 4), HALF_ROAD_M)
-        return place - np.outer(slope * aside, [0, 0, 1])
+    def crowned(xyz: np.ndarray) -> np.ndarray:
+        aside = np.minimum(np.abs(xyz[:, 1] - 4), HALF_ROAD_M)
+        return xyz - np.outer(slope * aside, [0, 0, 1])
 
-    plane = find_plane(with_place(clouds_of(site, "livox_avia"), crowned))
+    plane = find_plane(with_positions(clouds_of(site, "livox_avia"), crowned))
     assert plane is not None
     assert plane.crown == pytest.approx(slope, abs=0.003)
     assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.25)  # one side alone: 0.8 to 1.6
@@ -197,22 +201,22 @@ def test_a_crowned_road_is_levelled_evenly(site: Path, slope: float) -> None:
 def test_the_road_over_a_crest_is_followed(site: Path, lidar: str, tmp_path: Path) -> None:
     """A radius of 1,500 m: 1.2 m lower 60 m away."""
 
-    def bent(place: np.ndarray) -> np.ndarray:
-        return place - np.outer(place[:, 0] ** 2 / 3000, [0, 0, 1])
+    def bent(xyz: np.ndarray) -> np.ndarray:
+        return xyz - np.outer(xyz[:, 0] ** 2 / 3000, [0, 0, 1])
 
-    folder, said = taken(write(tmp_path / "source", with_place(clouds_of(site, lidar), bent)))
-    assert "the road is no plane: its heights are followed where vehicles drive, 60 m" in said
+    folder, text = taken(write(tmp_path / "source", with_positions(clouds_of(site, lidar), bent)))
+    assert "the road is no plane: its heights are followed where vehicles drive, 60 m" in text
     tilt = kitti.read_tilt(folder)  # of a sensor that looks one way: on the mean slope there
-    places = np.array([[10.0, -6], [30, -6], [55, -6], [55, 6]])
-    road = -HEIGHT_M - places[:, 0] ** 2 / 3000 + np.tan(tilt.pitch) * -places[:, 0]
-    found = ground_of(folder)
-    assert found is not None
-    np.testing.assert_allclose(found.height(places), road, atol=0.15)
+    positions = np.array([[10.0, -6], [30, -6], [55, -6], [55, 6]])
+    road = -HEIGHT_M - positions[:, 0] ** 2 / 3000 + np.tan(tilt.pitch) * -positions[:, 0]
+    ground = ground_of(folder)
+    assert ground is not None
+    np.testing.assert_allclose(ground.height(positions), road, atol=0.15)
 
 
 def test_a_level_road_stays_a_plane(site: Path, tmp_path: Path) -> None:
-    folder, said = taken(write(tmp_path / "source", clouds_of(site, "ruby_plus")))
-    assert "no plane" not in said
+    folder, text = taken(write(tmp_path / "source", clouds_of(site, "ruby_plus")))
+    assert "no plane" not in text
     assert kitti.read_road_shape(folder) is None
 
 
@@ -235,8 +239,8 @@ def test_a_road_is_straight_on_where_nobody_looked() -> None:
 
 def test_the_plane_near_the_height_that_is_given(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
-    about = LidarFacts("pole", "junction", height_m=6.3)
-    import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+    facts = LidarFacts("pole", "junction", height_m=6.3)
+    import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     pose = kitti.read_lidar(tmp_path / "in/pole").T_world_levelled
     assert pose.z == pytest.approx(HEIGHT_M, abs=0.03)
 
@@ -246,9 +250,9 @@ def test_the_plane_near_the_height_that_is_given(site: Path, tmp_path: Path) -> 
 
 def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
-    about = LidarFacts("pole", "junction", height_m=9)
+    facts = LidarFacts("pole", "junction", height_m=9)
     with pytest.raises(ValueError, match=r"source: --height-m: found 9, allowed (6\.0|5\.9)"):
-        import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+        import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert not (tmp_path / "in/pole").exists()
 
 
@@ -268,7 +272,7 @@ def test_a_wrong_height_of_a_lone_cloud_is_said(
     assert (
         "--height-m says 5.5 m, the road of the clouds lies 6.00 m below" in capsys.readouterr().err
     )
-    leaning = with_place(clouds, lean.apply)
+    leaning = with_positions(clouds, lean.apply)
     words[-1] = str(write(tmp_path / "leaning", leaning) / "cloud_0.bin")
     assert main.main([*words, "--height-m", "6"]) == 0
     assert "the sensor leans by 2.0 degrees to the road" in capsys.readouterr().err
@@ -277,42 +281,44 @@ def test_a_wrong_height_of_a_lone_cloud_is_said(
 @pytest.mark.parametrize("up", ["z up", "z down"])
 def test_clouds_at_road_level_need_the_height(site: Path, up: str, tmp_path: Path) -> None:
     turn = np.array(UPS[up], dtype=np.float64)
-    clouds = with_place(clouds_of(site, "helios_16"), lambda p: np.add(p, (0, 0, HEIGHT_M)) @ turn)
+    clouds = with_positions(
+        clouds_of(site, "helios_16"), lambda p: np.add(p, (0, 0, HEIGHT_M)) @ turn
+    )
     source = write(tmp_path / "source", clouds)
     with pytest.raises(ValueError, match=r"found the road -?0\.0\d m below the origin"):
         taken(source)
-    about = LidarFacts("pole", "junction", height_m=HEIGHT_M)
-    found, _ = import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+    facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
+    summary, _ = import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
-    assert any("moved down by" in line for line in found.assumed)
+    assert any("moved down by" in line for line in summary.assumed)
 
 
 def test_millimetres_are_metres_afterwards(site: Path, tmp_path: Path) -> None:
-    clouds = with_place(clouds_of(site, "livox_avia"), lambda p: p * 1000)
-    folder, said = taken(write(tmp_path / "source", clouds))
-    assert "coordinates are millimetres: divided by 1000" in said
+    clouds = with_positions(clouds_of(site, "livox_avia"), lambda p: p * 1000)
+    folder, text = taken(write(tmp_path / "source", clouds))
+    assert "coordinates are millimetres: divided by 1000" in text
     assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
 
 
 def test_other_units_are_refused_and_can_be_said(site: Path, tmp_path: Path) -> None:
-    clouds = with_place(clouds_of(site, "helios_16"), lambda p: p * 30)
+    clouds = with_positions(clouds_of(site, "helios_16"), lambda p: p * 30)
     source = write(tmp_path / "source", clouds)
     with pytest.raises(ValueError, match=r"returns \d+ from the sensor .* --unit-m"):
         taken(source)
-    import_recording(source, "bin", tmp_path / "in/pole", ABOUT, Options(unit_m=1 / 30))
+    import_recording(source, "bin", tmp_path / "in/pole", FACTS, Options(unit_m=1 / 30))
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
 
 
-@pytest.mark.parametrize(("most", "said_of"), [(1, None), (255, "255"), (65535, "65535")])
+@pytest.mark.parametrize(("most", "divisor"), [(1, None), (255, "255"), (65535, "65535")])
 def test_intensities_become_shares(
-    site: Path, most: int, said_of: str | None, tmp_path: Path
+    site: Path, most: int, divisor: str | None, tmp_path: Path
 ) -> None:
     clouds = clouds_of(site, "helios_16")
     scaled = [np.column_stack([c[:, :3], c[:, 3] / c[:, 3].max() * most]) for c in clouds]
-    folder, said = taken(write(tmp_path / "source", scaled))
+    folder, text = taken(write(tmp_path / "source", scaled))
     first = kitti.read_points(kitti.frame_file(folder, "velodyne", 0))
     assert first[:, 3].max() == pytest.approx(1)
-    assert (f"divided by {said_of}" in said) == (said_of is not None)
+    assert (f"divided by {divisor}" in text) == (divisor is not None)
 
 
 def test_points_without_a_place_or_intensity(site: Path, tmp_path: Path) -> None:
@@ -320,25 +326,25 @@ def test_points_without_a_place_or_intensity(site: Path, tmp_path: Path) -> None
     clouds[0][:7, 1] = np.nan
     clouds[1][:5, 3] = np.nan
     clouds[2] = np.zeros((9, 4), dtype=np.float32)
-    folder, said = taken(write(tmp_path / "source", clouds))
-    assert "left out 16 points without a return" in said
-    assert "5 intensities are not finite: taken as 0" in said
-    assert "1 frame (cloud_2) without a return" in said
+    folder, text = taken(write(tmp_path / "source", clouds))
+    assert "left out 16 points without a return" in text
+    assert "5 intensities are not finite: taken as 0" in text
+    assert "1 frame (cloud_2) without a return" in text
     assert len(kitti.read_points(kitti.frame_file(folder, "velodyne", 2))) == 0
 
 
 def test_doubled_frames_are_left_out(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:6]
-    folder, said = taken(write(tmp_path / "source", [*clouds[:4], clouds[3], *clouds[4:]]))
-    assert "1 frame (cloud_4) with the same points as another: left out" in said
+    folder, text = taken(write(tmp_path / "source", [*clouds[:4], clouds[3], *clouds[4:]]))
+    assert "1 frame (cloud_4) with the same points as another: left out" in text
     assert kitti.frames(folder) == [0, 1, 2, 3, 5, 6]
 
 
 def test_no_road_is_said(tmp_path: Path) -> None:
     draw = np.random.default_rng(1)
     clouds = [draw.uniform(-30, 30, (4000, 4)) % 30 + [0, 0, 1, 0] for _ in range(3)]
-    _, said = taken(write(tmp_path / "source", clouds))
-    assert "no road was found: points stay as they are" in said
+    _, text = taken(write(tmp_path / "source", clouds))
+    assert "no road was found: points stay as they are" in text
 
 
 # --- regions
@@ -405,8 +411,8 @@ def test_the_period_is_that_of_the_clock(site: Path, tmp_path: Path) -> None:
 def test_a_jump_of_the_clock_leaves_numbers_out(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:6]
     times = [0, 0.1, 0.2, 3.2, 3.3, 3.4]
-    folder, said = taken(write(tmp_path / "source", clouds, names_at(times)))
-    assert "the clock jumps 1 times, the most by 3 s after 1651673050.200000" in said
+    folder, text = taken(write(tmp_path / "source", clouds, names_at(times)))
+    assert "the clock jumps 1 times, the most by 3 s after 1651673050.200000" in text
     assert kitti.frames(folder) == [0, 1, 2, 32, 33, 34]
 
 
@@ -426,8 +432,8 @@ def write_stamped(folder: Path, clouds: Clouds, times: list[float]) -> Path:
 def test_frames_out_of_order_are_sorted(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:5]
     source = write_stamped(tmp_path / "source", clouds, [0, 0.1, 0.3, 0.2, 0.4])
-    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
-    assert any("out of order (1 times" in line for line in found.assumed)
+    summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
+    assert any("out of order (1 times" in line for line in summary.assumed)
     rows = (tmp_path / "in/pole/sources.csv").read_text().splitlines()[1:]
     assert rows == ["0,000000", "1,000001", "2,000003", "3,000002", "4,000004"]
 
@@ -435,8 +441,8 @@ def test_frames_out_of_order_are_sorted(site: Path, tmp_path: Path) -> None:
 def test_a_clock_that_steps_back_is_not_used(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:5]
     source = write_stamped(tmp_path / "source", clouds, [90, 90.1, 0.2, 0.3, 0.4])
-    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
-    assert any("the clock steps back by 89.9 s after 000001" in line for line in found.assumed)
+    summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
+    assert any("the clock steps back by 89.9 s after 000001" in line for line in summary.assumed)
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
     assert kitti.frames(tmp_path / "in/pole") == [0, 1, 2, 3, 4]
 
@@ -447,17 +453,17 @@ def test_times_are_those_of_the_names_where_clouds_have_none(site: Path, tmp_pat
     for name, cloud in zip(names_at([0, 0.5, 1, 1.5]), clouds, strict=True):
         kind = [(field, "<f4") for field in ("x", "y", "z", "intensity")]
         write_pcd(source / f"{name}.PCD", np.rec.fromarrays(cloud.T, dtype=kind))
-    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.5
-    assert not any("apart, as no times say it" in line for line in found.assumed)
+    assert not any("apart, as no times say it" in line for line in summary.assumed)
 
 
 def test_one_cloud_without_a_time_is_said(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:5]
     source = write_stamped(tmp_path / "source", [clouds[0][:0], *clouds[1:]], [0, 1, 2, 3, 4])
-    found, _ = import_recording(source, "pcd", tmp_path / "in/pole", ABOUT, Options())
+    summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
     text = "1 of 5 frames have no time in them, as 000000: that of the others is not used"
-    assert text in found.assumed
+    assert text in summary.assumed
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
 
 
@@ -465,16 +471,18 @@ def test_one_cloud_without_a_time_is_said(site: Path, tmp_path: Path) -> None:
 def test_what_is_no_millimetre_either_is_refused(
     site: Path, unit_m: float, away_m: float, tmp_path: Path
 ) -> None:
-    clouds = with_place(clouds_of(site, "helios_16"), lambda p: np.add(p, (away_m, 0, 0)) / unit_m)
+    clouds = with_positions(
+        clouds_of(site, "helios_16"), lambda p: np.add(p, (away_m, 0, 0)) / unit_m
+    )
     source = write(tmp_path / "source", clouds)
-    about = LidarFacts("pole", "junction", height_m=HEIGHT_M)
+    facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     with pytest.raises(ValueError, match=r"source: found coordinates that as mill.* --unit-m says"):
-        import_recording(source, "bin", tmp_path / "in/pole", about, Options())
+        import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     if unit_m != 1:
-        found, _ = import_recording(
-            source, "bin", tmp_path / "in/pole", about, Options(unit_m=unit_m)
+        summary, _ = import_recording(
+            source, "bin", tmp_path / "in/pole", facts, Options(unit_m=unit_m)
         )
-        assert found.assumed[0].startswith("the road lies 6.0")
+        assert summary.assumed[0].startswith("the road lies 6.0")
 
 
 # --- at once

@@ -43,13 +43,13 @@ def walker(x: float, y: float, name: str = "Pedestrian", **changes: object) -> d
     return car(x, y, **{"class": name, **size, **changes})
 
 
-def scene(folder: Path, frames: list, found: list) -> tuple[Path, Path]:
+def scene(folder: Path, frames: list, predictions: list) -> tuple[Path, Path]:
     """A LiDAR's folder on a straight road, and predictions of (type, box, score)."""
     gt = write_lidar(folder / "data/lidar", frames)
     write_roads(folder / "data", HALF_WIDTH_M)
     pred = folder / "pred"
     pred.mkdir()
-    for k, boxes in enumerate(found):
+    for k, boxes in enumerate(predictions):
         text = "".join(label_line(*one) + "\n" for one in boxes)
         (pred / f"{k:06d}.txt").write_text(text)
     return gt, pred
@@ -66,9 +66,9 @@ def moved(person: dict[str, object], x_m: float) -> list[float]:
 
 def test_a_class_has_its_own_ap_by_footprints_and_by_centres(tmp_path: Path) -> None:
     person, rider, vehicle = walker(20, 12), walker(30, -12, "Cyclist"), car(40)
-    found = [("Pedestrian", box(person), 0.9), ("Cyclist", box(rider), 0.8)]
-    found.append(("Car", box(vehicle), 0.7))
-    gt, pred = scene(tmp_path, [[person, rider, vehicle]] * FRAMES, [found] * FRAMES)
+    predictions = [("Pedestrian", box(person), 0.9), ("Cyclist", box(rider), 0.8)]
+    predictions.append(("Car", box(vehicle), 0.7))
+    gt, pred = scene(tmp_path, [[person, rider, vehicle]] * FRAMES, [predictions] * FRAMES)
     for name in ("pedestrian", "cyclist"):
         result = pyinfra.evaluate(gt, pred, object_class=name)
         assert set(result.ap["class"]) == {name}
@@ -85,16 +85,16 @@ def test_a_centre_counts_up_to_half_a_metre(
     tmp_path: Path, metres: float, footprints: float, centres: float
 ) -> None:
     person = walker(20, 3)  # 0.73 m long: an IoU of 0.25 is left 0.438 m along it
-    found = [("Pedestrian", moved(person, metres), 0.9)]
-    gt, pred = scene(tmp_path, [[person]] * FRAMES, [found] * FRAMES)
+    predictions = [("Pedestrian", moved(person, metres), 0.9)]
+    gt, pred = scene(tmp_path, [[person]] * FRAMES, [predictions] * FRAMES)
     result = evaluate(gt, pred, object_class="pedestrian")
     assert ap(result) == {"definition": footprints, "definition-centre": centres}
 
 
 def test_the_nearest_free_centre_is_taken_in_order_of_score(tmp_path: Path) -> None:
     a, b = walker(20, 3), walker(20.6, 3)
-    found = [("Pedestrian", moved(a, 0.25), 0.9), ("Pedestrian", moved(a, 0.15), 0.8)]
-    gt, pred = scene(tmp_path, [[a, b]] * FRAMES, [found] * FRAMES)
+    predictions = [("Pedestrian", moved(a, 0.25), 0.9), ("Pedestrian", moved(a, 0.15), 0.8)]
+    gt, pred = scene(tmp_path, [[a, b]] * FRAMES, [predictions] * FRAMES)
     result = evaluate(gt, pred, object_class="pedestrian")
     # The first takes a, the nearer one; b is 0.45 m from the second, which overlaps too little.
     assert ap(result)["definition-centre"] == 100
@@ -111,11 +111,11 @@ def test_people_count_six_metres_beside_the_carriageway(tmp_path: Path) -> None:
 
 def test_vehicles_are_judged_as_if_nobody_was_on_the_footways(tmp_path: Path) -> None:
     cars = [[car(20 + k, id=0)] for k in range(FRAMES)]
-    found = [[("Car", moved(frame[0], 0.2), 0.9)] for frame in cars]
-    gt, pred = scene(tmp_path / "without", cars, found)
+    predictions = [[("Car", moved(frame[0], 0.2), 0.9)] for frame in cars]
+    gt, pred = scene(tmp_path / "without", cars, predictions)
     alone = evaluate(gt, pred)
     with_people = [[*frame, walker(10, 12)] for frame in cars]
-    beside, pred = scene(tmp_path / "with", with_people, found)
+    beside, pred = scene(tmp_path / "with", with_people, predictions)
     both = evaluate(beside, pred)
     assert both.ap.equals(alone.ap)
     assert both.errors.equals(alone.errors)
@@ -128,9 +128,9 @@ def test_a_vehicle_box_on_a_person_is_wrong_wherever_it_stands(
     tmp_path: Path, aside_m: float, name: str
 ) -> None:
     vehicle, person = car(40), walker(20, aside_m, name)
-    found = [("Car", box(vehicle), 0.8), ("vehicle", box(car(20.5, aside_m)), 0.9)]
-    found.append((name, box(person), 0.9))  # found twice: right once and wrong once
-    gt, pred = scene(tmp_path, [[vehicle, person]] * FRAMES, [found] * FRAMES)
+    predictions = [("Car", box(vehicle), 0.8), ("vehicle", box(car(20.5, aside_m)), 0.9)]
+    predictions.append((name, box(person), 0.9))  # found twice: right once and wrong once
+    gt, pred = scene(tmp_path, [[vehicle, person]] * FRAMES, [predictions] * FRAMES)
     result = pyinfra.evaluate(gt, pred)
     assert ap(result) == ap(result, "all") == {"definition": 50}
     assert set(result.ap.predictions) == {2 * FRAMES}
@@ -153,8 +153,8 @@ def test_a_vehicle_box_on_a_person_is_wrong_wherever_it_stands(
 def test_a_vehicle_box_off_the_region_is_ignored_unless_it_stands_on_a_person(
     tmp_path: Path, beside: list, why: str
 ) -> None:
-    found = [("Car", box(car(40)), 0.8), ("Car", box(car(20, 30)), 0.9)]
-    gt, pred = scene(tmp_path, [[car(40), *beside]] * FRAMES, [found] * FRAMES)
+    predictions = [("Car", box(car(40)), 0.8), ("Car", box(car(20, 30)), 0.9)]
+    gt, pred = scene(tmp_path, [[car(40), *beside]] * FRAMES, [predictions] * FRAMES)
     assert ap(pyinfra.evaluate(gt, pred)) == {"definition": 100}, why
 
 
@@ -162,12 +162,12 @@ def test_a_person_found_twice_at_the_border_counts_once_and_once_wrong(tmp_path:
     edge = HALF_WIDTH_M + 6 - 0.1
     person = walker(20, edge)
     outside = [float(box(person)[0]), edge + 0.2, *box(person)[2:]]
-    found = [("Pedestrian", box(person), 0.8), ("Pedestrian", outside, 0.9)]
-    gt, pred = scene(tmp_path, [[person]] * FRAMES, [found] * FRAMES)
+    predictions = [("Pedestrian", box(person), 0.8), ("Pedestrian", outside, 0.9)]
+    gt, pred = scene(tmp_path, [[person]] * FRAMES, [predictions] * FRAMES)
     result = pyinfra.evaluate(gt, pred, object_class="pedestrian")
     assert set(result.ap.objects) == {FRAMES}
     assert set(result.ap.predictions) == {2 * FRAMES}
-    once = [found[1:]] * FRAMES
+    once = [predictions[1:]] * FRAMES
     gt, pred = scene(tmp_path / "once", [[person]] * FRAMES, once)
     assert ap(pyinfra.evaluate(gt, pred, object_class="pedestrian"))["definition"] == 100
 
@@ -175,7 +175,7 @@ def test_a_person_found_twice_at_the_border_counts_once_and_once_wrong(tmp_path:
 def test_boxes_off_the_region_are_reported_a_minute(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = [
+    predictions = [
         ("Car", box(car(40)), 0.9),
         ("Car", box(car(20, 30)), 0.6),  # on a person
         ("Car", box(car(60, 40)), 0.2),  # on nothing
@@ -183,7 +183,7 @@ def test_boxes_off_the_region_are_reported_a_minute(
         ("Car", box(car(60, 0)), 0.8),  # inside
     ]
     frames = [[car(40), walker(20, 30), car(80, 40)]] * FRAMES
-    gt, pred = scene(tmp_path, frames, [found] * FRAMES)
+    gt, pred = scene(tmp_path, frames, [predictions] * FRAMES)
     words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--no-figures"]
     assert main.main([*words, "--out", str(tmp_path / "out")]) == 0
     line = "boxes off the region a minute, vehicle: 1200.0 from score 0.1 (600.0 on people), "
@@ -205,19 +205,21 @@ def test_frames_without_people_are_judged_as_before_there_were_rules_for_people(
     write_roads(tmp_path / "data", HALF_WIDTH_M)
     random = np.random.default_rng(3)
     beside = [[(box(car(x, y)), 0.5) for x, y in random.uniform(-60, 60, (9, 2))] for _ in frames]
-    found = [[*own, *more] for own, more in zip(noisy(frames), beside, strict=True)]
-    pred = write_predictions(tmp_path / "pred", found)
+    detected = [
+        [*noisy_boxes, *more] for noisy_boxes, more in zip(noisy(frames), beside, strict=True)
+    ]
+    pred = write_predictions(tmp_path / "pred", detected)
     truth = read_ground_truth(gt)
     predictions = read_predictions(
         find_files(pred, range(60), range(60)).files, read_cameras(gt, range(60))
     )
     one = contest(truth, predictions, "vehicle", Settings(), metric)
-    took = one.match(0.5, strict=False)
-    wrong = (took < 0) & one.prediction_places.inside
-    assert 0 < np.count_nonzero(wrong) < np.count_nonzero(took < 0)
+    matches = one.match(0.5, strict=False)
+    wrong = (matches < 0) & one.prediction_places.inside
+    assert 0 < np.count_nonzero(wrong) < np.count_nonzero(matches < 0)
     for which in SETS:
         seen = truth.in_common_view(predictions.boxes) if which == "common" else True
-        assert np.array_equal(judge(one, which, took, 1).wrong, wrong & seen)
+        assert np.array_equal(judge(one, which, matches, 1).wrong, wrong & seen)
 
 
 def test_the_scenes_of_the_study_have_no_people() -> None:
@@ -251,11 +253,11 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
     truth = read_ground_truth(tmp_path / "ruby_plus")
     v = truth.vehicles
     for name, types in OBJECT_CLASSES.items():
-        own = v.select(np.isin(v.names, types))
-        inside = truth.places(own.mid_frame, 0.0 if name == "vehicle" else 6.0).inside
+        selected = v.select(np.isin(v.names, types))
+        inside = truth.places(selected.mid_frame, 0.0 if name == "vehicle" else 6.0).inside
         assert inside.any() == (name != "cyclist")  # whose way is 18 m from the line
-        assert np.array_equal(inside, own.visibility >= 0)
-        assert name == "cyclist" or (own.points > 0).any()
+        assert np.array_equal(inside, selected.visibility >= 0)
+        assert name == "cyclist" or (selected.points > 0).any()
 
     vehicles = ~np.isin(v.names, kitti.PERSON_TYPES)
     objects = [len(v.frame[vehicles]) / 3, v.points[vehicles].sum() / 3]
@@ -264,14 +266,14 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
         words[-3] = frames
         again = infrasim("run", "curve", *words, "--set", "traffic.warm_up_s=1", "--out", tmp_path)
         row = pd.read_csv(tmp_path / "summary.csv").iloc[0]
-        found = [row.vehicles_per_frame, row.vehicle_points_per_frame]
+        counts = [row.vehicles_per_frame, row.vehicle_points_per_frame]
         assert again.returncode == 0
-        assert found == pytest.approx(objects, rel=1e-4)
-    own = kitti.read_objects(kitti.frame_file(tmp_path / "ruby_plus", "objects", 0))
-    people = np.isin(own.names, kitti.PERSON_TYPES)
-    assert own.points[people].sum() > 0
+        assert counts == pytest.approx(objects, rel=1e-4)
+    selected = kitti.read_objects(kitti.frame_file(tmp_path / "ruby_plus", "objects", 0))
+    people = np.isin(selected.names, kitti.PERSON_TYPES)
+    assert selected.points[people].sum() > 0
     view = clouds.read_snapshot(tmp_path / "ruby_plus", 0)
-    assert view.counts().endswith(f" points, {own.points[~people].sum():,} on vehicles")
+    assert view.counts().endswith(f" points, {selected.points[~people].sum():,} on vehicles")
     legend = [handle.get_label() for handle in clouds.legend_handles([view])]
     assert ("people" in legend) == people.any()
     speeds = speed_table(read_data_set(tmp_path))
@@ -287,8 +289,8 @@ def vehicles_of(trajectories: Path, frames: range) -> int:
 
 def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     person = walker(20, 12)
-    found = [("Pedestrian", box(person), 0.9)]
-    gt, pred = scene(tmp_path, [[person, car(40)]] * FRAMES, [found] * FRAMES)
+    predictions = [("Pedestrian", box(person), 0.9)]
+    gt, pred = scene(tmp_path, [[person, car(40)]] * FRAMES, [predictions] * FRAMES)
     words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
     assert main.main([*words, "--no-figures", "--class", "pedestrian"]) == 0
     text = capsys.readouterr().out

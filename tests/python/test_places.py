@@ -31,11 +31,11 @@ def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) 
     data.mkdir(parents=True)
     write_roads(data)
     gt = write_lidar(data / "lidar", frames, period_s=1.0)
-    found = [
+    predictions = [
         [(box(v), 0.9) for v in frame if v["points"] and (k + 1) % missed]
         for k, frame in enumerate(frames)
     ]
-    write(evaluate(gt, write_predictions(data / "found", found), SETTINGS), out)
+    write(evaluate(gt, write_predictions(data / "found", predictions), SETTINGS), out)
     return out
 
 
@@ -83,13 +83,13 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
             for frame in frames:  # another seed has other vehicles
                 frame[0] = {**frame[0], "dx": 4.0 + 0.1 * seed}
             evaluated(place / name, frames, each)
-    found = value(compare_places(places), places[1], places[0], "found_percent")
+    difference = value(compare_places(places), places[1], places[0], "found_percent")
     seeds = [100 / 8, 100 / 10, 100 / 20]  # a vehicle in every 4th is missed, or every 8th, ...
-    assert found.seeds == 3
-    assert found.frames == 3 * FRAMES
-    assert found.value == pytest.approx(sum(seeds) / 3, abs=0.01)
+    assert difference.seeds == 3
+    assert difference.frames == 3 * FRAMES
+    assert difference.value == pytest.approx(sum(seeds) / 3, abs=0.01)
     spread = pd.Series(seeds).std() / 3**0.5
-    assert found.high - found.value == pytest.approx(4.3027 * spread, rel=0.01)
+    assert difference.high - difference.value == pytest.approx(4.3027 * spread, rel=0.01)
 
 
 def test_places_with_other_vehicles_are_refused_by_their_file(
@@ -111,9 +111,9 @@ def test_places_that_cannot_be_compared_end_in_one_line(
     tmp_path: Path, words: list[str], code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     evaluated(tmp_path / "one", world(hidden=False))
-    own = evaluated(tmp_path / "visible", world(hidden=True))
-    table = pd.read_csv(own / "draws.csv")
-    table[table.ground_truth == "all"].to_csv(own / "draws.csv", index=False)
+    visible = evaluated(tmp_path / "visible", world(hidden=True))
+    table = pd.read_csv(visible / "draws.csv")
+    table[table.ground_truth == "all"].to_csv(visible / "draws.csv", index=False)
     assert main.main(["compare", *(str(tmp_path / word) for word in words)]) == code
     assert capsys.readouterr().err.count("\n") == 1
 

@@ -62,8 +62,8 @@ def clouds_of(counts: list[int], channels: int, seed: int = 1) -> Clouds:
 
 def turned(boxes: torch.Tensor, angle: float) -> torch.Tensor:
     """The boxes turned about the sensor."""
-    place = torch.tensor([[0.0, 0, 0, 1, 1, 1, angle]]).expand(len(boxes), 7)
-    return torch.cat([turned_out_of(boxes[:, :3], place), boxes[:, 3:6], boxes[:, 6:] + angle], 1)
+    pivot = torch.tensor([[0.0, 0, 0, 1, 1, 1, angle]]).expand(len(boxes), 7)
+    return torch.cat([turned_out_of(boxes[:, :3], pivot), boxes[:, 3:6], boxes[:, 6:] + angle], 1)
 
 
 @pytest.mark.parametrize("angle", [0.3, math.pi / 2, -2.5])
@@ -75,16 +75,16 @@ def test_the_second_stage_turns_with_scene_and_proposal(angle: float) -> None:
     features, more = torch.rand(n, channels, generator=draw(1)), torch.rand(n, 2, generator=draw(2))
     rois = torch.from_numpy(sample.boxes).float()
     rois = rois + torch.randn(rois.shape, generator=draw(3)) * 0.1
-    place = torch.tensor([[0.0, 0, 0, 1, 1, 1, angle]]).expand(n, 7)
+    pivot = torch.tensor([[0.0, 0, 0, 1, 1, 1, angle]]).expand(n, 7)
     for layer in (net.refiner.box[-1], net.refiner.confidence[-1]):
         torch.nn.init.normal_(layer.weight, std=0.05)
-    found = []
-    for where, boxes in ((xyz, rois), (turned_out_of(xyz, place), turned(rois, angle))):
+    outputs = []
+    for where, boxes in ((xyz, rois), (turned_out_of(xyz, pivot), turned(rois, angle))):
         seen = Seen(Clouds(where, features, [n]), more[:, 0], more[:, 1], torch.zeros(n, 8))
         logits, residuals, held = net.refiner(seen, boxes, [len(boxes)])
         assert (held > 5).all()
-        found.append((torch.sigmoid(logits), refined(residuals, boxes)))
-    (scores, boxes), (scores_turned, boxes_turned) = found
+        outputs.append((torch.sigmoid(logits), refined(residuals, boxes)))
+    (scores, boxes), (scores_turned, boxes_turned) = outputs
     torch.testing.assert_close(scores, scores_turned, atol=1e-4, rtol=0)
     wanted = turned(boxes, angle)
     torch.testing.assert_close(boxes_turned[:, :6], wanted[:, :6], atol=1e-3, rtol=0)
@@ -140,18 +140,18 @@ def test_abstraction_is_the_largest_over_the_ball_by_a_loop() -> None:
     layer = SetAbstraction(3, [Ball(1.5, 64, (8, 6)), Ball(3.0, 64, (4,))]).eval()
     centres = torch.rand(9, 3, generator=draw(5)) * 5
     centres[8] = 100.0  # nothing is around it
-    found = layer(clouds, centres, [4, 5]).features
-    assert found.shape == (9, 10)
+    features = layer(clouds, centres, [4, 5]).features
+    assert features.shape == (9, 10)
     for row, centre in enumerate(centres):
-        own = slice(0, 40) if row < 4 else slice(40, 65)
-        offset = clouds.xyz[own] - centre
+        part = slice(0, 40) if row < 4 else slice(40, 65)
+        offset = clouds.xyz[part] - centre
         parts = []
         for ball, scale in zip(layer.balls, layer.scales, strict=True):
             near = offset.norm(dim=1) < ball.radius_m
-            x = scale.rest(scale.offset(offset) + scale.feature(clouds.features[own]))
+            x = scale.rest(scale.offset(offset) + scale.feature(clouds.features[part]))
             parts.append(x[near].amax(0) if near.any() else torch.zeros(x.shape[1]))
-        torch.testing.assert_close(found[row], torch.cat(parts))
-    assert (found[8] == 0).all()
+        torch.testing.assert_close(features[row], torch.cat(parts))
+    assert (features[8] == 0).all()
 
 
 def test_clouds_do_not_see_each_other() -> None:
@@ -212,8 +212,8 @@ def test_clouds_smaller_than_any_sample(sampling: str, count: int) -> None:
     net = network(dataclasses.replace(SMALL, sampling=sampling))
     sample = road_sample(6)
     points = sample.points[sample.points[:, 2] > FLOOR_Z + 0.3][:count]
-    found = net.predict(points)
-    assert np.isfinite(found.boxes).all()
+    detections = net.predict(points)
+    assert np.isfinite(detections.boxes).all()
     net.train()
     batch = make_batch(
         [Sample(points, sample.boxes), Sample(points[:0], sample.boxes[:0])], SITE.area
@@ -268,12 +268,12 @@ def test_residuals_round_trip() -> None:
     boxes = torch.from_numpy(np.concatenate([road_sample(s).boxes for s in range(8)])).float()
     xyz = boxes[:, :3] + torch.randn(len(boxes), 3, generator=draw(1))
     size = torch.tensor(Config().size_m)
-    found = decode(encode(boxes, xyz, size), xyz, size)
-    torch.testing.assert_close(found, boxes, atol=1e-4, rtol=1e-4)
+    decoded = decode(encode(boxes, xyz, size), xyz, size)
+    torch.testing.assert_close(decoded, boxes, atol=1e-4, rtol=1e-4)
     rois = boxes + torch.randn(boxes.shape, generator=draw(2)) * 0.1
-    found = refined(refinements(boxes, rois), rois)
-    torch.testing.assert_close(found[:, :6], boxes[:, :6], atol=1e-4, rtol=1e-4)
-    turn = (found[:, 6] - boxes[:, 6] + math.pi) % (2 * math.pi) - math.pi
+    decoded = refined(refinements(boxes, rois), rois)
+    torch.testing.assert_close(decoded[:, :6], boxes[:, :6], atol=1e-4, rtol=1e-4)
+    turn = (decoded[:, 6] - boxes[:, 6] + math.pi) % (2 * math.pi) - math.pi
     assert turn.abs().max() < 1e-4
 
 

@@ -55,20 +55,20 @@ def test_present_is_the_same_for_every_lidar_and_pole_and_all_is_not(pole: Poles
     hidden = np.array(counts(folders[3], "all"))
     assert (hidden < 0.7 * np.array(present[0])).all()  # the house hides more than a third
     rows = pd.read_csv(middle / "trajectories.csv")
-    for k, found in zip(FRAMES, present[0], strict=True):
+    for k, count in zip(FRAMES, present[0], strict=True):
         at = [rows[(rows.t * 10).round() == i].set_index("id") for i in (k, k + 1)]
         both = (at[0][["x", "y"]] + at[1][["x", "y"]]) / 2
         inside = (both.x.abs() < 60) & (both.y.abs() < 21)  # of the carriageway
-        assert found == inside.sum()
+        assert count == inside.sum()
 
 
 def test_ap_of_present_counts_what_the_pole_cannot_see(tmp_path: Path) -> None:
     write_roads(tmp_path)
     frames = [[car(20), car(40, points=0, visibility=0.0)]]
     folder = write_lidar(tmp_path / "lidar", frames)
-    found = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)]])
+    predictions = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)]])
     settings = Settings(ground_truths=("all", "present"))
-    ap = pyinfra.evaluate(folder, found, settings).ap.set_index("ground_truth")
+    ap = pyinfra.evaluate(folder, predictions, settings).ap.set_index("ground_truth")
     assert ap.objects.to_dict() == {"all": 1, "present": 2}
     assert ap.ap["all"] == 100
     assert ap.ap["present"] == 50

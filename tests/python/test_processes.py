@@ -35,10 +35,10 @@ def lidar_folder(folder: Path) -> Path:
 def free_ports(count: int) -> list[int]:
     """Different ones: a meeting on the port of one before may find the old one's end."""
     with contextlib.ExitStack() as stack:
-        found = [stack.enter_context(socket.socket()) for _ in range(count)]
-        for one in found:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for one in sockets:
             one.bind(("127.0.0.1", 0))
-        return [int(one.getsockname()[1]) for one in found]
+        return [int(one.getsockname()[1]) for one in sockets]
 
 
 def learn(folder: Path, out: Path, count: int) -> list[dict[str, torch.Tensor]]:

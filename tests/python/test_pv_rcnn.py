@@ -87,11 +87,11 @@ def test_a_full_ball_of_voxels_is_not_its_lowest_corner() -> None:
 
 def test_shuffling_keeps_the_points_of_each_cloud_and_is_always_the_same() -> None:
     xyz = torch.arange(30.0).view(10, 3)
-    found = shuffled(Clouds(xyz, xyz[:, :1], [6, 0, 4]))
-    assert not torch.equal(found.xyz, xyz)
-    assert torch.equal(found.xyz[:6].sort(dim=0).values, xyz[:6])
-    assert torch.equal(found.xyz[:, :1], found.features)
-    assert torch.equal(found.xyz, shuffled(Clouds(xyz, xyz[:, :1], [6, 0, 4])).xyz)
+    clouds = shuffled(Clouds(xyz, xyz[:, :1], [6, 0, 4]))
+    assert not torch.equal(clouds.xyz, xyz)
+    assert torch.equal(clouds.xyz[:6].sort(dim=0).values, xyz[:6])
+    assert torch.equal(clouds.xyz[:, :1], clouds.features)
+    assert torch.equal(clouds.xyz, shuffled(Clouds(xyz, xyz[:, :1], [6, 0, 4])).xyz)
 
 
 @torch.inference_mode()
@@ -102,10 +102,10 @@ def test_the_canvas_at_the_middle_of_a_cell_is_that_cell() -> None:
     low, cell = torch.tensor(net.site.area.low[:2]), net.site.area.size[0] / columns
     xyz = torch.tensor([[7.5, 4.5, 0], [8.0, 4.5, 0]])
     xyz[:, :2] = low + xyz[:, :2] * cell
-    found = net.key_points.seen_from_above(canvas, xyz, [1, 1])
-    torch.testing.assert_close(found[0], canvas[0, :, 4, 7], atol=1e-4, rtol=1e-4)
+    sampled = net.key_points.seen_from_above(canvas, xyz, [1, 1])
+    torch.testing.assert_close(sampled[0], canvas[0, :, 4, 7], atol=1e-4, rtol=1e-4)
     between = (canvas[1, :, 4, 7] + canvas[1, :, 4, 8]) / 2
-    torch.testing.assert_close(found[1], between, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(sampled[1], between, atol=1e-4, rtol=1e-4)
 
 
 @torch.inference_mode()
@@ -127,7 +127,7 @@ def test_grid_points_turn_with_the_proposal_and_fill_it() -> None:
     turned[:, 6] += 0.7
     before, after = grid_points(boxes, 6), grid_points(turned, 6)
     assert before.shape == (20, 216, 3)
-    offset, found = before - boxes[:, None, :3], after - boxes[:, None, :3]
+    offset, offset_turned = before - boxes[:, None, :3], after - boxes[:, None, :3]
     cos, sin = math.cos(0.7), math.sin(0.7)
     wanted = torch.stack(
         [
@@ -137,7 +137,7 @@ def test_grid_points_turn_with_the_proposal_and_fill_it() -> None:
         ],
         dim=-1,
     )
-    torch.testing.assert_close(found, wanted, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(offset_turned, wanted, atol=1e-5, rtol=1e-5)
     torch.testing.assert_close(before.mean(dim=1), boxes[:, :3], atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(  # the diagonal from the first to the last point
         (before[:, 0] - before[:, -1]).norm(dim=1), boxes[:, 3:6].norm(dim=1) * 5 / 6
@@ -147,18 +147,18 @@ def test_grid_points_turn_with_the_proposal_and_fill_it() -> None:
 def test_corners_are_those_of_the_box() -> None:
     boxes = some_boxes(5)
     upright = torch.cat([torch.zeros(5, 3), boxes[:, 3:6], torch.zeros(5, 1)], dim=1)
-    found = grid_corners(upright)
-    torch.testing.assert_close(found.abs(), (boxes[:, None, 3:6] / 2).expand(-1, 8, -1))
-    assert all(len(torch.unique(corners.sign(), dim=0)) == 8 for corners in found)
+    computed = grid_corners(upright)
+    torch.testing.assert_close(computed.abs(), (boxes[:, None, 3:6] / 2).expand(-1, 8, -1))
+    assert all(len(torch.unique(corners.sign(), dim=0)) == 8 for corners in computed)
     apart = torch.cdist(grid_corners(boxes), grid_corners(boxes))
-    torch.testing.assert_close(apart, torch.cdist(found, found), atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(apart, torch.cdist(computed, computed), atol=1e-4, rtol=1e-4)
 
 
 def test_no_residuals_give_the_proposals() -> None:
     boxes = some_boxes(50)
-    found = refined(boxes, torch.zeros(50, 7))
-    torch.testing.assert_close(found[:, :6], boxes[:, :6], atol=0, rtol=0)
-    torch.testing.assert_close(found[:, 6], boxes[:, 6], atol=1e-6, rtol=0)
+    result = refined(boxes, torch.zeros(50, 7))
+    torch.testing.assert_close(result[:, :6], boxes[:, :6], atol=0, rtol=0)
+    torch.testing.assert_close(result[:, 6], boxes[:, 6], atol=1e-6, rtol=0)
 
 
 def test_refined_headings_stay_within_a_turn() -> None:
@@ -171,14 +171,14 @@ def test_refined_headings_stay_within_a_turn() -> None:
 
 
 def test_wanted_residuals_lead_to_the_vehicles_up_to_half_a_turn() -> None:
-    boxes, own = some_boxes(60), some_boxes(61)[:60]
-    residuals = wanted_residuals(boxes, own)
+    boxes, truth = some_boxes(60), some_boxes(61)[:60]
+    residuals = wanted_residuals(boxes, truth)
     assert (residuals[:, 6].abs() <= math.pi / 2 + 1e-5).all()
-    found = refined(boxes, residuals)
-    torch.testing.assert_close(found[:, :6], own[:, :6], atol=1e-4, rtol=1e-4)
-    half_turns = (found[:, 6] - own[:, 6]) / math.pi
+    result = refined(boxes, residuals)
+    torch.testing.assert_close(result[:, :6], truth[:, :6], atol=1e-4, rtol=1e-4)
+    half_turns = (result[:, 6] - truth[:, 6]) / math.pi
     assert (half_turns - half_turns.round()).abs().max() < 1e-4
-    assert corner_loss(found, own).max() < 1e-6
+    assert corner_loss(result, truth).max() < 1e-6
 
 
 def test_the_second_stage_has_nothing_to_correct_on_the_vehicles_themselves() -> None:
@@ -241,14 +241,14 @@ def test_clouds_with_fewer_points_than_key_points_are_learnt_from(
 
 def test_without_a_proposal_on_a_vehicle_nothing_is_refined() -> None:
     proposed = torch.tensor([[10.0, 0, -5, 4, 2, 1.5, 0], [30, 5, -5, 4, 2, 1.5, 1]])
-    own = proposed[:1] + torch.tensor([0, 6.0, 0, 0, 0, 0, 0])
+    truth = proposed[:1] + torch.tensor([0, 6.0, 0, 0, 0, 0, 0])
     scores, residuals = torch.zeros(2, requires_grad=True), torch.zeros(2, 7, requires_grad=True)
-    losses = refinement_losses(scores, residuals, [proposed], (own,))
+    losses = refinement_losses(scores, residuals, [proposed], (truth,))
     assert losses["confidence"].item() == pytest.approx(math.log(2))
     assert losses["refinement"].item() == losses["corner"].item() == 0
     sum(losses.values()).backward()
     assert torch.isfinite(residuals.grad).all()
-    assert not refinement_losses(scores[:0], residuals[:0], [proposed[:0]], (own,))["confidence"]
+    assert not refinement_losses(scores[:0], residuals[:0], [proposed[:0]], (truth,))["confidence"]
 
 
 def test_key_points_without_neighbours_and_empty_levels_have_no_features() -> None:

@@ -9,7 +9,7 @@ import pytest
 from benchmark_data import cells, draws_of
 from conftest import Infrasim
 from evaluation_data import box, car, noisy, traffic, write_lidar, write_predictions, write_roads
-from test_recommend import change, results, said
+from test_recommend import change, output_lines, results
 from test_site_files import simulated
 
 from pyinfra import evaluate
@@ -28,28 +28,28 @@ PAIR = "detector == 'pv-rcnn' and (lidar == 'livox_avia' or lidar == 'pandar_64'
 @pytest.mark.parametrize("range_m", [20, 60])
 def test_ap_within_a_range_is_that_of_what_lies_there_alone(tmp_path: Path, range_m: int) -> None:
     frames = traffic(60)
-    found = noisy(frames)
+    per_frame = noisy(frames)
 
     def clear(x: float) -> bool:
         return abs(abs(x) - range_m) > 6  # of the border, where a vehicle and its box may differ
 
     frames = [[v for v in frame if clear(float(str(v["x"])))] for frame in frames]
-    found = [[b for b in boxes if clear(b[0][0])] for boxes in found]
+    per_frame = [[b for b in boxes if clear(b[0][0])] for boxes in per_frame]
     near = [[v for v in frame if abs(float(str(v["x"]))) <= range_m] for frame in frames]
-    boxes_near = [[b for b in boxes if abs(b[0][0]) <= range_m] for boxes in found]
+    boxes_near = [[b for b in boxes if abs(b[0][0]) <= range_m] for boxes in per_frame]
     settings = Settings(ground_truths=("present",), block_s=1)
     tables = []
-    for name, vehicles, boxes in (("all", frames, found), ("near", near, boxes_near)):
+    for name, vehicles, boxes in (("all", frames, per_frame), ("near", near, boxes_near)):
         (tmp_path / name).mkdir()
         write_roads(tmp_path / name)
         folder = write_lidar(tmp_path / name / "lidar", vehicles)
         predictions = write_predictions(tmp_path / name / "predictions", boxes)
         tables.append(evaluate(folder, predictions, settings, ranges=True))
     assert tables[0].ranges is not None
-    own = tables[0].ranges.set_index("range_m").loc[range_m]
+    within = tables[0].ranges.set_index("range_m").loc[range_m]
     whole = tables[1].ap.iloc[0]
     for column in ("ap_fine", "ap_fine_low", "ap_fine_high", "objects", "predictions"):
-        assert own[column] == pytest.approx(whole[column]), column
+        assert within[column] == pytest.approx(whole[column]), column
     draws = tables[0].draws.set_index("measure").filter(like="draw_")
     alone = tables[1].draws.set_index("measure").filter(like="draw_")
     np.testing.assert_allclose(draws.loc[f"ap_fine_{range_m}m"], alone.loc["ap_fine"])
@@ -58,10 +58,10 @@ def test_ap_within_a_range_is_that_of_what_lies_there_alone(tmp_path: Path, rang
 def test_recall_within_a_range_is_the_share_that_is_found(tmp_path: Path) -> None:
     write_roads(tmp_path)
     frames = [[car(10), car(-15), car(50), car(95)]] * 30
-    found = [[(box(car(10)), 0.9), (box(car(50)), 0.2)]] * 30
+    predictions = [[(box(car(10)), 0.9), (box(car(50)), 0.2)]] * 30
     folder = write_lidar(tmp_path / "lidar", frames)
     settings = Settings(ground_truths=("present",))
-    done = evaluate(folder, write_predictions(tmp_path / "p", found), settings, ranges=True)
+    done = evaluate(folder, write_predictions(tmp_path / "p", predictions), settings, ranges=True)
     assert done.ranges is not None
     rows = done.ranges.set_index("range_m")
     assert tuple(rows.index) == RANGES_M
@@ -73,8 +73,8 @@ def test_recall_within_a_range_is_the_share_that_is_found(tmp_path: Path) -> Non
 def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
     tmp_path: Path, infrasim: Infrasim
 ) -> None:
-    places = [(-70, -2), (-50, -2), (-30, 2), (10, 2), (30, -2), (50, 2), (60, 2)]
-    cars = np.array([(x, y, 0) for x, y in places], np.float64)
+    positions = [(-70, -2), (-50, -2), (-30, 2), (10, 2), (30, -2), (50, 2), (60, 2)]
+    cars = np.array([(x, y, 0) for x, y in positions], np.float64)
     folder = simulated(infrasim, tmp_path, cars=cars)
     truth = read_ground_truth(folder, [0])
     pose = read_lidar(folder).T_world_levelled
@@ -82,16 +82,16 @@ def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
     boxes = [(box.tolist(), 0.9) for box in truth.vehicles.boxes[away < 45]]
     predictions = write_predictions(tmp_path / "predictions", [boxes])
     settings = Settings(ground_truths=("all",), min_objects=1, draws=5)
-    found = evaluate(folder, predictions, settings, ranges=True)
-    assert found.ranges is not None
-    rows = found.ranges.set_index("range_m")
+    evaluation = evaluate(folder, predictions, settings, ranges=True)
+    assert evaluation.ranges is not None
+    rows = evaluation.ranges.set_index("range_m")
     assert rows.objects.to_list() == [int((away <= r).sum()) for r in RANGES_M]
     assert rows.ap_fine[40] == 100
     assert rows.ap_fine[100] < 100
-    assert rows.ap_fine[100] == found.ap.ap_fine[0]
-    assert found.cells is not None
-    at = np.hypot(found.cells.x - pose.x, found.cells.y - pose.y)
-    np.testing.assert_allclose(found.cells.distance_m, at)
+    assert rows.ap_fine[100] == evaluation.ap.ap_fine[0]
+    assert evaluation.cells is not None
+    at = np.hypot(evaluation.cells.x - pose.x, evaluation.cells.y - pose.y)
+    np.testing.assert_allclose(evaluation.cells.distance_m, at)
 
 
 # --- recommend ----------------------------------------------------------------------------------
@@ -117,12 +117,12 @@ def test_ap_recall_and_coverage_are_those_of_the_range(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with_ranges(results)
-    far = said(capsys, results, "--budget", 8000)[1]
+    far = output_lines(capsys, results, "--budget", 8000)[1]
     assert far.startswith(f"1. {NEAR} with pointpillars: AP (R1000) of all visible vehicles within")
     assert "within 100 m 94.0 [93.0, 95.0]" in far
     assert "; finds 60 % [50, 70] of all visible vehicles, at any score; " in far
     assert "on 40 [20 to 60] of 200 m of road" in far
-    lines = said(capsys, results, "--budget", 8000, "--range", 60)
+    lines = output_lines(capsys, results, "--budget", 8000, "--range", 60)
     assert lines[1].startswith(f"1. {FAR} with ")
     assert "within 60 m 95.0 [94.0, 96.0], of the vehicles it captures 95.0" in lines[1]
     assert "; finds 56 % [50, 70] of all visible vehicles, at any score; " in lines[1]
@@ -143,10 +143,12 @@ def test_a_range_that_was_not_measured_is_refused_with_those_that_were(
 def test_an_old_table_says_that_its_ap_is_of_the_whole_region(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = "These results hold no AP within ranges: AP is of the whole region"
-    near = said(capsys, results, "--budget", 8000, "--range", 45)
-    assert any(line.startswith(told) for line in near)
-    assert not any(line.startswith(told) for line in said(capsys, results, "--budget", 8000))
+    message = "These results hold no AP within ranges: AP is of the whole region"
+    near = output_lines(capsys, results, "--budget", 8000, "--range", 45)
+    assert any(line.startswith(message) for line in near)
+    assert not any(
+        line.startswith(message) for line in output_lines(capsys, results, "--budget", 8000)
+    )
 
 
 def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
@@ -160,9 +162,9 @@ def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
     table = cells()[KEY].merge(table.assign(ground_truth="all"), how="cross")
     table.to_csv(results / "quick_squares.csv", index=False)
     squares = "squares of 20 m; 50 ms a frame"
-    far = said(capsys, results, "--budget", 8000)
+    far = output_lines(capsys, results, "--budget", 8000)
     assert far[1].endswith(f"on 3 [2 to 3] of 4 {squares}")
-    near = said(capsys, results, "--budget", 8000, "--range", 60)
+    near = output_lines(capsys, results, "--budget", 8000, "--range", 60)
     assert near[1].endswith(f"on 2 [1 to 2] of 3 {squares}")
     out = results.parent / "report.html"
     assert main.main(["report", str(results), "--range", "60", "--out", str(out)]) == 0
@@ -185,7 +187,7 @@ def test_an_interval_that_says_nothing_is_not_printed_but_its_reason(
 ) -> None:
     change(results / "quick_distance.csv", "seed == 1", ap=90.0, ap_low=low, ap_high=high)
     change(results / "quick.csv", "seed == 1", ap_all_low=low, ap_all_high=high)
-    lines = said(capsys, results, "--budget", 8000)
+    lines = output_lines(capsys, results, "--budget", 8000)
     assert f"on 200 of 200 m of road ({reason}" in lines[1]
     text = "\n".join(lines)
     assert ("No interval is available for the AP of " in text) == (low is None)

@@ -92,9 +92,9 @@ def sized(boxes: np.ndarray) -> None:
 
 
 def points(file: Path) -> None:
-    found = kitti.read_points(file)
-    finite(found)
-    assert found.shape == (file.stat().st_size / 16, 4)
+    cloud = kitti.read_points(file)
+    finite(cloud)
+    assert cloud.shape == (file.stat().st_size / 16, 4)
 
 
 def objects(file: Path) -> None:
@@ -116,28 +116,28 @@ def objects(file: Path) -> None:
 
 
 def labels(file: Path) -> None:
-    found = kitti.read_labels(file)
-    sized(found.boxes)
-    assert "DontCare" not in found.names
+    parsed = kitti.read_labels(file)
+    sized(parsed.boxes)
+    assert "DontCare" not in parsed.names
 
 
 def calibration(file: Path) -> None:
-    found = kitti.read_calibration(file)
-    finite(found.P, found.T_camera_lidar, found.Tr_imu_to_velo)
+    parsed = kitti.read_calibration(file)
+    finite(parsed.P, parsed.T_camera_lidar, parsed.Tr_imu_to_velo)
 
 
 def lidar(file: Path) -> None:
-    found = kitti.read_lidar(file.parent)
-    place = found.T_world_levelled
-    finite(np.array([place.x, place.y, place.z, place.yaw]))
-    assert 0 < found.period_s < 100
-    assert found.field_of_view
+    parsed = kitti.read_lidar(file.parent)
+    pose = parsed.T_world_levelled
+    finite(np.array([pose.x, pose.y, pose.z, pose.yaw]))
+    assert 0 < parsed.period_s < 100
+    assert parsed.field_of_view
 
 
 def predictions(file: Path) -> None:
-    found = read_predictions([file], read_cameras(file.parents[1] / "data/pole", [FRAME]))
-    sized(found.boxes)
-    finite(found.scores)
+    parsed = read_predictions([file], read_cameras(file.parents[1] / "data/pole", [FRAME]))
+    sized(parsed.boxes)
+    finite(parsed.scores)
 
 
 def roads(file: Path) -> None:
@@ -149,9 +149,9 @@ def roads(file: Path) -> None:
 def recording(layout: str) -> Callable[[Path], None]:
     def read(file: Path) -> None:
         folder = next(parent for parent in file.parents if parent.name == layout)
-        found = reader(layout)(folder, Options())
-        for i in range(len(found.names)):
-            frame = found.read(i)
+        parsed = reader(layout)(folder, Options())
+        for i in range(len(parsed.names)):
+            frame = parsed.read(i)
             assert frame.points.shape[1] == 4
             sized(frame.boxes.boxes)
 
@@ -237,8 +237,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("name", READERS)
 @pytest.mark.timeout(300 + 2 * SECONDS)
 def test_a_damaged_file_is_read_or_named(name: str, site: Path) -> None:
-    place, read = READERS[name]
-    file = site / place
+    relative, read = READERS[name]
+    file = site / relative
     whole = file.read_bytes()
     read(file)
 

@@ -88,7 +88,7 @@ def clouds(draw: st.DrawFn) -> Cloud:
         records[name] = column
     turn = draw(st.none() | st.tuples(*[st.integers(-3, 3)] * 4).filter(any))
     shift = draw(st.tuples(*[st.integers(-50, 50)] * 3))
-    place, header = xyz.astype(np.float64), draw(st.sampled_from(["", "# .PCD v0.7\n"]))
+    positions, header = xyz.astype(np.float64), draw(st.sampled_from(["", "# .PCD v0.7\n"]))
     header += f"VERSION {draw(st.sampled_from(['0.7', '.7']))}\n"
     header += f"FIELDS {' '.join(name for name, _, _ in fields)}\n"
     header += f"SIZE {' '.join(t[1] for _, t, _ in fields)}\n"
@@ -99,12 +99,12 @@ def clouds(draw: st.DrawFn) -> Cloud:
     if turn is not None:
         w, x, y, z = np.array(turn) / np.linalg.norm(turn)
         header += "VIEWPOINT " + " ".join(f"{v:.9g}" for v in (*shift, w, x, y, z)) + "\n"
-        place = Rotation.from_quat([x, y, z, w]).apply(xyz) + shift if n else place
-        place[~xyz.any(axis=1)] = 0
+        positions = Rotation.from_quat([x, y, z, w]).apply(xyz) + shift if n else positions
+        positions[~xyz.any(axis=1)] = 0
     header += f"POINTS {n}\nDATA {data}\n"
     end = draw(st.sampled_from(["\n", "\r\n"] if data == "ascii" else ["\n"]))
     content = header.replace("\n", end).encode() + packed(records, data)
-    return Cloud(content, np.column_stack([place, shares if intensity else 0 * shares]))
+    return Cloud(content, np.column_stack([positions, shares if intensity else 0 * shares]))
 
 
 def test_pcd_files_of_any_writer_are_read_where_their_viewpoint_says(tmp_path: Path) -> None:
@@ -172,7 +172,7 @@ def test_the_columns_of_bin_files_are_found_and_what_is_found_is_said(tmp_path: 
             assert np.array_equal(points[:, :3], cloud[:, :3])
             assert np.array_equal(points[:, 3], cloud[:, 3] if columns > 3 else 0 * cloud[:, 0])
         assert recording.notes is not None
-        assert columns == 4 or any(f"are {columns} float32" in own for own in recording.notes())
+        assert columns == 4 or any(f"are {columns} float32" in note for note in recording.notes())
 
     tried(holds)
 
@@ -263,10 +263,10 @@ def test_kitti_files_of_any_benchmark_and_tool_place_their_boxes(tmp_path: Path)
         recording = reader("kitti")(training.parent, Options())
         assert recording.numbers() == tuple(range(first, first + len(drawn)))
         for i, frame in enumerate(drawn):
-            found = recording.read(i).boxes
-            assert found.names.tolist() == frame.names
-            np.testing.assert_allclose(found.boxes[:, :6], frame.boxes[:, :6], atol=1e-6)
-            off = np.sin((found.boxes[:, 6] - frame.boxes[:, 6]) / 2)
+            labels = recording.read(i).boxes
+            assert labels.names.tolist() == frame.names
+            np.testing.assert_allclose(labels.boxes[:, :6], frame.boxes[:, :6], atol=1e-6)
+            off = np.sin((labels.boxes[:, 6] - frame.boxes[:, 6]) / 2)
             np.testing.assert_allclose(off, 0, atol=1e-6)
             file = training / f"label_2/{recording.names[i]}.txt"
             assert len(kitti.read_labels(file)) == len(frame.names)

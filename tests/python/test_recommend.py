@@ -40,11 +40,17 @@ def prices_of_lidars(**ends: tuple[float, float]) -> pd.DataFrame:
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
     """The tables of a benchmark whose LiDARs cost what they did when it was made."""
-    own = {"command": "x", "ap_common": 1, "objects": 9, "train_seconds": 1, "latency_p95_ms": 60}
+    columns = {
+        "command": "x",
+        "ap_common": 1,
+        "objects": 9,
+        "train_seconds": 1,
+        "latency_p95_ms": 60,
+    }
     bought = ("ap", "ap_all", "ap_per_1000_usd", "usd_per_hq_area", "usd_per_m_road")
     value = values().assign(pareto=True, dominated_by="", points_per_1000_usd=1, site_usd=0)
     distance = cells()[KEY].merge(along_the_road().assign(quality="low"), how="cross")
-    cells().assign(**own).to_csv(tmp_path / "quick.csv", index=False)
+    cells().assign(**columns).to_csv(tmp_path / "quick.csv", index=False)
     draws_of(cells(), "ap_all", 1, "all").to_csv(tmp_path / "quick_draws.csv", index=False)
     value.assign(**dict.fromkeys(bought, 1)).to_csv(tmp_path / "quick_value.csv", index=False)
     distance.to_csv(tmp_path / "quick_distance.csv", index=False)
@@ -54,14 +60,14 @@ def results(tmp_path: Path) -> Path:
 def change(file: Path, rows: str, **columns: object) -> None:
     """Other values in the rows that a query finds."""
     table = pd.read_csv(file)
-    found = table.query(rows).index
+    index = table.query(rows).index
     table = table.astype({name: object for name in columns if name in table})
     for name, new in columns.items():
-        table.loc[found, name] = new
+        table.loc[index, name] = new
     table.to_csv(file, index=False)
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
+def output_lines(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
     assert main.main(["recommend", *map(str, words)]) == 0
     return capsys.readouterr().out.splitlines()
 
@@ -69,7 +75,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: object) -> list[str]:
 def test_the_highest_ap_of_all_vehicles_comes_first(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[0] == (
         "road, preset paper, quick tier: at most 8,000 USD, AP 85 of all visible vehicles, "
         "100 m either way, 100 ms a frame."
@@ -90,10 +96,10 @@ def test_a_lidar_that_looks_one_way_does_not_win_by_what_it_captures(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "lidar == 'livox_avia'", ap_all=40.0)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[1].startswith("1. pandar_64 with pv-rcnn: AP (R40) of all visible vehicles 90.0")
     assert "Left out: livox_avia with pv-rcnn: AP 40.0 of all visible vehicles." in lines
-    wide = said(capsys, results, "--budget", 8000, "--min-ap", 39)
+    wide = output_lines(capsys, results, "--budget", 8000, "--min-ap", 39)
     assert [line for line in wide if line[0].isdigit()][-1].startswith("5. helios_16")
 
 
@@ -103,12 +109,12 @@ def test_real_time_is_asked_unless_another_latency_is(
     change(results / "quick.csv", "detector == 'pv-rcnn'", latency_p50_ms=544.0)
     change(results / "quick.csv", "detector == 'dsvt'", latency_p50_ms=None)
     change(results / "quick.csv", "detector == 'pointpillars'", latency_p95_ms=101.0)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 75)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75)
     assert "Left out: pandar_64 with pv-rcnn: 544 ms a frame." in lines
     assert "Left out: livox_avia with dsvt: no latency was measured." in lines
     late = "livox_avia with pointpillars, pandar_64 with pointpillars; the median is below."
     assert f"Above 100 ms in more than 5 % of the frames: {late}" in lines
-    slow = said(capsys, results, "--budget", 8000, "--min-ap", 75, "--latency", 600)
+    slow = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75, "--latency", 600)
     assert any(line.startswith("2. livox_avia with pv-rcnn") for line in slow)
     assert not any(line.startswith("Above") for line in slow)
 
@@ -117,7 +123,7 @@ def test_the_machine_of_the_latency_is_named(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_machine="2 x A")
-    lines = said(capsys, results, "--budget", 8000)
+    lines = output_lines(capsys, results, "--budget", 8000)
     where, hint = "Latency is of one core of 2 x A", "`pyinfra benchmark --latency` measures yours."
     assert f"{where} (the load of the machine was not recorded); {hint}" in lines
 
@@ -126,13 +132,13 @@ def test_what_a_price_holds_is_told_item_by_item_or_said_to_be_missing(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     alone = "Prices are of LiDARs alone: computer, pole, installation, energy are missing "
-    assert f"{alone}(`costs` of the benchmark)." in said(capsys, results, "--budget", 8000)
+    assert f"{alone}(`costs` of the benchmark)." in output_lines(capsys, results, "--budget", 8000)
     value = results / "quick_value.csv"
     change(value, "seed == 1", site_usd=900.0)
     old = "In every price are 900 USD of the site; this table does not say for what."
-    assert old in said(capsys, results, "--budget", 8000)
+    assert old in output_lines(capsys, results, "--budget", 8000)
     change(value, "seed == 1", computer_usd=800, pole_usd=100, installation_usd=0, energy_usd=0)
-    lines = said(capsys, results, "--budget", 8000)
+    lines = output_lines(capsys, results, "--budget", 8000)
     assert "; 2,000 USD (LiDAR 1,100); AP above" in lines[1]
     items = "computer 800, pole 100; missing: installation, energy (`costs` of the benchmark)."
     assert f"In every price are 900 USD of the site: {items}" in lines
@@ -142,7 +148,7 @@ def test_if_none_meets_the_wish_the_nearest_three_say_what_to_relax(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=120.5)
-    lines = said(capsys, results, "--budget", 1500, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 1500, "--min-ap", 85)
     assert lines[1] == "No option meets this. The nearest, and what to relax:"
     near = [line for line in lines if line[0].isdigit()]
     assert [line.split(":")[0] for line in near] == [
@@ -160,17 +166,17 @@ def test_if_none_meets_the_wish_the_nearest_three_say_what_to_relax(
 def test_what_is_to_be_relaxed_is_enough(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=120.4, ap_all=83.96)
     change(results / "quick_value.csv", "lidar == 'livox_avia'", price_usd=2000.7)
-    (line,) = [x for x in said(capsys, results, "--budget", 1900) if x.startswith("1.")]
+    (line,) = [x for x in output_lines(capsys, results, "--budget", 1900) if x.startswith("1.")]
     words = line.split("meets it with ")[1].split()
     assert words == ["--budget", "2001", "--min-ap", "83.9", "--latency", "121"]
-    assert said(capsys, results, "--budget", 1900, *words)[1].startswith("1. livox_avia")
+    assert output_lines(capsys, results, "--budget", 1900, *words)[1].startswith("1. livox_avia")
 
 
 def test_an_ap_that_is_not_known_is_never_near(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "lidar == 'helios_16'", ap_all=None)
-    lines = said(capsys, results, "--budget", 1500)
+    lines = output_lines(capsys, results, "--budget", 1500)
     assert not any(line[0].isdigit() and "helios_16" in line for line in lines)
     assert "Left out: helios_16 with dsvt: no AP of all visible vehicles." in lines
 
@@ -179,7 +185,7 @@ def test_a_latency_that_is_not_known_is_asked_for_after_ap_and_budget(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_p50_ms=None)
-    lines = said(capsys, results, "--budget", 8000)
+    lines = output_lines(capsys, results, "--budget", 8000)
     assert lines[1] == "No option meets this. The nearest, and what to relax:"
     assert lines[2].startswith("1. livox_avia with pointpillars")
     measured = "no latency was measured; meets it with a measured latency of 100 ms or less"
@@ -191,7 +197,7 @@ def test_the_best_by_ap_is_told_with_the_latency_that_it_misses(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "detector != 'pointrcnn'", latency_p50_ms=383.0)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 60)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 60)
     assert lines[1].startswith(
         "1. livox_avia with pointrcnn: AP (R40) of all visible vehicles 70.0"
     )
@@ -199,7 +205,7 @@ def test_the_best_by_ap_is_told_with_the_latency_that_it_misses(
     assert "livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0" in best
     assert best.endswith("383 ms a frame; meets it with --latency 383.")
     # Where nothing meets the wish, AP and budget come first.
-    none = said(capsys, results, "--budget", 8000, "--min-ap", 80)
+    none = output_lines(capsys, results, "--budget", 8000, "--min-ap", 80)
     assert none[2].startswith("1. livox_avia with pointpillars")
     assert none[2].endswith("; meets it with --latency 383")
 
@@ -210,7 +216,7 @@ def test_latency_never_puts_a_worse_option_before_a_better_one(
 ) -> None:
     change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=latency)
     for least in (96, 93, 85, 60):
-        lines = said(capsys, results, "--budget", 8000, "--min-ap", least)
+        lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", least)
         shown = [line for line in lines if line.startswith(("1. ", "More accurate"))]
         assert any("livox_avia with pointpillars: AP (R40) of all" in line for line in shown), least
 
@@ -222,13 +228,13 @@ def test_the_load_under_which_latency_was_measured_is_said(
     change(results / "quick.csv", "detector == 'dsvt'", latency_other_cores=1.62)
     where, hint = "Latency is of one core", "`pyinfra benchmark --latency` measures yours."
     line = f"{where} (other processes used 0.0 to 1.6 cores); {hint}"
-    assert line in said(capsys, results, "--budget", 8000)
+    assert line in output_lines(capsys, results, "--budget", 8000)
 
 
 def test_options_after_the_fifth_are_named_in_a_line(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 75)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75)
     assert lines[5].startswith("5. livox_avia with dsvt")
     assert lines[6] == "And 1 more that meets this: pandar_64 with dsvt."
 
@@ -241,7 +247,7 @@ def test_road_that_tells_options_apart_makes_no_doubt(
     change(results / "quick_distance.csv", rows, ap=90.0, ap_low=88.0, ap_high=92.0)
     # Four windows hold each metre, so that one which is not sure takes none away.
     change(results / "quick_distance.csv", f"{rows} and s == 0", ap_low=80.0)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[1].startswith("1. pandar_64 with pv-rcnn")
     assert "on 200 [200 to 200] of 200 m" in lines[1]
     assert not any(line.startswith("The road covered") for line in lines)
@@ -252,7 +258,7 @@ def test_a_window_without_an_interval_may_be_covered_and_may_not(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick_distance.csv", "s == -50 or s == 50", ap_low=None, ap_high=None)
-    assert "on 40 [20 to 60] of 200 m" in said(capsys, results, "--budget", 8000)[1]
+    assert "on 40 [20 to 60] of 200 m" in output_lines(capsys, results, "--budget", 8000)[1]
 
 
 def test_road_is_what_was_evaluated_within_the_range(
@@ -263,8 +269,8 @@ def test_road_is_what_was_evaluated_within_the_range(
     both = pd.concat([table[table.s.between(-60, 55)], side])
     both.to_csv(results / "quick_distance.csv", index=False)
     # -60 to 55 and -20 to 5. Covered: -10 to 10 and 40 to 55; -10 to 5 of the side road.
-    assert "on 50 [35 to 70] of 140 m" in said(capsys, results, "--budget", 8000)[1]
-    near = said(capsys, results, "--budget", 8000, "--range", 12)[1]
+    assert "on 50 [35 to 70] of 140 m" in output_lines(capsys, results, "--budget", 8000)[1]
+    near = output_lines(capsys, results, "--budget", 8000, "--range", 12)[1]
     assert "on 35 [35 to 35] of 41 m" in near
 
 
@@ -273,7 +279,7 @@ def test_an_ap_without_an_interval_is_told_as_such(
 ) -> None:
     rows = "lidar == 'livox_avia' and detector == 'pointpillars'"
     change(results / "quick.csv", rows, ap_all_low=None, ap_all_high=None)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 89)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 89)
     first, other = "livox_avia with pointpillars", "livox_avia with pv-rcnn"
     assert (
         "AP (R40) of all visible vehicles 94.0 (no interval), of the vehicles it captures 94.0 "
@@ -290,10 +296,10 @@ def test_what_keeps_no_draws_is_not_compared(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (results / "quick_draws.csv").unlink()
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     others = "livox_avia with pv-rcnn, pandar_64 with pv-rcnn, pandar_64 with pointpillars"
-    said_of = [line for line in lines if "is not known: no interval of the difference" in line]
-    assert said_of[0].startswith(f"Whether livox_avia with pointpillars is better than {others}")
+    doubts = [line for line in lines if "is not known: no interval of the difference" in line]
+    assert doubts[0].startswith(f"Whether livox_avia with pointpillars is better than {others}")
     assert not any("does not tell" in line for line in lines)
 
 
@@ -313,7 +319,7 @@ def test_tables_of_earlier_versions_have_no_interval_of_all_vehicles(
     table.drop(columns=["ap_all_low", "ap_all_high"]).to_csv(results / "quick.csv", index=False)
     assert (
         "AP (R40) of all visible vehicles 94.0 (no interval)"
-        in said(capsys, results, "--budget", 8000)[1]
+        in output_lines(capsys, results, "--budget", 8000)[1]
     )
 
 
@@ -326,16 +332,16 @@ def test_a_range_of_prices_is_told_and_doubted(
     change(results / "quick_value.csv", "lidar == 'livox_avia'", price_usd=2300.0)
     change(results / "quick_value.csv", "lidar == 'pandar_64'", price_usd=6300.0)
     change(results / "quick_value.csv", rows, site_usd=300.0)
-    lines = said(capsys, results, "--budget", 2500, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 2500, "--min-ap", 85)
     assert "; 2,300 USD (1,300 to 3,300; LiDAR 2,000); AP above" in lines[1]
     both = "livox_avia with pointpillars, livox_avia with pv-rcnn"
     assert f"{both} may cost more than the budget: 1,300 to 3,300 USD." in lines
     may = "costs 6,300 USD (2,300 to 10,300: may be within the budget; LiDAR 6,000)."
     assert f"Left out: pandar_64 with pv-rcnn: {may}" in lines
     assert "Left out: ruby_plus with pv-rcnn: costs 24,000 USD." in lines
-    enough = said(capsys, results, "--budget", 3300, "--min-ap", 85)
+    enough = output_lines(capsys, results, "--budget", 3300, "--min-ap", 85)
     assert not any("may cost more" in line for line in enough)
-    short = said(capsys, results, "--budget", 99, "--min-ap", 85)
+    short = output_lines(capsys, results, "--budget", 99, "--min-ap", 85)
     cost = "costs 6,300 USD (2,300 to 10,300; LiDAR 6,000)."
     assert f"Left out: pandar_64 with pv-rcnn: {cost}" in short
 
@@ -354,8 +360,10 @@ def test_the_preset_is_that_of_the_reports_answers(
         table = pd.read_csv(results / f"{file}.csv")
         one = table[table.lidar == "livox_avia"].assign(preset="datasheet")
         pd.concat([table, one]).to_csv(results / f"{file}.csv", index=False)
-    assert said(capsys, results, "--budget", 8000)[0].startswith("road, preset paper, quick tier")
-    asked = said(capsys, results, "--budget", 8000, "--preset", "datasheet")
+    assert output_lines(capsys, results, "--budget", 8000)[0].startswith(
+        "road, preset paper, quick tier"
+    )
+    asked = output_lines(capsys, results, "--budget", 8000, "--preset", "datasheet")
     assert asked[0].startswith("road, preset datasheet")
 
 
@@ -374,8 +382,8 @@ def test_nothing_follows_from_networks_of_the_smoke_tier(
     of_the_smoke_tier(results)
     names = ", ".join(sorted(set(pd.read_csv(results / "quick.csv").detector) - {"background"}))
     line = f"Networks of the smoke tier have hardly learnt: nothing follows from the AP of {names}."
-    assert said(capsys, results, "--budget", 8000, "--tier", "smoke")[1] == line
-    assert line not in said(capsys, results, "--budget", 8000)
+    assert output_lines(capsys, results, "--budget", 8000, "--tier", "smoke")[1] == line
+    assert line not in output_lines(capsys, results, "--budget", 8000)
 
 
 def test_what_did_not_learn_in_the_smoke_tier_has_no_warning_of_it(
@@ -383,7 +391,8 @@ def test_what_did_not_learn_in_the_smoke_tier_has_no_warning_of_it(
 ) -> None:
     of_the_smoke_tier(results, train_steps=0)
     assert not any(
-        "learnt" in line for line in said(capsys, results, "--budget", 8000, "--tier", "smoke")
+        "learnt" in line
+        for line in output_lines(capsys, results, "--budget", 8000, "--tier", "smoke")
     )
     material = read_material(results, [], [], "smoke")
     assert "learnt" not in contents.page(material).subtitle
@@ -444,8 +453,8 @@ def test_a_table_without_its_rows_is_named(
     header = (results / f"{file}.csv").read_text().splitlines()[0]
     (results / f"{file}.csv").write_text(f"{header}\n")
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    found = "no cells" if file == "quick" else "0 of 16 cells"
-    assert f"{results}/{file}.csv: found {found}, allowed" in capsys.readouterr().err
+    count = "no cells" if file == "quick" else "0 of 16 cells"
+    assert f"{results}/{file}.csv: found {count}, allowed" in capsys.readouterr().err
 
 
 def test_cells_that_all_failed_and_prices_without_a_preset_are_told(
@@ -505,7 +514,9 @@ def test_a_folder_of_several_scenes_asks_for_one(
         both.to_csv(results / f"{file}.csv", index=False)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     assert "--scene: found none, allowed one of bridge, road" in capsys.readouterr().err
-    assert said(capsys, results, "--budget", 8000, "--scene", "bridge")[0].startswith("bridge,")
+    assert output_lines(capsys, results, "--budget", 8000, "--scene", "bridge")[0].startswith(
+        "bridge,"
+    )
 
 
 # --- every vehicle of the region ----------------------------------------------------------------
@@ -527,14 +538,14 @@ def test_a_mount_that_sees_half_of_the_vehicles_does_not_win_by_that_half(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with_hidden_vehicles(results)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 75)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75)
     assert "AP 75 of every vehicle" in lines[0]
     assert lines[1].startswith("1. helios_16 with")  # of equal AP the least price
     assert "AP (R40) of every vehicle 80.0 [79.0, 81.0]" in lines[1]
     assert "AP above 75 of every vehicle on 200 [200 to 200] of 200 m of road" in lines[1]
     left = "Left out: livox_avia with pointpillars: AP 50.0 of every vehicle."
     assert left in lines
-    low = said(capsys, results, "--budget", 8000, "--min-ap", 40)
+    low = output_lines(capsys, results, "--budget", 8000, "--min-ap", 40)
     assert not any("without ground truth `present`" in line for line in low)
 
 
@@ -543,7 +554,7 @@ def test_the_hidden_share_stands_beside_the_ap_of_visible_vehicles(
 ) -> None:
     with_hidden_vehicles(results)
     change(results / "quick.csv", "lidar != 'livox_avia'", latency_p50_ms=500.0)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 40)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 40)
     assert (
         "AP (R40) of every vehicle 50.0 [48.0, 52.0], of those visible from the mount 94.0 "
         "[93.0, 95.0] (45 % are hidden), of the vehicles it captures 94.0 [93.0, 95.0]"
@@ -558,7 +569,7 @@ def test_the_share_that_is_found_of_every_vehicle_is_printed(
     recall = draws_of(cells().assign(found=55.4), "found", 1, "present", measure="recall")
     file = results / "quick_draws.csv"
     pd.concat([pd.read_csv(file), recall]).to_csv(file, index=False)
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 40)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 40)
     assert "AP (R40) of every vehicle 50.0 [48.0, 52.0], finds 55 % of them, of those" in lines[1]
 
 
@@ -566,7 +577,7 @@ def test_results_without_every_vehicle_say_so_and_are_compared_as_before(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change(results / "quick.csv", "lidar == 'livox_avia'", ap_present=50.0)  # some rows alone
-    lines = said(capsys, results, "--budget", 8000, "--min-ap", 85)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[1].startswith(
         "1. livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0"
     )

@@ -25,8 +25,8 @@ FILES = sorted(
 def paths(value: object, path: str = "") -> set[str]:
     """Dotted paths of a resolved configuration, with N for places in lists."""
     if isinstance(value, dict):
-        found = {f"{path}.{key}".strip(".") for key in value}
-        return found.union(*(paths(v, f"{path}.{k}".strip(".")) for k, v in value.items()))
+        names = {f"{path}.{key}".strip(".") for key in value}
+        return names.union(*(paths(v, f"{path}.{k}".strip(".")) for k, v in value.items()))
     if isinstance(value, list):
         return set().union(*(paths(item, f"{path}.N") for item in value))
     return set()
@@ -49,13 +49,13 @@ def test_every_key_that_check_prints_is_listed(file: Path, infrasim: Callable[..
     printed = yaml.safe_load(infrasim("check", file, check=True).stdout)
     named = {re.sub(r"^mounts\.\w+", "mounts.NAME", path) for path in paths(printed)}
     # A bundle prints its LiDARs whole.
-    own = {re.sub(r"^bundle\.N\.(?=pattern|returns)", "", path) for path in named}
-    assert {path for path in own if path != NAMED[0] and not path.startswith(NAMED[1])} <= listed
+    plain = {re.sub(r"^bundle\.N\.(?=pattern|returns)", "", path) for path in named}
+    assert {path for path in plain if path != NAMED[0] and not path.startswith(NAMED[1])} <= listed
 
 
 def test_the_ranges_are_those_of_the_messages(infrasim: Callable[..., object]) -> None:
     keys = {key.path: key for key in reference.simulator_keys("scene")}
-    for path, wrong, said in (
+    for path, wrong, limits in (
         ("duration_s", 0, "from 0.1 up to 36000"),
         ("weather.visibility_m", 0, "above 0"),
         ("traffic.speed.std_km_h", 51, "from 0 up to 50"),
@@ -64,8 +64,8 @@ def test_the_ranges_are_those_of_the_messages(infrasim: Callable[..., object]) -
         words = ["check", "configs/scenes/flat.yaml", "--set", f"{path}={wrong}"]
         result = infrasim(*words)
         assert result.returncode == 2
-        assert keys[path].allowed == said
-        assert said.replace("from ", "").replace("up ", "").split(" to ")[0] in result.stderr
+        assert keys[path].allowed == limits
+        assert limits.replace("from ", "").replace("up ", "").split(" to ")[0] in result.stderr
 
 
 def test_the_default_of_a_key_left_out_is_the_listed_one(infrasim: Callable[..., object]) -> None:

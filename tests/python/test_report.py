@@ -71,8 +71,8 @@ def test_a_failed_cell_is_said_with_its_reason(whole: Path) -> None:
 
 
 def test_every_origin_is_a_row_of_a_file_beside_the_page(whole: Path) -> None:
-    found = [re.match(r"([\w.]+\.csv), row (\d+)", origin) for origin in Read(whole).origins]
-    rows = {(match[1], int(match[2])) for match in found if match}
+    matches = [re.match(r"([\w.]+\.csv), row (\d+)", origin) for origin in Read(whole).origins]
+    rows = {(match[1], int(match[2])) for match in matches if match}
     assert len(rows) > 20
     for name in {name for name, _ in rows}:
         written = pd.read_csv(whole.parent / "report_data" / name)
@@ -81,10 +81,10 @@ def test_every_origin_is_a_row_of_a_file_beside_the_page(whole: Path) -> None:
 
 def test_the_ap_of_a_cell_is_that_of_the_row_it_names(whole: Path) -> None:
     html = whole.read_text()
-    found = re.findall(r'data-sort="([\d.]+)" title="quick.csv, row (\d+)">([\d.]+)<small>', html)
+    cells = re.findall(r'data-sort="([\d.]+)" title="quick.csv, row (\d+)">([\d.]+)<small>', html)
     written = pd.read_csv(whole.parent / "report_data/quick.csv")
-    assert len(found) >= 6
-    for sort, row, shown in found:
+    assert len(cells) >= 6
+    for sort, row, shown in cells:
         assert written.ap[int(row) - 1] == float(sort)
         assert shown == f"{float(sort):.1f}"
 
@@ -162,7 +162,7 @@ def test_what_the_paper_shows_and_this_page_does_not_is_said(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("file", "text", "said"),
+    ("file", "text", "expected"),
     [
         ("claims.csv", "claim,preset\na,b\n", "claims.csv:1: found no column statement"),
         (
@@ -174,19 +174,19 @@ def test_what_the_paper_shows_and_this_page_does_not_is_said(tmp_path: Path) -> 
     ],
 )
 def test_a_wrong_table_is_told_in_one_line(
-    file: str, text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: str, text: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / file).write_text(text)
     out = tmp_path / "report.html"
     assert main.main(["report", str(tmp_path), "--out", str(out)]) == 2
     message = capsys.readouterr().err
-    assert said in message
+    assert expected in message
     assert message.count("\n") == 1
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "expected"),
     [
         ([], 2, "found no table of results"),
         (["--tier", "full"], 2, "full.csv: found no cells"),
@@ -195,13 +195,13 @@ def test_a_wrong_table_is_told_in_one_line(
     ],
 )
 def test_wrong_arguments_are_told(
-    words: list[str], code: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], code: int, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if words and words[0] != "--tier":
         report_data.write(tmp_path)
     out = tmp_path / "report.html"
     assert main.main(["report", str(tmp_path), *words, "--out", str(out)]) == code
-    assert said in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
     assert not out.exists()
 
 
@@ -239,14 +239,14 @@ def test_curves_of_stress_start_without_it(tmp_path: Path) -> None:
     report_data.write(tmp_path, {"stress.csv": report_data.stress()})
     table = read_results(tmp_path).table("stress")
 
-    def places(stressor: str) -> list[tuple[float, float]]:
+    def points(stressor: str) -> list[tuple[float, float]]:
         rows = curve(table, stressor)
         return list(zip(rows["at"], rows.ap, strict=True))
 
-    assert places("rain") == [(0, 90), (50, 80), (100, 60)]
-    assert places("density") == [(1, 90), (2, 85)]
-    assert places("unseen_scene") == [(0, 90), (1, 40)]
-    assert places("training_frames") == [(200, 70), (800, 90)]
+    assert points("rain") == [(0, 90), (50, 80), (100, 60)]
+    assert points("density") == [(1, 90), (2, 85)]
+    assert points("unseen_scene") == [(0, 90), (1, 40)]
+    assert points("training_frames") == [(200, 70), (800, 90)]
 
 
 def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) -> None:
@@ -325,7 +325,7 @@ def test_the_papers_ap_is_complete() -> None:
     assert value["curve", "helios_16", "pointrcnn"] == 16.40
 
 
-def own_site(folder: Path) -> Path:
+def custom_site(folder: Path) -> Path:
     """The tables of a benchmark of a site that is not of the paper."""
     names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
     more = ("quick_value.csv", "lidars.csv", "quick_claims.csv")
@@ -335,7 +335,7 @@ def own_site(folder: Path) -> Path:
 
 
 def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path) -> None:
-    text = Read(report(own_site(tmp_path / "results"))).text
+    text = Read(report(custom_site(tmp_path / "results"))).text
     answer = text[text.index("Bridge, preset paper, any price, AP 85 of the whole") :]
     assert answer.index("no option meets this. The nearest is RoboSense Ruby Plus") < 150
     assert "it needs --min-ap 46.2" in answer
@@ -346,7 +346,7 @@ def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path
 def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    results = own_site(tmp_path / "results")
+    results = custom_site(tmp_path / "results")
     text = Read(report(results, "--budget", 3000, "--min-ap", 40)).text
     assert "at most 3,000 USD, AP 40 of the whole road's vehicles or more, 100 m either way" in text
     assert (
@@ -368,14 +368,14 @@ def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path
 
 
 def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
-    page = Read(report(own_site(tmp_path / "results")))
+    page = Read(report(custom_site(tmp_path / "results")))
     assert not {"claims", "figure-hits"} & set(page.ids)
     assert {"hits", "methods"} <= set(page.ids)
     assert "the paper" not in page.text
 
 
 def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path) -> None:
-    results = own_site(tmp_path / "results")
+    results = custom_site(tmp_path / "results")
     for name, table in report_data.tables().items():
         if (results / name).is_file() and "scene" in table:
             both = pd.concat([pd.read_csv(results / name), table])

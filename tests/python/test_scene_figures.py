@@ -55,8 +55,12 @@ def test_pictures_of_a_data_set(data_sets: dict[str, Path], scene: str, tmp_path
 
 def test_lane_lines_lie_where_the_configuration_says(data_sets: dict[str, Path]) -> None:
     # 4 x 3.5 m each way, 7 m median, 3.5 m shoulders, along y = 0.
-    found = [line for line in lines(read(data_sets["highway"])) if len(line.get_xdata()) == 201]
-    offsets = {float(np.unique(line.get_ydata()).item()): line.get_linestyle() for line in found}
+    lane_lines = [
+        line for line in lines(read(data_sets["highway"])) if len(line.get_xdata()) == 201
+    ]
+    offsets = {
+        float(np.unique(line.get_ydata()).item()): line.get_linestyle() for line in lane_lines
+    }
     solid = [3.5, 17.5, 21.0]
     dashed = [7.0, 10.5, 14.0]
     assert sorted(offsets) == sorted(sign * y for y in solid + dashed for sign in (-1, 1))
@@ -75,8 +79,10 @@ def test_buildings_stand_on_the_plan_where_the_configuration_says(
 ) -> None:
     shutil.copytree(data_sets["highway"], tmp_path / "own")
     file = tmp_path / "own/dataset.yaml"
-    own = "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 90, base_m: 1}"
-    file.write_text(file.read_text().replace("buildings: []", f"buildings: [{own}]"))
+    building = (
+        "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 90, base_m: 1}"
+    )
+    file.write_text(file.read_text().replace("buildings: []", f"buildings: [{building}]"))
     scene = read(tmp_path / "own")
     np.testing.assert_allclose(scene.around.buildings, [[10, 30, 3.5, 20, 8, 5, np.pi / 2]])
     plan = scene_figures.plan([scene])
@@ -93,25 +99,25 @@ def test_a_legend_is_no_wider_than_its_picture(data_sets: dict[str, Path], count
     lidars = tuple(replace(scene.lidars[1], model=f"A LiDAR of number {i}") for i in range(count))
     figure = scene_figures.plan([replace(scene, lidars=lidars)])
     figure.draw_without_rendering()
-    found = figure.legends[0].get_window_extent()
-    assert found.x0 >= 0
-    assert found.x1 <= figure.bbox.width
-    assert found.y0 >= 0
+    extent = figure.legends[0].get_window_extent()
+    assert extent.x0 >= 0
+    assert extent.x1 <= figure.bbox.width
+    assert extent.y0 >= 0
 
 
 def test_the_legend_of_one_narrow_picture_has_rows(data_sets: dict[str, Path]) -> None:
     folder = frames.lidar_folders(data_sets["highway"])[0]
     figure = clouds.sheet([[clouds.read_snapshot(folder, 0)]])
     figure.draw_without_rendering()
-    found = figure.legends[0].get_window_extent()
-    assert found.x0 >= 0
-    assert found.x1 <= figure.bbox.width
+    extent = figure.legends[0].get_window_extent()
+    assert extent.x0 >= 0
+    assert extent.x1 <= figure.bbox.width
 
 
 def test_offset_curve_is_to_the_left() -> None:
     centre, heading = np.array([[0.0, 0.0], [0.0, 1.0]]), np.full(2, np.pi / 2)
-    found = regions.offset_curve(centre, heading, 2.0)
-    np.testing.assert_allclose(found, [[-2, 0], [-2, 1]], atol=1e-12)
+    curve = regions.offset_curve(centre, heading, 2.0)
+    np.testing.assert_allclose(curve, [[-2, 0], [-2, 1]], atol=1e-12)
 
 
 def test_fields_of_view_differ_in_colour_and_line(data_sets: dict[str, Path]) -> None:
@@ -163,8 +169,8 @@ def test_without_fields_the_points_are_those_of_the_box(
     exact = [cutout_figures.vehicle_points(folder, vehicle) for folder in scene.folders]
     for folder in scene.folders:
         shutil.rmtree(folder / "training/fields")
-    found = [cutout_figures.vehicle_points(folder, vehicle) for folder in scene.folders]
-    for with_fields, without in zip(exact, found, strict=True):
+    without_fields = [cutout_figures.vehicle_points(folder, vehicle) for folder in scene.folders]
+    for with_fields, without in zip(exact, without_fields, strict=True):
         assert len(without) == pytest.approx(len(with_fields), rel=0.3, abs=3)
         assert (np.abs(without) <= vehicle.box[3:6] / 2 + 0.3).all()
     files = frame_pictures.draw_scenes([scene.folders], 1, tmp_path / "out")

@@ -89,8 +89,8 @@ def to_first(points: np.ndarray, mount: Mapping[str, float]) -> np.ndarray:
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
-    place = np.array([mount[key] - first[key] for key in ("x_m", "y_m", "z_m")])
-    world = points @ turn(mount["yaw_deg"]).T + place
+    shift = np.array([mount[key] - first[key] for key in ("x_m", "y_m", "z_m")])
+    world = points @ turn(mount["yaw_deg"]).T + shift
     return world @ turn(first["yaw_deg"])
 
 
@@ -112,8 +112,8 @@ def test_some_mounts_have_the_bytes_of_a_scene_of_these_alone(runs: Runs, digest
     these = runs("these", "--fuse")
     assert sorted(path.name for path in some.iterdir()) == ["fused", "left", "right"]
     for folder in some.iterdir():
-        own, other = digests(folder), digests(these / folder.name)
-        assert own == other
+        ours, other = digests(folder), digests(these / folder.name)
+        assert ours == other
 
 
 @pytest.mark.parametrize("words", ["left,middle", "left,left"])
@@ -149,14 +149,14 @@ def test_a_mount_s_data_set_is_that_of_its_own_description(
 
 
 def test_mounts_have_draws_of_their_own_and_a_lone_mount_the_scene_s(runs: Runs) -> None:
-    place = {"x_m": -20, "y_m": -8, "z_m": 6}
-    same = {"one": place, "two": place}
+    pose = {"x_m": -20, "y_m": -8, "z_m": 6}
+    same = {"one": pose, "two": pose}
     both = runs("both", mounts=same)
-    alone = runs("alone", mounts={"one": place})
+    alone = runs("alone", mounts={"one": pose})
     clouds = [frame_of(folder)[0] for folder in (both / "one", both / "two", alone)]
     for a, b in ((0, 1), (0, 2), (1, 2)):
         assert clouds[a].tobytes() != clouds[b].tobytes()
-    shared = {name: place | {"own_draws": False} for name in same}
+    shared = {name: pose | {"own_draws": False} for name in same}
     assert frame_of(runs("shared", mounts=shared) / "two")[0].tobytes() == clouds[2].tobytes()
 
 
@@ -173,14 +173,14 @@ def test_the_fused_cloud_is_that_of_all_mounts_in_the_frame_of_the_first(runs: R
     points, fields, _ = frame_of(out / "fused")
     of_mount = [frame_of(out / mount) for mount in MOUNTS]
     moved = [
-        np.column_stack([to_first(own[:, :3], pose), own[:, 3]])
-        for (own, _, _), pose in zip(of_mount, MOUNTS.values(), strict=True)
+        np.column_stack([to_first(rows[:, :3], pose), rows[:, 3]])
+        for (rows, _, _), pose in zip(of_mount, MOUNTS.values(), strict=True)
     ]
     np.testing.assert_allclose(points, np.concatenate(moved), atol=2e-5)
     np.testing.assert_array_equal(points[: len(moved[0])], of_mount[0][0])
-    np.testing.assert_array_equal(fields, np.concatenate([own for _, own, _ in of_mount]))
+    np.testing.assert_array_equal(fields, np.concatenate([rows for _, rows, _ in of_mount]))
     mounts = np.fromfile(out / "fused/helios_16/training/mounts/000000.bin", "<u2")
-    np.testing.assert_array_equal(mounts, np.repeat([0, 1], [len(own) for own in moved]))
+    np.testing.assert_array_equal(mounts, np.repeat([0, 1], [len(rows) for rows in moved]))
 
 
 def test_fused_vehicles_are_labelled_once(runs: Runs) -> None:
@@ -195,8 +195,8 @@ def test_fused_vehicles_are_labelled_once(runs: Runs) -> None:
     assert (first.points > 0).all()
     assert (other.points > 0).all()
     np.testing.assert_array_equal(fused.points_in_box, fused.points)
-    for i, own in enumerate(fused.ids):
-        hits = points[fields["object_id"] == own, :3].astype(float)
+    for i, object_id in enumerate(fused.ids):
+        hits = points[fields["object_id"] == object_id, :3].astype(float)
         assert points_in_box(hits, fused.boxes[i], 0.011).all()
     labels = (out / "fused/helios_16/training/label_2/000000.txt").read_text()
     assert labels.count("Car") == 2
@@ -205,9 +205,9 @@ def test_fused_vehicles_are_labelled_once(runs: Runs) -> None:
 def test_a_fused_label_holds_at_the_mean_time_of_all_points(runs: Runs) -> None:
     out = runs("out", "--fuse", "--label-time", "scan")
     fused = frame_of(out / "fused")[2]
-    own = [frame_of(out / mount)[2] for mount in MOUNTS]
-    points = np.array([o.points for o in own])
-    mean = (points * [o.scan_time_s for o in own]).sum(axis=0) / points.sum(axis=0)
+    objects = [frame_of(out / mount)[2] for mount in MOUNTS]
+    points = np.array([o.points for o in objects])
+    mean = (points * [o.scan_time_s for o in objects]).sum(axis=0) / points.sum(axis=0)
     np.testing.assert_allclose(fused.scan_time_s, mean, atol=2e-6)
     way = np.hypot(*(fused.scan_boxes - fused.boxes)[:, :2].T)
     np.testing.assert_allclose(way, [0, SPEED * abs(mean[1] - 0.05)], atol=3e-4)
@@ -248,9 +248,9 @@ def test_an_error_of_calibration_moves_fused_points_alone(runs: Runs, digests: D
 
     def turn(pitch_deg: float, roll_deg: float) -> np.ndarray:
         p, r = np.radians([pitch_deg, roll_deg])
-        about_y = [[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]]
-        about_x = [[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]]
-        return np.array(about_y) @ np.array(about_x)
+        pitch_matrix = [[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]]
+        roll_matrix = [[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]]
+        return np.array(pitch_matrix) @ np.array(roll_matrix)
 
     levelled = frame_of(off / "left")[0][:, :3] @ (turn(9, 0) @ turn(8, 0).T).T
     assumed = MOUNTS["left"] | {"x_m": 30.5, "yaw_deg": 172}
@@ -271,9 +271,9 @@ def test_a_fused_data_set_says_where_its_sensors_are(runs: Runs) -> None:
     far = np.concatenate([boxes, boxes + np.array([0, 0, 40]), boxes + np.array([140, 0, 0])])
     seen = np.array(field_of_view_mask(left.lidars[0], left.tilts[0], far))
     views = data.lidars[0].field_of_view
-    own = kitti.Lidar(**{**vars(data.lidars[0]), "field_of_view": views[1:]})
+    lidar = kitti.Lidar(**{**vars(data.lidars[0]), "field_of_view": views[1:]})
     moved = to_first(far, MOUNTS["left"])
-    np.testing.assert_array_equal(field_of_view_mask(own, data.tilts[0], moved), seen)
+    np.testing.assert_array_equal(field_of_view_mask(lidar, data.tilts[0], moved), seen)
     assert 0 < seen[1].sum() < len(far)
     assert read_vehicles(out / "fused/helios_16", data.frames).points.sum() > 0
 
@@ -285,8 +285,8 @@ def test_a_plan_marks_every_sensor(runs: Runs) -> None:
         assert len(kitti.read_lidar(folder).sensors) == len(mounts)
         lines = scene_figures.plan([scene_figures.read_scene([folder])]).axes[0].lines
         marks = [line.get_xydata()[0] for line in lines if line.get_marker() == "^"]
-        places = [(MOUNTS[mount]["x_m"], MOUNTS[mount]["y_m"]) for mount in mounts]
-        np.testing.assert_allclose(marks, places, atol=1e-3)
+        positions = [(MOUNTS[mount]["x_m"], MOUNTS[mount]["y_m"]) for mount in mounts]
+        np.testing.assert_allclose(marks, positions, atol=1e-3)
 
 
 def test_a_fused_lidar_is_one_of_each_mount_in_a_benchmark(runs: Runs) -> None:

@@ -24,7 +24,9 @@ def frames(
     world: simulation.World, numbers: range, threads: int = 2
 ) -> list[list[simulation.Frame]]:
     lidars = [simulation.load_lidar(file, "datasheet") for file in LIDARS]
-    return [found for _, found in simulation.simulate(world, lidars, numbers, threads=threads)]
+    return [
+        per_lidar for _, per_lidar in simulation.simulate(world, lidars, numbers, threads=threads)
+    ]
 
 
 def test_binding_and_binary_give_equal_bytes(world: simulation.World, tmp_path: Path) -> None:
@@ -33,8 +35,8 @@ def test_binding_and_binary_give_equal_bytes(world: simulation.World, tmp_path: 
     for key, value in SHORT.items():
         command += ["--set", f"{key}={value}"]
     subprocess.run(command, check=True, capture_output=True)
-    for number, found in zip(range(4, 7), frames(world, range(4, 7)), strict=True):
-        for file, frame in zip(LIDARS, found, strict=True):
+    for number, per_lidar in zip(range(4, 7), frames(world, range(4, 7)), strict=True):
+        for file, frame in zip(LIDARS, per_lidar, strict=True):
             training = tmp_path / "data" / file.stem / "training"
             velodyne = (training / "velodyne" / f"{number:06d}.bin").read_bytes()
             assert simulation.points(frame).tobytes() == velodyne
@@ -75,8 +77,8 @@ def test_labels_hold_when_the_scene_or_the_preset_says(world: simulation.World) 
     )
     assert simulation.label_time(world, paper) == "frame"
     assert simulation.label_time(world, datasheet) == "scan"
-    told = simulation.load_scene(SCENE, set=SHORT | {"label_time": "frame"})
-    assert simulation.label_time(told, datasheet) == "frame"
+    explicit = simulation.load_scene(SCENE, set=SHORT | {"label_time": "frame"})
+    assert simulation.label_time(explicit, datasheet) == "frame"
 
 
 def test_objects_have_the_pose_of_their_scan(world: simulation.World) -> None:
@@ -124,9 +126,9 @@ def test_a_built_world_takes_no_further_settings(world: simulation.World) -> Non
 def test_weather_that_a_lidar_does_not_feel_is_a_warning() -> None:
     fog = SHORT | {"weather.visibility_m": 30}
     foggy = simulation.load_scene(SCENE, preset="paper", set=fog)
-    with pytest.warns(UserWarning, match="livox_avia, preset paper: weather: no effect") as found:
+    with pytest.warns(UserWarning, match="livox_avia, preset paper: weather: no effect") as caught:
         simulation.simulate(foggy, LIDARS[:1], range(1), preset="paper")
-    assert found[0].filename == __file__
+    assert caught[0].filename == __file__
     simulation.simulate(
         simulation.load_scene(SCENE, set=fog), LIDARS[:1], range(1), preset="datasheet"
     )
@@ -188,13 +190,13 @@ def test_filters_keep_what_the_binary_keeps(tmp_path: Path) -> None:
         simulation.GroundPlane(0.3),
         simulation.BackgroundModel.load(str(tmp_path / "model")),
     ]
-    found = simulation.filtered(clouds[0], *steps)
+    kept = simulation.filtered(clouds[0], *steps)
     words = ["--range", "2,60", "--ground-plane", "0.3", "--background"]
     words += [str(tmp_path / f"{i}.bin") for i in range(len(clouds))]
     binary = [BINARY, "filter", tmp_path / "0.bin", *words]
     subprocess.run([*binary, "--out", tmp_path / "out.bin"], check=True, capture_output=True)
-    assert found.tobytes() == (tmp_path / "out.bin").read_bytes()
-    assert 0 < len(found) < len(clouds[0])
+    assert kept.tobytes() == (tmp_path / "out.bin").read_bytes()
+    assert 0 < len(kept) < len(clouds[0])
 
 
 @pytest.mark.parametrize(

@@ -59,9 +59,9 @@ def test_simulator_and_readers_have_one_region(
     region = region_of(folder, kitti.read_lidar(folder).T_world_levelled)
     assert region is not None
     np.testing.assert_array_equal(region.holds(truth.vehicles.mid_frame, 0.0), inside)
-    places = truth.vehicles.mid_frame[inside, :2]
-    assert (places >= region.corners.min(0)).all()
-    assert (places <= region.corners.max(0)).all()
+    positions = truth.vehicles.mid_frame[inside, :2]
+    assert (positions >= region.corners.min(0)).all()
+    assert (positions <= region.corners.max(0)).all()
 
 
 def test_roads_follow_each_lane_with_its_height(tmp_path: Path, infrasim: Infrasim) -> None:
@@ -83,12 +83,12 @@ def test_the_ground_of_a_slope_is_as_high_as_its_lanes(tmp_path: Path, infrasim:
     pose = kitti.read_lidar(folder).T_world_levelled
     ground = ground_of(folder)
     assert ground is not None
-    places = np.random.default_rng(1).uniform(-60, 60, (400, 2))
-    world = to_world(places, pose)
+    positions = np.random.default_rng(1).uniform(-60, 60, (400, 2))
+    world = to_world(positions, pose)
     on_lanes = locate(world, read_roads(folder.parent / "roads.csv")).inside
     assert on_lanes.sum() > 10
     slope = SLOPE * world[on_lanes, 0] - pose.z
-    np.testing.assert_allclose(ground.height(places[on_lanes]), slope, atol=0.1)
+    np.testing.assert_allclose(ground.height(positions[on_lanes]), slope, atol=0.1)
 
 
 def test_points_lie_on_the_surfaces_of_their_files(tmp_path: Path, infrasim: Infrasim) -> None:
@@ -142,17 +142,17 @@ def test_a_wrong_table_of_outlines_is_named_with_its_line(
     tmp_path: Path, text: str, error: str
 ) -> None:
     (tmp_path / "regions.csv").write_text(text)
-    with pytest.raises(FormatError, match=r"regions\.csv") as found:
+    with pytest.raises(FormatError, match=r"regions\.csv") as caught:
         read_outlines(tmp_path)
-    assert error in str(found.value)
+    assert error in str(caught.value)
 
 
 def test_a_place_is_in_the_region_if_one_outline_holds_it() -> None:
     squares = [np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]]), np.array([[9.0, 0], [9, 1], [8, 0]])]
-    places = np.array([[1.0, 1], [3, 1], [8.9, 0.5], [8.1, 0.9], [2.5, 1]])
-    assert in_any(squares, places, 0).tolist() == [True, False, True, False, False]
-    assert in_any(squares, places, 0.6).tolist() == [True, False, True, True, True]
-    assert in_any([], places, 0).all()
+    positions = np.array([[1.0, 1], [3, 1], [8.9, 0.5], [8.1, 0.9], [2.5, 1]])
+    assert in_any(squares, positions, 0).tolist() == [True, False, True, False, False]
+    assert in_any(squares, positions, 0.6).tolist() == [True, False, True, True, True]
+    assert in_any([], positions, 0).all()
 
 
 def test_a_place_is_of_the_nearest_of_many_short_lanes(tmp_path: Path) -> None:
@@ -232,33 +232,33 @@ def test_areas_of_lanes_are_cells_and_distance_is_theirs_together(
     tmp_path: Path, infrasim: Infrasim
 ) -> None:
     """A car a cell or two, found but for one, which makes the area where it stands a low one."""
-    places = [(-70, -2), (-50, -2), (-30, 2), (10, 2), (30, -2), (50, 2), (52, 2)]
-    cars = np.array([(x, y, 0) for x, y in places], np.float64)
+    positions = [(-70, -2), (-50, -2), (-30, 2), (10, 2), (30, -2), (50, 2), (52, 2)]
+    cars = np.array([(x, y, 0) for x, y in positions], np.float64)
     folder = simulated(infrasim, tmp_path, cars=cars)
     truth = read_ground_truth(folder, [0])
     boxes = [(box.tolist(), 0.9) for box in truth.vehicles.boxes[1:]]
     predictions = write_predictions(tmp_path / "predictions", [boxes])
     settings = Settings(ground_truths=("all",), min_objects=1, draws=5)
-    found = evaluate(folder, predictions, settings)
-    assert found.cells is not None
-    cells = found.cells.set_index(["x", "y"])
-    assert cells.objects.sum() == found.ap.objects[0] == 7
+    evaluation = evaluate(folder, predictions, settings)
+    assert evaluation.cells is not None
+    cells = evaluation.cells.set_index(["x", "y"])
+    assert cells.objects.sum() == evaluation.ap.objects[0] == 7
     assert cells.loc[(-70, -10)].ap == 0
     assert cells.loc[(50, 10)].objects == 2
     assert cells.loc[(50, 10)].ap == 100
     assert cells.loc[(90, -10)].objects == 0
     assert (np.hypot(cells.reset_index().x - 2, cells.reset_index().y + 9) < 120).all()
-    area = found.areas.iloc[0]
-    assert (len(found.areas), area.road, area.n_tda, area.n_hqda) == (1, "all", 6, 5)
-    distance = found.distance_ap
+    area = evaluation.areas.iloc[0]
+    assert (len(evaluation.areas), area.road, area.n_tda, area.n_hqda) == (1, "all", 6, 5)
+    distance = evaluation.distance_ap
     assert set(distance.road) == {"(lanes)"}
     assert (distance.s.min(), distance.s.max()) == (-95, 95)
     assert distance[distance.s == -50].objects.item() == 3  # before the foot, of both ways
     assert distance[distance.s == 50].objects.item() == 0
-    hqda = found.draws[found.draws.measure == "n_hqda"].value.item()
+    hqda = evaluation.draws[evaluation.draws.measure == "n_hqda"].value.item()
     assert hqda == 5
     out = tmp_path / "out"
-    files = {file.name for file in [*write(found, out), *draw_all(found, out)]}
+    files = {file.name for file in [*write(evaluation, out), *draw_all(evaluation, out)]}
     assert {"cells.csv", "areas_plan.svg", "distance_ap.svg"} <= files
 
 

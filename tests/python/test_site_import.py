@@ -36,14 +36,14 @@ def write_map(folder: Path, name: str, text: str) -> Path:
 
 def height(mesh: Triangles, x: float, y: float) -> float:
     """z of the highest triangle over a place, by its weights of the corners; -inf: none."""
-    found = -math.inf
+    highest = -math.inf
     for a, b, c in mesh.vertices[mesh.faces]:
         lever = np.array([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [1, 1, 1]])
         if abs(np.linalg.det(lever)) > 1e-9:
             weights = np.linalg.solve(lever, [x, y, 1])
             if weights.min() >= -1e-6:
-                found = max(found, float(weights @ [a[2], b[2], c[2]]))
-    return found
+                highest = max(highest, float(weights @ [a[2], b[2], c[2]]))
+    return highest
 
 
 def near(mesh: Triangles, x: float, y: float) -> Triangles:
@@ -84,8 +84,8 @@ def test_road_lies_where_the_elevation_says(hill: Path) -> None:
     road = read_ply(hill / "meshes/road.ply")
     x0, y0, z0 = yaml.safe_load((hill / "map.yaml").read_text())["offset_m"]
     for x in np.arange(0.25, 300, 7.5):
-        found = height(near(road, x - x0, -1.75 - y0), x - x0, -1.75 - y0)
-        assert found == pytest.approx(rise(x) - z0, abs=0.02)
+        height_m = height(near(road, x - x0, -1.75 - y0), x - x0, -1.75 - y0)
+        assert height_m == pytest.approx(rise(x) - z0, abs=0.02)
 
 
 def test_lanes_go_with_the_traffic_and_have_the_roads_z(hill: Path) -> None:
@@ -125,8 +125,8 @@ def test_no_triangle_is_a_line_and_each_lane_has_a_road(
     road = read_ply(folder / "meshes/road.ply")
     for lane in read_lanes(folder / "lanes.csv").values():
         middle = (lane[len(lane) // 2] + lane[len(lane) // 2 - 1]) / 2
-        found = height(near(road, *middle[:2]), *middle[:2])
-        assert found == pytest.approx(middle[2], abs=0.02)
+        height_m = height(near(road, *middle[:2]), *middle[:2])
+        assert height_m == pytest.approx(middle[2], abs=0.02)
 
 
 @pytest.mark.parametrize("site", ["hill", "district", "ring"])
@@ -136,9 +136,9 @@ def test_pole_stands_off_the_carriageway_and_looks_at_it(
     folder: Path = request.getfixturevalue(site)
     pole = yaml.safe_load((folder / "site.yaml").read_text())["mounts"]["pole"]
     lanes = read_lanes(folder / "lanes.csv")
-    places = np.concatenate(list(lanes.values()))
-    away = places[:, :2] - (pole["x_m"], pole["y_m"])
-    assert (np.hypot(*away.T) - places[:, 3] / 2).min() > 0.9
+    points = np.concatenate(list(lanes.values()))
+    away = points[:, :2] - (pole["x_m"], pole["y_m"])
+    assert (np.hypot(*away.T) - points[:, 3] / 2).min() > 0.9
     yaw = math.radians(pole["yaw_deg"])
     ahead = away @ [math.cos(yaw), math.sin(yaw)]
     assert ((ahead > 5) & (ahead < 30)).any()
@@ -200,10 +200,10 @@ def test_our_projection_is_that_of_the_network(district: Path) -> None:
     checked = 0
     for node in ends:
         if node.get("id") in {"1", "2", "3", "4", "5"}:
-            place = np.array([float(node.attrib["lon"]), float(node.attrib["lat"])])
-            x, y = transverse_mercator(place, (lon, lat))[0]
-            found = nodes[node.get("id")]
-            assert (float(found.attrib["x"]), float(found.attrib["y"])) == pytest.approx(
+            lon_lat = np.array([float(node.attrib["lon"]), float(node.attrib["lat"])])
+            x, y = transverse_mercator(lon_lat, (lon, lat))[0]
+            match = nodes[node.get("id")]
+            assert (float(match.attrib["x"]), float(match.attrib["y"])) == pytest.approx(
                 (x, y), abs=0.02
             )
             checked += 1
@@ -401,9 +401,9 @@ def test_broken_maps_give_one_line_and_leave_nothing(
     file = tmp_path / name
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert main(["site", "import", str(file), "--out", str(tmp_path / "out/site")]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"pyinfra: {file}: ")
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith(f"pyinfra: {file}: ")
+    assert message.count("\n") == 1
     assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
 
 
@@ -444,9 +444,9 @@ def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
     across = site_data.road(2, (50, -50, math.pi / 2), 100, elevation=above)
     both = site_data.open_drive(site_data.road(1, (0, 0, 0), 100), across)
     made = import_map(write_map(tmp_path, "a.xodr", both), tmp_path / "s")
-    said = made.record["not_understood"]
-    assert len(said) == 2
-    assert all(re.match(r"lane road1_0_\w+: lies 0.30 m under lane road2_0", s) for s in said)
+    notes = made.record["not_understood"]
+    assert len(notes) == 2
+    assert all(re.match(r"lane road1_0_\w+: lies 0.30 m under lane road2_0", s) for s in notes)
 
 
 def test_errors_are_map_errors(tmp_path: Path) -> None:

@@ -117,13 +117,13 @@ BROKEN = {
 def test_a_broken_mesh_gives_one_line_and_leaves_the_site(
     what: str, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    name, data, said = BROKEN[what]
+    name, data, expected = BROKEN[what]
     file = _written(tmp_path / name, data)
     assert main(["site", "mesh", str(file), "--out", str(site)]) == 1
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith(f"pyinfra: {file}: ")
-    assert said in err
+    assert expected in err
     assert (site / "site.yaml").read_text() == SCENE
     assert [p.name for p in (site / "meshes").iterdir()] == ["road.ply"]
 

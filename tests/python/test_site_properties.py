@@ -116,12 +116,12 @@ def drives(draw: st.DrawFn) -> Drive:
         speed = draw(hundredths(0.8, 2) if person else hundredths(3, 30))
         if i and has["angle"] and draw(st.integers(0, 3)) == 0:
             speed = 0.0
-        place = (*draw(st.tuples(*[hundredths(-200, 200)] * 2)), draw(hundredths(-3, 9)))
+        position = (*draw(st.tuples(*[hundredths(-200, 200)] * 2)), draw(hundredths(-3, 9)))
         objects.append(
             Moved(
                 f"{kind[0]}{i}.{draw(st.integers(0, 9))}", kind, type_name or None,
                 "Pedestrian" if person else TYPES[type_name],
-                place if has["z"] else (*place[:2], 0),
+                position if has["z"] else (*position[:2], 0),
                 draw(hundredths(-3.14, 3.14)), speed, draw(st.integers(0, 5)),
                 math.ceil(draw(hundredths(2, 8)) / step_s) + 1,
             )
@@ -163,8 +163,8 @@ def test_floating_car_data_are_boxes_where_the_vehicles_were(tmp_path: Path) -> 
         data = drive.text.encode()
         file.write_bytes(gzip.compress(data) if packed else data)
         projection = Projection(drive.centre) if drive.centre and drive.by_network else None
-        found = import_fcd(read_fcd(file), {}, np.array(drive.offset), projection)
-        tracks = {track.name: track for track in found.tracks}
+        imported = import_fcd(read_fcd(file), {}, np.array(drive.offset), projection)
+        tracks = {track.name: track for track in imported.tracks}
         assert tracks.keys() == {o.name for o in drive.objects}
         begin = min(o.first for o in drive.objects) * drive.step_s
         middle, tolerance = np.zeros(2), 0.01
@@ -404,11 +404,15 @@ def things(draw: st.DrawFn, road: Road, end: float) -> Thing:
         )
     if what == "road":
         st_ = shifted(np.array([[0, 0], [5, 0], [5, 2], [0, 2]]), s, t)
-        places = road.world(*st_.T)
+        positions = road.world(*st_.T)
         rows = [
             f'<cornerRoad s="{a!r}" t="{b!r}" dz="0" height="{height}"/>' for a, b in st_.tolist()
         ]
-        body = (places[:, :2], float(places[:, 2].min()), float(places[:, 2].max()) + height)
+        body = (
+            positions[:, :2],
+            float(positions[:, 2].min()),
+            float(positions[:, 2].max()) + height,
+        )
         return Thing(f"<object {head}><outline>{''.join(rows)}</outline></object>", [body])
     length = draw(hundredths(1, end - 12)) if end > 14 else 1.0
     to = t + draw(hundredths(-3, 3))
@@ -447,31 +451,31 @@ def test_opendrive_lanes_and_objects_lie_where_the_file_says(tmp_path: Path) -> 
     @given(roads())
     def holds(road: Road) -> None:
         file.write_text(road.text)
-        found = read_opendrive(file)
-        check_lanes(road, found)
+        site_map = read_opendrive(file)
+        check_lanes(road, site_map)
         bodies = [body for thing in road.things for body in thing.bodies]
-        assert len(found.bodies) == len(bodies)
-        for mine, (outline, low, top) in zip(found.bodies, bodies, strict=True):
+        assert len(site_map.bodies) == len(bodies)
+        for mine, (outline, low, top) in zip(site_map.bodies, bodies, strict=True):
             np.testing.assert_allclose(mine.outline, outline, atol=0.03)
             assert mine.base_m is not None
             assert (mine.base_m, mine.base_m + mine.height_m) == pytest.approx((low, top), abs=0.03)
         trees = [t.tree for t in road.things if t.tree]
         np.testing.assert_allclose(
-            np.array([(t.x_m, t.y_m, t.height_m) for t in found.trees]).reshape(-1, 3),
+            np.array([(t.x_m, t.y_m, t.height_m) for t in site_map.trees]).reshape(-1, 3),
             np.array(trees).reshape(-1, 3),
             atol=0.03,
         )
-        assert found.not_understood == []
+        assert site_map.not_understood == []
 
     tried(holds)
 
 
-def check_lanes(road: Road, found: SiteMap) -> None:
+def check_lanes(road: Road, site_map: SiteMap) -> None:
     """Each border at its t from the reference line and at its z, over the road's whole length."""
     table = np.concatenate(road.line.rows)
     tree = cKDTree(table[:, 1:3])
-    assert {lane.name for lane in found.lanes} == road.borders.keys()
-    for lane in found.lanes:
+    assert {lane.name for lane in site_map.lanes} == road.borders.keys()
+    for lane in site_map.lanes:
         inner, outer = road.borders[lane.name]
         ends = []
         for border in (lane.left, lane.right):
@@ -582,13 +586,13 @@ def test_openstreetmap_houses_and_trees_stand_where_they_are(tmp_path: Path) -> 
     @given(towns(), st.booleans())
     def holds(town: Streets, nodes_behind: bool) -> None:
         file.write_text(town.text(nodes_behind))
-        found = SiteMap()
-        add_surroundings(found, read_street_map(file), town.centre, 1000)
-        assert len(found.bodies) == len(town.houses)
-        for mine, (outline, height) in zip(found.bodies, town.houses, strict=True):
+        site_map = SiteMap()
+        add_surroundings(site_map, read_street_map(file), town.centre, 1000)
+        assert len(site_map.bodies) == len(town.houses)
+        for mine, (outline, height) in zip(site_map.bodies, town.houses, strict=True):
             np.testing.assert_allclose(mine.outline, outline, atol=0.02)
             assert mine.height_m == pytest.approx(height)
-        trees = np.array([(t.x_m, t.y_m) for t in found.trees]).reshape(-1, 2)
+        trees = np.array([(t.x_m, t.y_m) for t in site_map.trees]).reshape(-1, 2)
         np.testing.assert_allclose(trees, np.array(town.trees).reshape(-1, 2), atol=0.02)
 
     tried(holds)
@@ -623,7 +627,7 @@ def test_openstreetmap_roads_on_two_layers_are_apart_or_named(tmp_path: Path) ->
 def profile(town: Streets, levels, ends, ids, streets) -> list[FloatArray]:  # type: ignore[no-untyped-def]
     """x y z (n, 3) of each of a road's ways."""
     nodes_of = {way.id: way.nodes for way in streets.ways}
-    found = []
+    profiles = []
     for name in ids:
         nodes = levels.ways.get(name, nodes_of[name])
         rows = []
@@ -636,8 +640,8 @@ def profile(town: Streets, levels, ends, ids, streets) -> list[FloatArray]:  # t
                 k = int(np.abs(last - first).argmax())
                 place = tuple(a + (b - a) * (degrees - first)[k] / (last - first)[k])
             rows.append((*place, levels.heights.get(node, 0.0)))
-        found.append(np.array(rows))
-    return found
+        profiles.append(np.array(rows))
+    return profiles
 
 
 def crossing(one: list[FloatArray], other: list[FloatArray]):  # type: ignore[no-untyped-def]
@@ -692,7 +696,7 @@ def test_openstreetmap_roads_have_their_lanes_and_heights(tmp_path: Path) -> Non
         folder.mkdir()
         (folder / "a.osm").write_text(town.text())
         import_map(folder / "a.osm", folder / "s", ImportOptions(town.centre, 300))
-        found: list[list[tuple[float, float]]] = [[] for _ in roads_]
+        points: list[list[tuple[float, float]]] = [[] for _ in roads_]
         for lane in read_lanes(folder / "s/lanes.csv").values():
             for a, b in itertools.pairwise(lane):
                 way = (b - a)[:2] / math.dist(a[:2], b[:2])
@@ -702,10 +706,10 @@ def test_openstreetmap_roads_have_their_lanes_and_heights(tmp_path: Path) -> Non
                         continue
                     u, v = a[:2] @ ahead, b[:2] @ ahead
                     if (u < 1) != (v < 1):  # by the middle
-                        place = a + (b - a) * (1 - u) / (v - u)
-                        side = float(place[:2] @ [-ahead[1], ahead[0]])
-                        found[k].append((side, float(place[2])))
-        for (_, lanes, z), mine in zip(roads_, found, strict=True):
+                        position = a + (b - a) * (1 - u) / (v - u)
+                        side = float(position[:2] @ [-ahead[1], ahead[0]])
+                        points[k].append((side, float(position[2])))
+        for (_, lanes, z), mine in zip(roads_, points, strict=True):
             sides = np.sort([side for side, _ in mine])
             assert len(mine) == lanes
             assert (np.diff(sides) > 2.4).all()

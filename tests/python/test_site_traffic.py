@@ -67,12 +67,12 @@ def test_who_walks_is_slow_and_who_drives_stands_on_the_road(busy: Traffic) -> N
 
 def test_a_roundabout_turns_vehicles_without_jumps(folder: Path) -> None:
     net = data.roundabout(folder / "roundabout")
-    found = simulate(net, data.FOOT, Demand(800), SECONDS, seed=5)
-    figures = traffic_figures(found.tracks, data.FOOT)
+    simulated = simulate(net, data.FOOT, Demand(800), SECONDS, seed=5)
+    figures = traffic_figures(simulated.tracks, data.FOOT)
     assert figures.turn_deg <= MAX_TURN_DEG
     assert figures.acceleration_m_s2 <= MAX_ACCELERATION_M_S2
     assert figures.appearing == 0
-    turned = [np.ptp(np.unwrap(t.states[:, HEADING])) for t in found.tracks]
+    turned = [np.ptp(np.unwrap(t.states[:, HEADING])) for t in simulated.tracks]
     assert max(turned) > np.pi / 4
 
 
@@ -80,16 +80,16 @@ def test_the_same_seed_gives_the_same_file(folder: Path) -> None:
     net = data.crossing(folder / "again")
     files = []
     for name, seed in (("a", 7), ("b", 7), ("c", 8)):
-        found = simulate(net, data.FOOT, Demand(600), 10, seed)
-        write_trajectories(folder / name, found.tracks)
+        simulated = simulate(net, data.FOOT, Demand(600), 10, seed)
+        write_trajectories(folder / name, simulated.tracks)
         files.append((folder / name).read_bytes())
     assert files[0] == files[1] != files[2]
 
 
 def test_vehicles_lean_with_a_hill(folder: Path) -> None:
     net = data.crossing(folder / "hill", rise_m=20)
-    found = simulate(net, data.FOOT, Demand(1000), 30, seed=3)
-    leaning = [t for t in found.tracks if np.abs(t.states[:, PITCH]).max() > 0.04]
+    simulated = simulate(net, data.FOOT, Demand(1000), 30, seed=3)
+    leaning = [t for t in simulated.tracks if np.abs(t.states[:, PITCH]).max() > 0.04]
     assert leaning
     for track in leaning:
         step = np.diff(track.states[:, :3], axis=0)
@@ -97,7 +97,7 @@ def test_vehicles_lean_with_a_hill(folder: Path) -> None:
         climbs = (ahead > 0.5) & (track.states[1:, 0] > 60) & (track.states[1:, 0] < 350)
         slope = np.arctan2(step[climbs, 2], ahead[climbs])
         np.testing.assert_allclose(-track.states[1:, PITCH][climbs], slope, atol=0.02)
-    write_trajectories(folder / "hill.csv", found.tracks)
+    write_trajectories(folder / "hill.csv", simulated.tracks)
     assert pd.read_csv(folder / "hill.csv").columns[-1] == "pitch"
 
 
@@ -172,7 +172,7 @@ def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (["--vehicles-per-hour", "1000000"], "allowed 0 to 20000"),
         (["--vehicles-per-hour", "nan"], "allowed 0 to 20000"),
@@ -182,12 +182,12 @@ def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
     ],
 )
 def test_impossible_demand_gives_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], expected: str
 ) -> None:
     data.crossing(folder / "asked")
     assert main.main(["site", "traffic", str(folder / "asked"), *words]) == main.WRONG
     err = capsys.readouterr().err
-    assert said in err
+    assert expected in err
     assert err.count("\n") == 1
     assert not (folder / "asked/trajectories.csv").exists()
 
@@ -227,8 +227,8 @@ def test_duration_is_added_where_there_is_none(tmp_path: Path) -> None:
 
 
 def test_a_map_whose_ends_no_route_joins_has_traffic_between_its_edges(folder: Path) -> None:
-    found = simulate(data.closed(folder / "closed"), data.FOOT, Demand(600), 60, seed=1)
-    near = [track for track in found.tracks if np.hypot(*track.states[:, :2].T).min() < 60]
+    simulated = simulate(data.closed(folder / "closed"), data.FOOT, Demand(600), 60, seed=1)
+    near = [track for track in simulated.tracks if np.hypot(*track.states[:, :2].T).min() < 60]
     assert near
     for track in near:  # it drives by: it neither begins nor ends in the region
         ends = track.states[[0, -1], :2] - data.FOOT[0]
@@ -243,17 +243,17 @@ def test_a_lane_that_bars_all_is_for_nobody(folder: Path) -> None:
     for k in range(2):
         text = text.replace(f'<lane id="ei_{k}"', f'<lane id="ei_{k}" disallow="all"')
     net.write_text(text)
-    found = read_road_net(net)
-    assert found.edges["ei"].lanes_for("passenger") == 0
-    assert "ei" not in {edge.name for edge in found.sources("passenger")}
+    road_net = read_road_net(net)
+    assert road_net.edges["ei"].lanes_for("passenger") == 0
+    assert "ei" not in {edge.name for edge in road_net.sources("passenger")}
 
 
 def test_few_vehicles_are_a_file_that_starts_with_the_first(folder: Path) -> None:
     net = data.crossing(folder / "lonely")
-    found = simulate(net, data.FOOT, Demand(40), 200, seed=4)
-    assert min(track.first for track in found.tracks) == 0
-    write_trajectories(folder / "lonely/trajectories.csv", found.tracks)
-    assert pd.read_csv(folder / "lonely/trajectories.csv").t.max() == lasts_s(found.tracks)
+    simulated = simulate(net, data.FOOT, Demand(40), 200, seed=4)
+    assert min(track.first for track in simulated.tracks) == 0
+    write_trajectories(folder / "lonely/trajectories.csv", simulated.tracks)
+    assert pd.read_csv(folder / "lonely/trajectories.csv").t.max() == lasts_s(simulated.tracks)
 
 
 def box_track(name: str, first: int, xy: FloatArray) -> Track:

@@ -249,8 +249,8 @@ def test_links_bridge_a_lost_frame_and_never_join_two_classes() -> None:
     times = np.array([0, 0.1, 0.3, 0.3])
     boxes = np.zeros((4, 7))
     boxes[:, 0] = [0, 1, 3, 3.1]
-    found = link(times, boxes, np.array(["Car", "Car", "Car", "Pedestrian"]))
-    assert found.tolist() == [0, 0, 0, 1]
+    tracks = link(times, boxes, np.array(["Car", "Car", "Car", "Pedestrian"]))
+    assert tracks.tolist() == [0, 0, 0, 1]
 
 
 BROKEN = {
@@ -295,13 +295,13 @@ BROKEN_XML = {
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "said"),
+    ("name", "text", "expected"),
     [(f"{name}.csv", *row) for name, row in BROKEN.items()]
     + [(f"{name}.xml", *row) for name, row in BROKEN_XML.items()]
     + [("plain.gz", FCD, "found a broken .gz")],
 )
 def test_a_broken_file_gives_one_line_and_leaves_the_site(
-    site: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, said: str
+    site: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, expected: str
 ) -> None:
     (site / "trajectories.csv").write_text("before")
     (site / name).write_text(text)
@@ -309,7 +309,7 @@ def test_a_broken_file_gives_one_line_and_leaves_the_site(
     out, err = capsys.readouterr()
     assert (code, out, err.count("\n")) == (main.FAILED, "", 1)
     assert err.startswith(f"pyinfra: {site / name}")
-    assert said in err
+    assert expected in err
     assert (site / "trajectories.csv").read_text() == "before"
 
 

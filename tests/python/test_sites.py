@@ -96,8 +96,8 @@ def test_a_run_whose_filter_finds_no_plane_says_so(
     words = ["--preset", "paper", "--frames", "0:2"]
     words += ["--set", f"filters=[{{ground_plane: {{sensor_height_m: {height_m}}}}}]"]
     result = infrasim("run", "flat", "--lidar", "helios_16", *words)
-    told = "warning: no-ground-plane: helios_16: found no plane in 2 of 2 frames"
-    assert (result.returncode, result.stderr.count(told)) == (0, warned), result.stderr
+    message = "warning: no-ground-plane: helios_16: found no plane in 2 of 2 frames"
+    assert (result.returncode, result.stderr.count(message)) == (0, warned), result.stderr
 
 
 def test_a_road_without_traffic_needs_no_warning(infrasim: Infrasim) -> None:

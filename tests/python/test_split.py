@@ -22,15 +22,15 @@ def data_set(folder: Path, seed: int = 1, frames: range = range(0, 5000, 5)) -> 
 
 
 def test_by_time_leaves_ten_seconds_between_train_and_val() -> None:
-    found = split.by_time(range(5000), 0.1)
-    assert (found.train[0], found.train[-1], len(found.train)) == (0, 3999, 4000)
-    assert (found.val[0], found.val[-1], len(found.val)) == (4100, 4999, 900)
+    parts = split.by_time(range(5000), 0.1)
+    assert (parts.train[0], parts.train[-1], len(parts.train)) == (0, 3999, 4000)
+    assert (parts.val[0], parts.val[-1], len(parts.val)) == (4100, 4999, 900)
 
 
 @pytest.mark.parametrize(("step", "train", "val"), [(20, 200, 45), (5, 800, 180)])
 def test_by_time_gives_the_tiers(step: int, train: int, val: int) -> None:
-    found = split.by_time(range(0, 5000, step), 0.1)
-    assert (len(found.train), len(found.val)) == (train, val)
+    parts = split.by_time(range(0, 5000, step), 0.1)
+    assert (len(parts.train), len(parts.val)) == (train, val)
 
 
 def test_by_time_of_a_short_run_is_an_error_that_names_its_span() -> None:
@@ -41,12 +41,12 @@ def test_by_time_of_a_short_run_is_an_error_that_names_its_span() -> None:
 
 
 def test_by_random_is_seeded_and_takes_a_fifth() -> None:
-    found = split.by_random(range(0, 1000, 10), seed=3)
-    assert (len(found.train), len(found.val)) == (80, 20)
-    assert sorted(found.train + found.val) == list(range(0, 1000, 10))
-    assert list(found.val) == sorted(found.val)
-    assert found == split.by_random(range(0, 1000, 10), seed=3)
-    assert found != split.by_random(range(0, 1000, 10), seed=4)
+    parts = split.by_random(range(0, 1000, 10), seed=3)
+    assert (len(parts.train), len(parts.val)) == (80, 20)
+    assert sorted(parts.train + parts.val) == list(range(0, 1000, 10))
+    assert list(parts.val) == sorted(parts.val)
+    assert parts == split.by_random(range(0, 1000, 10), seed=3)
+    assert parts != split.by_random(range(0, 1000, 10), seed=4)
     with pytest.raises(ValueError, match="found 1 frames"):
         split.by_random([0], seed=1)
 

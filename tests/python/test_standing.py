@@ -69,7 +69,7 @@ def lidar(
 
 
 def test_rails_go_and_vehicles_stay(lidar: Path) -> None:
-    files, found, vehicles = [], [], 0
+    files, detections, vehicles = [], [], 0
     rail = np.array([[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0]])
     for k in kitti.frames(lidar):
         objects = kitti.read_objects(kitti.frame_file(lidar, "objects", k))
@@ -77,8 +77,10 @@ def test_rails_go_and_vehicles_stay(lidar: Path) -> None:
         vehicles += len(boxes)
         every = np.concatenate([boxes, rail])
         files.append(kitti.frame_file(lidar, "velodyne", k))
-        found.append(Detections(every, np.full(len(every), 0.9), np.full(len(every), "vehicle")))
-    left = without_standing(files, found, region=None)
+        detections.append(
+            Detections(every, np.full(len(every), 0.9), np.full(len(every), "vehicle"))
+        )
+    left = without_standing(files, detections, region=None)
     boxes = np.concatenate([d.boxes for d in left])
     assert not (boxes[:, :2] == rail[0, :2]).all(axis=1).any()
     assert len(boxes) >= 0.97 * vehicles
@@ -99,6 +101,6 @@ def test_people_who_wait_stay(lidar: Path) -> None:
         [[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0], [25.0, 14.0, -7.0, 0.7, 0.7, 1.7, 0.0]]
     )
     names = np.array(["vehicle", "Pedestrian"])
-    found = [Detections(boxes, np.array([0.9, 0.8]), names)] * len(files)
-    left = without_standing(files, found, region=None)
+    detections = [Detections(boxes, np.array([0.9, 0.8]), names)] * len(files)
+    left = without_standing(files, detections, region=None)
     assert {tuple(d.names.tolist()) for d in left} == {("Pedestrian",)}

@@ -56,13 +56,13 @@ def test_a_layer_gives_the_bytes_of_the_scene_that_it_was_cast_in(
         "read": (folder / f"{preset}.yaml", "1"),
         "threads": (folder / f"{preset}.yaml", "2"),
     }
-    found = {}
+    hashes = {}
     for name, (scene, threads) in runs.items():
         done = run(infrasim, scene, preset, tmp_path / name, "--threads", threads)
         assert done.returncode == 0, done.stderr
-        found[name] = digests(tmp_path / name)
-    assert len(found["cast"]) == 24
-    assert found["cast"] == found["read"] == found["threads"]
+        hashes[name] = digests(tmp_path / name)
+    assert len(hashes["cast"]) == 24
+    assert hashes["cast"] == hashes["read"] == hashes["threads"]
 
 
 def test_the_stream_of_python_reads_the_layer(folder: Path) -> None:

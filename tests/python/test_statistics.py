@@ -195,8 +195,13 @@ def test_points_add_up_over_frames_one_after_another() -> None:
     rows = [(0, 1, 5), (1, 1, 6), (1, 2, 50), (2, 2, 60), (5, 1, 7), (6, 1, 8), (7, 1, 9)]
     frame, ids, points = (list(column) for column in zip(*rows, strict=True))
     every = table_of([10.0] * 7, [[n] for n in points], frame, ids=np.array(ids))
-    found = accumulated(every, frames, 2)
-    got = zip(found.frame.tolist(), found.ids.tolist(), found.points[:, 0].tolist(), strict=True)
+    observations = accumulated(every, frames, 2)
+    got = zip(
+        observations.frame.tolist(),
+        observations.ids.tolist(),
+        observations.points[:, 0].tolist(),
+        strict=True,
+    )
     assert list(got) == [(1, 1, 11), (1, 2, 50), (2, 2, 110), (6, 1, 15), (7, 1, 17)]
     assert ends_of_runs(frames, 3).tolist() == [2, 7]
     assert accumulated(every, frames, 1).points.tolist() == every.points.tolist()
@@ -500,17 +505,17 @@ def check_against_objects(folder: Path, table: pd.DataFrame) -> None:
     azimuth = np.degrees(np.arctan2(near.y, near.x)).abs()
     near = near[(near.visibility >= 0.2) & (near.distance // 5 == 8) & (azimuth <= 35.31)]
     key = (table.aggregation == "exact") & (table["set"] == "common") & (table.from_m == 40)
-    found = table[key & (table.lidar == "helios_16")].iloc[0]
-    assert found.vehicles == len(near) > 0
-    assert found.apv == pytest.approx(near.points.mean(), rel=1e-5)
+    measured = table[key & (table.lidar == "helios_16")].iloc[0]
+    assert measured.vehicles == len(near) > 0
+    assert measured.apv == pytest.approx(near.points.mean(), rel=1e-5)
 
 
 def test_the_avia_lights_its_field_as_others_computed_it() -> None:
     from pyinfra.dataset import simulation
 
     root = Path(__file__).resolve().parents[2]
-    found = simulation.scan_pattern(root / "configs/lidars/livox_avia.yaml", range(40))
-    avia = scan_patterns.Rays(np.degrees(found[:, 0]), np.degrees(found[:, 1]), found[:, 2])
+    pattern = simulation.scan_pattern(root / "configs/lidars/livox_avia.yaml", range(40))
+    avia = scan_patterns.Rays(np.degrees(pattern[:, 0]), np.degrees(pattern[:, 1]), pattern[:, 2])
     table = scan_patterns.lit_share(avia, (0.1, 0.2, 0.5, 1.0))
     # Computed by others from the vendor's scan table, with a way of counting that is not stated.
     np.testing.assert_allclose(table.lit_percent, [30, 51, 80, 95], atol=3.5)

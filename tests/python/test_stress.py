@@ -60,9 +60,9 @@ def bytes_of(folder: Path) -> list[bytes]:
 
 
 def scene_of(folder: Path) -> dict[str, object]:
-    found = yaml.safe_load((folder.parent / "dataset.yaml").read_text())
-    assert isinstance(found, dict)
-    return found
+    scene = yaml.safe_load((folder.parent / "dataset.yaml").read_text())
+    assert isinstance(scene, dict)
+    return scene
 
 
 def stress(name: str, dial: float | str, base: altered_scenes.Base, cache: Path) -> Path:
@@ -106,7 +106,7 @@ def test_a_tilted_sensor_sees_other_points_of_the_same_boxes(
     folder = stress("tilt", 10.0, base, tmp_path)
     assert "T_levelled_sensor: {pitch_deg: 10," in (folder / "lidar.yaml").read_text()
     before, after = (
-        kitti.read_objects(kitti.frame_file(place, "objects", 20)) for place in (data, folder)
+        kitti.read_objects(kitti.frame_file(path, "objects", 20)) for path in (data, folder)
     )
     np.testing.assert_array_equal(after.boxes, before.boxes)
     assert (after.points != before.points).any()
@@ -138,7 +138,7 @@ def test_a_turned_seam_leaves_the_boxes_of_mid_frame_and_moves_those_of_the_scan
     folder = stress("seam", 90.0, base, tmp_path)
     assert (seams_of(data), seams_of(folder)) == ([180], [270])
     before, after = (
-        kitti.read_objects(kitti.frame_file(place, "objects", 20)) for place in (data, folder)
+        kitti.read_objects(kitti.frame_file(path, "objects", 20)) for path in (data, folder)
     )
     np.testing.assert_array_equal(after.boxes, before.boxes)
     hit = (before.points > 0) & (after.points > 0)
@@ -200,7 +200,7 @@ SPINNING = {"rate_hz": 10, "azimuth_step_deg": 0.4, "channels": OTHER_LINES}
 Made = Callable[..., Path]
 
 
-def own_lidar(folder: Path, name: str, **keys: Any) -> Path:
+def custom_lidar(folder: Path, name: str, **keys: Any) -> Path:
     """The file of a LiDAR of eight lines, or of other keys, without presets."""
     single = {
         "price_usd": {"low": 1, "high": 2, "source": "nobody", "date": "2026"},
@@ -233,18 +233,20 @@ def made(
 
 
 def lidars_of_all_kinds(folder: Path) -> dict[str, Path]:
-    part = own_lidar(folder, "part")
+    part = custom_lidar(folder, "part")
     rays = np.column_stack([np.linspace(-1, 1, 500), np.tile([-0.1, -0.2], 250)])
     np.save(folder / "table.npy", rays)
     table = {"table": {"file": "table.npy", "rays_per_s": 50000}}
     parts = [{"lidar": "part.yaml", "pitch_deg": 10}, {"lidar": "table.yaml", "yaw_deg": 180}]
     return {
         "lines": part,
-        "table": own_lidar(folder, "table", pattern=table),
-        "tilted": own_lidar(folder, "tilted", bundle=parts[:1]),
-        "bundle": own_lidar(folder, "bundle", bundle=parts),
-        "shipped name": own_lidar(folder, "helios_16"),
-        "free": own_lidar(folder, "ruby_plus", pattern={"spinning": SPINNING | {"phase": "free"}}),
+        "table": custom_lidar(folder, "table", pattern=table),
+        "tilted": custom_lidar(folder, "tilted", bundle=parts[:1]),
+        "bundle": custom_lidar(folder, "bundle", bundle=parts),
+        "shipped name": custom_lidar(folder, "helios_16"),
+        "free": custom_lidar(
+            folder, "ruby_plus", pattern={"spinning": SPINNING | {"phase": "free"}}
+        ),
     }
 
 
@@ -266,19 +268,19 @@ def test_another_lidar_of_the_same_name_is_another_world(
     made: Made, data: Path, tmp_path: Path
 ) -> None:
     cache = tmp_path / "cache"
-    own = altered_scenes.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
-    shipped = replace(own, folder=data)
-    found = [
-        altered_scenes.simulated(b, altered_scenes.World(), cache, "same") for b in (own, shipped)
+    other = altered_scenes.read_base(made(custom_lidar(tmp_path, "helios_16")), 60)
+    shipped = replace(other, folder=data)
+    results = [
+        altered_scenes.simulated(b, altered_scenes.World(), cache, "same") for b in (other, shipped)
     ]
-    assert found[0] != found[1]
+    assert results[0] != results[1]
 
 
 def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
     made: Made, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = ["fog", "tilt", "unseen_lidar", "unseen_preset"]
-    folder, out = made(own_lidar(tmp_path, "mine")), tmp_path / "out"
+    folder, out = made(custom_lidar(tmp_path, "mine")), tmp_path / "out"
     assert main.main(command(background, folder, out, "--stressors", *names)) == 0
     error = capsys.readouterr().err
     assert error.startswith("pyinfra: note: left out unseen_preset: ")
@@ -306,7 +308,7 @@ def test_a_lidar_without_a_seam_is_left_out_of_seam_and_phase(made: Made, tmp_pa
 
 
 def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) -> None:
-    base = altered_scenes.read_base(made(own_lidar(tmp_path, "helios_16")), 60)
+    base = altered_scenes.read_base(made(custom_lidar(tmp_path, "helios_16")), 60)
     ((why, names),) = reasons(["tilt", "unseen_preset", "unseen_lidar"], base).items()
     assert names == ["unseen_preset"]
     assert "lidar.yaml: pattern: found another than in " in why
@@ -319,7 +321,7 @@ def test_a_shipped_lidar_can_take_every_stressor_but_those_between_poles(
 
 
 def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path) -> None:
-    base = altered_scenes.read_base(made(own_lidar(tmp_path, "mine"), preset="rainy"), 60)
+    base = altered_scenes.read_base(made(custom_lidar(tmp_path, "mine"), preset="rainy"), 60)
     ((why, names),) = reasons(["tilt", "unseen_lidar"], base).items()
     assert names == ["unseen_lidar"]
     assert "preset: found 'rainy', allowed paper, equal, datasheet" in why
@@ -336,15 +338,18 @@ def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: P
 
 
 def test_the_first_difference_of_two_lidars_is_named(base: altered_scenes.Base) -> None:
-    own = lidar.read(base.folder / "lidar.yaml")
-    assert lidar.difference(own, own) == ""
-    assert lidar.difference(own, own | {"price_usd": {"low": 1}}) == ""
-    assert lidar.difference(own, own | {"name": "mine"}) == "name"
-    assert lidar.difference(own, own | {"returns": {"max_range_m": 1}}) == "returns"
-    units = lidar.units_of(own)
-    assert lidar.difference(own, own | {"bundle": units}) == ""
-    assert lidar.difference(own, own | {"bundle": units * 2}) == "bundle"
-    assert lidar.difference(own, own | {"bundle": [units[0] | {"pitch_deg": 3}]}) == "pitch_deg"
+    description = lidar.read(base.folder / "lidar.yaml")
+    assert lidar.difference(description, description) == ""
+    assert lidar.difference(description, description | {"price_usd": {"low": 1}}) == ""
+    assert lidar.difference(description, description | {"name": "mine"}) == "name"
+    assert lidar.difference(description, description | {"returns": {"max_range_m": 1}}) == "returns"
+    units = lidar.units_of(description)
+    assert lidar.difference(description, description | {"bundle": units}) == ""
+    assert lidar.difference(description, description | {"bundle": units * 2}) == "bundle"
+    assert (
+        lidar.difference(description, description | {"bundle": [units[0] | {"pitch_deg": 3}]})
+        == "pitch_deg"
+    )
 
 
 # Recorded trajectories.
@@ -365,7 +370,7 @@ def recorded(infrasim: Callable[..., Any], made: Made, tmp_path: Path) -> Path:
     (scenes / "own.yaml").write_text(
         yaml.safe_dump({k: v for k, v in keys.items() if k != "traffic"})
     )
-    return made(own_lidar(tmp_path, "mine"), scene=scenes / "own.yaml")
+    return made(custom_lidar(tmp_path, "mine"), scene=scenes / "own.yaml")
 
 
 def test_recorded_trajectories_come_from_beside_the_frames(recorded: Path, tmp_path: Path) -> None:
@@ -375,8 +380,8 @@ def test_recorded_trajectories_come_from_beside_the_frames(recorded: Path, tmp_p
     same = altered_scenes.simulated(base, altered_scenes.World(), cache, "same")
     assert bytes_of(same) == bytes_of(recorded)
     objects = [
-        [kitti.frame_file(place, "objects", k).read_bytes() for k in FRAMES]
-        for place in (recorded, same)
+        [kitti.frame_file(path, "objects", k).read_bytes() for k in FRAMES]
+        for path in (recorded, same)
     ]
     assert objects[0] == objects[1]
     file = recorded.parent / "trajectories.csv"
@@ -406,8 +411,8 @@ def test_a_wrong_world_is_named_before_the_first_cell_and_the_rest_is_measured(
 ) -> None:
     words = ["--stressors", "speed", "--dials", "1.5", "100"]
     assert main.main(command(background, data, tmp_path, *words, "--dry-run")) == 1
-    said = capsys.readouterr()
-    assert said.out.splitlines()[:-1] == ["run none 0.0", "run speed 1.5"]
+    output = capsys.readouterr()
+    assert output.out.splitlines()[:-1] == ["run none 0.0", "run speed 1.5"]
     assert main.main(command(background, data, tmp_path, *words)) == 1
     first, last = capsys.readouterr().err.splitlines()
     assert first.startswith("pyinfra: speed 100.0 failed: infrasim check: --set traffic.speed")
@@ -532,12 +537,12 @@ def test_another_model_of_the_same_name_is_no_finished_cell(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clouds = [kitti.read_points(kitti.frame_file(data, "velodyne", k)) for k in FRAMES]
-    for place, learnt in (("old", clouds), ("new", clouds[:2])):
-        (tmp_path / place / "run").mkdir(parents=True)
-        Background.learn(learnt).save(tmp_path / place / "run/background.npz")
+    for path, learnt in (("old", clouds), ("new", clouds[:2])):
+        (tmp_path / path / "run").mkdir(parents=True)
+        Background.learn(learnt).save(tmp_path / path / "run/background.npz")
     old, new = (
-        command(tmp_path / place / "run", data, tmp_path / "out", "--stressors", "drop_out")
-        for place in ("old", "new")
+        command(tmp_path / path / "run", data, tmp_path / "out", "--stressors", "drop_out")
+        for path in ("old", "new")
     )
     assert main.main(old) == 0
     assert main.main(new) == 2
@@ -585,12 +590,14 @@ def test_runs_of_one_detector_are_dials_of_the_training(base: altered_scenes.Bas
     fewer = trials.TrainedRun(Path("b"), "pointpillars", 200, 1)
     seed = trials.TrainedRun(Path("c"), "pointpillars", 800, 2)
     stressors = chosen(["fog", "training_frames", "training_seed"], None)
-    found = trials.plan([first, fewer, seed], stressors, base)
-    trained = [(c.run, c.stressor.name, c.dial) for c in found if c.stressor.acts_on == "training"]
+    planned = trials.plan([first, fewer, seed], stressors, base)
+    trained = [
+        (c.run, c.stressor.name, c.dial) for c in planned if c.stressor.acts_on == "training"
+    ]
     named = [row for row in trained if row[1] != "none"]
     assert named == [(fewer, "training_frames", 200.0), (seed, "training_seed", "2")]
-    assert all(c.reference is first for c in found)
-    assert sum(c.stressor.name == "fog" for c in found) == 4
+    assert all(c.reference is first for c in planned)
+    assert sum(c.stressor.name == "fog" for c in planned) == 4
     with pytest.raises(ValueError, match="found 200 frames and seed 2, allowed another number"):
         trials.plan([first, trials.TrainedRun(Path("d"), "pointpillars", 200, 2)], stressors, base)
 
@@ -605,11 +612,11 @@ def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
     config = pointpillars.Config()
     network = checkpoint.build("pointpillars", config, SITE)
     names = {"lidar": lidar, "preset": "paper", "scene": "highway"}
-    about = checkpoint.About(
+    provenance = checkpoint.Provenance(
         "pointpillars", as_plain(config), SITE, **names, seed=1, step=1, steps=1
     )
     folder.mkdir()
-    checkpoint.save(folder / "last.safetensors", network, {}, about)
+    checkpoint.save(folder / "last.safetensors", network, {}, provenance)
     (folder / "run.yaml").write_text(f"frames: {frames}\n")
     return folder
 
@@ -696,6 +703,6 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     assert "found no dataset.yaml, allowed --stressors of clouds" in capsys.readouterr().err
     (recorded.parent / "dataset.yaml").write_text("name: site\npreset: recorded\n")
     assert main.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
-    said = capsys.readouterr().err
-    assert said.startswith("pyinfra: note: left out tilt: ")
-    assert "dataset.yaml: found no roads, as of a recording, allowed --stressors of" in said
+    message = capsys.readouterr().err
+    assert message.startswith("pyinfra: note: left out tilt: ")
+    assert "dataset.yaml: found no roads, as of a recording, allowed --stressors of" in message

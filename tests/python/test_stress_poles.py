@@ -88,8 +88,8 @@ def test_recorded_vehicles_are_told_by_the_clock_of_the_first(data: Path, tmp_pa
     keys["trajectories"] = "cars.csv"
     (fused / "dataset.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
     mounts = altered_scenes.read_base(fused / "helios_16", 60).mounts
-    found = [mounts[name].get("clock_offset_s", 0) for name in MOUNTS]
-    np.testing.assert_allclose(found, [0, -0.02, 0.03], atol=1e-12)
+    offsets_s = [mounts[name].get("clock_offset_s", 0) for name in MOUNTS]
+    np.testing.assert_allclose(offsets_s, [0, -0.02, 0.03], atol=1e-12)
 
 
 def test_poles_of_one_mount_cannot_come_apart(data: Path) -> None:

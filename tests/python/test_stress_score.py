@@ -33,10 +33,10 @@ def site(folder: Path, vehicles: list[list[dict[str, object]]]) -> Path:
 
 
 def measured(
-    tmp_path: Path, found: list[tuple[list[float], float]], vehicles: list[dict[str, object]]
+    tmp_path: Path, boxes: list[tuple[list[float], float]], vehicles: list[dict[str, object]]
 ) -> dict[str, float]:
     folder = site(tmp_path / "data", [vehicles] * FRAMES)
-    return score.scored(read_ground_truth(folder), [detections(found)] * FRAMES)[0]
+    return score.scored(read_ground_truth(folder), [detections(boxes)] * FRAMES)[0]
 
 
 NEAR, MID, FAR = car(20), car(55), car(80)
@@ -44,11 +44,11 @@ NEAR, MID, FAR = car(20), car(55), car(80)
 
 def test_figures_are_those_of_evaluate(tmp_path: Path) -> None:
     frames = traffic(60)
-    found = noisy(frames)
+    predictions = noisy(frames)
     folder = site(tmp_path / "data", frames)
-    pred = write_predictions(tmp_path / "pred", found)
+    pred = write_predictions(tmp_path / "pred", predictions)
     expected = evaluate(folder, pred)
-    row, _ = score.scored(read_ground_truth(folder), [detections(one) for one in found])
+    row, _ = score.scored(read_ground_truth(folder), [detections(one) for one in predictions])
     first = expected.ap.iloc[0]
     for name in ("ap", "objects"):
         assert row[name] == pytest.approx(first[name], abs=1e-6)
@@ -234,10 +234,10 @@ def test_ranking_takes_what_all_detectors_went_through() -> None:
             rows("fog", {"0": 80, "5": 0}, "b").iloc[1:],
         ]
     )
-    found = summary.ranking(table).to_dict("records")
-    assert [row["detector"] for row in found] == ["b", "a"]
-    assert [row["gentleness"] for row in found] == pytest.approx([0.875, 0.75])
-    assert {row["stressors"] for row in found} == {1}
+    ranks = summary.ranking(table).to_dict("records")
+    assert [row["detector"] for row in ranks] == ["b", "a"]
+    assert [row["gentleness"] for row in ranks] == pytest.approx([0.875, 0.75])
+    assert {row["stressors"] for row in ranks} == {1}
     apart = pd.concat([rows("fog", {"0": 90, "5": 80}, "a"), rows("rain", {"0": 9, "5": 8}, "b")])
     assert len(summary.ranking(apart)) == 0
     other_dials = [rows("fog", {"0": 90, "5": 80}, "a"), rows("fog", {"0": 90, "10": 80}, "b")]

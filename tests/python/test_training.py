@@ -86,10 +86,10 @@ def lidar_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def recipe(steps: int = 6) -> Recipe:
-    found = read_recipe(CONFIG, "smoke")
+    original = read_recipe(CONFIG, "smoke")
     augmentation = Augmentation(flip=True, rotation_deg=5, scale=0.05, pasted=3)
-    learning = dataclasses.replace(found.learning, steps=steps)
-    return dataclasses.replace(found, learning=learning, augmentation=augmentation)
+    learning = dataclasses.replace(original.learning, steps=steps)
+    return dataclasses.replace(original, learning=learning, augmentation=augmentation)
 
 
 def run(folder: Path, out: Path, steps: int = 6) -> Path:
@@ -183,7 +183,7 @@ def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill
     train.train(best_recipe(), [source], killed, quiet=True)
     for name in ("last.safetensors", "best.safetensors", "validation.csv"):
         assert (whole / name).read_bytes() == (killed / name).read_bytes(), name
-    best = checkpoint.load(whole / "best.safetensors").about
+    best = checkpoint.load(whole / "best.safetensors").provenance
     assert best.step == 8
     assert pd.read_csv(whole / "validation.csv").ap.tolist() == [20, 50, 40, 50, 30]
     boxes = source.read_boxes()[:6]
@@ -237,14 +237,16 @@ def test_validation_is_the_average_precision_of_all_held_out_frames() -> None:
     frames = Frames((lambda: boxes,) * 3, (boxes, boxes[:0], boxes))
     wrong = boxes + np.array([0, 100, 0, 0, 0, 0, 0])
 
-    def said(found: np.ndarray, score: float) -> Detections:
-        return Detections(found, np.full(len(found), score), np.full(len(found), "vehicle"))
+    def answer(answered: np.ndarray, score: float) -> Detections:
+        return Detections(
+            answered, np.full(len(answered), score), np.full(len(answered), "vehicle")
+        )
 
-    nothing = said(boxes[:0], 0)
+    nothing = answer(boxes[:0], 0)
     for answers, wanted in (
-        ([said(boxes, 0.9), nothing, said(boxes, 0.8)], 100),
-        ([said(boxes, 0.9), nothing, nothing], 50),
-        ([said(boxes, 0.5), said(wrong, 0.9), said(boxes, 0.5)], 100 * 8 / 12),
+        ([answer(boxes, 0.9), nothing, answer(boxes, 0.8)], 100),
+        ([answer(boxes, 0.9), nothing, nothing], 50),
+        ([answer(boxes, 0.5), answer(wrong, 0.9), answer(boxes, 0.5)], 100 * 8 / 12),
         ([nothing] * 3, 0),
     ):
         network = Known(answers)
@@ -421,15 +423,15 @@ def test_a_full_disk_leaves_the_checkpoint_that_was_there(
 ) -> None:
     file = tmp_path / "last.safetensors"
     shutil.copy(trained / "last.safetensors", file)
-    found = checkpoint.load(file)
+    loaded = checkpoint.load(file)
 
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(checkpoint, "save_file", full)
     with pytest.raises(OSError, match="No space left"):
-        checkpoint.save(file, found.network(), {}, found.about)
-    assert checkpoint.load(file).about == found.about
+        checkpoint.save(file, loaded.network(), {}, loaded.provenance)
+    assert checkpoint.load(file).provenance == loaded.provenance
     assert list(tmp_path.iterdir()) == [file]
 
 
@@ -438,8 +440,8 @@ def changed(file: Path, out: Path, **keys: object) -> Path:
     tensors = load_file(file)
     length = int.from_bytes(file.read_bytes()[:8], "little")
     header = json.loads(file.read_bytes()[8 : 8 + length])
-    about = yaml.safe_load(header["__metadata__"]["about"]) | keys
-    save_file(tensors, out, metadata={"about": yaml.safe_dump(about)})
+    provenance = yaml.safe_load(header["__metadata__"]["about"]) | keys
+    save_file(tensors, out, metadata={"about": yaml.safe_dump(provenance)})
     return out
 
 
@@ -516,17 +518,17 @@ def test_results_are_in_the_camera_of_the_data(
 ) -> None:
     other = tmp_path / "road/ring"
     shutil.copytree(lidar_folder, other)
-    own = kitti.read_calibration(kitti.frame_file(other, "calib", 9))
-    moved = own.Tr_velo_to_cam + np.array([[0, 0, 0, 0.3], [0, 0, 0, -0.1], [0, 0, 0, 2]])
-    camera = dataclasses.replace(own, Tr_velo_to_cam=moved)
+    calibration = kitti.read_calibration(kitti.frame_file(other, "calib", 9))
+    moved = calibration.Tr_velo_to_cam + np.array([[0, 0, 0, 0.3], [0, 0, 0, -0.1], [0, 0, 0, 2]])
+    camera = dataclasses.replace(calibration, Tr_velo_to_cam=moved)
     kitti.write_calibration(kitti.frame_file(other, "calib", 9), camera)
     words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
-    ((found,), _) = detect.detect(
+    ((detections,), _) = detect.detect(
         detect.load_detector(trained), [kitti.frame_file(lidar_folder, "velodyne", 9)], None
     )
     labels = kitti.read_labels(tmp_path / "pred/000009.txt", scores=True, calibration=camera)
-    np.testing.assert_allclose(labels.boxes, found.boxes, atol=1e-3)
+    np.testing.assert_allclose(labels.boxes, detections.boxes, atol=1e-3)
 
 
 def test_two_clouds_of_one_name_are_not_written_over_one_another(
@@ -579,9 +581,9 @@ def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) ->
 def sure(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file of the trained network that is sure of what it finds, wherever it stands."""
     file = tmp_path_factory.mktemp("sure") / "sure.safetensors"
-    found = checkpoint.load(trained / "last.safetensors")
-    found.tensors["network.head.heat.bias"] += 8
-    checkpoint.write(file, found.tensors, dataclasses.replace(found.about, ground=None))
+    loaded = checkpoint.load(trained / "last.safetensors")
+    loaded.tensors["network.head.heat.bias"] += 8
+    checkpoint.write(file, loaded.tensors, dataclasses.replace(loaded.provenance, ground=None))
     return file
 
 
@@ -597,11 +599,11 @@ def test_calibration_changes_scores_and_no_box(sure: Path, lidar_folder: Path) -
     network = checkpoint.load(sure).network()
     raw = network.predict(points)
     network.calibration = (2.0, -12.0)
-    found = network.predict(points)
-    assert len(found) == len(raw) > 20
-    assert raw.scores.min() >= MIN_SCORE > found.scores.min()
-    np.testing.assert_array_equal(found.boxes, raw.boxes)
-    logits = [np.log(s / (1 - s)) for s in (raw.scores, found.scores)]
+    detections = network.predict(points)
+    assert len(detections) == len(raw) > 20
+    assert raw.scores.min() >= MIN_SCORE > detections.scores.min()
+    np.testing.assert_array_equal(detections.boxes, raw.boxes)
+    logits = [np.log(s / (1 - s)) for s in (raw.scores, detections.scores)]
     np.testing.assert_allclose(2 * logits[0] - 12, logits[1], rtol=1e-6)
 
 
@@ -610,7 +612,7 @@ def test_weights_in_half_precision_find_what_whole_ones_do(
 ) -> None:
     whole = checkpoint.load(sure)
     half = {f"network.{k}": v.half() if v.ndim > 1 else v for k, v in whole.weights().items()}
-    checkpoint.write(tmp_path / "half.safetensors", half, whole.about)
+    checkpoint.write(tmp_path / "half.safetensors", half, whole.provenance)
     points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", 9))
     files = (sure, tmp_path / "half.safetensors")
     ground = level_ground(-6.0)
@@ -651,9 +653,9 @@ def test_a_pcd_file_gives_the_boxes_of_the_bin(
 
 
 def test_weights_that_are_no_numbers_are_refused(sure: Path, tmp_path: Path) -> None:
-    found = checkpoint.load(sure)
-    found.tensors["network.head.heat.bias"] *= float("nan")
-    checkpoint.write(tmp_path / "nan.safetensors", found.tensors, found.about)
+    loaded = checkpoint.load(sure)
+    loaded.tensors["network.head.heat.bias"] *= float("nan")
+    checkpoint.write(tmp_path / "nan.safetensors", loaded.tensors, loaded.provenance)
     with pytest.raises(ConfigError, match=r"head\.heat\.bias: found a number that is not finite"):
         detect.load_detector(tmp_path / "nan.safetensors", ground=level_ground(-6.0))
 
@@ -696,12 +698,12 @@ def test_a_training_begins_with_the_weights_of_another(
     slow = recipe(1).begun_with(trained)
     slow = dataclasses.replace(slow, learning=dataclasses.replace(slow.learning, rate=1e-7))
     file = train.train(slow, [source], tmp_path / "tuned", quiet=True)
-    found, before = checkpoint.load(file), checkpoint.load(trained / "last.safetensors")
-    assert found.about.start == checkpoint.digest(trained / "last.safetensors")
-    assert found.about.calibration is None
+    loaded, before = checkpoint.load(file), checkpoint.load(trained / "last.safetensors")
+    assert loaded.provenance.start == checkpoint.digest(trained / "last.safetensors")
+    assert loaded.provenance.calibration is None
     for name, weights in before.weights().items():
         if "running" not in name and "num_batches" not in name:
-            torch.testing.assert_close(found.weights()[name], weights, atol=1e-5, rtol=1e-4)
+            torch.testing.assert_close(loaded.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
     with pytest.raises(ConfigError, match="found weights of another network"):
         train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
@@ -797,14 +799,14 @@ def test_moved_points_stay_in_their_boxes() -> None:
 def test_pasted_vehicles_bring_their_points_and_stand_on_nobody() -> None:
     how = Augmentation(pasted=10)
     sample, other = road_sample(12, 2), road_sample(13, 6)
-    found = with_pasted(sample, other, how, np.random.default_rng(1))
-    assert len(sample.boxes) < len(found.boxes) <= 8
+    pasted = with_pasted(sample, other, how, np.random.default_rng(1))
+    assert len(sample.boxes) < len(pasted.boxes) <= 8
     from pyinfra.core.boxes import bev_iou
 
-    overlap = bev_iou(found.boxes, found.boxes) - np.eye(len(found.boxes))
+    overlap = bev_iou(pasted.boxes, pasted.boxes) - np.eye(len(pasted.boxes))
     assert np.abs(overlap).max() < 1e-9
-    for box in found.boxes:
-        assert points_in_box(found.points, box).sum() >= 100
+    for box in pasted.boxes:
+        assert points_in_box(pasted.points, box).sum() >= 100
     same = augmented(sample, None, Augmentation(), np.random.default_rng(1))
     np.testing.assert_array_equal(same.points, sample.points)
 
@@ -813,8 +815,8 @@ def test_each_class_is_pasted_in_turn() -> None:
     other = dataclasses.replace(road_sample(13, 8), classes=np.array([0, 0, 0, 0, 0, 0, 1, 2]))
     empty = dataclasses.replace(other, points=other.points[:0], boxes=other.boxes[:0], classes=None)
     for seed in range(5):
-        found = with_pasted(empty, other, Augmentation(pasted=3), np.random.default_rng(seed))
-        assert sorted(found.numbers) == [0, 1, 2]
+        pasted = with_pasted(empty, other, Augmentation(pasted=3), np.random.default_rng(seed))
+        assert sorted(pasted.numbers) == [0, 1, 2]
 
 
 def test_with_shadows_no_point_lies_behind_a_pasted_vehicle() -> None:
@@ -833,13 +835,13 @@ def test_a_pasted_object_hides_what_lies_behind_it_and_nothing_else() -> None:
     wall = np.column_stack(
         [np.full(sides.size, 20), sides.ravel(), heights.ravel(), np.zeros(sides.size)]
     )
-    places = np.array([[40, 0, -10, 0], [10, 0, -2.5, 0], [40, 10, -10, 0], [40, 0, 3, 0]])
-    behind = hidden_by(wall.astype(np.float32), places.astype(np.float32), 0.0)
+    positions = np.array([[40, 0, -10, 0], [10, 0, -2.5, 0], [40, 10, -10, 0], [40, 0, 3, 0]])
+    behind = hidden_by(wall.astype(np.float32), positions.astype(np.float32), 0.0)
     assert behind.tolist() == [True, False, False, False]
-    above = (lifted(points.astype(np.float32), 6) for points in (wall, places))
+    above = (lifted(points.astype(np.float32), 6) for points in (wall, positions))
     assert hidden_by(*above, 6.0).tolist() == behind.tolist()
     turned = wall[:, :3] @ np.diag([-1.0, -1.0, 1.0])  # across the cut at 180 degrees
-    there = places[:, :3] @ np.diag([-1.0, -1.0, 1.0])
+    there = positions[:, :3] @ np.diag([-1.0, -1.0, 1.0])
     both = (np.insert(xyz, 3, 0, axis=1).astype(np.float32) for xyz in (turned, there))
     assert hidden_by(*both, 0.0).tolist() == behind.tolist()
 
@@ -849,15 +851,15 @@ def test_an_error_of_the_pose_moves_points_and_boxes_alike() -> None:
     how = Augmentation(height_std_m=0.15, level_std_deg=0.3)
     rises = []
     for seed in range(200):
-        found = with_pose_error(sample, how, np.random.default_rng(seed))
-        np.testing.assert_array_equal(found.points[:, :2], sample.points[:, :2])
-        for before, after in zip(sample.boxes, found.boxes, strict=True):
+        altered = with_pose_error(sample, how, np.random.default_rng(seed))
+        np.testing.assert_array_equal(altered.points[:, :2], sample.points[:, :2])
+        for before, after in zip(sample.boxes, altered.boxes, strict=True):
             inside = points_in_box(sample.points, before)
-            rise = (found.points[inside, 2] - sample.points[inside, 2]).mean()
+            rise = (altered.points[inside, 2] - sample.points[inside, 2]).mean()
             assert after[2] - before[2] == pytest.approx(rise, abs=0.03)
         at_sensor = np.linalg.lstsq(
             np.column_stack([sample.points[:, :2], np.ones(len(sample.points))]),
-            (found.points[:, 2] - sample.points[:, 2]).astype(np.float64),
+            (altered.points[:, 2] - sample.points[:, 2]).astype(np.float64),
             rcond=None,
         )[0]
         rises.append([*np.degrees(np.arctan(at_sensor[:2])), at_sensor[2]])
@@ -891,9 +893,9 @@ def test_dropped_points_and_lines_are_some_up_to_the_dial() -> None:
     for how in (Augmentation(drop_out=0.9), Augmentation(lost_lines=0.9)):
         shares = []
         for k in range(40):
-            found = with_faults(sample, how, np.random.default_rng(k))
-            assert {tuple(p) for p in found.points} <= {tuple(p) for p in sample.points}
-            shares.append(len(found.points) / len(sample.points))
+            altered = with_faults(sample, how, np.random.default_rng(k))
+            assert {tuple(p) for p in altered.points} <= {tuple(p) for p in sample.points}
+            shares.append(len(altered.points) / len(sample.points))
         assert min(shares) < 0.35
         assert max(shares) > 0.85
 
@@ -903,19 +905,19 @@ def test_vehicles_without_a_point_left_are_no_longer_to_be_found() -> None:
     few = dataclasses.replace(sample, points=sample.points[::40])
     lost = 0
     for k in range(20):
-        found = with_faults(few, Augmentation(drop_out=0.99), np.random.default_rng(k))
-        assert (points_in_boxes(found.points, found.boxes) > 0).all()
-        lost += len(sample.boxes) - len(found.boxes)
+        altered = with_faults(few, Augmentation(drop_out=0.99), np.random.default_rng(k))
+        assert (points_in_boxes(altered.points, altered.boxes) > 0).all()
+        lost += len(sample.boxes) - len(altered.boxes)
     assert lost > 0
 
 
 def test_range_noise_is_along_the_rays() -> None:
     sample = road_sample(17)
-    found = with_faults(sample, Augmentation(range_noise_m=0.2), np.random.default_rng(3))
-    before, after = (s.points[:, :3].astype(np.float64) for s in (sample, found))
+    altered = with_faults(sample, Augmentation(range_noise_m=0.2), np.random.default_rng(3))
+    before, after = (s.points[:, :3].astype(np.float64) for s in (sample, altered))
     np.testing.assert_allclose(np.cross(before, after), 0, atol=1e-3)
     assert 0.001 < np.std(np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1)) < 0.25
-    np.testing.assert_array_equal(found.boxes, sample.boxes)
+    np.testing.assert_array_equal(altered.boxes, sample.boxes)
 
 
 def test_faults_are_of_the_rays_of_a_sensor_above_the_road() -> None:
@@ -926,9 +928,9 @@ def test_faults_are_of_the_rays_of_a_sensor_above_the_road() -> None:
     above = dataclasses.replace(
         of_sensor, points=lifted(of_sensor.points, 6), boxes=boxes, height_m=6.0
     )
-    found = with_faults(above, how, np.random.default_rng(3))
-    assert len(found.points) < 0.9 * len(above.points)
-    np.testing.assert_allclose(found.points, lifted(expected.points, 6), atol=1e-4)
+    altered = with_faults(above, how, np.random.default_rng(3))
+    assert len(altered.points) < 0.9 * len(above.points)
+    np.testing.assert_allclose(altered.points, lifted(expected.points, 6), atol=1e-4)
     assert moved(above, turn=0.1, scale=0.5, flip=False).height_m == 3
 
 
@@ -995,11 +997,11 @@ def test_a_scene_with_several_mounts_is_learnt_at_one(
 def test_a_source_is_of_the_mount_that_is_named() -> None:
     scene, lidar = ROOT / "configs/scenes/crossroad_poles.yaml", ROOT / "configs/lidars"
     short = {"duration_s": 430, "traffic.warm_up_s": 5}
-    found = [
+    sources = [
         simulated_source(scene, lidar / "helios_16.yaml", "smoke", set=short, mount=name)
         for name in ("west", "north")
     ]
-    clouds = [source.clouds[0]() for source in found]
+    clouds = [source.clouds[0]() for source in sources]
     assert clouds[0].tobytes() != clouds[1].tobytes()
 
 

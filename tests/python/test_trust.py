@@ -39,9 +39,9 @@ def good(draw: np.random.Generator, truth: FloatArray) -> Boxes:
     return boxes, draw.uniform(0.7, 1, len(boxes))
 
 
-def cars_at(places: FloatArray) -> FloatArray:
-    rows = np.tile([-5.2, *CAR, 0.0], (len(places), 1))
-    return np.column_stack([places, rows])
+def cars_at(positions: FloatArray) -> FloatArray:
+    rows = np.tile([-5.2, *CAR, 0.0], (len(positions), 1))
+    return np.column_stack([positions, rows])
 
 
 def and_ghosts(draw: np.random.Generator, truth: FloatArray) -> Boxes:
@@ -143,10 +143,12 @@ def test_labelled_frames_are_asked_for_it(
 # --- tracks by hand
 
 
-def row(places: list[list[tuple[float, float]]]) -> BoxSeries:
+def row(per_frame: list[list[tuple[float, float]]]) -> BoxSeries:
     """Boxes of frames 0, 1, ..."""
-    frame = np.repeat(np.arange(len(places)), [len(own) for own in places])
-    xy = np.array([place for own in places for place in own], dtype=np.float64).reshape(-1, 2)
+    frame = np.repeat(np.arange(len(per_frame)), [len(positions) for positions in per_frame])
+    xy = np.array(
+        [position for positions in per_frame for position in positions], dtype=np.float64
+    ).reshape(-1, 2)
     return BoxSeries(frame, cars_at(xy), np.ones(len(frame)))
 
 
@@ -154,7 +156,7 @@ def test_what_goes_straight_travels_and_leaves_do_not() -> None:
     car = [(1.5 * k, 0.0) for k in range(8)]
     leaf = [(50 + 2.0 * (k % 2), 30 + 1.5 * (k // 2 % 2)) for k in range(8)]
     parked = [(0.1 * (k % 2), -20.0) for k in range(8)]
-    seen = row([list(own) for own in zip(car, leaf, parked, strict=True)])
+    seen = row([list(positions) for positions in zip(car, leaf, parked, strict=True)])
     assert travels(seen, 0.1).tolist() == [True, False, False] * 8
 
 

@@ -152,9 +152,9 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     both.loc[both.index >= len(rows["results"]), "version"] = "4.0.0"
     rest = zip(both.index[: len(rows["results"])], both.index[len(rows["results"]) :], strict=True)
     for a, b in rest:
-        found = replicates.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
-        assert abs(found.value) < 5  # Background finds its ground otherwise since 0.3
-        assert np.isfinite(found.draws).all()
+        difference = replicates.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
+        assert abs(difference.value) < 5  # Background finds its ground otherwise since 0.3
+        assert np.isfinite(difference.draws).all()
     other = both.loc[0].copy()
     other["version"] = "0.2.0"
     assert not replicates.are_pairs(both.loc[0], other)
@@ -166,8 +166,8 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
 def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3() -> None:
     inputs.resolved.cache_clear()
     row = store.read(V0_3 / "results/smoke.csv").iloc[0]
-    found = inputs.digests(read_plan(V0_3 / "inputs/small.yaml", "smoke"))
-    assert found.inputs.to_list() == [row.inputs]
+    table = inputs.digests(read_plan(V0_3 / "inputs/small.yaml", "smoke"))
+    assert table.inputs.to_list() == [row.inputs]
     recipes = {
         name: read_recipe(V0_3 / f"inputs/{name}.yaml", "smoke") for name in DIGESTS["recipes"]
     }
@@ -222,8 +222,8 @@ def test_a_checkpoint_detects_and_so_does_the_shipped_model() -> None:
     pytest.importorskip("torch")
     cloud = [frame_file(V0_3 / "data/turning", "velodyne", 15)]
     for model in (V0_3 / "run", Path("generalist")):
-        found = detect.detector_at(model, V0_3 / "data/turning")
-        assert len(detect.detect(found, cloud, None)[0]) == 1
+        detector = detect.detector_at(model, V0_3 / "data/turning")
+        assert len(detect.detect(detector, cloud, None)[0]) == 1
 
 
 # Keys with another name
@@ -275,6 +275,6 @@ def test_a_file_of_0_3_has_the_canonical_names(file: str, infrasim: Infrasim) ->
     text = (V0_3 / file).read_text()
     result = infrasim("check", V0_3 / file, "--canonical")
     assert result.stderr == ""
-    own = text.split("\npreset: ")[0] if "dataset" in file else text
-    assert result.stdout.startswith(own)
+    kept = text.split("\npreset: ")[0] if "dataset" in file else text
+    assert result.stdout.startswith(kept)
     assert result.stdout.endswith("frames_version: 3\n" if "dataset" in file else text[-20:])

@@ -23,7 +23,7 @@ from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.frame_checks import validate
 from pyinfra.metrics.match_results import Settings
 
-Found = list[list[tuple[list[float], float]]]
+FramePredictions = list[list[tuple[list[float], float]]]
 
 
 @pytest.fixture
@@ -47,11 +47,11 @@ def names_for(lidar: Path, tmp_path: Path) -> Callable[..., set[str]]:
     """Names of the warnings about the vehicles' own boxes after a change to them."""
 
     def names(change: Callable[[list[float]], list[float]], name: str = "Car") -> set[str]:
-        found: Found = []
+        predictions: FramePredictions = []
         for k in kitti.frames(lidar):
             boxes = kitti.read_objects(kitti.frame_file(lidar, "objects", k)).boxes
-            found.append([(change(b.tolist()), 0.9) for b in boxes])
-        pred = write_predictions(tmp_path / "changed", found, name)
+            predictions.append([(change(b.tolist()), 0.9) for b in boxes])
+        pred = write_predictions(tmp_path / "changed", predictions, name)
         return {f.name for f in validate(lidar, pred) if f.level == "warning"}
 
     return names
@@ -65,9 +65,9 @@ def edited(index: int, change: Callable[[float], float]) -> Callable[[list[float
 
 
 def test_good_frames_and_predictions_have_no_warning(lidar: Path, tmp_path: Path) -> None:
-    found = validate(lidar, tmp_path / "pred")
-    assert {finding.level for finding in found} == {"note"}
-    assert {finding.name for finding in found} == {"origin", "z-range", "xy-range"}
+    findings = validate(lidar, tmp_path / "pred")
+    assert {finding.level for finding in findings} == {"note"}
+    assert {finding.name for finding in findings} == {"origin", "z-range", "xy-range"}
 
 
 def test_noisy_predictions_have_no_warning(tmp_path: Path) -> None:
@@ -103,10 +103,12 @@ def test_usual_mistakes_are_named(
 
 def test_a_bottom_centre_is_told_from_another_height(lidar: Path, tmp_path: Path) -> None:
     boxes = [kitti.read_objects(kitti.frame_file(lidar, "objects", k)).boxes for k in range(12)]
-    found = [[(edited(2, lambda z: z - 0.75)(b.tolist()), 0.9) for b in frame] for frame in boxes]
+    predictions = [
+        [(edited(2, lambda z: z - 0.75)(b.tolist()), 0.9) for b in frame] for frame in boxes
+    ]
     (warning,) = [
         f
-        for f in validate(lidar, write_predictions(tmp_path / "low", found))
+        for f in validate(lidar, write_predictions(tmp_path / "low", predictions))
         if f.name == "height-offset"
     ]
     assert "bottom's centre" in warning.text
@@ -129,26 +131,26 @@ def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
     assert "score-range" in {f.name for f in validate(lidar, pred)}
     low = write_predictions(tmp_path / "low", [[(box(car(20)), 0.05)]] * 12)
     assert "scores-low" not in {f.name for f in validate(lidar, low)}
-    found = evaluate(lidar, low, settings=Settings(min_score=0.1)).findings
-    assert "scores-low" in {f.name for f in found}
+    noted = evaluate(lidar, low, settings=Settings(min_score=0.1)).findings
+    assert "scores-low" in {f.name for f in noted}
     (pred / "000000.txt").write_text(
         (pred / "000000.txt").read_text().replace("vehicle", "bicycle", 1)
     )
-    (found,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
-    assert found.level == "warning"
+    (noted,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
+    assert noted.level == "warning"
     (low / "000003.txt").write_text((low / "000003.txt").read_text().replace("vehicle", "Zebra"))
     (low / "000001.txt").write_text((low / "000001.txt").read_text().replace("vehicle", "Cyclist"))
-    (found,) = (f for f in validate(lidar, low) if f.name == "other-classes")
-    assert found.text.startswith(f"{low / '000003.txt'}:1: not evaluated: Zebra (1); allowed Car")
+    (noted,) = (f for f in validate(lidar, low) if f.name == "other-classes")
+    assert noted.text.startswith(f"{low / '000003.txt'}:1: not evaluated: Zebra (1); allowed Car")
 
 
 def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
     pred = write_predictions(tmp_path / "both", [[(box(car(20)), 0.9), (box(car(40)), 0.8)]] * 12)
     first = pred / "000000.txt"
     first.write_text(first.read_text().replace("vehicle", "Pedestrian", 1))
-    (found,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
+    (finding,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
     text = "not evaluated: Pedestrian (1); `pyinfra evaluate --class` evaluates others"
-    assert str(found) == f"note: other-classes: {text}"
+    assert str(finding) == f"note: other-classes: {text}"
 
 
 def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
@@ -258,8 +260,8 @@ def simulated(tmp_path: Path) -> Path:
 
 def errors_of(folder: Path) -> list[tuple[str, str]]:
     """Names of errors and of warnings of a cloud's size, with the file that they start with."""
-    found = [f for f in validate(folder) if f.level == "error" or f.name == "small-cloud"]
-    return [(f.name, Path(f.text.split(": ")[0]).name) for f in found]
+    findings = [f for f in validate(folder) if f.level == "error" or f.name == "small-cloud"]
+    return [(f.name, Path(f.text.split(": ")[0]).name) for f in findings]
 
 
 def test_whole_clouds_have_the_points_of_their_objects(simulated: Path) -> None:

@@ -90,8 +90,8 @@ def test_coordinates_are_within_half_a_centimetre_and_the_rest_stays_with_its_po
     assert np.abs(xyz[order] - truth[truth_order]).max() <= 0.00501
     n = packed["count"]
     columns = np.frombuffer(rest, np.uint8).reshape(4, n)[:, order]
-    found = np.array(packed["objects"])[columns[2] + 256 * columns[3].astype(int)]
-    assert (found == ids[truth_order]).all()
+    decoded = np.array(packed["objects"])[columns[2] + 256 * columns[3].astype(int)]
+    assert (decoded == ids[truth_order]).all()
     assert np.abs(columns[0] / 255 - view.intensity[truth_order]).max() <= 0.5 / 255 + 1e-6
     assert np.abs(columns[1] / 2550 - time[truth_order]).max() <= 0.05 / 255 + 1e-6
 
@@ -278,9 +278,9 @@ def test_wrong_words_end_in_one_line_and_no_page(
     data, out = str(tmp_path / "data"), tmp_path / "view.html"
     words = words.replace("DATA", data)
     assert main.main(["view", data, *words.split(), "--out", str(out)]) == 2
-    said = capsys.readouterr().err.replace(data, "DATA")
-    assert error in said
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err.replace(data, "DATA")
+    assert error in message
+    assert message.count("\n") == 1
     assert not out.exists()
 
 
@@ -359,9 +359,11 @@ def test_road_and_buildings_of_the_data_set_are_in_the_page(
 ) -> None:
     data, out = tmp_path / "data", tmp_path / "view.html"
     infrasim(*run_command("livox_avia", frames="0:1", out=data), check=True)
-    own = "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 0, base_m: 1}"
+    building = (
+        "{x_m: 10, y_m: 30, length_m: 20, width_m: 8, height_m: 5, heading_deg: 0, base_m: 1}"
+    )
     file = data / "dataset.yaml"
-    file.write_text(file.read_text().replace("buildings: []", f"buildings: [{own}]"))
+    file.write_text(file.read_text().replace("buildings: []", f"buildings: [{building}]"))
     assert main.main(["view", str(data), "--out", str(out)]) == 0
     around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
     assert around["buildings"] == [[10, 30, 3.5, 20, 8, 5, 0]]

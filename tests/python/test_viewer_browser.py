@@ -26,8 +26,8 @@ HOSTILE = "</script><script>document.title='taken'</script><img src=http://192.0
 OpenView = Callable[..., AbstractContextManager[Opened]]
 
 
-def boxes(*places: tuple[float, float]) -> Any:
-    return np.array([[x, y, 0.75, 4.5, 2, 1.5, 0] for x, y in places])
+def boxes(*positions: tuple[float, float]) -> Any:
+    return np.array([[x, y, 0.75, 4.5, 2, 1.5, 0] for x, y in positions])
 
 
 def views(frames: int = 3) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def views(frames: int = 3) -> dict[str, Any]:
     """
 
     def frame(k: int, aside: float) -> Any:
-        found = boxes((20, 8), (34, -8))
+        detected = boxes((20, 8), (34, -8))
         return view_frame(
             blob(22 + 5 * k, aside, 1),
             frame=10 + k,
@@ -46,7 +46,7 @@ def views(frames: int = 3) -> dict[str, Any]:
             hits=np.array([4000, 0]),
             time_s=np.linspace(0, 0.1, 4000, dtype=np.float32),
             object_id=np.full(4000, 7, np.int32),
-            predictions=Labels(np.array(["vehicle"] * 2), found, np.array([0.9, 0.2])),
+            predictions=Labels(np.array(["vehicle"] * 2), detected, np.array([0.9, 0.2])),
         )
 
     return {
@@ -224,8 +224,8 @@ def test_fingers_turn_and_zoom(open_view: OpenView) -> None:
         x, y = centre(view)
         send = view.page.context.new_cdp_session(view.page).send
 
-        def touch(kind: str, *places: tuple[float, float]) -> None:
-            points = [{"x": at[0], "y": at[1], "id": i} for i, at in enumerate(places)]
+        def touch(kind: str, *positions: tuple[float, float]) -> None:
+            points = [{"x": at[0], "y": at[1], "id": i} for i, at in enumerate(positions)]
             send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
         first = picture(view)

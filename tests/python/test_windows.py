@@ -59,8 +59,8 @@ def test_a_window_holds_the_canvas_and_the_boxes_there(name: str) -> None:
     rows, columns = view.sides
     assert rows % step == columns % step == 0
     assert rows * columns * encoder.pillar_m**2 <= 300
-    found = encoder.eval().occupied(batch)
-    canvas, parts = encoder.canvas(*found, 2), encoder.canvas(*found, 2, view)
+    occupied = encoder.eval().occupied(batch)
+    canvas, parts = encoder.canvas(*occupied, 2), encoder.canvas(*occupied, 2, view)
     assert torch.equal(parts[0], canvas[0, :, :rows, :columns])
     assert torch.equal(parts[1], canvas[1, :, -rows:, -columns:])
     assert parts.any()
@@ -82,13 +82,13 @@ def test_a_cut_batch_has_the_voxels_of_its_windows() -> None:
     batch = make_batch([road_sample(1), road_sample(2)], area)
     step = network.bev.step * math.prod(network.config.strides)
     view = windows.view_of(looking_at(batch, 300.0, area.low[:2], area.high[:2]), area, size, step)
-    found = backbone.voxels(windows.cut(batch, view, area, size), view)
+    voxels = backbone.voxels(windows.cut(batch, view, area, size), view)
     whole = backbone.voxels(batch).to_dense()
     rows, columns = view.sides
     parts = torch.stack([whole[0, :, :rows, :columns], whole[1, :, -rows:, -columns:]])
     assert parts.any(dim=(1, 2, 3)).all()
     # Moving may carry a point over a voxel's side by rounding; not here.
-    torch.testing.assert_close(found.to_dense(), parts, atol=1e-5, rtol=0)
+    torch.testing.assert_close(voxels.to_dense(), parts, atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("name", [*ON_PILLARS, "pv-rcnn"])

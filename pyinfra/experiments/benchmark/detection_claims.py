@@ -47,13 +47,13 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     kept["cells"] = kept["cells"].dropna(subset=["ap"])  # of a seed that failed another stands in
     kept |= {name: first_seed(kept[name]) for name in ("cells", "draws", "value") if name in kept}
     rows: list[dict[str, object]] = []
-    for (scene, preset), own in kept["cells"].groupby(["scene", "preset"], sort=False):
+    for (scene, preset), group in kept["cells"].groupby(["scene", "preset"], sort=False):
         here = {
             name: t[(t.scene == scene) & (t.preset == preset)]
             for name, t in kept.items()
             if name in ("draws", "value")
         }
-        versions = " ".join(dict.fromkeys(own.version.astype(str)))
+        versions = " ".join(dict.fromkeys(group.version.astype(str)))
         case = {"scene": scene, "preset": preset, "version": versions}
         rows.extend(asdict(row) | case for row in claims(here))
     rows.extend(tilt(kept.get("stress_draws", pd.DataFrame())))
@@ -93,8 +93,8 @@ def figures_of(draws: pd.DataFrame) -> Figures:
     return of
 
 
-def tested(claim: str, text: str, found: Bootstrapped, inside: tuple[float, float]) -> Row:
-    one = found.measured()
+def tested(claim: str, text: str, bootstrapped: Bootstrapped, inside: tuple[float, float]) -> Row:
+    one = bootstrapped.measured()
     return Row(claim, text, one.value, one.low, one.high, verdict(one.low, one.high, inside))
 
 
@@ -116,18 +116,18 @@ def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
     """algorithms and similar."""
     every = {name: of(lidar, name, "captured", "ap_fine") for name in (*PUBLISHED, "pointrcnn")}
     known = {name: one for name, one in every.items() if one is not None}
-    found = {name: known[name] for name in PUBLISHED if name in known}
-    if len(found) < len(PUBLISHED):
+    by_detector = {name: known[name] for name in PUBLISHED if name in known}
+    if len(by_detector) < len(PUBLISHED):
         return
-    order = sorted(found, key=lambda name: found[name].value)
-    best, worst = found[order[-1]], found[order[0]]
+    order = sorted(by_detector, key=lambda name: by_detector[name].value)
+    best, worst = by_detector[order[-1]], by_detector[order[0]]
     if "pointrcnn" in known:
         text = f"{lidar}: AP of the best ({order[-1]}) less that of PointRCNN 20 or more"
         yield tested("algorithms", text, best.less(known["pointrcnn"]), (20.0, math.inf))
     for name in ("pv-rcnn", "pointpillars"):
         if name != order[-1]:
             text = f"{lidar}: AP of the best ({order[-1]}) less that of {name} 5 or less"
-            yield tested("algorithms", text, best.less(found[name]), AT_MOST_5)
+            yield tested("algorithms", text, best.less(by_detector[name]), AT_MOST_5)
     text = f"{lidar}: AP of the best ({order[-1]}) less the lowest ({order[0]}) 5 or less"
     yield tested("similar", text, best.less(worst), AT_MOST_5)
 
@@ -188,10 +188,10 @@ def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
     if stress.empty:
         return []
     rows = []
-    own = first_stress(stress[stress.lidar == AVIA])
-    own = own[own.stressor.isin(["none", "tilt"]) & own.value.notna()]
-    own = own.assign(dial=pd.to_numeric(own.dial))
-    for key, curve in own.groupby(["scene", "preset", "detector"], sort=False):
+    selected = first_stress(stress[stress.lidar == AVIA])
+    selected = selected[selected.stressor.isin(["none", "tilt"]) & selected.value.notna()]
+    selected = selected.assign(dial=pd.to_numeric(selected.dial))
+    for key, curve in selected.groupby(["scene", "preset", "detector"], sort=False):
         level = curve[curve.stressor == "none"]
         tilted = curve[(curve.stressor == "tilt") & curve.dial.between(0, STEEPEST_DEG)]
         if level.empty or tilted.empty:

@@ -44,8 +44,8 @@ def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
 def expected_seconds(cells: Sequence[Cell], table: pd.DataFrame) -> list[float]:
     """Of each cell: the median of its detector's rows, else what the tier allows."""
     known = table.groupby("detector").train_seconds.median() if len(table) else {}
-    own = {"background": BACKGROUND_S}
+    usual = {"background": BACKGROUND_S}
     return [
-        float(known.get(cell.detector, own.get(cell.detector, SECONDS[cell.tier])))
+        float(known.get(cell.detector, usual.get(cell.detector, SECONDS[cell.tier])))
         for cell in cells
     ]

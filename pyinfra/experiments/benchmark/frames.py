@@ -89,8 +89,8 @@ def simulate(shard: Shard) -> None:
 def split_by_time(folder: Path, parts: Parts) -> None:
     """Raises FileExistsError if the data set is split in another way."""
     data = read_data_set(folder)
-    found = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
-    split.write(data, found)
+    time_split = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
+    split.write(data, time_split)
 
 
 def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
@@ -102,9 +102,9 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
     data = read_data_set(folder)
     vehicles = read_sightings(data)
     tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in vehicles.lidars])}
-    found = vehicle_tables(vehicles, blocks_of(data, vehicles))
+    by_name = vehicle_tables(vehicles, blocks_of(data, vehicles))
     for name in STATISTICS:
-        rows = found[name]
+        rows = by_name[name]
         tables[name] = pd.concat([pd.DataFrame([key] * len(rows)), rows], axis=1)
     on_vehicles = zip(vehicles.lidars, vehicles.points.sum(axis=0), strict=True)
     hits = [key | hit_row(folder / name, points) for name, points in on_vehicles]

@@ -68,10 +68,10 @@ def check_names(plan: Plan) -> None:
 
 def check_name(file: Path, text: str) -> None:
     """Raises ConfigError if a resolved text is not named as the file."""
-    found, name = yaml.safe_load(text)["name"], name_of(file)
-    if found != name:
+    given, name = yaml.safe_load(text)["name"], name_of(file)
+    if given != name:
         what = "file" if name == file.stem else "folder"
-        raise ConfigError(f"{file}: name: found '{found}', allowed '{name}', as the {what}")
+        raise ConfigError(f"{file}: name: found '{given}', allowed '{name}', as the {what}")
 
 
 def digests(plan: Plan) -> pd.DataFrame:
@@ -90,10 +90,10 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     file = plan.files["scenes", scene]
     world = canonical(file, preset)
     unit = PRICE.sub("", canonical(plan.files["lidars", lidar], preset))
-    found = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
+    hasher = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
     for named in named_files(yaml.safe_load(world)):
-        found.update((file.parent / named).read_bytes())
-    return found.hexdigest()[:16]
+        hasher.update((file.parent / named).read_bytes())
+    return hasher.hexdigest()[:16]
 
 
 def named_files(scene: dict[str, Any]) -> list[str]:
@@ -162,9 +162,9 @@ def renew_price(lidar: Path, preset: str, file: Path) -> None:
     mounts = len(kitti.read_keys(file).get("mounts", ["the only one"]))
     price |= {end: mounts * price[end] for end in ("low", "high")}
     total = "price_total_usd: {{low: {low:.15g}, high: {high:.15g}}}\n".format(**price)
-    own = PRICE.search(resolved(lidar, preset))
+    price_match = PRICE.search(resolved(lidar, preset))
     old = file.read_text(encoding="utf-8")
-    text = TOTAL.sub(total, PRICE.sub(lambda _: own.group() if own else "", old))
+    text = TOTAL.sub(total, PRICE.sub(lambda _: price_match.group() if price_match else "", old))
     if text != old:
         with replacing(file) as beside:
             beside.write_text(text, encoding="utf-8")

@@ -16,7 +16,7 @@ from pyinfra.experiments.benchmark import inputs, measure
 from pyinfra.experiments.benchmark.matrix import Cell, Plan
 from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
 from pyinfra.experiments.benchmark.workspace import Workspace
-from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.gpus import exclusive_gpu
 from pyinfra.experiments.pool import Say, silent
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
@@ -58,9 +58,9 @@ def time_cell(
     run = workspace.work / "runs" / cell.name
     recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
     claim_run(run, inputs_of(cell, recipe, digests))
-    with own_gpu(device, workspace.work) as own:
+    with exclusive_gpu(device, workspace.work) as gpu:
         folder = workspace.data(cell.world) / cell.lidar
-        columns, load = measure.timed_alone(run, folder, own)
+        columns, load = measure.timed_alone(run, folder, gpu)
     put_latency(cell, workspace, columns)
     say(f"{cell.title}: {columns['latency_p50_ms']} ms a frame; {load.text}")
 

@@ -140,10 +140,10 @@ class Plan:
 
     def worlds(self) -> dict[str, list[Cell]]:
         """The cells by the data set they need."""
-        found: dict[str, list[Cell]] = {}
+        groups: dict[str, list[Cell]] = {}
         for cell in self.cells:
-            found.setdefault(cell.world, []).append(cell)
-        return found
+            groups.setdefault(cell.world, []).append(cell)
+        return groups
 
 
 def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
@@ -156,8 +156,8 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
     files: dict[tuple[str, str], Path] = {}
 
     def known(kind: str, words: tuple[str, ...]) -> list[str]:
-        own = scene and kind == "scenes"
-        paths = [scene_of(scene)] if own else [config_file(kind, file, word) for word in words]
+        is_scene = scene and kind == "scenes"
+        paths = [scene_of(scene)] if is_scene else [config_file(kind, file, word) for word in words]
         for path in paths:
             name = name_of(path)
             if files.setdefault((kind, name), path) != path:
@@ -179,10 +179,10 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
             ):
                 yield Cell(scene, lidar, preset, detector, tier, seed)
 
-    found = tuple(dict.fromkeys(cells()))
+    unique_cells = tuple(dict.fromkeys(cells()))
     frames = benchmark.frames or FRAMES[tier]
     check_parts(file, frames, benchmark.split)
-    return Plan(found, frames, files, benchmark.costs, benchmark.split)
+    return Plan(unique_cells, frames, files, benchmark.costs, benchmark.split)
 
 
 def check_parts(file: Path, frames: str, parts: Parts) -> None:
@@ -195,10 +195,10 @@ def check_parts(file: Path, frames: str, parts: Parts) -> None:
 
 def range_of(frames: str) -> range:
     """A:B[:STEP]. Raises ConfigError if it is no range."""
-    found = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
-    if found is None:
+    match = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
+    if match is None:
         raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")
-    first, end, step = (int(word or 1) for word in found.groups())
+    first, end, step = (int(word or 1) for word in match.groups())
     numbers = range(first, end, step) if step else range(0)
     if not numbers or end > MOST_FRAMES:
         raise ConfigError(

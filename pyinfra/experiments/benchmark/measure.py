@@ -129,18 +129,18 @@ def steps_of(recipe: Recipe) -> int:
 
 def row(cell: Cell, evaluation: Evaluation, seconds: float, steps: int) -> dict[str, object]:
     """Without a latency: detectors are timed when nothing else runs."""
-    found = evaluation.ap.set_index("ground_truth")
+    by_truth = evaluation.ap.set_index("ground_truth")
     return {
         **asdict(cell),
         **{
-            f"{name}{end}": found[f"ap{end}"][which]
+            f"{name}{end}": by_truth[f"ap{end}"][which]
             for which, name in AP_OF.items()
             for end in AP_ENDS
         },
-        "objects": int(found.objects["captured"]),
-        "objects_all": int(found.objects["all"]),
-        "objects_present": int(found.objects["present"]),
-        "block_s": found.block_s["captured"],
+        "objects": int(by_truth.objects["captured"]),
+        "objects_all": int(by_truth.objects["all"]),
+        "objects_present": int(by_truth.objects["present"]),
+        "block_s": by_truth.block_s["captured"],
         "train_seconds": round(seconds, 1),
         "train_steps": steps,
         **dict.fromkeys(LATENCY, np.nan),
@@ -169,5 +169,5 @@ def keyed(cell: Cell, rows: pd.DataFrame | None) -> pd.DataFrame:
     """The rows of an evaluation's table, named by their cell."""
     if rows is None:
         return pd.DataFrame()
-    own = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)
-    return pd.concat([pd.DataFrame([asdict(cell)] * len(own)), own], axis=1)
+    table = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)
+    return pd.concat([pd.DataFrame([asdict(cell)] * len(table)), table], axis=1)

@@ -23,8 +23,8 @@ def paper_table(cells: pd.DataFrame) -> pd.DataFrame:
     Columns scene, preset, cells, rank_correlation, p_value (share of the orders of one side that
     correlate as much, either way), mean_difference (here less the paper).
     """
-    own = first_seed(cells[(cells.preset == "paper") & cells.ap.notna()])
-    both = own.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
+    ours = first_seed(cells[(cells.preset == "paper") & cells.ap.notna()])
+    both = ours.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
     groups = [*both.groupby("scene", sort=False), ("all", both)]
     rows = [{"scene": s, "preset": "paper", **agreement(t)} for s, t in groups]
     return pd.DataFrame([row for row in rows if row["cells"] >= LEAST_CELLS])
@@ -43,12 +43,12 @@ def agreement(both: pd.DataFrame) -> dict[str, float]:
 def by_chance(both: pd.DataFrame) -> float:
     """How likely a correlation of the ranks is that is as far from 0."""
     theirs = rankdata(both.ap_paper)
-    found = permutation_test(
+    test = permutation_test(
         (rankdata(both.ap),),
-        lambda own, axis: (own * (theirs - theirs.mean())).sum(axis=axis),
+        lambda ours, axis: (ours * (theirs - theirs.mean())).sum(axis=axis),
         permutation_type="pairings",
         n_resamples=DRAWS,
         vectorized=True,
         rng=np.random.default_rng(1),
     )
-    return float(found.pvalue)
+    return float(test.pvalue)

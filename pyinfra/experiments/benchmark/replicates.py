@@ -28,8 +28,8 @@ class CellDraws:
         here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == measure)
         for name in KEY:
             here &= self.rows[name].astype(str) == str(cell[name])
-        found = self.rows[here]
-        return None if found.empty else found.iloc[0]
+        rows = self.rows[here]
+        return None if rows.empty else rows.iloc[0]
 
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
         """Which of the others, by their place, cannot be told from the best by fine AP.
@@ -37,12 +37,12 @@ class CellDraws:
         One without draws is not among them: nothing is known of it. Raises ValueError for cells
         whose draws are not of the same blocks.
         """
-        own = self.row(best, ground_truth)
+        reference = self.row(best, ground_truth)
         rows = [self.row(other, ground_truth) for other in others]
         return [
             i
             for i, row in enumerate(rows)
-            if own is not None
+            if reference is not None
             and row is not None
-            and not difference(own, row, ("tier",)).measured().is_told
+            and not difference(reference, row, ("tier",)).measured().is_significant
         ]

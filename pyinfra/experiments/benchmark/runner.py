@@ -19,7 +19,7 @@ from pyinfra.experiments.benchmark.matrix import Cell, Plan
 from pyinfra.experiments.benchmark.paper import paper_table
 from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
 from pyinfra.experiments.benchmark.workspace import KEYS, Workspace
-from pyinfra.experiments.gpus import own_gpu
+from pyinfra.experiments.gpus import exclusive_gpu
 from pyinfra.experiments.pool import Say, silent
 from pyinfra.experiments.value import KEY, mounts_of, value_table
 from pyinfra.metrics.intervals import NO_INTERVAL
@@ -73,10 +73,10 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
     table = store.read(workspace.table("value"))
     for mounts, rows in table.groupby(mounts_of(table)) if len(table) else ():
         allowed = plan.costs.of_mounts(mounts).site_usd
-        found = sorted(set(rows.site_usd) - {allowed})
-        if found:
+        other = sorted(set(rows.site_usd) - {allowed})
+        if other:
             raise ConfigError(
-                f"{workspace.table('value')}: found costs of the site of {found[0]:g} USD, allowed "
+                f"{workspace.table('value')}: found costs of the site of {other[0]:g} USD, allowed "
                 f"{allowed:g} as in this benchmark, or another --out"
             )
 
@@ -145,16 +145,16 @@ def fill(
         )
         try:
             recipe = read_recipe(file, cell.tier)
-            own_inputs = inputs_of(cell, recipe, digests)
-            claim_run(run, own_inputs)
-            with own_gpu(device, workspace.work) as own:
-                found = measure.tables(cell, recipe, folder, run, device=own)
-            found["cells"] = found["cells"].assign(**own_inputs)
+            cell_inputs = inputs_of(cell, recipe, digests)
+            claim_run(run, cell_inputs)
+            with exclusive_gpu(device, workspace.work) as gpu:
+                tables = measure.tables(cell, recipe, folder, run, device=gpu)
+            tables["cells"] = tables["cells"].assign(**cell_inputs)
         except Exception as error:  # whatever it is, the other cells go on
-            found = measure.failed(cell, error)
-        workspace.put(found)
+            tables = measure.failed(cell, error)
+        workspace.put(tables)
         conclude(workspace, plan)
-    say(progress(cell, found["cells"].iloc[0]))
+    say(progress(cell, tables["cells"].iloc[0]))
 
 
 def progress(cell: Cell, row: pd.Series) -> str:
@@ -162,8 +162,8 @@ def progress(cell: Cell, row: pd.Series) -> str:
         return f"{cell.title}: failed: {row.reason}"
     span = f"[{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
     ap = f"{AP_R1000} {row.ap_fine:.1f} {span if pd.notna(row.ap_fine_low) else NO_INTERVAL}"
-    found = f"; {row.findings}" if row.findings else ""
-    return f"{cell.title}: {ap}, {row.train_seconds} s{found}"
+    findings = f"; {row.findings}" if row.findings else ""
+    return f"{cell.title}: {ap}, {row.train_seconds} s{findings}"
 
 
 def conclude(workspace: Workspace, plan: Plan) -> None:

@@ -151,9 +151,9 @@ def pole_yaw(base: Base, degrees: float | str) -> World:
 
 def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str, ...]:
     """KEY=VALUE: clocks later than they are, the last one's by ms, those between evenly."""
-    own_s = [mount.get("clock_offset_s", 0) for mount in mounts.values()]
-    more_s = [ms / 1000 * i / (len(own_s) - 1) for i in range(len(own_s))]
-    late = zip(mounts, own_s, more_s, strict=True)
+    offsets_s = [mount.get("clock_offset_s", 0) for mount in mounts.values()]
+    more_s = [ms / 1000 * i / (len(offsets_s) - 1) for i in range(len(offsets_s))]
+    late = zip(mounts, offsets_s, more_s, strict=True)
     return tuple(f"mounts.{name}.clock_offset_s={a + b:.6g}" for name, a, b in late if b)
 
 
@@ -161,9 +161,9 @@ def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tupl
     """KEY=VALUE: all but the first are taken to stand turned, left and right by turns."""
     words = []
     for i, (name, mount) in enumerate(mounts.items()):
-        own = mount.get("calibration_error", {}).get("yaw_deg", 0)
+        given_deg = mount.get("calibration_error", {}).get("yaw_deg", 0)
         if i > 0:
-            yaw_deg = own + degrees * (1 if i % 2 else -1)
+            yaw_deg = given_deg + degrees * (1 if i % 2 else -1)
             words.append(f"mounts.{name}.calibration_error.yaw_deg={yaw_deg:g}")
     return tuple(words)
 
@@ -250,8 +250,8 @@ def _texts(base: Base, world: World) -> dict[str, str]:
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if world.scene:
         text = scene_file(world.scene).read_text("utf-8")
-    own = {} if world.lidar else {lidar.FILE: _lidar_text(base, world)}
-    return {SCENE: text} | own
+    lidar_texts = {} if world.lidar else {lidar.FILE: _lidar_text(base, world)}
+    return {SCENE: text} | lidar_texts
 
 
 def _lidar_text(base: Base, world: World) -> str:

@@ -64,16 +64,16 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatAr
     """(3, 3): Rz(yaw) Ry(pitch) Rx(roll), radians; as the simulator's, a positive pitch looks down
     and a positive roll lifts the left side."""
     (cy, sy), (cp, sp), (cr, sr) = ((math.cos(a), math.sin(a)) for a in (yaw, pitch, roll))
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return np.asarray(about_z @ about_y @ about_x)
+    yaw_matrix = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    pitch_matrix = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    roll_matrix = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return np.asarray(yaw_matrix @ pitch_matrix @ roll_matrix)
 
 
 def _attenuated(points: Points, extinction_per_m: float, draws: Draws) -> Points:
     """What comes through, fainter, and then the drops that some lost rays hit."""
     ranges = ranges_of(points)
-    stays, drop, place = draws.random((3, len(points)))
+    stays, drop, fraction = draws.random((3, len(points)))
     transmission = np.exp(-2 * extinction_per_m * ranges)
     through = stays < transmission
     kept = points[through]
@@ -81,6 +81,6 @@ def _attenuated(points: Points, extinction_per_m: float, draws: Draws) -> Points
     drops = ~through & (drop < DROPS_SHARE) & (ranges > DROPS_FROM_M)
     # Inverse of the distribution with density 1/z^2 between DROPS_FROM_M and the range.
     near, far = 1 / DROPS_FROM_M, 1 / ranges[drops]
-    fallen = scaled(points[drops], 1 / (near - place[drops] * (near - far)) / ranges[drops])
+    fallen = scaled(points[drops], 1 / (near - fraction[drops] * (near - far)) / ranges[drops])
     fallen[:, 3] = DROPS_INTENSITY
     return np.concatenate([kept, fallen])

@@ -13,7 +13,7 @@ from pyinfra.formats.kitti import read_keys
 
 Keys = dict[str, Any]
 
-ABOUT = ("name", "model")
+DESCRIPTIVE_KEYS = ("name", "model")
 UNIT = ("yaw_deg", "pitch_deg", "pattern", "returns")
 NOT_TURNED = {"yaw_deg": 0, "pitch_deg": 0}
 FILE = "lidar.yaml"
@@ -66,7 +66,7 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     if turns_deg:
         units = [turned(unit, turns_deg[i % len(turns_deg)]) for i, unit in enumerate(units)]
     total = config["price_total_usd"] | {"source": "the bundle", "date": "its own"}
-    keys = {key: config[key] for key in ABOUT}
+    keys = {key: config[key] for key in DESCRIPTIVE_KEYS}
     keys["price_usd"] = config.get("price_usd", total)
     keys["bundle"] = [_with_whole_path(unit, file.parent) for unit in units]
     return str(yaml.safe_dump(keys, sort_keys=False))
@@ -74,12 +74,12 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
 
 def difference(config: Keys, shipped: Keys) -> str:
     """The first key in which two LiDARs cast other rays or return other points, else nothing."""
-    own, other = units_of(config), units_of(shipped)
+    ours, other = units_of(config), units_of(shipped)
     if config["name"] != shipped["name"]:
         return "name"
-    if len(own) != len(other):
+    if len(ours) != len(other):
         return "bundle"
-    pairs = list(zip(own, other, strict=True))
+    pairs = list(zip(ours, other, strict=True))
     return next((key for key in UNIT if any(a[key] != b[key] for a, b in pairs)), "")
 
 

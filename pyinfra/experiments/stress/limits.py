@@ -15,15 +15,15 @@ CLOUDS_ALONE = "allowed --stressors of clouds alone"
 
 def scene(base: Base) -> str:
     """The scene of a simulated data set, and the vehicles recorded for it."""
-    place = base.folder.parent
+    folder = base.folder.parent
     if not base.scene:
-        return f"{place}: found no dataset.yaml, {CLOUDS_ALONE}"
+        return f"{folder}: found no dataset.yaml, {CLOUDS_ALONE}"
     if "roads" not in base.scene:
-        return f"{place / 'dataset.yaml'}: found no roads, as of a recording, {CLOUDS_ALONE}"
+        return f"{folder / 'dataset.yaml'}: found no roads, as of a recording, {CLOUDS_ALONE}"
     for key in ("static_layers", "lanes", "meshes"):
         if base.scene.get(key):
-            found = f"{place / 'dataset.yaml'}: {key}: found files that a run does not copy"
-            return f"{found}, {CLOUDS_ALONE}"
+            problem = f"{folder / 'dataset.yaml'}: {key}: found files that a run does not copy"
+            return f"{problem}, {CLOUDS_ALONE}"
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
         return f"{recorded}: found no such file, needed to simulate again"
@@ -72,17 +72,17 @@ def several_mounts(base: Base) -> str:
 def one_mount(base: Base) -> str:
     """Frames whose points are all from one place."""
     if base.is_fused:
-        found = f"found fused frames of {', '.join(base.mounts)}"
-        return f"{base.folder.parent}: {found}, allowed those of one mount"
+        problem = f"found fused frames of {', '.join(base.mounts)}"
+        return f"{base.folder.parent}: {problem}, allowed those of one mount"
     return ""
 
 
 def known_preset(base: Base) -> str:
     """A preset that the LiDARs of the catalogue have."""
-    found = base.lidar.preset
-    if found not in PRESETS:
+    preset = base.lidar.preset
+    if preset not in PRESETS:
         allowed = f"{', '.join(PRESETS)}, which the catalogue has"
-        return f"{base.folder / lidar.FILE}: preset: found '{found}', allowed {allowed}"
+        return f"{base.folder / lidar.FILE}: preset: found '{preset}', allowed {allowed}"
     return ""
 
 

@@ -45,7 +45,7 @@ COLUMNS = (
 
 
 def scored(
-    truth: GroundTruth, found: Sequence[Detections], types: Sequence[str] = VEHICLE_TYPES
+    truth: GroundTruth, detections: Sequence[Detections], types: Sequence[str] = VEHICLE_TYPES
 ) -> tuple[dict[str, float], pd.DataFrame]:
     """COLUMNS of the detections in each frame of truth, and the draws of their fine AP.
 
@@ -53,7 +53,7 @@ def scored(
     fine AP gained when that error is forgiven.
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
-    one = contest(truth, as_predictions(found), "vehicle", settings, "bev")
+    one = contest(truth, as_predictions(detections), "vehicle", settings, "bev")
     judgement = _judgement(one)
     row = ap_row(judgement, IOU, "definition")
     wrong = causes(judgement, IOU, strict=False)
@@ -68,16 +68,18 @@ def scored(
     }, draw_rows(same, "captured", [("ap_fine", fine_ap(judgement))])
 
 
-def as_predictions(found: Sequence[Detections]) -> Predictions:
+def as_predictions(detections: Sequence[Detections]) -> Predictions:
     """The detections of each frame, one after another."""
-    counts = [len(one) for one in found]
-    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in found)])
+    counts = [len(one) for one in detections]
+    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in detections)])
     return Predictions(
-        frame=np.repeat(np.arange(len(found)), counts),
+        frame=np.repeat(np.arange(len(detections)), counts),
         line=np.array([n + 1 for count in counts for n in range(count)], dtype=np.int64),
-        names=np.concatenate([np.empty(0, "<U1"), *(one.names for one in found)]),
+        names=np.concatenate([np.empty(0, "<U1"), *(one.names for one in detections)]),
         boxes=boxes,
-        scores=np.concatenate([np.empty(0), *(one.scores for one in found)]).astype(np.float64),
+        scores=np.concatenate([np.empty(0), *(one.scores for one in detections)]).astype(
+            np.float64
+        ),
         angle=boxes[:, 6],
     )
 
@@ -87,7 +89,7 @@ def forgiven(judgement: Judgement) -> dict[str, float]:
     one, partner = judgement.contest, partners(judgement)
     has = partner >= 0
     reached = np.zeros(len(one.vehicles), dtype=np.bool_)
-    reached[judgement.took[judgement.took >= 0]] = True
+    reached[judgement.matches[judgement.matches >= 0]] = True
     reached[partner[has]] = True
     distance = _distance(one)
     better = {"ghosts": replace(judgement, wrong=judgement.wrong & has)}
@@ -107,7 +109,7 @@ def partners(judgement: Judgement) -> IntArray:
     one = judgement.contest
     v, p = one.vehicles, one.predictions
     free = np.ones(len(v), dtype=np.bool_)
-    free[judgement.took[judgement.took >= 0]] = False
+    free[judgement.matches[judgement.matches >= 0]] = False
     partner = np.full(len(p), -1, dtype=np.int64)
     for i, j in pairs_of_frames(p.frame, v.frame):
         apart = np.hypot(*(p.boxes[i, :2] - v.boxes[j, :2]).T)
@@ -135,14 +137,14 @@ def _recall(judgement: Judgement, ends: tuple[float, float]) -> float:
     distance = _distance(judgement.contest)
     counted = judgement.counted & (distance >= ends[0]) & (distance < ends[1])
     hit = np.zeros(len(counted), dtype=np.bool_)
-    hit[judgement.took[judgement.hit]] = True
+    hit[judgement.matches[judgement.hit]] = True
     return float(hit[counted].mean()) if counted.any() else math.nan
 
 
 def box_errors(judgement: Judgement) -> dict[str, float]:
     """Medians over the hits; heading to the nearer of the two ways along the vehicle."""
     p = judgement.contest.predictions.boxes[judgement.hit]
-    v = judgement.contest.vehicles.boxes[judgement.took[judgement.hit]]
+    v = judgement.contest.vehicles.boxes[judgement.matches[judgement.hit]]
     apart = np.hypot(p[:, 0] - v[:, 0], p[:, 1] - v[:, 1])
     turn = np.abs((np.degrees(p[:, 6] - v[:, 6]) + 90) % 180 - 90)
     some = len(p) > 0

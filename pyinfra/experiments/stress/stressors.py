@@ -16,7 +16,7 @@ from pyinfra.metrics.row_selection import PRESETS
 from pyinfra.models.training import sensor_faults
 
 Dial = float | str
-OWN = "own"  # no stress, where a dial is a name
+UNSTRESSED = "own"  # no stress, where a dial is a name
 CloudChange = Callable[[Points, float, sensor_faults.Draws], Points]
 WorldChange = Callable[[Base, Dial], World]
 Need = Callable[[Base], str]  # why a base lacks it, or nothing
@@ -63,7 +63,7 @@ class Stressor:
             if unknown:
                 allowed = ", ".join(map(str, self.dials[1:]))
                 raise ValueError(f"--dials: found '{unknown[0]}', allowed {allowed}")
-            return tuple(word for word in words if word != OWN)
+            return tuple(word for word in words if word != UNSTRESSED)
         return tuple(v for v in map(_dial, words) if v != self.dials[0])
 
 
@@ -129,35 +129,35 @@ STRESSORS = {
         Stressor(
             "phase",
             "name",
-            (OWN, "draw_1", "draw_2", "draw_3", "draw_4"),
+            (UNSTRESSED, "draw_1", "draw_2", "draw_3", "draw_4"),
             world=altered_scenes.phase,
             needs=SEAM,
         ),
         Stressor(
             "unseen_lidar",
             "name",
-            (OWN, *LIDARS),
+            (UNSTRESSED, *LIDARS),
             world=altered_scenes.other_lidar,
             needs=(limits.scene, limits.known_preset),
         ),
         Stressor(
             "unseen_scene",
             "name",
-            (OWN, *SCENES),
+            (UNSTRESSED, *SCENES),
             world=altered_scenes.other_scene,
             needs=(*ALONE, *WORLD),
         ),
         Stressor(
             "unseen_preset",
             "name",
-            (OWN, *PRESETS),
+            (UNSTRESSED, *PRESETS),
             world=altered_scenes.other_preset,
             needs=(limits.scene, limits.catalogue),
         ),
         Stressor(
             "vehicle_class",
             "name",
-            (OWN, "Truck", "Bus", "Motorcycle"),
+            (UNSTRESSED, "Truck", "Bus", "Motorcycle"),
             world=altered_scenes.one_class,
             needs=TRAFFIC,
         ),
@@ -173,7 +173,7 @@ STRESSORS = {
         ),
         # Their dials are what the runs were trained with.
         Stressor("training_frames", "frames", ()),
-        Stressor("training_seed", "name", (OWN,)),
+        Stressor("training_seed", "name", (UNSTRESSED,)),
     )
 }
 
@@ -183,9 +183,9 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Di
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:
         raise ValueError(f"--stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
-    found = [STRESSORS[name] for name in dict.fromkeys(names)]
+    selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
-        return {stressor: stressor.dials[1:] for stressor in found}
-    if len(found) != 1 or found[0].acts_on == "training":
+        return {stressor: stressor.dials[1:] for stressor in selected}
+    if len(selected) != 1 or selected[0].acts_on == "training":
         raise ValueError("--dials: found it without one stressor of clouds or worlds, allowed one")
-    return {found[0]: found[0].parse(words)}
+    return {selected[0]: selected[0].parse(words)}

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments.stress.score import ERRORS
-from pyinfra.experiments.stress.stressors import NONE, OWN, STRESSORS, Stressor
+from pyinfra.experiments.stress.stressors import NONE, STRESSORS, UNSTRESSED, Stressor
 from pyinfra.metrics.row_selection import with_fine
 
 CURVE = "detector run lidar preset scene seed frames".split()  # and the stressor
@@ -36,15 +36,15 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
         for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
             if base.ap_fine.notna().sum() == 1 and name in STRESSORS:
                 stressor = STRESSORS[str(name)]
-                own = base.assign(dial=_own_dial(stressor, base), stressor=name)
-                curve = pd.concat([own, part], ignore_index=True)
+                unstressed = base.assign(dial=_unstressed_dial(stressor, base), stressor=name)
+                curve = pd.concat([unstressed, part], ignore_index=True)
                 yield dict(zip(CURVE, key, strict=True)), stressor, _ordered(curve, stressor)
 
 
-def _own_dial(stressor: Stressor, base: pd.DataFrame) -> str:
+def _unstressed_dial(stressor: Stressor, base: pd.DataFrame) -> str:
     if stressor.name == "training_frames":
         return f"{base.trained_frames.iloc[0]:g}"
-    return f"{stressor.dials[0]:g}" if not stressor.named else OWN
+    return f"{stressor.dials[0]:g}" if not stressor.named else UNSTRESSED
 
 
 def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
@@ -144,7 +144,7 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     rows = summary(table)
     rows["dials"] = [" ".join(curve.dial) for _, _, curve in curves(table)]
     rows = rows[~rows.stressor.isin(training)].dropna(subset="gentleness")
-    found = []
+    ranks = []
     for key, part in rows.groupby(GROUP, sort=False):
         by_run = part.pivot(
             index=["detector", "run"], columns="stressor", values=["gentleness", "dials"]
@@ -157,8 +157,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
         for rank, ((detector, run), value) in enumerate(mean.items(), start=1):
             row = {"rank": rank, "detector": detector, "run": run, "gentleness": value}
             names = dict(zip(GROUP, key, strict=True))
-            found.append({**names, **row, "stressors": common.shape[1]})
-    return pd.DataFrame(found, columns=RANKING)
+            ranks.append({**names, **row, "stressors": common.shape[1]})
+    return pd.DataFrame(ranks, columns=RANKING)
 
 
 def _names(chosen: pd.Series) -> Sequence[str]:

@@ -16,7 +16,7 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import altered_scenes, score
 from pyinfra.experiments.stress.altered_scenes import Base
-from pyinfra.experiments.stress.stressors import NONE, OWN, Dial, Stressor
+from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Dial, Stressor
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import WORDS, read_csv
 from pyinfra.formats.kitti import VEHICLE_TYPES
@@ -86,12 +86,12 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
         return TrainedRun(folder, "background", -1, -1)
     from pyinfra.models.training import checkpoint
 
-    about = checkpoint.load(model_file(folder)).about
-    if not about.anywhere and base.lidar.name not in about.lidar.split():
-        raise ValueError(f"{folder}: lidar: found {about.lidar}, allowed {base.lidar.name}")
+    provenance = checkpoint.load(model_file(folder)).provenance
+    if not provenance.anywhere and base.lidar.name not in provenance.lidar.split():
+        raise ValueError(f"{folder}: lidar: found {provenance.lidar}, allowed {base.lidar.name}")
     description = folder / "run.yaml"
-    said = kitti.read_keys(description) if description.is_file() else {}
-    return TrainedRun(folder, about.detector, int(said.get("frames", -1)), about.seed)
+    keys = kitti.read_keys(description) if description.is_file() else {}
+    return TrainedRun(folder, provenance.detector, int(keys.get("frames", -1)), provenance.seed)
 
 
 def plan(
@@ -109,13 +109,13 @@ def plan(
     others = [(first[run.detector], run) for run in runs if first[run.detector] is not run]
     trained = [(a, b, *_difference(a, b)) for a, b in others]
     for stressor, dials in stressors.items():
-        own = {OWN, base.lidar.name, base.lidar.preset, base.scene_name}
+        defaults = {UNSTRESSED, base.lidar.name, base.lidar.preset, base.scene_name}
         if stressor.acts_on == "training":
             trials += [
                 Trial(a, b, stressor, dial) for a, b, name, dial in trained if name == stressor.name
             ]
         for dial in dials:
-            if not (stressor.named and dial in own):
+            if not (stressor.named and dial in defaults):
                 trials += [Trial(run, run, stressor, dial) for run in first.values()]
     return trials
 
@@ -155,16 +155,16 @@ def row_of(
     if stressor.world:
         name = f"{base.scene_name}_{stressor.name}_{key['dial']}"
         folder = altered_scenes.simulated(base, stressor.world(base, dial), cache, name)
-    found, model = [], trial.run.model(folder)
+    detections, model = [], trial.run.model(folder)
     for k in base.frames:
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", k))
         if stressor.cloud:
             points = stressor.apply(points, float(dial), seed, k)
-        found.append(model.predict(points))
+        detections.append(model.predict(points))
     extra = [dial] if stressor.name == "vehicle_class" and dial not in VEHICLE_TYPES else []
     types = (*VEHICLE_TYPES, *map(str, extra))
     chosen = "" if stressor is NONE else f" --stressors {stressor.name} --dials {key['dial']}"
-    scores, draws = score.scored(read_ground_truth(folder, base.frames), found, types)
+    scores, draws = score.scored(read_ground_truth(folder, base.frames), detections, types)
     row = {
         **key,
         "unit": stressor.unit,

@@ -67,36 +67,36 @@ def read_calibration(file: Path) -> Calibration:
     A projection that is not there is that of another camera, as boxes do not need it; without an
     IMU, Tr_imu_to_velo is the identity. Raises FormatError with file and line.
     """
-    found: dict[str, FloatArray] = {}
+    matrices: dict[str, FloatArray] = {}
     rectified = False  # whether the transform from the LiDAR has the rectification in it
     for number, line in enumerate(lines_of(file), start=1):
         if not line.strip():
             continue
-        place, (word, rest) = f"{file}:{number}", _key(line)
+        where, (word, rest) = f"{file}:{number}", _key(line)
         if word in NOT_NEEDED:
             continue
         name = OTHER_NAMES.get(word, word)
         if name not in SHAPES:
             raise FormatError(
-                f"{place}: found '{line[:40]}', allowed {', '.join([*SHAPES, *OTHER_NAMES])}"
+                f"{where}: found '{line[:40]}', allowed {', '.join([*SHAPES, *OTHER_NAMES])}"
             )
-        if name in found:
-            raise FormatError(f"{place}: {name}: found twice, allowed once")
-        found[name] = _matrix(place, name, rest)
+        if name in matrices:
+            raise FormatError(f"{where}: {name}: found twice, allowed once")
+        matrices[name] = _matrix(where, name, rest)
         rectified = rectified or word == "Tr"
     if rectified:
-        found.setdefault("R0_rect", np.eye(3))
-    found.setdefault("Tr_imu_to_velo", np.eye(3, 4))
-    projections = [found[f"P{i}"] for i in (2, 0, 1, 3) if f"P{i}" in found]
+        matrices.setdefault("R0_rect", np.eye(3))
+    matrices.setdefault("Tr_imu_to_velo", np.eye(3, 4))
+    projections = [matrices[f"P{i}"] for i in (2, 0, 1, 3) if f"P{i}" in matrices]
     missing = [] if projections else ["P2"]
-    missing += [name for name in ("R0_rect", "Tr_velo_to_cam") if name not in found]
+    missing += [name for name in ("R0_rect", "Tr_velo_to_cam") if name not in matrices]
     if missing:
         raise FormatError(f"{file}: found no {', '.join(missing)}, needed")
     out = Calibration(
-        np.stack([found.get(f"P{i}", projections[0]) for i in range(4)]),
-        found["R0_rect"],
-        found["Tr_velo_to_cam"],
-        found["Tr_imu_to_velo"],
+        np.stack([matrices.get(f"P{i}", projections[0]) for i in range(4)]),
+        matrices["R0_rect"],
+        matrices["Tr_velo_to_cam"],
+        matrices["Tr_imu_to_velo"],
     )
     rotation = out.T_camera_lidar[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
@@ -146,15 +146,15 @@ def _key(line: str) -> tuple[str, str]:
     return name.strip(), rest
 
 
-def _matrix(place: str, name: str, text: str) -> FloatArray:
+def _matrix(where: str, name: str, text: str) -> FloatArray:
     shape = SHAPES[name]
     try:
         values = np.array(text.split(), dtype=np.float64)
     except ValueError:
-        raise FormatError(f"{place}: {name}: found a word, allowed numbers") from None
+        raise FormatError(f"{where}: {name}: found a word, allowed numbers") from None
     if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
         raise FormatError(
-            f"{place}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones "
+            f"{where}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones "
             f"to {_MOST:g}"
         )
     return values.reshape(shape)

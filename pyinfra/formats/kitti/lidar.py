@@ -145,19 +145,19 @@ def _tilt(top: YamlNode) -> Tilt:
 
 def read_road_shape(lidar_folder: Path) -> RoadShape | None:
     """The road of a recording, if it was found to be no plane. Raises FormatError as read_tilt."""
-    found = read_yaml(lidar_folder / "lidar.yaml").maybe("road_shape")
-    if found is None:
+    node = read_yaml(lidar_folder / "lidar.yaml").maybe("road_shape")
+    if node is None:
         return None
     return RoadShape(
-        *(found.at(field.name).number(-_STEEP_M, _STEEP_M) for field in fields(RoadShape))
+        *(node.at(field.name).number(-_STEEP_M, _STEEP_M) for field in fields(RoadShape))
     )
 
 
 def _label_time(top: YamlNode) -> LabelTime:
-    found = top.at("label_time")
+    node = top.at("label_time")
     words: tuple[LabelTime, ...] = get_args(LabelTime)
-    text = found.text()
-    return next((word for word in words if word == text), None) or found.fail(
+    text = node.text()
+    return next((word for word in words if word == text), None) or node.fail(
         f"found '{text[:40]}', allowed {' or '.join(words)}"
     )
 

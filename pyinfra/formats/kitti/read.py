@@ -40,7 +40,7 @@ def _size(v: FloatArray) -> BoolArray:
     return np.asarray((v > _SHORTEST_M) & (v <= _LONGEST_M))
 
 
-def _place(columns: str) -> ColumnRule:
+def _position(columns: str) -> ColumnRule:
     return between(columns.split(), -FARTHEST_M, FARTHEST_M)
 
 
@@ -53,11 +53,11 @@ def _angle(column: str) -> ColumnRule:
 
 
 OBJECT_NUMBERS = tuple(name for name in OBJECT_COLUMNS if name != "class")
-BOX_RULES = (_place("x y z"), _sides("dx dy dz"), _angle("heading"))
+BOX_RULES = (_position("x y z"), _sides("dx dy dz"), _angle("heading"))
 OBJECT_RULES = (
     *BOX_RULES,
     between(["speed"], 0, 1000),
-    _place("scan_x scan_y scan_z"),
+    _position("scan_x scan_y scan_z"),
     _angle("scan_heading"),
     between(["scan_time_s"], _EARLIEST_S, _LONGEST_FRAME_S),
     between(["id", "points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
@@ -72,7 +72,7 @@ OBJECT_RULES = (
     ),
     ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
 )
-LABEL_RULES = (_sides("h w l"), _place("x y z"), _angle("rotation_y"))
+LABEL_RULES = (_sides("h w l"), _position("x y z"), _angle("rotation_y"))
 # A detector may be wild: of what it says only the sizes must be some.
 RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
 

@@ -115,18 +115,18 @@ def write_frame(
     Makes the folders that are missing. Raises ValueError as the writers of the parts do.
     """
 
-    def place(part: Part) -> Path:
+    def path_of(part: Part) -> Path:
         file = frame_file(lidar_folder, part, frame)
         file.parent.mkdir(parents=True, exist_ok=True)
         return file
 
-    write_labels(place("label_2"), labels, calibration)
-    write_calibration(place("calib"), calibration)
+    write_labels(path_of("label_2"), labels, calibration)
+    write_calibration(path_of("calib"), calibration)
     if objects is not None:
-        write_objects(place("objects"), objects)
+        write_objects(path_of("objects"), objects)
     if fields is not None:
-        write_fields(place("fields"), fields)
-    write_points(place("velodyne"), points)
+        write_fields(path_of("fields"), fields)
+    write_points(path_of("velodyne"), points)
 
 
 def _image_columns(camera: FloatArray) -> FloatArray:

@@ -63,9 +63,9 @@ class Anchors:
             for size in config.sizes
             for heading in HEADINGS
         ]
-        place = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1], dim=-1)  # (rows, columns, 2)
-        place = place[:, :, None].expand(-1, -1, len(kinds), -1)
-        self.boxes = torch.cat([place, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
+        xy = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1], dim=-1)  # (rows, columns, 2)
+        xy = xy[:, :, None].expand(-1, -1, len(kinds), -1)
+        self.boxes = torch.cat([xy, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
 
     def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
         """boxes: (k, 7); returns tensors (rows, columns, per_cell).
@@ -94,14 +94,14 @@ class Anchors:
         across = boxes[:, 6].sin().abs() > math.sqrt(0.5)
         gx = torch.where(across, boxes[:, 4], boxes[:, 3])
         gy = torch.where(across, boxes[:, 3], boxes[:, 4])
-        found = []
+        overlaps = []
         for size in self.config.sizes:
             for lx, ly in ((size[0], size[1]), (size[1], size[0])):
                 ox = _shared(self.x[:columns], lx, boxes[:, 0], gx)  # (columns, k)
                 oy = _shared(self.y[:rows], ly, boxes[:, 1], gy)  # (rows, k)
                 shared = oy[:, None] * ox[None]
-                found.append(shared / (lx * ly + gx * gy - shared))
-        return torch.stack(found, dim=2)
+                overlaps.append(shared / (lx * ly + gx * gy - shared))
+        return torch.stack(overlaps, dim=2)
 
 
 def _shared(centre: Tensor, length: float, other: Tensor, other_length: Tensor) -> Tensor:

@@ -79,8 +79,8 @@ class Config:
 
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
-            found, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
-            raise ValueError(f"clearance_m: found {found}, allowed below ceiling_m, {top}")
+            clearance, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
+            raise ValueError(f"clearance_m: found {clearance}, allowed below ceiling_m, {top}")
 
 
 DEFAULT = Config()
@@ -128,16 +128,16 @@ class Background:
         none = np.zeros(2, np.float32)
         known = cls(settings, ground, permanent, inside, _mean_direction(roads), none)
         for _ in range(2):  # the second time with directions that hold clusters apart
-            found = _joined([known._rectangles(cloud) for cloud in clouds])
-            known = replace(known, road=_road(found, roads), expected=_expected(found))
+            rectangles = _joined([known._rectangles(cloud) for cloud in clouds])
+            known = replace(known, road=_road(rectangles, roads), expected=_expected(rectangles))
         return known
 
     def predict(self, points: Points) -> Detections:
         """As `Detector.predict`."""
-        found = self._rectangles(_usable(points, self.settings))
-        kinds = _kinds(found, self.settings)
-        boxes = _boxes(found, kinds)
-        scores = _scores(found, kinds, self.expected)
+        rectangles = self._rectangles(_usable(points, self.settings))
+        kinds = _kinds(rectangles, self.settings)
+        boxes = _boxes(rectangles, kinds)
+        scores = _scores(rectangles, kinds, self.expected)
         keep = _without_overlap(boxes, scores)
         return Detections(boxes[keep], scores[keep], np.array(CLASSES)[kinds[keep]])
 
@@ -204,9 +204,9 @@ class Background:
         """Clusters in the region of what is no background; cloud: (k, 3) usable points."""
         s = self.settings
         high, height = self._moving(cloud)
-        found = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
-        centre = _boxes(found, _kinds(found, s))[:, :2]
-        return found.select(self.region.reshape(-1).take(_cell(centre, s)))
+        rectangles = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
+        centre = _boxes(rectangles, _kinds(rectangles, s))[:, :2]
+        return rectangles.select(self.region.reshape(-1).take(_cell(centre, s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +298,7 @@ def _centres(s: Config) -> tuple[Floats, Floats]:
     return at[:, None], at[None]
 
 
-def _places(s: Config) -> FloatArray:
+def _cell_positions(s: Config) -> FloatArray:
     """(n * n, 2) x y of the cells of the ground, row by row."""
     n = _cells(s)
     x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
@@ -310,7 +310,7 @@ def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArr
     n = _cells(s)
     if region is None:
         return np.ones((n, n), np.bool_)
-    return region.holds(_places(s), margin_m).reshape(n, n)
+    return region.holds(_cell_positions(s), margin_m).reshape(n, n)
 
 
 def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: BoolArray) -> Floats:
@@ -331,7 +331,7 @@ def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: Bo
     z = lowest.reshape(n, n)
     share = (seen / len(clouds)).reshape(n, n)
     if road is not None and road.relief is not None:
-        plane = road.height(_places(s)).reshape(n, n).astype(np.float32)
+        plane = road.height(_cell_positions(s)).reshape(n, n).astype(np.float32)
     else:
         # Plants and slopes beside the road are seen in every frame, far lanes hardly ever.
         trusted = inside & (seen > 0).reshape(n, n)
@@ -396,8 +396,8 @@ def _known_roads(region: Region | None, s: Config) -> FloatArray:
     votes = np.full((cells, cells, 3), 1e-6) * [0, 0, 1]
     if region is not None and region.axes is not None:
         at = (np.arange(cells) - cells // 2 + 0.5) * _ROAD_CELL_M
-        places = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
-        sin, cos = region.axes(places.reshape(-1, 2)).T.reshape(2, cells, cells)
+        positions = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
+        sin, cos = region.axes(positions.reshape(-1, 2)).T.reshape(2, cells, cells)
         votes += _KNOWN_ROAD * np.stack([cos, sin, np.hypot(cos, sin)], axis=-1)
     return votes
 
@@ -407,18 +407,18 @@ def _mean_direction(votes: FloatArray) -> Floats:
     return (votes[..., :2] / votes[..., 2:]).astype(np.float32)
 
 
-def _road(found: _Rectangles, roads: FloatArray) -> Floats:
+def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
     """(m, m, 2) mean cos, sin of twice the heading of long clusters; shorter where they differ.
 
     roads: (m, m, 3) votes of known ones. Far away most clusters show their rear alone, and two
     vehicles side by side are one across the road: few votes there are as often wrong as right.
     """
     cells = len(roads)
-    length, width = found.size.T
-    sure = (length > 3) & (width < 3) & (length > 1.4 * width) & (found.count >= 8)
-    i, j = _road_cell(found.centre[sure], cells)
+    length, width = rectangles.size.T
+    sure = (length > 3) & (width < 3) & (length > 1.4 * width) & (rectangles.count >= 8)
+    i, j = _road_cell(rectangles.centre[sure], cells)
     votes = np.zeros((cells, cells, 3))
-    turn = 2 * found.heading[sure]
+    turn = 2 * rectangles.heading[sure]
     vote = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
     np.add.at(votes, (i, j), vote)
     # Narrow where many were seen; where none were, what there is far around.
@@ -434,13 +434,13 @@ def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:
     return i, j
 
 
-def _expected(found: _Rectangles) -> Floats:
+def _expected(rectangles: _Rectangles) -> Floats:
     """(2,) line through ln points over ln distance of the clusters.
 
     A weak pull towards the slope -1.5 matters if they are few or all at one distance.
     """
-    good = found.count >= 2
-    x, y = np.log(found.distance[good]), np.log(found.count[good])
+    good = rectangles.count >= 2
+    x, y = np.log(rectangles.distance[good]), np.log(rectangles.count[good])
     if len(x) == 0:
         return np.array([np.log(2e4), -1.5], np.float32)
     slope = (np.sum((x - x.mean()) * (y - y.mean())) - 1.5) / (np.sum((x - x.mean()) ** 2) + 1)
@@ -539,40 +539,44 @@ def _turned(xy: Floats, heading: Floats) -> Floats:
     return np.stack([cos * xy[:, 0] - sin * xy[:, 1], sin * xy[:, 0] + cos * xy[:, 1]], axis=1)
 
 
-def _kinds(found: _Rectangles, s: Config) -> IntArray:
+def _kinds(rectangles: _Rectangles, s: Config) -> IntArray:
     """(c,) index into CLASSES."""
-    length, width = found.size.T
+    length, width = rectangles.size.T
     kinds = np.full(len(length), _CAR)
-    kinds[(width < 1.1) & (length < 3.2) & (found.count >= 8)] = _MOTORCYCLE
+    kinds[(width < 1.1) & (length < 3.2) & (rectangles.count >= 8)] = _MOTORCYCLE
     if s.people:
-        upright = (found.count >= _LEAST_ALONE) & (found.height > 0.9) & (found.height < 2.2)
+        upright = (
+            (rectangles.count >= _LEAST_ALONE)
+            & (rectangles.height > 0.9)
+            & (rectangles.height < 2.2)
+        )
         kinds[upright & (width < 1.1) & (length < 2.1)] = _CYCLIST
         kinds[upright & (width < 1) & (length < 1)] = _PEDESTRIAN
-    kinds[(found.height > 2.4) | (length > 7)] = _TRUCK
+    kinds[(rectangles.height > 2.4) | (length > 7)] = _TRUCK
     kinds[length > 9.5] = _BUS
     return kinds
 
 
-def _boxes(found: _Rectangles, kinds: IntArray) -> FloatArray:
+def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
     """(c, 7): each rectangle, grown to the size of its class on the side away from the sensor."""
-    missing = np.maximum(SIZES[kinds, :2] - found.size, 0)
+    missing = np.maximum(SIZES[kinds, :2] - rectangles.size, 0)
     # Where the sensor is alongside, no side is nearer.
-    away = np.clip((found.low + found.high) / 2 / SIZES[kinds, :2], -1, 1)
+    away = np.clip((rectangles.low + rectangles.high) / 2 / SIZES[kinds, :2], -1, 1)
     # Rays that only hit the cabin went over the bonnet before it.
-    over = np.where(kinds == _CAR, np.clip(2 * found.lowest - 1, 0, 1), 0)
+    over = np.where(kinds == _CAR, np.clip(2 * rectangles.lowest - 1, 0, 1), 0)
     nearer = np.minimum(over[:, None] * [_BONNET_M, 0], missing)
-    middle = (found.low + found.high) / 2 + away * (missing / 2 - nearer)
-    centre = _turned(middle, found.heading)
-    tall = np.maximum(found.height, SIZES[kinds, 2])
-    heading = (found.heading + np.pi) % (2 * np.pi) - np.pi
-    z = found.bottom + tall / 2
-    return np.column_stack([centre, z, found.size + missing, tall, heading]).astype(np.float64)
+    middle = (rectangles.low + rectangles.high) / 2 + away * (missing / 2 - nearer)
+    centre = _turned(middle, rectangles.heading)
+    tall = np.maximum(rectangles.height, SIZES[kinds, 2])
+    heading = (rectangles.heading + np.pi) % (2 * np.pi) - np.pi
+    z = rectangles.bottom + tall / 2
+    return np.column_stack([centre, z, rectangles.size + missing, tall, heading]).astype(np.float64)
 
 
-def _scores(found: _Rectangles, kinds: IntArray, expected: Floats) -> FloatArray:
+def _scores(rectangles: _Rectangles, kinds: IntArray, expected: Floats) -> FloatArray:
     """(c,) [0.1, 1]: the points against those expected there, and the size against the class."""
-    ratio = found.count / np.exp(expected[0] + expected[1] * np.log(found.distance))
-    excess = np.maximum(found.size - SIZES[kinds, :2] - [1.5, 0.5], 0).sum(1)
+    ratio = rectangles.count / np.exp(expected[0] + expected[1] * np.log(rectangles.distance))
+    excess = np.maximum(rectangles.size - SIZES[kinds, :2] - [1.5, 0.5], 0).sum(1)
     return np.asarray(0.1 + 0.9 * ratio / (ratio + 0.3) * np.exp(-excess), dtype=np.float64)
 
 

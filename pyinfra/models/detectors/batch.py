@@ -127,6 +127,6 @@ def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch
     return Batch(
         points=torch.from_numpy(np.concatenate(clouds).astype(np.float32)),
         frame=torch.repeat_interleave(torch.arange(len(clouds)), counts),
-        boxes=tuple(torch.from_numpy(s.boxes[own].astype(np.float32)) for s, own in pairs),
-        classes=tuple(torch.from_numpy(s.numbers[own]) for s, own in pairs),
+        boxes=tuple(torch.from_numpy(s.boxes[mask].astype(np.float32)) for s, mask in pairs),
+        classes=tuple(torch.from_numpy(s.numbers[mask]) for s, mask in pairs),
     )

@@ -53,11 +53,11 @@ class BevNetwork(nn.Module):
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, x: Tensor) -> Tensor:
-        found = []
+        upsampled = []
         for block, up in zip(self.blocks, self.ups, strict=True):
             x = block(x)
-            found.append(up(x))
-        return torch.cat(found, dim=1)
+            upsampled.append(up(x))
+        return torch.cat(upsampled, dim=1)
 
 
 def conv(channels: int, width: int, stride: int = 1) -> nn.Sequential:

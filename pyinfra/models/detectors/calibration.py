@@ -34,10 +34,10 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     logits = logit(scores)
 
     def unlikely(line: FloatArray) -> tuple[float, FloatArray]:
-        found = line[0] * logits + line[1]
-        off = expit(found) - right
+        adjusted = line[0] * logits + line[1]
+        off = expit(adjusted) - right
         pull = STEADY * (line - [1, 0])
-        value = np.logaddexp(0, found).sum() - found[right].sum() + pull @ pull / (2 * STEADY)
+        value = np.logaddexp(0, adjusted).sum() - adjusted[right].sum() + pull @ pull / (2 * STEADY)
         return float(value), np.array([off @ logits, off.sum()]) + pull
 
     a, b = minimize(unlikely, np.array([1.0, 0.0]), jac=True, method="BFGS").x

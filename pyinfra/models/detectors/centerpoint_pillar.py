@@ -53,7 +53,7 @@ class CenterPointPillar(Network):
         super().__init__(Site(area, site.floor_z))
         self.classes = config.classes
         self.columns = 5 if config.age else 4
-        looks_at = {"intensity": config.intensity, "place": config.place, "age": config.age}
+        looks_at = {"intensity": config.intensity, "with_xy": config.place, "age": config.age}
         self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
         self.bev = BevNetwork(config.bev, config.pillar_width)
         cell_m = config.bev.strides[0] * config.pillar_m

@@ -68,7 +68,7 @@ class CentreHead(nn.Module):
         balance: a frame of n boxes has the weight n ** -balance: with 0 each box counts the same,
         with 1 each frame.
         """
-        logits, found = self(x)
+        logits, residuals = self(x)
         counts = torch.tensor([len(b) for b in boxes])
         weights = (counts.clamp(min=1).float() ** -balance).to(x.device)
         count = of_all((weights * counts.to(x.device)).sum())
@@ -81,7 +81,7 @@ class CentreHead(nn.Module):
         frame = torch.repeat_interleave(torch.arange(len(boxes)), counts).to(x.device)
         every = torch.cat(boxes)
         row, column = self.cells_of(every, logits.shape[2:])
-        at = found[frame, row, column]  # (k, 8)
+        at = residuals[frame, row, column]  # (k, 8)
         parts = self.box_losses(at, every, row, column, weights[frame])
         return {name: part / count for name, part in (heat | parts).items()}
 
@@ -117,13 +117,13 @@ class CentreHead(nn.Module):
         return torch.cat([offset, z, boxes[:, 3:6].log(), heading.sin(), heading.cos()], dim=1)
 
     def decode(
-        self, found: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
+        self, residuals: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
     ) -> Tensor:
         """(k, 8) -> (k, 7); along_road: whether their class goes where roads lead."""
-        xy = self.middle_of(row, column) + found[:, :2] * self.cell_m
-        z = found[:, 2:3] + self.site.floor_z
-        sizes = found[:, 3:6].clamp(-5, 5).exp()
-        heading = torch.atan2(found[:, 6:7], found[:, 7:8])
+        xy = self.middle_of(row, column) + residuals[:, :2] * self.cell_m
+        z = residuals[:, 2:3] + self.site.floor_z
+        sizes = residuals[:, 3:6].clamp(-5, 5).exp()
+        heading = torch.atan2(residuals[:, 6:7], residuals[:, 7:8])
         return torch.cat([xy, z, sizes, heading], dim=1)
 
     def heat_of(self, boxes: Tensor, shape: tuple[int, ...]) -> Tensor:
@@ -147,14 +147,14 @@ class CentreHead(nn.Module):
         heat = torch.sigmoid(logits)
         peak = functional.max_pool2d(heat, 3, 1, 1) == heat
         score = heat * peak
-        found: list[tuple[Tensor, ...]] = []
+        parts: list[tuple[Tensor, ...]] = []
         for i in range(len(x)):
             of_classes = [
                 self.peaks(score[i, number], boxes[i], along_road=name in ALONG_ROADS)
                 for number, name in enumerate(self.classes)
             ]
-            found.append(_numbered(of_classes) if len(of_classes) > 1 else of_classes[0])
-        return found
+            parts.append(_numbered(of_classes) if len(of_classes) > 1 else of_classes[0])
+        return parts
 
     def peaks(self, score: Tensor, boxes: Tensor, *, along_road: bool) -> tuple[Tensor, Tensor]:
         """Boxes (k, 7) and scores (k,) of the highest cells of one class (H, W)."""
@@ -171,7 +171,10 @@ class CentreHead(nn.Module):
 def _numbered(of_classes: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor, Tensor]:
     """Boxes (k, 7), scores (k,) and numbers (k,) of all classes."""
     boxes, scores = (torch.cat(parts) for parts in zip(*of_classes, strict=True))
-    numbers = [torch.full_like(own, i, dtype=torch.int64) for i, (_, own) in enumerate(of_classes)]
+    numbers = [
+        torch.full_like(of_class, i, dtype=torch.int64)
+        for i, (_, of_class) in enumerate(of_classes)
+    ]
     return boxes, scores, torch.cat(numbers)
 
 
@@ -212,8 +215,8 @@ class AxisHead(CentreHead):
         direction = functional.binary_cross_entropy_with_logits(
             at[:, BOX], backwards, weights, reduction="sum"
         )
-        found = super().box_losses(at, boxes, row, column, weights)
-        return {**found, "direction": DIRECTION_WEIGHT * direction}
+        losses = super().box_losses(at, boxes, row, column, weights)
+        return {**losses, "direction": DIRECTION_WEIGHT * direction}
 
     def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
         twice = boxes.clone()
@@ -221,14 +224,17 @@ class AxisHead(CentreHead):
         return super().encode(twice, row, column)
 
     def decode(
-        self, found: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
+        self, residuals: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
     ) -> Tensor:
         if along_road and self.road_axes is not None:
-            own = found[:, 6:8]
-            lacking = (1 - own.norm(dim=1, keepdim=True)).clamp(min=0)
-            axis = own + ROAD_WEIGHT * lacking * self.road_axes.to(own.device)[row, column]
-            found = torch.cat([found[:, :6], axis, found[:, 8:]], dim=1)
-        boxes = super().decode(found, row, column)
-        heading = in_half_turn(boxes[:, 6] / 2) + math.pi * (found[:, BOX] > 0)
+            predicted_axis = residuals[:, 6:8]
+            lacking = (1 - predicted_axis.norm(dim=1, keepdim=True)).clamp(min=0)
+            axis = (
+                predicted_axis
+                + ROAD_WEIGHT * lacking * self.road_axes.to(predicted_axis.device)[row, column]
+            )
+            residuals = torch.cat([residuals[:, :6], axis, residuals[:, 8:]], dim=1)
+        boxes = super().decode(residuals, row, column)
+        heading = in_half_turn(boxes[:, 6] / 2) + math.pi * (residuals[:, BOX] > 0)
         boxes[:, 6] = (heading + math.pi) % (2 * math.pi) - math.pi
         return boxes

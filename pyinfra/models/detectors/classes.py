@@ -26,13 +26,13 @@ ALONG_ROADS = ("vehicle", "cyclist")  # the others go any way
 
 def classes_of(config: object) -> tuple[ObjectClass, ...]:
     """That a network with this Config tells apart; most know vehicles alone."""
-    found: tuple[ObjectClass, ...] = getattr(config, "classes", VEHICLES)
-    return found
+    classes: tuple[ObjectClass, ...] = getattr(config, "classes", VEHICLES)
+    return classes
 
 
 def numbers_of(types: NameArray, classes: Sequence[ObjectClass]) -> IntArray:
     """(n,) the place of the class of each type (n,) among the classes; -1: none of them."""
-    found = np.full(len(types), -1)
+    numbers = np.full(len(types), -1)
     for number, name in enumerate(classes):
-        found[np.isin(types, OBJECT_CLASSES[name])] = number
-    return found
+        numbers[np.isin(types, OBJECT_CLASSES[name])] = number
+    return numbers

@@ -93,7 +93,7 @@ def average_gradients(network: nn.Module) -> None:
         parameter.grad = part.view_as(parameter) / count() if by > 0 else None
 
 
-class OwnNorm(nn.BatchNorm1d):
+class LocalNorm(nn.BatchNorm1d):
     """Of what is the same in every process."""
 
 
@@ -153,5 +153,5 @@ def _summed(x: Tensor) -> Tensor:
 def share_norms(network: nn.Module) -> None:
     """With several processes, lets batch norms see the whole batch; names and weights stay."""
     for module in network.modules():
-        if count() > 1 and isinstance(module, _BatchNorm) and not isinstance(module, OwnNorm):
+        if count() > 1 and isinstance(module, _BatchNorm) and not isinstance(module, LocalNorm):
             module.__class__ = _SharedNorm

@@ -21,7 +21,7 @@ from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.bev import BevConfig, BevNetwork, conv, multiple
 from pyinfra.models.detectors.centre_head import BOX, CentreHead
 from pyinfra.models.detectors.detection_area import Site
-from pyinfra.models.detectors.distributed import OwnNorm
+from pyinfra.models.detectors.distributed import LocalNorm
 from pyinfra.models.detectors.losses import start_rare
 from pyinfra.models.detectors.network import MIN_SCORE, Losses, Network
 from pyinfra.models.detectors.pillars import PillarEncoder
@@ -66,13 +66,13 @@ class Embedding(nn.Module):
     def __init__(self, side: int, width: int) -> None:
         super().__init__()
         cell = torch.arange(side) - side / 2
-        places = torch.cartesian_prod(cell, cell).flip(1)  # x y
-        self.register_buffer("places", places, persistent=False)
-        norm = OwnNorm(width) if side > 1 else nn.Identity()
+        positions = torch.cartesian_prod(cell, cell).flip(1)  # x y
+        self.register_buffer("positions", positions, persistent=False)
+        norm = LocalNorm(width) if side > 1 else nn.Identity()
         self.layers = nn.Sequential(nn.Linear(2, width), norm, nn.ReLU(), nn.Linear(width, width))
 
     def forward(self) -> Tensor:
-        embedded: Tensor = self.layers(self.places)
+        embedded: Tensor = self.layers(self.positions)
         return embedded
 
 
@@ -86,19 +86,19 @@ class SetAttention(nn.Module):
         self.value = nn.Linear(width, width)
         self.out = nn.Linear(width, width)
 
-    def forward(self, x: Tensor, place: Tensor, sets: Sets) -> Tensor:
+    def forward(self, x: Tensor, position: Tensor, sets: Sets) -> Tensor:
         """x, place: (n, width). Projected voxel by voxel, then gathered: a repeat costs little."""
-        projected = torch.cat([self.query_key(x + place), self.value(x)], dim=1)
+        projected = torch.cat([self.query_key(x + position), self.value(x)], dim=1)
         gathered = projected.index_select(0, sets.voxel.flatten())
         shape = (*sets.voxel.shape, 3, self.heads, x.shape[1] // self.heads)
         query, key, value = gathered.view(shape).permute(2, 0, 3, 1, 4)  # (s, heads, size, C)
         # Added, not boolean, which is slower; never all of a set, as its first slot is no repeat.
         hidden = query.new_zeros(sets.repeats.shape).masked_fill(sets.repeats, -torch.inf)
-        found = functional.scaled_dot_product_attention(
+        attention_out = functional.scaled_dot_product_attention(
             query, key, value, attn_mask=hidden[:, None, None, :]
         )
-        found = found.transpose(1, 2).reshape(-1, x.shape[1])  # (s * size, width)
-        attended: Tensor = self.out(found.index_select(0, sets.slot))
+        attention_out = attention_out.transpose(1, 2).reshape(-1, x.shape[1])  # (s * size, width)
+        attended: Tensor = self.out(attention_out.index_select(0, sets.slot))
         return attended
 
 
@@ -114,8 +114,8 @@ class Layer(nn.Module):
         )
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
 
-    def forward(self, x: Tensor, place: Tensor, sets: Sets) -> Tensor:
-        y = self.norms[0](x + self.attention(x, place, sets))
+    def forward(self, x: Tensor, position: Tensor, sets: Sets) -> Tensor:
+        y = self.norms[0](x + self.attention(x, position, sets))
         y = self.norms[1](y + self.feed(y))
         around: Tensor = self.norms[2](x + y)
         return around
@@ -180,8 +180,8 @@ class IouHead(CentreHead):
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Heat as logits (B, 1, H, W), and boxes (B, H, W, 9)."""
         x = self.shared(x)
-        found = torch.cat([self.box(x), self.iou(x)], dim=1)
-        return self.heat(x).float(), found.permute(0, 2, 3, 1).float()
+        residuals = torch.cat([self.box(x), self.iou(x)], dim=1)
+        return self.heat(x).float(), residuals.permute(0, 2, 3, 1).float()
 
     def box_losses(
         self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
@@ -223,13 +223,13 @@ class Dsvt(Network):
 
     def canvas(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
         """(B, width, H, W)."""
-        found, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
+        features, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
         if view is not None:
             seen = self.encoder.seen(pillar, view)
-            found, pillar = found[seen], pillar[seen]
+            features, pillar = features[seen], pillar[seen]
         if len(pillar) > 0:
-            found = self.transformer(found, *self.encoder.cells_of(pillar))
-        return self.encoder.canvas(found, pillar, batch.size, view)
+            features = self.transformer(features, *self.encoder.cells_of(pillar))
+        return self.encoder.canvas(features, pillar, batch.size, view)
 
     def losses(self, batch: Batch) -> Losses:
         view = view_of(batch, self.site.area, self.encoder.pillar_m, self.bev.step)

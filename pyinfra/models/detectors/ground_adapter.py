@@ -17,5 +17,5 @@ class OnRoad:
     ground: Ground
 
     def predict(self, points: Points) -> Detections:
-        found = self.detector.predict(self.ground.above(points))
-        return replace(found, boxes=self.ground.back(found.boxes))
+        detections = self.detector.predict(self.ground.above(points))
+        return replace(detections, boxes=self.ground.back(detections.boxes))

@@ -39,6 +39,6 @@ def heat_map_focal(logits: Tensor, heat: Tensor) -> Tensor:
     return -torch.where(peak, at_peak, around).sum(dim=(1, 2))
 
 
-def smooth_l1(found: Tensor, wanted: Tensor, beta: float = 1 / 9) -> Tensor:
+def smooth_l1(predicted: Tensor, wanted: Tensor, beta: float = 1 / 9) -> Tensor:
     """Element by element."""
-    return functional.smooth_l1_loss(found, wanted, reduction="none", beta=beta)
+    return functional.smooth_l1_loss(predicted, wanted, reduction="none", beta=beta)

@@ -109,18 +109,18 @@ class Network(nn.Module, abc.ABC):
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
-        return [self.best(*found) for found in self.candidates(batch.to(device))]
+        return [self.best(*candidates) for candidates in self.candidates(batch.to(device))]
 
     def best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
         """Of candidates; those of a class suppress each other alone."""
         parts = []
         for i, name in enumerate(self.classes):
-            own = slice(None) if numbers is None else numbers == i
-            found = suppressed(boxes[own], scores[own], TYPES[name], self.min_score)
+            mask = slice(None) if numbers is None else numbers == i
+            detections = suppressed(boxes[mask], scores[mask], TYPES[name], self.min_score)
             if self.calibration is not None:
                 line = self.calibration[2 * i], self.calibration[2 * i + 1]
-                found = replace(found, scores=calibrated(found.scores, line))
-            parts.append(found)
+                detections = replace(detections, scores=calibrated(detections.scores, line))
+            parts.append(detections)
         return parts[0] if len(parts) == 1 else best_first(parts)
 
     def predict(self, points: Points) -> Detections:

@@ -33,13 +33,13 @@ class PillarEncoder(nn.Module):
         *,
         layers: int = 1,
         intensity: bool = True,
-        place: bool = True,
+        with_xy: bool = True,
         age: bool = False,
     ) -> None:
         super().__init__()
         self.area, self.pillar_m, self.width = area, pillar_m, width
         self.age = age
-        self.first, self.last = (0 if place else 2), 9 + age + intensity
+        self.first, self.last = (0 if with_xy else 2), 9 + age + intensity
         self.columns, self.rows = (round(area.size[axis] / pillar_m) for axis in (0, 1))
         inputs = [self.last - self.first, *[2 * (width // 2)] * (layers - 1)]
         self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
@@ -57,8 +57,10 @@ class PillarEncoder(nn.Module):
             return batch.points.new_zeros(0, self.width), pillar[:0]
         features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
         for layer in self.before:
-            found = torch.relu(layer(features))  # (n, width / 2)
-            features = torch.cat([found, _most(found, member, len(pillar))[member]], dim=1)
+            activations = torch.relu(layer(features))  # (n, width / 2)
+            features = torch.cat(
+                [activations, _most(activations, member, len(pillar))[member]], dim=1
+            )
         return self.pooled(features, member, len(pillar)), pillar
 
     def canvas(
@@ -115,9 +117,9 @@ class PillarEncoder(nn.Module):
             ],
             dim=1,
         )
-        place = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
+        coordinates = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
         intensity, age = batch.points[:, 3:4], batch.points[:, 4:5]
-        parts = [place, age, intensity] if self.age else [place, intensity]
+        parts = [coordinates, age, intensity] if self.age else [coordinates, intensity]
         return torch.cat(parts, dim=1)[:, self.first : self.last]  # either end may be left out
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
@@ -129,7 +131,7 @@ def _layer(inputs: int, width: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(inputs, width, bias=False), nn.BatchNorm1d(width, eps=1e-3))
 
 
-def _most(found: Tensor, member: Tensor, pillars: int) -> Tensor:
+def _most(features: Tensor, member: Tensor, pillars: int) -> Tensor:
     """(p, C): the largest of each feature (n, C), 0 or more, over the points of a pillar."""
-    index = member[:, None].expand_as(found)
-    return found.new_zeros(pillars, found.shape[1]).scatter_reduce(0, index, found, "amax")
+    index = member[:, None].expand_as(features)
+    return features.new_zeros(pillars, features.shape[1]).scatter_reduce(0, index, features, "amax")

@@ -58,14 +58,14 @@ def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
 def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
     """Rows (m,) of points far from each other, at most so many of each cloud, and the counts."""
     xyz = clouds.xyz.detach().cpu()
-    found, start = [torch.zeros(0, dtype=torch.int64)], 0
+    indices, start = [torch.zeros(0, dtype=torch.int64)], 0
     for count in clouds.counts:
         if count > most:
-            found.append(start + farthest_points(xyz[start : start + count], most))
+            indices.append(start + farthest_points(xyz[start : start + count], most))
         else:
-            found.append(torch.arange(start, start + count))
+            indices.append(torch.arange(start, start + count))
         start += count
-    return torch.cat(found).to(clouds.xyz.device), [min(most, n) for n in clouds.counts]
+    return torch.cat(indices).to(clouds.xyz.device), [min(most, n) for n in clouds.counts]
 
 
 def shuffled(clouds: Clouds) -> Clouds:
@@ -148,11 +148,11 @@ class SetAbstraction(nn.Module):
 
     def forward(self, clouds: Clouds, centres: Tensor, counts: list[int]) -> Clouds:
         """centres: (m, 3), counts: of each cloud -> features (m, channels)."""
-        found = [
+        features = [
             scale(clouds, centres, *neighbours(clouds, centres, counts, b.radius_m, b.most))
             for b, scale in zip(self.balls, self.scales, strict=True)
         ]
-        return Clouds(centres, torch.cat(found, dim=1), counts)
+        return Clouds(centres, torch.cat(features, dim=1), counts)
 
 
 class WholeAbstraction(nn.Module):
@@ -168,8 +168,8 @@ class WholeAbstraction(nn.Module):
         counts = torch.tensor(clouds.counts, dtype=torch.int64, device=device)
         owners = torch.repeat_interleave(torch.arange(len(counts), device=device), counts)
         points = torch.arange(len(clouds.xyz), device=device)
-        found: Tensor = self.all(clouds, clouds.xyz.new_zeros(len(counts), 3), points, owners)
-        return found
+        features: Tensor = self.all(clouds, clouds.xyz.new_zeros(len(counts), 3), points, owners)
+        return features
 
 
 class FeaturePropagation(nn.Module):
@@ -192,9 +192,9 @@ def propagated(fine: Clouds, coarse: Clouds) -> Tensor:
     start = first = 0
     for n, m in zip(fine.counts, coarse.counts, strict=True):
         if n > 0:
-            apart, found = three_nearest(xyz[start : start + n], known[first : first + m])
+            apart, nearest = three_nearest(xyz[start : start + n], known[first : first + m])
             distances.append(apart)
-            rows.append(found + first)
+            rows.append(nearest + first)
         start, first = start + n, first + m
     device = fine.xyz.device
     return interpolate(coarse.features, torch.cat(distances).to(device), torch.cat(rows).to(device))

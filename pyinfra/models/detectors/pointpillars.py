@@ -63,14 +63,14 @@ class AnchorHead(nn.Module):
         scores, residuals, directions = self(x)
         grid = (x.shape[2], x.shape[3])
         anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)
-        found = [
+        per_frame = [
             self._frame_losses(scores[i], residuals[i], directions[i], anchors, b, grid)
             for i, b in enumerate(boxes)
         ]
         names = ("score", "box", "direction")
         return {
             name: torch.stack(parts).mean()
-            for name, parts in zip(names, zip(*found, strict=True), strict=True)
+            for name, parts in zip(names, zip(*per_frame, strict=True), strict=True)
         }
 
     def _frame_losses(
@@ -87,30 +87,30 @@ class AnchorHead(nn.Module):
         counts = positive | targets.negative.flatten().to(scores.device)
         count = positive.sum().clamp(min=1)
         score = focal(scores[counts], positive[counts].to(scores.dtype)).sum() / count
-        own = boxes[targets.box.flatten().to(scores.device)[positive]]
+        assigned = boxes[targets.box.flatten().to(scores.device)[positive]]
         at = anchors.to(scores.device)[positive]
-        wanted = encode(own, at)
+        wanted = encode(assigned, at)
         box = _box_loss(residuals[positive], wanted).sum() / count
         direction = nn.functional.cross_entropy(
-            directions[positive], is_backwards(own[:, 6]).long(), reduction="sum"
+            directions[positive], is_backwards(assigned[:, 6]).long(), reduction="sum"
         )
         return score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction / count
 
     def candidates(self, x: Tensor) -> list[tuple[Tensor, Tensor]]:
         anchors = self.anchors.boxes[: x.shape[2], : x.shape[3]].flatten(0, 2).to(x.device)
-        found = []
+        candidates = []
         for scores, residuals, directions in zip(*self(x), strict=True):
             best = torch.sigmoid(scores).topk(min(self.anchors.config.candidates, len(scores)))
             rows = best.indices
             backwards = directions[rows].argmax(dim=1) == 1
-            found.append((decode(residuals[rows], anchors[rows], backwards), best.values))
-        return found
+            candidates.append((decode(residuals[rows], anchors[rows], backwards), best.values))
+        return candidates
 
 
-def _box_loss(found: Tensor, wanted: Tensor) -> Tensor:
+def _box_loss(predicted: Tensor, wanted: Tensor) -> Tensor:
     """(n, 7) smooth L1, headings through the sine of their difference."""
-    a, b = found[:, 6:], wanted[:, 6:]
-    left = torch.cat([found[:, :6], a.sin() * b.cos()], dim=1)
+    a, b = predicted[:, 6:], wanted[:, 6:]
+    left = torch.cat([predicted[:, :6], a.sin() * b.cos()], dim=1)
     right = torch.cat([wanted[:, :6], a.cos() * b.sin()], dim=1)
     return smooth_l1(left, right)
 
@@ -124,7 +124,7 @@ class PointPillars(Network):
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
         self.columns = 5 if config.age else 4
-        looks_at = {"intensity": config.intensity, "place": config.place, "age": config.age}
+        looks_at = {"intensity": config.intensity, "with_xy": config.place, "age": config.age}
         self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
         self.bev = BevNetwork(config.bev, config.pillar_width)
         stride = config.bev.strides[0]

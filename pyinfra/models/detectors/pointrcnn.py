@@ -129,8 +129,8 @@ class Backbone(nn.Module):
         self.down = nn.ModuleList()
         for radii, widths in zip(RADII_M, DOWN, strict=True):
             balls = [
-                Ball(radius, most, scaled(own, config.width))
-                for radius, most, own in zip(radii, NEIGHBOURS, widths, strict=True)
+                Ball(radius, most, scaled(layer_widths, config.width))
+                for radius, most, layer_widths in zip(radii, NEIGHBOURS, widths, strict=True)
             ]
             self.down.append(SetAbstraction(channels[-1], balls))
             channels.append(sum(ball.widths[-1] for ball in balls))
@@ -265,9 +265,9 @@ class PointRCNN(Network):
         """(n, 4) features of points (n, 4)."""
         area = self.site.area
         low, size = points.new_tensor(area.low[:2]), points.new_tensor(area.size[:2])
-        place = (points[:, :2] - low) / size * 2 - 1
+        normalised_xy = (points[:, :2] - low) / size * 2 - 1
         height = points[:, 2:3] - self.site.floor_z
-        return torch.cat([points[:, 3:], height, place], dim=1)
+        return torch.cat([points[:, 3:], height, normalised_xy], dim=1)
 
     @torch.no_grad()
     def proposals(self, seen: Seen, most: int) -> list[Tensor]:
@@ -275,7 +275,7 @@ class PointRCNN(Network):
         counts = seen.clouds.counts
         size = seen.logits.new_tensor(self.config.size_m)
         parts = (seen.clouds.xyz, seen.residuals, seen.logits)
-        found = []
+        proposals = []
         for xyz, residuals, logits in zip(
             *(p.split_with_sizes(counts) for p in parts), strict=True
         ):
@@ -283,21 +283,21 @@ class PointRCNN(Network):
             boxes = decode(residuals[best.indices], xyz[best.indices], size)
             whole = torch.isfinite(boxes).all(dim=1)
             boxes, scores = boxes[whole], best.values[whole]
-            found.append(boxes[nms(boxes, scores, self.config.proposal_iou, most)])
-        return found
+            proposals.append(boxes[nms(boxes, scores, self.config.proposal_iou, most)])
+        return proposals
 
     def point_losses(self, seen: Seen, boxes: tuple[Tensor, ...]) -> Losses:
-        positive, counted, own = [], [], []
+        positive, counted, assigned = [], [], []
         for xyz, b in zip(seen.clouds.xyz.split_with_sizes(seen.clouds.counts), boxes, strict=True):
             box = box_of_points(xyz, grown(b, 2 * AROUND_M))
             positive.append(box >= 0)
             counted.append((box >= 0) | (box_of_points(xyz, grown(b, 2 * DOUBT_M)) < 0))
-            own.append(b[box[box >= 0]])
+            assigned.append(b[box[box >= 0]])
         is_vehicle, counts = torch.cat(positive), torch.cat(counted)
         number = of_all(is_vehicle.sum())
         score = focal(seen.logits[counts], is_vehicle[counts].to(seen.logits.dtype)).sum() / number
         size = seen.logits.new_tensor(self.config.size_m)
-        wanted = encode(torch.cat(own), seen.clouds.xyz[is_vehicle], size)
+        wanted = encode(torch.cat(assigned), seen.clouds.xyz[is_vehicle], size)
         box_loss = smooth_l1(seen.residuals[is_vehicle], wanted).sum() / number
         return {"score": score, "box": box_loss}
 
@@ -305,14 +305,14 @@ class PointRCNN(Network):
         """Proposals of each frame, at most half of them good enough to be refined."""
         draw = self.draw()
         parts = []
-        for found, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
-            rois = torch.cat([found, moved(b, draw)])
+        for proposed, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
+            rois = torch.cat([proposed, moved(b, draw)])
             overlap, box = best_overlap(rois, b)
             rows = balanced(overlap.cpu(), self.config.rois, draw).to(rois.device)
-            own = b[box[rows]] if len(b) else rois[rows]
-            parts.append((rois[rows], overlap[rows], own))
-        rois, overlap, own = (torch.cat(column) for column in zip(*parts, strict=True))
-        return Drawn(rois, [len(part[0]) for part in parts], overlap, own)
+            assigned = b[box[rows]] if len(b) else rois[rows]
+            parts.append((rois[rows], overlap[rows], assigned))
+        rois, overlap, assigned = (torch.cat(column) for column in zip(*parts, strict=True))
+        return Drawn(rois, [len(part[0]) for part in parts], overlap, assigned)
 
     def roi_losses(self, seen: Seen, drawn: Drawn) -> Losses:
         logits, residuals, held = self.refiner(detached(seen), drawn.rois, drawn.counts)
@@ -323,9 +323,9 @@ class PointRCNN(Network):
         ) / of_all(counts.sum())
         near = (drawn.overlap >= REFINED) & (held > 0)
         number = of_all(near.sum())
-        rois, boxes, found = drawn.rois[near], drawn.boxes[near], residuals[near]
-        refinement = smooth_l1(found, refinements(boxes, rois)).sum() / number
-        apart = corner_distances(refined(found, rois), boxes)
+        rois, boxes, predicted = drawn.rois[near], drawn.boxes[near], residuals[near]
+        refinement = smooth_l1(predicted, refinements(boxes, rois)).sum() / number
+        apart = corner_distances(refined(predicted, rois), boxes)
         corners = smooth_l1(apart, torch.zeros_like(apart), beta=1.0).mean(dim=1).sum() / number
         return {"confidence": confidence, "refinement": refinement, "corners": corners}
 
@@ -378,14 +378,14 @@ def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tu
     """
     rows, owners = [], []
     start = first = 0
-    for xyz, own in zip(
+    for xyz, frame_boxes in zip(
         clouds.xyz.split_with_sizes(clouds.counts), rois.split_with_sizes(list(counts)), strict=True
     ):
-        owner, row = points_in_boxes(xyz, grown(own, CONTEXT_M)).t().nonzero().unbind(1)
+        owner, row = points_in_boxes(xyz, grown(frame_boxes, CONTEXT_M)).t().nonzero().unbind(1)
         few = rank_in(owner) < most
         rows.append(row[few] + start)
         owners.append(owner[few] + first)
-        start, first = start + len(xyz), first + len(own)
+        start, first = start + len(xyz), first + len(frame_boxes)
     return torch.cat(rows), torch.cat(owners)
 
 

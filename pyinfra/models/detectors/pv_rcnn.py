@@ -42,7 +42,7 @@ from pyinfra.models.ops.points import box_of_points
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
 GRID_RADII = (0.8, 1.6)
 
-LEARNT_NMS_IOU, FOUND_NMS_IOU = 0.8, 0.7  # of proposals, in training and after it
+LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # of proposals, in training and after it
 FOREGROUND_IOU = 0.55  # of proposals that are refined
 FOREGROUND_SHARE = 0.5  # at most, of the proposals that are learnt from
 BACKGROUND_IOU = 0.1  # those above are hard
@@ -98,11 +98,11 @@ class KeyPoints(nn.Module):
         self, clouds: list[Clouds], canvas: Tensor, xyz: Tensor, counts: list[int]
     ) -> tuple[Clouds, Tensor]:
         """clouds: raw points and the levels; returns the key points (m,) and logits (m,)."""
-        found = [
+        gathered_levels = [
             source(shuffled(cloud), xyz, counts).features
             for source, cloud in zip(self.sources, clouds, strict=True)
         ]
-        gathered = torch.cat([*found, self.seen_from_above(canvas, xyz, counts)], dim=1)
+        gathered = torch.cat([*gathered_levels, self.seen_from_above(canvas, xyz, counts)], dim=1)
         logits: Tensor = self.foreground(gathered)[:, 0].float()
         features = self.fuse(gathered) * torch.sigmoid(logits)[:, None]
         return Clouds(xyz, features, counts), logits
@@ -112,14 +112,14 @@ class KeyPoints(nn.Module):
         low = xyz.new_tensor(self.area.low[:2])
         size = xyz.new_tensor([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m])
         at = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
-        found = [
+        features = [
             functional.grid_sample(
                 canvas[i : i + 1], part[None, None], padding_mode="border", align_corners=False
             )[0, :, 0].t()
             for i, part in enumerate(at.split_with_sizes(counts))
             if len(part)
         ]
-        return torch.cat([canvas.new_zeros(0, canvas.shape[1]), *found])
+        return torch.cat([canvas.new_zeros(0, canvas.shape[1]), *features])
 
 
 class Refinement(nn.Module):
@@ -140,11 +140,11 @@ class Refinement(nn.Module):
 
     def forward(self, key: Clouds, boxes: Tensor, counts: list[int]) -> tuple[Tensor, Tensor]:
         """boxes: (r, 7) of the proposals, counts: of each frame."""
-        places = grid_points(boxes, self.grid)  # (r, g, 3)
-        each = places.shape[1]
-        found = self.pool(key, places.flatten(0, 1), [each * n for n in counts]).features
+        grid = grid_points(boxes, self.grid)  # (r, g, 3)
+        each = grid.shape[1]
+        features = self.pool(key, grid.flatten(0, 1), [each * n for n in counts]).features
         # Not -1: its size is unknown where there is no proposal.
-        x = self.shared(found.reshape(len(places), each * found.shape[1]))
+        x = self.shared(features.reshape(len(grid), each * features.shape[1]))
         return self.score(x)[:, 0].float(), self.box(x).float()
 
 
@@ -181,10 +181,10 @@ class PvRcnn(Network):
         levels, canvas = self.backbone(batch, view)
         x = self.bev(canvas)
         first = self.head.losses(x, batch.boxes)
-        found = self.proposals(x, LEARNT_NMS_IOU)
+        proposals = self.proposals(x, LEARNT_NMS_IOU)
         chosen = [
-            boxes[spread_by_overlap(best_overlap(boxes, own)[0], self.config.proposals)]
-            for boxes, own in zip(found, batch.boxes, strict=True)
+            boxes[spread_by_overlap(best_overlap(boxes, truth)[0], self.config.proposals)]
+            for boxes, truth in zip(proposals, batch.boxes, strict=True)
         ]
         key, logits = self.gather(batch, levels, canvas, chosen)
         scores, residuals = self.refinement(key, torch.cat(chosen), [len(b) for b in chosen])
@@ -193,10 +193,10 @@ class PvRcnn(Network):
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         levels, canvas = self.backbone(batch)
-        found = self.proposals(self.bev(canvas), FOUND_NMS_IOU)
-        found = [boxes[: self.config.proposals] for boxes in found]
-        key, _ = self.gather(batch, levels, canvas, found)
-        proposed, counts = torch.cat(found), [len(boxes) for boxes in found]
+        proposals = self.proposals(self.bev(canvas), INFERENCE_NMS_IOU)
+        proposals = [boxes[: self.config.proposals] for boxes in proposals]
+        key, _ = self.gather(batch, levels, canvas, proposals)
+        proposed, counts = torch.cat(proposals), [len(boxes) for boxes in proposals]
         scores, residuals = self.refinement(key, proposed, counts)
         boxes = refined(proposed, residuals).split_with_sizes(counts)
         return list(zip(boxes, torch.sigmoid(scores).split_with_sizes(counts), strict=True))
@@ -204,12 +204,12 @@ class PvRcnn(Network):
     @torch.no_grad()
     def proposals(self, x: Tensor, iou: float) -> list[Tensor]:
         """Of each frame the boxes (r, 7) of the anchors that do not overlap more, best first."""
-        found = []
+        kept = []
         for boxes, scores in self.head.candidates(x):
             good = torch.isfinite(boxes).all(dim=1) & torch.isfinite(scores)
             boxes, scores = boxes[good], scores[good]
-            found.append(boxes[nms(boxes, scores, iou, len(boxes))])
-        return found
+            kept.append(boxes[nms(boxes, scores, iou, len(boxes))])
+        return kept
 
     def gather(
         self, batch: Batch, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
@@ -270,15 +270,15 @@ def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
     return torch.cat([xyz, sizes, heading], dim=1)
 
 
-def wanted_residuals(boxes: Tensor, own: Tensor) -> Tensor:
+def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
     """The inverse of `refined`: (r, 7) from boxes to vehicles (r, 7), headings modulo half a turn.
 
     What is forward was said by the first stage.
     """
     here = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
-    offset = _turned(own[:, :3] - boxes[:, :3], -boxes[:, 6])
-    turn = (own[:, 6:] - boxes[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
-    return encode(torch.cat([offset, own[:, 3:6], turn], dim=1), here)
+    offset = _turned(truth[:, :3] - boxes[:, :3], -boxes[:, 6])
+    turn = (truth[:, 6:] - boxes[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
+    return encode(torch.cat([offset, truth[:, 3:6], turn], dim=1), here)
 
 
 def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:
@@ -298,17 +298,17 @@ def refinement_losses(
 ) -> Losses:
     """scores: (r,), residuals: (r, 7) of the proposals of all frames; boxes: of the vehicles."""
     overlaps, targets = [scores.new_zeros(0)], [residuals.new_zeros(0, 7)]
-    for proposed, own in zip(proposals, boxes, strict=True):
-        overlap, row = best_overlap(proposed, own)
+    for proposed, truth in zip(proposals, boxes, strict=True):
+        overlap, row = best_overlap(proposed, truth)
         overlaps.append(overlap)
-        targets.append(own[row] if len(own) else proposed)
-    overlap, own, proposed = torch.cat(overlaps), torch.cat(targets), torch.cat(proposals)
+        targets.append(truth[row] if len(truth) else proposed)
+    overlap, truth, proposed = torch.cat(overlaps), torch.cat(targets), torch.cat(proposals)
     wanted = ((overlap - POOR_IOU) / (GOOD_IOU - POOR_IOU)).clamp(0, 1)
     score = functional.binary_cross_entropy_with_logits(scores, wanted, reduction="sum")
     on = overlap >= FOREGROUND_IOU
     count = of_all(on.sum())
-    box = smooth_l1(residuals[on], wanted_residuals(proposed[on], own[on])).sum()
-    corner = corner_loss(refined(proposed[on], residuals[on]), own[on]).sum()
+    box = smooth_l1(residuals[on], wanted_residuals(proposed[on], truth[on])).sum()
+    corner = corner_loss(refined(proposed[on], residuals[on]), truth[on]).sum()
     return {
         "confidence": score / of_all(torch.tensor(len(scores), device=scores.device)),
         "refinement": box / count,
@@ -316,12 +316,12 @@ def refinement_losses(
     }
 
 
-def corner_loss(found: Tensor, own: Tensor) -> Tensor:
+def corner_loss(predicted: Tensor, truth: Tensor) -> Tensor:
     """(r,): mean distance of corners of boxes (r, 7), whichever end is the front."""
-    half_turn = own + own.new_tensor([0, 0, 0, 0, 0, 0, math.pi])
-    corners = grid_corners(found)
+    half_turn = truth + truth.new_tensor([0, 0, 0, 0, 0, 0, math.pi])
+    corners = grid_corners(predicted)
     apart = torch.minimum(
-        (corners - grid_corners(own)).norm(dim=2), (corners - grid_corners(half_turn)).norm(dim=2)
+        (corners - grid_corners(truth)).norm(dim=2), (corners - grid_corners(half_turn)).norm(dim=2)
     )
     return smooth_l1(apart, torch.zeros_like(apart), beta=1.0).mean(dim=1)
 
@@ -335,9 +335,9 @@ def grid_corners(boxes: Tensor) -> Tensor:
 def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
     """Focal loss of the key points on vehicles; those just outside do not count."""
     on, near = [logits.new_zeros(0, dtype=torch.bool)], [logits.new_zeros(0, dtype=torch.bool)]
-    for xyz, own in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
-        wider = own + own.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])
-        on.append(box_of_points(xyz, own) >= 0)
+    for xyz, frame_boxes in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
+        wider = frame_boxes + frame_boxes.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])
+        on.append(box_of_points(xyz, frame_boxes) >= 0)
         near.append(box_of_points(xyz, wider) >= 0)
     target = torch.cat(on)
     counts = target | ~torch.cat(near)

@@ -58,8 +58,8 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
         ]
     ).to(batch.frame.device)
     boxes, classes = [], []
-    for own, numbers, corner in zip(batch.boxes, batch.classes, first, strict=True):
-        moved = own.clone()
+    for frame_boxes, numbers, corner in zip(batch.boxes, batch.classes, first, strict=True):
+        moved = frame_boxes.clone()
         moved[:, :2] -= corner.flip(0) * cell_m
         cell = (moved[:, :2] - low.to(moved)) / cell_m
         inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)

@@ -20,7 +20,7 @@ from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.inference import detect as inference
 
 COLUMNS = ["frame", "type", *BOX, "score"]
-OwnDetector: TypeAlias = Callable[[Points], pd.DataFrame]
+DetectorFunction: TypeAlias = Callable[[Points], pd.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def load_detector(
 
 
 def detect(
-    model: TrainedDetector | Detector | OwnDetector | str | os.PathLike[str],
+    model: TrainedDetector | Detector | DetectorFunction | str | os.PathLike[str],
     frames: FrameSequence | str | os.PathLike[str],
 ) -> pd.DataFrame:
     """Boxes of a detector in each frame.
@@ -103,7 +103,7 @@ def detect(
     if hasattr(model, "predict"):
         tables = (_of_detections(f.number, model.predict(f.points)) for f in frames)
     elif callable(model):
-        tables = (_of_own(f.number, model, f.points) for f in frames)
+        tables = (_of_function(f.number, model, f.points) for f in frames)
     else:
         raise Error(f"model: expected a detector or a callable, got {type(model).__name__}")
     return _joined(tables)
@@ -117,13 +117,13 @@ def _joined(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(kept, ignore_index=True)
 
 
-def _of_detections(number: int, found: Detections) -> pd.DataFrame:
-    table = pd.DataFrame({"frame": number, "type": found.names.astype(object)})
-    table[BOX] = found.boxes
-    return table.assign(score=found.scores)
+def _of_detections(number: int, detections: Detections) -> pd.DataFrame:
+    table = pd.DataFrame({"frame": number, "type": detections.names.astype(object)})
+    table[BOX] = detections.boxes
+    return table.assign(score=detections.scores)
 
 
-def _of_own(number: int, model: OwnDetector, points: Points) -> pd.DataFrame:
+def _of_function(number: int, model: DetectorFunction, points: Points) -> pd.DataFrame:
     try:
         table = model(points)
     except Exception as error:

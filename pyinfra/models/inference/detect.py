@@ -48,15 +48,15 @@ def load_detector(
     from pyinfra.models.detectors.network import device_of
     from pyinfra.models.training import checkpoint
 
-    found = checkpoint.load(file)
-    about = found.about
+    loaded = checkpoint.load(file)
+    provenance = loaded.provenance
     if not stacks:
-        check_single(run, about.accumulate)
-    if ground is None and about.ground is not None:
-        ground = Ground(about.ground)
+        check_single(run, provenance.accumulate)
+    if ground is None and provenance.ground is not None:
+        ground = Ground(provenance.ground)
     if ground is None:
         raise ValueError(f"{run}: found no height of the road, allowed one: --height-m says it")
-    return OnRoad(fused(found.network(region)).to(device_of(device)), ground)
+    return OnRoad(fused(loaded.network(region)).to(device_of(device)), ground)
 
 
 def check_single(run: Path, frames: int) -> None:
@@ -74,8 +74,8 @@ def accumulation_of(file: Path) -> Accumulation:
         return Accumulation()
     from pyinfra.models.training import checkpoint
 
-    about = checkpoint.load(file).about
-    return Accumulation(about.accumulate, about.label_at)
+    provenance = checkpoint.load(file).provenance
+    return Accumulation(provenance.accumulate, provenance.label_at)
 
 
 def stacking(
@@ -94,11 +94,11 @@ def stacking(
 
 def detector_at(run: Path, lidar_folder: Path, *, device: str = "cpu") -> Detector:
     """The detector where the frames of a LiDAR's folder were taken; raises as load_detector."""
-    ground, region = place_of(lidar_folder)
+    ground, region = ground_and_region_of(lidar_folder)
     return load_detector(run, ground=ground, region=region, device=device)
 
 
-def place_of(lidar_folder: Path) -> tuple[Ground | None, Region | None]:
+def ground_and_region_of(lidar_folder: Path) -> tuple[Ground | None, Region | None]:
     """The road where the frames of a folder were taken, as far as it is known.
 
     Raises FormatError, and ConfigError for an outline.
@@ -138,7 +138,7 @@ def is_of_anywhere(file: Path) -> bool:
         return False
     from pyinfra.models.training import checkpoint
 
-    return checkpoint.load(file).about.anywhere
+    return checkpoint.load(file).provenance.anywhere
 
 
 def transfer(run: Path, lidar_folder: Path) -> str:
@@ -148,14 +148,14 @@ def transfer(run: Path, lidar_folder: Path) -> str:
         return ""
     from pyinfra.models.training import checkpoint
 
-    about, lidar = checkpoint.load(file).about, kitti.read_lidar(lidar_folder)
-    if about.anywhere:
+    provenance, lidar = checkpoint.load(file).provenance, kitti.read_lidar(lidar_folder)
+    if provenance.anywhere:
         return ""
     pairs = {
-        "LiDAR": (about.lidar, lidar.name),
-        "preset": (about.preset, lidar.preset),
-        "scene": (about.scene, scene_of(lidar_folder)),
-        "label time": (about.label_time, lidar.label_time),
+        "LiDAR": (provenance.lidar, lidar.name),
+        "preset": (provenance.preset, lidar.preset),
+        "scene": (provenance.scene, scene_of(lidar_folder)),
+        "label time": (provenance.label_time, lidar.label_time),
     }
     return ", ".join(
         f"{name} {theirs} (learnt on {ours})"
@@ -177,23 +177,23 @@ def detect(
     it, else in that of a simulated LiDAR. Raises FormatError for a cloud that is none, and
     ValueError for two clouds of one name.
     """
-    found, times = [], []
+    per_frame, times = [], []
     if out is not None:
         once(files)
         out.mkdir(parents=True, exist_ok=True)
     for file in files:
         points = read(file)
         detections, seconds = timed(detector, points)
-        found.append(detections)
+        per_frame.append(detections)
         times.append(1000 * seconds)
         if out is not None:
             write(out, file, detections)
-    return found, np.array(times)
+    return per_frame, np.array(times)
 
 
-def write(out: Path, cloud: Path, found: Detections) -> None:
+def write(out: Path, cloud: Path, detections: Detections) -> None:
     """A KITTI result of a cloud. Raises FormatError for its calib file."""
-    labels = Labels(found.names, found.boxes, found.scores)
+    labels = Labels(detections.names, detections.boxes, detections.scores)
     kitti.write_labels(out / f"{cloud.stem}.txt", labels, calibration_of(cloud))
 
 
@@ -217,5 +217,5 @@ def calibration_of(cloud: Path) -> kitti.Calibration | None:
 
 def timed(detector: Detector, points: Points) -> tuple[Detections, float]:
     start = time.perf_counter()
-    found = detector.predict(points)
-    return found, time.perf_counter() - start
+    detections = detector.predict(points)
+    return detections, time.perf_counter() - start

@@ -49,11 +49,13 @@ def trust_of(
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
     background = Background.learn(learnt, DEFAULT, region, ground_of(folder) if lidar else None)
     moving, clusters = _second_opinion(background, clouds, frames, predictions)
-    found = BoxSeries(np.asarray(frames)[predictions.frame], predictions.boxes, predictions.scores)
+    detections = BoxSeries(
+        np.asarray(frames)[predictions.frame], predictions.boxes, predictions.scores
+    )
     return trust(
         frames,
         lidar.period_s if lidar else PERIOD_S,
-        found,
+        detections,
         moving,
         _off(region, predictions.boxes),
         clusters,
@@ -68,13 +70,13 @@ def _second_opinion(
     numbers, boxes, scores = [np.empty(0, np.int64)], [np.empty((0, 7))], [np.empty(0)]
     for i, file in enumerate(clouds):
         points = kitti.read_points(file)
-        own = np.flatnonzero(predictions.frame == i)
-        moving[own] = points_in_boxes(background.moving(points), predictions.boxes[own])
-        found = background.predict(points)
-        keep = found.scores >= CLUSTER_SCORE
+        rows = np.flatnonzero(predictions.frame == i)
+        moving[rows] = points_in_boxes(background.moving(points), predictions.boxes[rows])
+        clusters = background.predict(points)
+        keep = clusters.scores >= CLUSTER_SCORE
         numbers.append(np.full(int(keep.sum()), frames[i]))
-        boxes.append(found.boxes[keep])
-        scores.append(found.scores[keep])
+        boxes.append(clusters.boxes[keep])
+        scores.append(clusters.scores[keep])
     return moving, BoxSeries(np.concatenate(numbers), np.concatenate(boxes), np.concatenate(scores))
 
 

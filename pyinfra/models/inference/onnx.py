@@ -37,8 +37,8 @@ class Graph(nn.Module):
 
     def forward(self, points: Tensor) -> tuple[Tensor, ...]:
         canvas = whole_canvas(self.network.encoder, points)
-        (found,) = self.network.head.candidates(self.network.bev(canvas))
-        return found
+        (candidates,) = self.network.head.candidates(self.network.bev(canvas))
+        return candidates
 
 
 def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
@@ -55,12 +55,12 @@ def export(run: Path, file: Path) -> None:
     """Raises ValueError for a detector that is not dense or is one of stacked frames, and
     ImportError without onnxscript.
     """
-    found = checkpoint.load(model_file(run))
-    check_single(run, found.about.accumulate)
-    network = found.network()
+    loaded = checkpoint.load(model_file(run))
+    check_single(run, loaded.provenance.accumulate)
+    network = loaded.network()
     if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
         raise ValueError(
-            f"{run}: found {found.about.detector}, allowed pointpillars, centerpoint-pillar"
+            f"{run}: found {loaded.provenance.detector}, allowed pointpillars, centerpoint-pillar"
         )
     low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))
     xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)
@@ -80,7 +80,10 @@ def export(run: Path, file: Path) -> None:
         )
     if program is None:
         raise RuntimeError(f"{run}: the exporter gave nothing")
-    about = {"about": json.dumps(as_plain(found.about)), "area": json.dumps(as_plain(network.site))}
-    program.model.metadata_props.update(about)
+    metadata = {
+        "about": json.dumps(as_plain(loaded.provenance)),
+        "area": json.dumps(as_plain(network.site)),
+    }
+    program.model.metadata_props.update(metadata)
     with replacing(file) as beside:
         program.save(str(beside), external_data=False)

@@ -19,7 +19,7 @@ from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
-PLACE_M = 0.7  # boxes whose centres are as near are at one place
+SAME_POSITION_M = 0.7  # boxes whose centres are as near are at one place
 COMES_BACK = 3  # boxes at a place, and more
 MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
 LEAST_SCORE = 0.1  # of boxes that tell something, and that may go
@@ -27,7 +27,7 @@ LEAST_SCORE = 0.1  # of boxes that tell something, and that may go
 
 def without_standing(
     clouds: Sequence[Path],
-    found: Sequence[Detections],
+    detections: Sequence[Detections],
     region: Region | None,
     road: Ground | None = None,
 ) -> list[Detections]:
@@ -40,15 +40,17 @@ def without_standing(
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
     background = Background.learn(learnt, DEFAULT, region, road)
-    moves = [_moves(background, cloud, d.boxes) for cloud, d in zip(clouds, found, strict=True)]
-    boxes = np.concatenate([np.empty((0, 7)), *(d.boxes for d in found)])
-    vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in found)])
+    moves = [
+        _moves(background, cloud, d.boxes) for cloud, d in zip(clouds, detections, strict=True)
+    ]
+    boxes = np.concatenate([np.empty((0, 7)), *(d.boxes for d in detections)])
+    vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in detections)])
     keep = np.ones(len(boxes), np.bool_)
     keep[vehicles] = ~standing(
         boxes[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
     )
-    ends = np.cumsum([len(d) for d in found])[:-1]
-    return [_only(d, own) for d, own in zip(found, np.split(keep, ends), strict=True)]
+    ends = np.cumsum([len(d) for d in detections])[:-1]
+    return [_only(d, mask) for d, mask in zip(detections, np.split(keep, ends), strict=True)]
 
 
 def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
@@ -56,10 +58,12 @@ def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
 
     boxes: (n, 7) of all frames; moves: (n,).
     """
-    places = cKDTree(boxes[:, :2])
-    comes_back = places.query_ball_point(boxes[:, :2], PLACE_M, return_length=True) >= COMES_BACK
+    tree = cKDTree(boxes[:, :2])
+    comes_back = (
+        tree.query_ball_point(boxes[:, :2], SAME_POSITION_M, return_length=True) >= COMES_BACK
+    )
     moving = boxes[moves]
-    reach_m = max(PLACE_M, float(np.hypot(*moving[:, 3:5].T).max(initial=0)) / 2)
+    reach_m = max(SAME_POSITION_M, float(np.hypot(*moving[:, 3:5].T).max(initial=0)) / 2)
     near = cKDTree(moving[:, :2]).query_ball_point(boxes[:, :2], reach_m)
     driven = [
         _hold(moving[some], box[:2]).any() if len(some) else False
@@ -74,7 +78,7 @@ def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     ahead, left = np.abs(cos * dx + sin * dy), np.abs(cos * dy - sin * dx)
     inside = (ahead <= boxes[:, 3] / 2) & (left <= boxes[:, 4] / 2)
-    return np.asarray(inside | (np.hypot(dx, dy) <= PLACE_M))
+    return np.asarray(inside | (np.hypot(dx, dy) <= SAME_POSITION_M))
 
 
 def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
@@ -84,12 +88,15 @@ def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
     return (moving > 0) & (moving > MOVING_SHARE * points_in_boxes(points, boxes))
 
 
-def _are_vehicles(found: Detections) -> BoolArray:
-    likely = found.scores >= LEAST_SCORE
-    return np.asarray(likely & ~np.isin(found.names, kitti.PERSON_TYPES))
+def _are_vehicles(detections: Detections) -> BoolArray:
+    likely = detections.scores >= LEAST_SCORE
+    return np.asarray(likely & ~np.isin(detections.names, kitti.PERSON_TYPES))
 
 
-def _only(found: Detections, keep: BoolArray) -> Detections:
+def _only(detections: Detections, keep: BoolArray) -> Detections:
     return replace(
-        found, boxes=found.boxes[keep], scores=found.scores[keep], names=found.names[keep]
+        detections,
+        boxes=detections.boxes[keep],
+        scores=detections.scores[keep],
+        names=detections.names[keep],
     )

@@ -50,10 +50,10 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
     if radius <= 0 or k < 1:
         raise ValueError(f"radius, k: found {radius}, {k}, allowed above 0")
     if kernels is not None and points.device.type == "cpu":
-        found, empty = kernels.ball_query(
+        indices, empty = kernels.ball_query(
             points.contiguous().numpy(), centres.contiguous().numpy(), radius, k
         )
-        return torch.from_numpy(found), torch.from_numpy(empty).bool()
+        return torch.from_numpy(indices), torch.from_numpy(empty).bool()
     n = len(points)
     limit = points.new_tensor(radius) ** 2
     row = torch.arange(n, device=points.device)
@@ -62,10 +62,10 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
         near = torch.where(_squared_distances(some, points) < limit, row, n)  # (some, n)
         first = near.topk(min(k, n), largest=False).values.sort().values
         parts.append(torch.nn.functional.pad(first, (0, k - min(k, n)), value=n))
-    found = torch.cat(parts)
-    found = torch.where(found == n, found[:, :1], found)
-    empty = found[:, 0] == n
-    return torch.where(empty[:, None], 0, found), empty
+    indices = torch.cat(parts)
+    indices = torch.where(indices == n, indices[:, :1], indices)
+    empty = indices[:, 0] == n
+    return torch.where(empty[:, None], 0, indices), empty
 
 
 @torch.no_grad()
@@ -80,9 +80,9 @@ def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
     if not len(known):
         raise ValueError("known: found no points, allowed at least one")
     if points.device.type == "cpu":
-        distances, found = cKDTree(known.numpy()).query(points.numpy(), k=3)
-        found[found == len(known)] = 0
-        return torch.from_numpy(distances).to(points.dtype), torch.from_numpy(found)
+        distances, indices = cKDTree(known.numpy()).query(points.numpy(), k=3)
+        indices[indices == len(known)] = 0
+        return torch.from_numpy(distances).to(points.dtype), torch.from_numpy(indices)
     return _nearest_of_all(points, known)
 
 
@@ -125,14 +125,14 @@ def box_of_points(points: Tensor, boxes: Tensor) -> Tensor:
 def _nearest_of_all(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
     """`three_nearest` without a tree."""
     some = min(3, len(known))
-    squared, found = [points.new_zeros(0, some)], [points.new_zeros(0, some).long()]
+    squared, indices = [points.new_zeros(0, some)], [points.new_zeros(0, some).long()]
     for part in _parts(points, len(known)):
         nearest = _squared_distances(part, known).topk(some, largest=False)
         squared.append(nearest.values)
-        found.append(nearest.indices)
+        indices.append(nearest.indices)
     distances = torch.cat(squared).sqrt()
     pad = torch.nn.functional.pad
-    return pad(distances, (0, 3 - some), value=torch.inf), pad(torch.cat(found), (0, 3 - some))
+    return pad(distances, (0, 3 - some), value=torch.inf), pad(torch.cat(indices), (0, 3 - some))
 
 
 def _parts(xyz: Tensor, others: int) -> list[Tensor]:
@@ -153,7 +153,7 @@ def _squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
 
 def _check(xyz: Tensor) -> None:
     if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype != torch.float32:
-        found = f"{tuple(xyz.shape)} {xyz.dtype}"
-        raise ValueError(f"points: found {found}, allowed (n, 3) torch.float32")
+        actual = f"{tuple(xyz.shape)} {xyz.dtype}"
+        raise ValueError(f"points: found {actual}, allowed (n, 3) torch.float32")
     if not xyz.isfinite().all():
         raise ValueError("points: found a value that is not finite")

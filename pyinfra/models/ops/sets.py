@@ -49,22 +49,22 @@ def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int
     return VoxelWindows(window, row % side, column % side, side)
 
 
-def partition(windows: VoxelWindows, place: Tensor, size: int) -> Sets:
+def partition(windows: VoxelWindows, position: Tensor, size: int) -> Sets:
     """Sets of the voxels of each window in ascending order of their place (n,) in it.
 
     The paper's equation 3: of n voxels in s = ceil(n / size) sets, slot i holds the voxel
     floor(i n / (s size)). No voxel is in two sets, as s - 1 < n / size.
     """
-    order = torch.argsort(windows.window * windows.side**2 + place)
+    order = torch.argsort(windows.window * windows.side**2 + position)
     _, count = torch.unique_consecutive(windows.window[order], return_counts=True)
     first = count.cumsum(0) - count
     sets = (count + size - 1) // size
     number = torch.arange(len(count), device=order.device)
-    own = torch.repeat_interleave(number, sets)  # (s,) window
-    nth = torch.arange(len(own), device=order.device) - (sets.cumsum(0) - sets)[own]
+    set_window = torch.repeat_interleave(number, sets)  # (s,) window
+    nth = torch.arange(len(set_window), device=order.device) - (sets.cumsum(0) - sets)[set_window]
     slots = nth[:, None] * size + torch.arange(size, device=order.device)
-    chosen = slots * count[own, None] // (sets[own, None] * size)  # (s, size)
-    voxel = order[first[own, None] + chosen]
+    chosen = slots * count[set_window, None] // (sets[set_window, None] * size)  # (s, size)
+    voxel = order[first[set_window, None] + chosen]
     repeats = torch.zeros_like(voxel, dtype=torch.bool)
     repeats[:, 1:] = chosen[:, 1:] == chosen[:, :-1]
     once = (~repeats).flatten().nonzero()[:, 0]  # (n,)

@@ -208,9 +208,9 @@ def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> 
         ((dz - pad[0]) * sizes[1] + dy - pad[1]) * sizes[2] + dx - pad[2]
         for dz, dy, dx in itertools.product(*map(range, kernel))
     ]
-    found, here, counts = _shifted_pairs(keys, steps[:centre])
+    neighbours, here, counts = _shifted_pairs(keys, steps[:centre])
     # The offset opposite of the centre has the same pairs the other way round.
-    low, high = order[found].split_with_sizes(counts), order[here].split_with_sizes(counts)
+    low, high = order[neighbours].split_with_sizes(counts), order[here].split_with_sizes(counts)
     none = order[:0]
     inputs, outputs = [*low, none, *high[::-1]], [*high, none, *low[::-1]]
     return Rulebook(
@@ -243,12 +243,12 @@ def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list
     if kernels is not None and keys.device.type == "cpu":
         first, second, counts = kernels.shifted_pairs(keys.numpy(), steps)
         return torch.from_numpy(first), torch.from_numpy(second), counts
-    found, here = [keys[:0]], [keys[:0]]
+    neighbours, here = [keys[:0]], [keys[:0]]
     for step in steps:
         at = torch.searchsorted(keys, keys + step).clamp(max=max(0, len(keys) - 1))
         here.append(torch.nonzero(keys[at] == keys + step).squeeze(1))
-        found.append(at[here[-1]])
-    return torch.cat(found), torch.cat(here), [len(rows) for rows in found[1:]]
+        neighbours.append(at[here[-1]])
+    return torch.cat(neighbours), torch.cat(here), [len(rows) for rows in neighbours[1:]]
 
 
 def _reached_voxels(

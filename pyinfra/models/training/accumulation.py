@@ -42,13 +42,13 @@ class Accumulation:
         Raises ValueError if frames lie so far apart that none has a neighbour.
         """
         known = {*there, *labelled}
-        found = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
-        if self.frames > 1 and found and max(map(len, found)) == 1:
+        groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
+        if self.frames > 1 and groups and max(map(len, groups)) == 1:
             raise ValueError(
                 f"accumulate: found no two frames within {self.frames} numbers, allowed a folder "
                 "with frames one after another"
             )
-        return found
+        return groups
 
     def clouds(
         self,

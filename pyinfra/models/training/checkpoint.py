@@ -33,7 +33,7 @@ CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at t
 
 
 @dataclass(frozen=True)
-class About:
+class Provenance:
     """What a checkpoint says of itself."""
 
     detector: str
@@ -66,13 +66,13 @@ class About:
 class Checkpoint:
     """Weights by name, and those of the optimiser under `optimizer.`."""
 
-    about: About
+    provenance: Provenance
     tensors: dict[str, Tensor]
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:
         """That its network tells apart."""
-        return classes_of(config_of(self.about.detector, self.about.network))
+        return classes_of(config_of(self.provenance.detector, self.provenance.network))
 
     def weights(self) -> dict[str, Tensor]:
         """Those of the network, by the names it has for them."""
@@ -87,20 +87,23 @@ class Checkpoint:
 
         Raises ConfigError if the weights do not fit its Config.
         """
-        site = self.about.site if region is None else around(region, self.about.site)
-        network, weights = build(self.about.detector, self.about.network, site), self.weights()
+        site = self.provenance.site if region is None else around(region, self.provenance.site)
+        network, weights = (
+            build(self.provenance.detector, self.provenance.network, site),
+            self.weights(),
+        )
         try:
             network.load_state_dict(weights)
         except RuntimeError as error:
             first = str(error).splitlines()[-1].strip()
-            raise ConfigError(f"checkpoint of {self.about.detector}: {first}") from None
+            raise ConfigError(f"checkpoint of {self.provenance.detector}: {first}") from None
         for name, tensor in weights.items():
             if not tensor.isfinite().all():
                 raise ConfigError(
-                    f"checkpoint of {self.about.detector}: {name}: found a number that is not "
+                    f"checkpoint of {self.provenance.detector}: {name}: found a number that is not "
                     "finite, allowed weights that are"
                 )
-        network.calibration = self.about.calibration
+        network.calibration = self.provenance.calibration
         if region is not None:
             network.know(region)
         return network.eval()
@@ -129,18 +132,20 @@ def digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
-def save(file: Path, network: nn.Module, optimizer: dict[str, Tensor], about: About) -> None:
+def save(
+    file: Path, network: nn.Module, optimizer: dict[str, Tensor], provenance: Provenance
+) -> None:
     """Raises OSError, and leaves the file that was there."""
     tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
     tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
-    write(file, tensors, about)
+    write(file, tensors, provenance)
 
 
-def write(file: Path, tensors: dict[str, Tensor], about: About) -> None:
+def write(file: Path, tensors: dict[str, Tensor], provenance: Provenance) -> None:
     """Tensors by the names of a checkpoint, of any precision. Raises OSError as `save`."""
     try:
         with replacing(file) as beside:
-            save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(about))})
+            save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(provenance))})
     except (OSError, SafetensorError) as error:
         raise OSError(getattr(error, "errno", None) or 5, str(error), str(file)) from None
 
@@ -165,4 +170,4 @@ def load(file: Path) -> Checkpoint:
     for key, wanted in written.items():
         if plain.get(key) != wanted:
             raise ConfigError(f"{file}: {key}: found '{plain.get(key)}', allowed '{wanted}'")
-    return Checkpoint(from_plain(plain, About, str(file)), tensors)
+    return Checkpoint(from_plain(plain, Provenance, str(file)), tensors)

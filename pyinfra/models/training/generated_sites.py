@@ -97,13 +97,13 @@ class SiteSamples:
         return n
 
     def sample(self, i: int) -> SiteSample:
-        group, place = divmod(i, self.plan.of_group)
-        return self._samples(group)[self._order(group)[place]]
+        group, position = divmod(i, self.plan.of_group)
+        return self._samples(group)[self._order(group)[position]]
 
     def another(self, i: int, draw: np.random.Generator) -> SiteSample:
         """Of the same visit and LiDAR."""
-        group, place = divmod(i, self.plan.of_group)
-        first = self._order(group)[place] // self.plan.frames * self.plan.frames
+        group, position = divmod(i, self.plan.of_group)
+        first = self._order(group)[position] // self.plan.frames * self.plan.frames
         return self._samples(group)[first + int(draw.integers(self.plan.frames))]
 
     def _order(self, group: int) -> list[int]:
@@ -202,12 +202,14 @@ def read_stream(file: Path, classes: tuple[ObjectClass, ...] = VEHICLES) -> Stre
     """What a file says, with boxes of these classes.
 
     Raises ConfigError with file, line and key, and FileNotFoundError."""
-    said = read_config(file, StreamFile)
+    settings = read_config(file, StreamFile)
     try:
-        presets = asdict(said.presets)
-        chosen = lidar_catalogue.sensors(without=(*said.without, *said.narrow), presets=presets)
-        narrow = lidar_catalogue.only(said.narrow, presets) if said.narrow else None
-        return site_stream(said.plan, chosen, classes, narrow)
+        presets = asdict(settings.presets)
+        chosen = lidar_catalogue.sensors(
+            without=(*settings.without, *settings.narrow), presets=presets
+        )
+        narrow = lidar_catalogue.only(settings.narrow, presets) if settings.narrow else None
+        return site_stream(settings.plan, chosen, classes, narrow)
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from None
 

@@ -30,7 +30,7 @@ from pyinfra.models.detectors import distributed, windows
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch
 from pyinfra.models.detectors.network import Network, keep_memory, one_thread
 from pyinfra.models.training import checkpoint
-from pyinfra.models.training.checkpoint import About, Checkpoint
+from pyinfra.models.training.checkpoint import Checkpoint, Provenance
 from pyinfra.models.training.recipe import Learning, Precision, Recipe
 from pyinfra.models.training.samples import Augmentation, Frames, Samples, augmented
 from pyinfra.models.training.validation import Checks
@@ -65,7 +65,7 @@ def train(
     network: Network,
     frames: Samples,
     recipe: Recipe,
-    about: About,
+    provenance: Provenance,
     out: Path,
     *,
     begun: Checkpoint | None = None,
@@ -88,7 +88,7 @@ def train(
     last = out / "last.safetensors"
     done = resume(network, optimizer, begun) if begun is not None else 0
     checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
-    make = partial(batch_of, frames, recipe, network, about.seed)
+    make = partial(batch_of, frames, recipe, network, provenance.seed)
     start, before = time.monotonic(), time.process_time()
     keep_memory()
     with one_thread(), closing(ahead(make, range(done, learning.steps))) as batches:
@@ -108,7 +108,7 @@ def train(
             check_finite("norm of the gradients", norm.item(), step, last)
             optimizer.step()
             done = step + 1
-            here = dataclasses.replace(about, step=done)
+            here = dataclasses.replace(provenance, step=done)
             # Before the last one is written: a kill between them leads back to before the check.
             if first and checks is not None and checks.find_best(network, done, learning.steps):
                 checkpoint.save(out / "best.safetensors", network, {}, here)
@@ -196,7 +196,7 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 
 @dataclass(frozen=True)
-class Description(About):
+class Description(Provenance):
     """`run.yaml`: what a checkpoint says of itself, and how the run learns."""
 
     learning: Learning = field(default_factory=Learning)
@@ -207,11 +207,11 @@ class Description(About):
 
 
 def describe(
-    about: About, recipe: Recipe, frames: int, precision: Precision, drawn: str = ""
+    provenance: Provenance, recipe: Recipe, frames: int, precision: Precision, drawn: str = ""
 ) -> Description:
-    own = {f.name: getattr(about, f.name) for f in dataclasses.fields(about)}
+    fields = {f.name: getattr(provenance, f.name) for f in dataclasses.fields(provenance)}
     return Description(
-        **own,
+        **fields,
         learning=recipe.learning,
         augmentation=recipe.augmentation,
         frames=frames,
@@ -228,9 +228,9 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     file = out / "last.safetensors"
     if not file.exists():
         return None
-    found = checkpoint.load(file)
-    theirs, wanted = as_plain(found.about), as_plain(ours)
-    if found.about.detector == ours.detector:  # of an earlier version it may lack keys
+    loaded = checkpoint.load(file)
+    theirs, wanted = as_plain(loaded.provenance), as_plain(ours)
+    if loaded.provenance.detector == ours.detector:  # of an earlier version it may lack keys
         theirs["network"] = as_plain(checkpoint.config_of(ours.detector, theirs["network"]))
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
@@ -240,14 +240,14 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     for key, value in before.items():
         if value != now[key]:
             raise ConfigError(f"{described}: {key}: found {value}, allowed {now[key]} to go on")
-    return found
+    return loaded
 
 
 def _ways(description: Description) -> dict[str, object]:
     """How a run learns, by keys with a dot."""
     plain = as_plain(description)
-    own = {key: plain[key] for key in ("frames", "precision", "drawn")}
-    return own | {
+    kept = {key: plain[key] for key in ("frames", "precision", "drawn")}
+    return kept | {
         f"{name}.{key}": value
         for name in ("learning", "augmentation")
         for key, value in plain[name].items()
@@ -264,7 +264,7 @@ def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint
             state.setdefault(int(index), {})[name] = tensor
     groups = optimizer.state_dict()["param_groups"]
     optimizer.load_state_dict({"state": state, "param_groups": groups})
-    return begun.about.step
+    return begun.provenance.step
 
 
 class Log:

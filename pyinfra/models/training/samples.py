@@ -91,8 +91,8 @@ class Frames:
 
     def nth(self, seed: int, n: int) -> int:
         """Each comes once before one comes twice."""
-        turn, place = divmod(n, len(self))
-        return int(np.random.default_rng([seed, turn]).permutation(len(self))[place])
+        turn, position = divmod(n, len(self))
+        return int(np.random.default_rng([seed, turn]).permutation(len(self))[position])
 
     def sample(self, i: int) -> Sample:
         height_m = self.heights_m[i] if self.heights_m else 0.0
@@ -193,9 +193,11 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
     return replace(sample, points=points, boxes=boxes, region=region, height_m=height_m)
 
 
-def _in_moved(region: Region, linear: FloatArray, places: FloatArray, margin_m: float) -> BoolArray:
+def _in_moved(
+    region: Region, linear: FloatArray, positions: FloatArray, margin_m: float
+) -> BoolArray:
     """Which places lie in a region that was moved by (2, 2): row vectors from the right."""
-    before = places[:, :2] @ np.linalg.inv(linear)
+    before = positions[:, :2] @ np.linalg.inv(linear)
     return region.holds(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
 
 
@@ -207,7 +209,7 @@ def with_pasted(
     Each class in turn, so that rare ones come as often.
     """
     order = draw.permutation(len(other.boxes))
-    order = order[np.argsort(_places_in_class(other.numbers[order]), kind="stable")]
+    order = order[np.argsort(_ranks_in_class(other.numbers[order]), kind="stable")]
     free = np.ones(len(order), dtype=np.bool_)
     if len(sample.boxes) > 0:
         free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
@@ -215,14 +217,14 @@ def with_pasted(
     for i in order[free[order]]:
         if len(boxes) > how.pasted:
             break
-        own = other.points[points_in_box(other.points, other.boxes[i])]
-        if len(own) < how.least_points:
+        pasted = other.points[points_in_box(other.points, other.boxes[i])]
+        if len(pasted) < how.least_points:
             continue
         here = points_in_box(points[0], other.boxes[i], 0)
         if how.shadows:
-            here |= hidden_by(own, points[0], sample.height_m)
+            here |= hidden_by(pasted, points[0], sample.height_m)
         points[0] = points[0][~here]
-        points.append(own)
+        points.append(pasted)
         boxes.append(other.boxes[i : i + 1])
         numbers.append(other.numbers[i : i + 1])
     return replace(
@@ -233,22 +235,22 @@ def with_pasted(
     )
 
 
-def _places_in_class(numbers: IntArray) -> IntArray:
+def _ranks_in_class(numbers: IntArray) -> IntArray:
     """(n,): how many of the same class stand before each."""
-    places = np.zeros(len(numbers), np.int64)
+    ranks = np.zeros(len(numbers), np.int64)
     for number in np.unique(numbers):
-        own = numbers == number
-        places[own] = np.arange(own.sum())
-    return places
+        of_class = numbers == number
+        ranks[of_class] = np.arange(of_class.sum())
+    return ranks
 
 
-def hidden_by(own: Points, points: Points, height_m: float) -> BoolArray:
+def hidden_by(hiding: Points, points: Points, height_m: float) -> BoolArray:
     """(n,): which points (n, 4) lie behind others (m, 4) as the sensor sees them.
 
-    A point is hidden if it is farther than the nearest of `own` in its cell of directions or in one
-    beside it. height_m: of the sensor above z = 0.
+    A point is hidden if it is farther than the nearest of `hiding` in its cell of directions or in
+    one beside it. height_m: of the sensor above z = 0.
     """
-    columns, rows, near = _directions(own, height_m)
+    columns, rows, near = _directions(hiding, height_m)
     around = [(columns + i, rows + k) for i in (-1, 0, 1) for k in (-1, 0, 1)]
     cells = np.concatenate([_cell(*pair) for pair in around])
     order = np.lexsort((np.tile(near, len(around)), cells))
@@ -256,8 +258,8 @@ def hidden_by(own: Points, points: Points, height_m: float) -> BoolArray:
     nearest = np.tile(near, len(around))[order][first]
     columns, rows, ranges = _directions(points, height_m)
     there = _cell(columns, rows)
-    place = np.searchsorted(cells, there).clip(max=len(cells) - 1)
-    return np.asarray((cells[place] == there) & (ranges > nearest[place]))
+    index = np.searchsorted(cells, there).clip(max=len(cells) - 1)
+    return np.asarray((cells[index] == there) & (ranges > nearest[index]))
 
 
 def _directions(points: Points, height_m: float) -> tuple[IntArray, IntArray, FloatArray]:

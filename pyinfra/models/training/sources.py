@@ -97,7 +97,7 @@ def read_source(
     there = _stackable(folder, numbers) if accumulation.frames > 1 else numbers
     read = partial(read_frame, folder)
     vehicles = cache(partial(read_vehicles, folder, frames))
-    known = [name for own in classes for name in OBJECT_CLASSES[own]]
+    known = [name for class_name in classes for name in OBJECT_CLASSES[class_name]]
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
@@ -172,8 +172,8 @@ def hit_boxes(
     """(k, 7) of what of the classes has a point in each frame, and the numbers (k,) of these."""
     numbers = numbers_of(vehicles.names, classes)
     hit = (numbers >= 0) & (vehicles.points > 0)
-    own = [hit & (vehicles.frame == i) for i in range(frames)]
-    return tuple(vehicles.boxes[i] for i in own), tuple(numbers[i] for i in own)
+    masks = [hit & (vehicles.frame == i) for i in range(frames)]
+    return tuple(vehicles.boxes[i] for i in masks), tuple(numbers[i] for i in masks)
 
 
 def simulated_source(
@@ -225,8 +225,8 @@ def pose_of(scene: Mapping[str, Any]) -> kitti.WorldPose:
 def cast(world: simulation.World, lidar: simulation.Lidar, frame: int) -> Points:
     from pyinfra.dataset import simulation
 
-    ((_, (found,)),) = simulation.simulate(world, [lidar], [frame], threads=1)
-    return simulation.points(found)
+    ((_, (simulated,)),) = simulation.simulate(world, [lidar], [frame], threads=1)
+    return simulation.points(simulated)
 
 
 def labels_of_frame(

@@ -27,7 +27,7 @@ from pyinfra.models.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
     from pyinfra.models.detectors.network import Network
-    from pyinfra.models.training.checkpoint import About
+    from pyinfra.models.training.checkpoint import Provenance
     from pyinfra.models.training.loop import Description, Progress
 
 
@@ -125,21 +125,21 @@ def _train_network(
             f"network.classes: found {', '.join(network.classes)}, allowed "
             f"{', '.join(stream.classes)} as the boxes that are learnt from"
         )
-    about = _about(recipe, stream, seed)
+    provenance = _provenance(recipe, stream, seed)
     if recipe.learning.start:
-        about = _begun_with(network, Path(recipe.learning.start), about)
-    description = loop.describe(about, recipe, len(frames), precision, stream.drawn)
+        provenance = _begun_with(network, Path(recipe.learning.start), provenance)
+    description = loop.describe(provenance, recipe, len(frames), precision, stream.drawn)
     with distributed.joined(device_of(device)) as where:
         distributed.check_batch(recipe.learning.batch)
         begun = loop.read_begun(out, description)  # once all are here, so all find the same
-        done = begun.about.step if begun is not None else 0
+        done = begun.provenance.step if begun is not None else 0
         first = distributed.rank() == 0
         with _reporting(out, description, done, quiet) if first else nullcontext() as report:
             loop.train(
                 network,
                 frames,
                 recipe,
-                about,
+                provenance,
                 out,
                 begun=begun,
                 held_out=held_out,
@@ -150,11 +150,11 @@ def _train_network(
     return out / "last.safetensors"
 
 
-def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
+def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
     """What the checkpoint will say before the first step."""
     from pyinfra.models.training import checkpoint
 
-    return checkpoint.About(
+    return checkpoint.Provenance(
         detector=recipe.detector,
         network=as_plain(recipe.network),
         site=stream.site,
@@ -172,7 +172,7 @@ def _about(recipe: Recipe, stream: Stream, seed: int) -> About:
     )
 
 
-def _begun_with(network: Network, start: Path, about: About) -> About:
+def _begun_with(network: Network, start: Path, provenance: Provenance) -> Provenance:
     """The network with the weights of another, and what the checkpoint then says.
 
     What is learnt of classes that both know; the others begin as they were drawn. The line of
@@ -184,21 +184,21 @@ def _begun_with(network: Network, start: Path, about: About) -> About:
     from pyinfra.models.training import checkpoint
 
     file = model_file(start)
-    found = checkpoint.load(file)
-    weights, own = found.weights(), network.state_dict()
-    places = {name: i for i, name in enumerate(found.classes)}
-    if found.classes != network.classes:
-        for key in OF_CLASSES & weights.keys() & own.keys():
-            rows = [weights[key][places[c]] if c in places else row
-                    for c, row in zip(network.classes, own[key], strict=True)]  # fmt: skip
+    loaded = checkpoint.load(file)
+    weights, state = loaded.weights(), network.state_dict()
+    index_of = {name: i for i, name in enumerate(loaded.classes)}
+    if loaded.classes != network.classes:
+        for key in OF_CLASSES & weights.keys() & state.keys():
+            rows = [weights[key][index_of[c]] if c in index_of else row
+                    for c, row in zip(network.classes, state[key], strict=True)]  # fmt: skip
             weights[key] = torch.stack(rows)
     try:
         network.load_state_dict(weights)
     except RuntimeError as error:
         first = str(error).splitlines()[-1].strip()
         raise ConfigError(f"{start}: found weights of another network: {first}") from None
-    line = found.about.calibration if found.classes == network.classes else None
-    return replace(about, start=checkpoint.digest(file), calibration=line)
+    line = loaded.provenance.calibration if loaded.classes == network.classes else None
+    return replace(provenance, start=checkpoint.digest(file), calibration=line)
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:

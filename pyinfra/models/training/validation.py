@@ -34,13 +34,13 @@ def average_precision(network: Network, frames: Frames) -> float:
     """
     training = network.training
     network.eval()
-    found = [network.predict(cloud()) for cloud in frames.clouds]
+    per_frame = [network.predict(cloud()) for cloud in frames.clouds]
     network.train(training)
     values = []
     for number, name in enumerate(network.classes):
-        own = [detections.names == TYPES[name] for detections in found]
-        boxes = [d.boxes[of] for d, of in zip(found, own, strict=True)]
-        scores = np.concatenate([d.scores[of] for d, of in zip(found, own, strict=True)])
+        masks = [detections.names == TYPES[name] for detections in per_frame]
+        boxes = [d.boxes[of] for d, of in zip(per_frame, masks, strict=True)]
+        scores = np.concatenate([d.scores[of] for d, of in zip(per_frame, masks, strict=True)])
         truth = [b[frames.numbers(i) == number] for i, b in enumerate(frames.boxes)]
         if not any(map(len, truth)):
             continue
@@ -65,17 +65,17 @@ class Checks:
     def __init__(self, frames: Frames, file: Path, done: int) -> None:
         self.frames, self.file = frames, file
         rows = file.read_text().split() if file.exists() else []
-        found = [row.split(",") for row in rows[1:]]
-        self.found = [(int(step), float(value)) for step, value in found if int(step) <= done]
+        cells = [row.split(",") for row in rows[1:]]
+        self.history = [(int(step), float(value)) for step, value in cells if int(step) <= done]
 
     def find_best(self, network: Network, done: int, steps: int) -> bool:
         """Whether a check is due, and nothing before was better."""
         if not is_due(done, steps):
             return False
         value = average_precision(network, self.frames)
-        best = all(value >= before for _, before in self.found)
-        self.found.append((done, value))
+        best = all(value >= before for _, before in self.history)
+        self.history.append((done, value))
         with replacing(self.file) as beside:
-            rows = "".join(f"{step},{value!r}\n" for step, value in self.found)
+            rows = "".join(f"{step},{value!r}\n" for step, value in self.history)
             beside.write_text(f"step,ap\n{rows}")
         return best

@@ -55,12 +55,12 @@ class Furniture:
             "signs": self._sign,
         }
         for side, word in SIDES:
-            for kind, place in make.items():
+            for kind, build in make.items():
                 draws = Draws(seed, f"{road.name} {word} {kind}")
                 for _ in range(round(self.times * draws.whole(self.counts.get(kind, (0, 0))))):
-                    place(draws, road, side)
+                    build(draws, road, side)
 
-    def _place(
+    def _free_position(
         self, draws: Draws, road: DrawnRoad, side: int, radius_m: float, verge_m: float = VERGE_M
     ) -> tuple[float, float, float, float] | None:
         """x, y, heading (rad) and base of a free circle beside a road; None without one."""
@@ -69,22 +69,24 @@ class Furniture:
             wide_m = road.keys["lanes"]["sidewalk_m"] + verge_m - 2 * radius_m
             out_m = LANE_GAP_M + radius_m + draws.within((0, max(wide_m, 0.2)))
             left_m = side * (road.carriageway_half_m + out_m)
-            x, y, heading = road.place(s, left_m)
+            x, y, heading = road.pose_at(s, left_m)
             if 2 < s < road.length_m - 2 and self._is_free(np.array([[x, y]]), radius_m):
                 self.placed = np.vstack([self.placed, [x, y, radius_m]])
                 return round(x, 2), round(y, 2), heading, self.base_m(road, left_m)
         return None
 
-    def _is_free(self, place: FloatArray, radius_m: float) -> bool:
+    def _is_free(self, position: FloatArray, radius_m: float) -> bool:
         """Whether nothing is within a radius of a place (1, 2)."""
         room: Room = self.room
-        if np.hypot(*(place[0] - room.centre)) < room.layout.junction_m + radius_m:
+        if np.hypot(*(position[0] - room.centre)) < room.layout.junction_m + radius_m:
             return False
         for road in room.layout.roads:
-            if road.distance(place)[0] < road.carriageway_half_m + LANE_GAP_M + radius_m:
+            if road.distance(position)[0] < road.carriageway_half_m + LANE_GAP_M + radius_m:
                 return False
-        apart = np.hypot(*(self.placed[:, :2] - place).T) - self.placed[:, 2]
-        return bool(apart.min() > radius_m + GAP_M) and self.walks.is_free(place, radius_m + GAP_M)
+        apart = np.hypot(*(self.placed[:, :2] - position).T) - self.placed[:, 2]
+        return bool(apart.min() > radius_m + GAP_M) and self.walks.is_free(
+            position, radius_m + GAP_M
+        )
 
     def _nearest_station(self, road: DrawnRoad) -> float:
         away = road.stations[:, 1:3] - self.room.centre
@@ -121,14 +123,14 @@ class Furniture:
         plate = draws.within(how.plate_m), 0.1, draws.within(how.plate_m)
         pole_m, above_m = draws.within(how.pole_width_m), draws.within(how.plate_above_m)
         turn_deg = draws.one_of({90.0: 0.8, 0.0: 0.2}) + draws.within((-15, 15), 0)
-        if (at := self._place(draws, road, side, max(plate[0] / 2, 0.2))) is not None:
+        if (at := self._free_position(draws, road, side, max(plate[0] / 2, 0.2))) is not None:
             self._box(at, (pole_m, pole_m, round(above_m + plate[2], 2)))
             self._box(at, plate, turn_deg=turn_deg, above_m=above_m)
 
     def _bin(self, draws: Draws, road: DrawnRoad, side: int) -> None:
         how = self.how
         size = draws.within(how.bin_m), draws.within(how.bin_m), draws.within(how.bin_height_m)
-        if (at := self._place(draws, road, side, max(size[:2]) * 0.71)) is not None:
+        if (at := self._free_position(draws, road, side, max(size[:2]) * 0.71)) is not None:
             self._box(at, size, turn_deg=draws.within((-20, 20), 0))
 
     def _planter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
@@ -139,7 +141,9 @@ class Furniture:
             draws.within(how.planter_width_m),
             draws.within(how.planter_height_m),
         )
-        if (at := self._place(draws, road, side, float(np.hypot(*size[:2])) / 2)) is not None:
+        if (
+            at := self._free_position(draws, road, side, float(np.hypot(*size[:2])) / 2)
+        ) is not None:
             self._box(at, size, turn_deg=draws.within((-5, 5), 0))
 
     def _shelter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
@@ -147,7 +151,9 @@ class Furniture:
         how = self.how
         long_m, deep_m = draws.within(how.shelter_length_m), draws.within(how.shelter_depth_m)
         high_m, end = draws.within(how.shelter_height_m), draws.side()
-        if (at := self._place(draws, road, side, float(np.hypot(long_m, deep_m)) / 2)) is None:
+        if (
+            at := self._free_position(draws, road, side, float(np.hypot(long_m, deep_m)) / 2)
+        ) is None:
             return
         self._box(at, (long_m, deep_m, 0.15), above_m=high_m)
         self._box(at, (long_m, 0.1, high_m), left_m=side * (deep_m / 2 - 0.05))
@@ -164,7 +170,7 @@ class Furniture:
             "trunk_width_m": draws.within(how.trunk_width_m),
             "density_per_m": draws.within(how.crown_density_per_m),
         }
-        if (at := self._place(draws, road, side, crown_m / 2)) is not None:
+        if (at := self._free_position(draws, road, side, crown_m / 2)) is not None:
             self.trees.append({"tree": {"x_m": at[0], "y_m": at[1], **tree, "base_m": at[3]}})
 
     def _group(self, draws: Draws, road: DrawnRoad, side: int) -> None:
@@ -176,6 +182,6 @@ class Furniture:
         radius_m = group["spacing_m"] * (0.58 * np.sqrt(group["count"]) + 0.05) + 0.6
         # The simulator keeps the square around the circle free.
         if (
-            at := self._place(draws, road, side, float(1.42 * radius_m), GROUP_VERGE_M)
+            at := self._free_position(draws, road, side, float(1.42 * radius_m), GROUP_VERGE_M)
         ) is not None:
             self.groups.append({"x_m": at[0], "y_m": at[1], **group, "base_m": at[3]})

@@ -138,7 +138,7 @@ def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
     else:
         edge = road.carriageway_half_m if draws.chance(0.5) else road.outer_half_m
         left_m = side * (edge + draws.within(how.beside_m))
-    x, y, heading = road.place(s, left_m)
+    x, y, heading = road.pose_at(s, left_m)
     yaw = np.degrees(heading) + draws.within(how.off_aim_deg)
     yaw += _aim(draws, ranges, layout, s - layout.focus[0], left_m)
     return {

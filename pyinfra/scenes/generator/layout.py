@@ -74,7 +74,7 @@ class DrawnRoad:
     def length_m(self) -> float:
         return float(self.stations[-1, 0])
 
-    def place(self, s: float, left_m: float) -> tuple[float, float, float]:
+    def pose_at(self, s: float, left_m: float) -> tuple[float, float, float]:
         """x, y and heading (rad) beside a station."""
         x, y, heading = (
             float(np.interp(s, self.stations[:, 0], column)) for column in self.stations.T[1:]
@@ -216,11 +216,11 @@ Builder = Callable[[Draws, Habitat, Ranges], Layout]
 LAYOUTS: Mapping[str, Builder] = {"straight": straight, "curve": curve, "crossing": crossing}
 
 
-def _stop_line(own: DrawnRoad, other: DrawnRoad, angle: float, more_m: float = 0.0) -> float:
+def _stop_line(road: DrawnRoad, other: DrawnRoad, angle: float, more_m: float = 0.0) -> float:
     """From the middle of a crossing to the outer end of the stop line."""
-    along = own.carriageway_half_m * abs(np.cos(angle))
+    along = road.carriageway_half_m * abs(np.cos(angle))
     half = (other.outer_half_m + along) / np.sin(angle) + STOP_LINE_M + more_m
-    return float(np.hypot(half, own.lanes_half_m)) + 1.0
+    return float(np.hypot(half, road.lanes_half_m)) + 1.0
 
 
 def _lanes(draws: Draws, habitat: Habitat, ranges: Ranges) -> Keys:
@@ -247,7 +247,7 @@ class Room:
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.taken = np.zeros((0, 7))  # boxes; heights count nothing
-        x, y, _ = layout.roads[0].place(*layout.focus)
+        x, y, _ = layout.roads[0].pose_at(*layout.focus)
         self.centre = np.array([x, y])
 
     def take(self, box: Sequence[float]) -> None:
@@ -270,21 +270,21 @@ class Room:
     ) -> list[Stretch]:
         """From where to where along a road a row of that width has room beside it."""
         middle = road.beside(left_m)
-        free = self.off_roads(middle, half_width_m, own=(road, left_m))
+        free = self.off_roads(middle, half_width_m, host=(road, left_m))
         for side in (-half_width_m, half_width_m):
             for box in self.taken:
                 free &= ~within(road.beside(left_m + side), box, 0.5)
         return runs(road.stations[:, 0], free, part)
 
     def off_roads(
-        self, points: FloatArray, margin_m: float, own: tuple[DrawnRoad, float] | None = None
+        self, points: FloatArray, margin_m: float, host: tuple[DrawnRoad, float] | None = None
     ) -> BoolArray:
         """Which points (n, 2) are off junctions and roads; own: a road and how far beside it."""
         free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
         for road in self.layout.roads:
             away = road.distance(points)
-            if own is not None and road is own[0]:
-                free &= away >= abs(own[1]) - 0.3  # nearer: another part of a bend
+            if host is not None and road is host[0]:
+                free &= away >= abs(host[1]) - 0.3  # nearer: another part of a bend
             else:
                 free &= away >= road.outer_half_m + margin_m + 0.3
         return np.asarray(free)
@@ -304,9 +304,9 @@ def within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
 def runs(s: FloatArray, free: BoolArray, part: Stretch = WHOLE) -> list[Stretch]:
     """Stretches of stations that are free, a metre shorter at both ends."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
-    found = []
+    intervals = []
     for first, end in edges.reshape(-1, 2):
         low, high = max(s[first] + STEP_M, part[0]), min(s[end - 1] - STEP_M, part[1])
         if high - low >= SHORTEST_M:
-            found.append((round(float(low), 1), round(float(high), 1)))
-    return found
+            intervals.append((round(float(low), 1), round(float(high), 1)))
+    return intervals

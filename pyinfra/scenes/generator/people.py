@@ -49,8 +49,8 @@ class Walks:
         }
         left_m, stretches = self._longest(road, side)
         for start, end in stretches:
-            place = {"road": road.name, "offset_m": left_m, "from_m": start, "to_m": end}
-            self.rows.append(place | keys)
+            stretch = {"road": road.name, "offset_m": left_m, "from_m": start, "to_m": end}
+            self.rows.append(stretch | keys)
         if stretches:
             line = np.concatenate([road.beside(left_m)[_along(road, part)] for part in stretches])
             self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
@@ -63,31 +63,31 @@ class Walks:
             last_m = road.outer_half_m - HALF_WAY_M
         for out_m in np.arange(road.lanes_half_m + HALF_WAY_M, last_m + 1e-9, STEP_M):
             left_m = round(float(side * out_m), 2)
-            found = self._stretches(road, left_m)
-            long_m = sum(end - start for start, end in found)
+            stretches = self._stretches(road, left_m)
+            long_m = sum(end - start for start, end in stretches)
             if long_m > best[0] + 1:
-                best = long_m, left_m, found
+                best = long_m, left_m, stretches
         return best[1], best[2]
 
     def _stretches(self, road: DrawnRoad, left_m: float) -> list[Stretch]:
         line = road.beside(left_m)
         near = np.hypot(*(line - self.room.centre).T) <= self.how.within_m
-        free = near & self.room.off_roads(line, HALF_WAY_M, own=(road, left_m))
+        free = near & self.room.off_roads(line, HALF_WAY_M, host=(road, left_m))
         for box in self.boxes[_reached(self.boxes, line[near])]:
             free &= ~within(line, box, HALF_WAY_M + 0.2)
         for tree in self.lines:
             there = np.flatnonzero(free)
             away = tree.query(line[there], distance_upper_bound=HALF_WAY_M)[0]
             free[there] = away > HALF_WAY_M  # infinite beyond
-        found = runs(road.stations[:, 0], free)
-        return [(a, b) for a, b in found if b - a >= self.how.shortest_m]
+        intervals = runs(road.stations[:, 0], free)
+        return [(a, b) for a, b in intervals if b - a >= self.how.shortest_m]
 
-    def is_free(self, place: FloatArray, radius_m: float) -> bool:
+    def is_free(self, position: FloatArray, radius_m: float) -> bool:
         """Whether nothing stands and nobody walks within a radius of a place (1, 2)."""
-        boxes = self.boxes[_reached(self.boxes, place, radius_m)]
-        if any(within(place, box, radius_m)[0] for box in boxes):
+        boxes = self.boxes[_reached(self.boxes, position, radius_m)]
+        if any(within(position, box, radius_m)[0] for box in boxes):
             return False
-        return all(tree.query(place)[0][0] > radius_m for tree in self.lines)
+        return all(tree.query(position)[0][0] > radius_m for tree in self.lines)
 
     def _lines(self, things: Things) -> Iterator[FloatArray]:
         """Points (n, 2), a metre apart or so, all over what stands along roads."""

@@ -89,14 +89,14 @@ class Roadside:
             near = np.hypot(box[0] - self.mount["x_m"], box[1] - self.mount["y_m"])
             if not 0 < s < road.length_m or not self.room.holds(box) or near < tree["crown_m"]:
                 continue
-            place = {"x_m": round(box[0], 2), "y_m": round(box[1], 2)}
+            position = {"x_m": round(box[0], 2), "y_m": round(box[1], 2)}
             base = {"base_m": self.slope_m(road, left_m)}
             if is_tree:
-                self.keys["vegetation"].append({"tree": place | self._raised(tree | base)})
+                self.keys["vegetation"].append({"tree": position | self._raised(tree | base)})
                 continue
             size = {"length_m": long_m, "width_m": wide_m, "height_m": hedge["height_m"]}
             way = {"heading_deg": round(float(np.degrees(box[6])) % 360, 1)}
-            bush = place | size | way | base | {"density_per_m": hedge["density_per_m"]}
+            bush = position | size | way | base | {"density_per_m": hedge["density_per_m"]}
             self.keys["vegetation"].append({"hedge": bush})
 
     # --- in the middle and over the road ----------------------------------------------------------
@@ -132,7 +132,7 @@ class Roadside:
         gantry = {"road": road.name, "s_m": round(s, 1), "clearance_m": draws.within((4.7, 7))}
         self.keys["gantries"].append(gantry)
         for left_m in (-reach, reach):
-            x, y, heading = road.place(s, left_m)
+            x, y, heading = road.pose_at(s, left_m)
             self.room.take([x, y, 0, 2, 3, 1, heading])
 
     # --- along a side -----------------------------------------------------------------------------
@@ -365,7 +365,7 @@ class Roadside:
     def _building(
         self, road: DrawnRoad, s: float, left_m: float, size: Size, turn_deg: float = 0.0
     ) -> None:
-        x, y, heading = road.place(s, left_m)
+        x, y, heading = road.pose_at(s, left_m)
         base = self.slope_m(road, left_m)
         building = {
             "x_m": round(float(x), 2),
@@ -394,7 +394,7 @@ class Roadside:
         width_m: float,
         turn_deg: float = 0.0,
     ) -> list[float]:
-        x, y, heading = road.place(s, left_m)
+        x, y, heading = road.pose_at(s, left_m)
         return [x, y, 0, length_m, width_m, 1, heading + np.radians(turn_deg)]
 
     def _outer_m(self, road: DrawnRoad, side: int) -> float:

@@ -50,9 +50,9 @@ def _matched(
         before = last[k]
         gone_s = times[rows[0]] - times[before]
         velocity = speed[k]
-        place = boxes[before, :2] + (0.0 if velocity is None else velocity * gone_s)
+        predicted = boxes[before, :2] + (0.0 if velocity is None else velocity * gone_s)
         reach = _FIRST_REACH_M_S * gone_s if velocity is None else _REACH_M
-        apart = np.linalg.norm(boxes[rows, :2] - place, axis=1)
+        apart = np.linalg.norm(boxes[rows, :2] - predicted, axis=1)
         fits = (apart <= reach) & (classes[rows] == classes[before])
         cost[i, fits] = apart[fits]
     pairs = zip(*linear_sum_assignment(cost), strict=True)

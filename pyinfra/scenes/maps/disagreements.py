@@ -21,11 +21,11 @@ def disagreements(lanes: list[MapLane]) -> list[str]:
     below, above = order[:-1], order[1:]
     rise = points[above, 2] - points[below, 2]
     same = (x[below] == x[above]) & (y[below] == y[above]) & (of[below] != of[above])
-    found = np.flatnonzero(same & (rise > LEAST_M) & (rise < BRIDGE_M))
-    said: dict[int, str] = {}
-    for k in found[np.argsort(-rise[found], kind="stable")]:
+    close = np.flatnonzero(same & (rise > LEAST_M) & (rise < BRIDGE_M))
+    messages: dict[int, str] = {}
+    for k in close[np.argsort(-rise[close], kind="stable")]:
         lower, upper = driven[of[below[k]]].name, driven[of[above[k]]].name
-        place = "{:.1f} {:.1f}".format(*points[below[k], :2])
-        text = f"lane {lower}: lies {rise[k]:.2f} m under lane {upper} at {place}, left as it is"
-        said.setdefault(int(of[below[k]]), text)
-    return list(said.values())
+        position = "{:.1f} {:.1f}".format(*points[below[k], :2])
+        text = f"lane {lower}: lies {rise[k]:.2f} m under lane {upper} at {position}, left as it is"
+        messages.setdefault(int(of[below[k]]), text)
+    return list(messages.values())

@@ -45,7 +45,7 @@ def read_fcd(file: Path) -> list[Recorded]:
                 if key not in rows and len(rows) == MOST_OBJECTS:
                     raise _refusal(file, f"found more than {MOST_OBJECTS} objects")
                 types.setdefault(key, element.get("type", ""))
-                rows.setdefault(key, []).append((t, *_place(file, t, name, element)))
+                rows.setdefault(key, []).append((t, *_state(file, t, name, element)))
     except ElementTree.ParseError as error:
         raise _refusal(file, f"found broken XML ({error}), allowed SUMO's fcd-export") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
@@ -86,7 +86,7 @@ def _objects(
             root.clear()
 
 
-def _place(
+def _state(
     file: Path, t: float, name: str, element: ElementTree.Element
 ) -> tuple[float, float, float, float, float]:
     """x, y, z, heading and speed; SUMO writes the last two and z only if it is asked to."""
@@ -96,8 +96,8 @@ def _place(
     z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
     for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):
         if not np.isfinite(value) or abs(value) > 1e7:
-            found = element.get(key)
-            raise _refusal(file, f"time {t:g}: {name}: {key}: found {found!r}, allowed a number")
+            text = element.get(key)
+            raise _refusal(file, f"time {t:g}: {name}: {key}: found {text!r}, allowed a number")
     heading = np.nan if element.get("angle") is None else np.radians(90 - angle)  # from north
     return x, y, z, heading, _number(element.get("speed"))
 

@@ -69,13 +69,13 @@ def fits(xy: FloatArray) -> bool:
     return bool((np.abs(xy) <= (180, 85)).all())
 
 
-def about(lon_lat: FloatArray) -> Projection:
+def centred_on(lon_lat: FloatArray) -> Projection:
     """Metres from the middle of positions (n, 2)."""
     lon, lat = (lon_lat.min(0) + lon_lat.max(0)) / 2
     return Projection((round(float(lon), 6), round(float(lat), 6)))
 
 
-def check_place(lon_lat: FloatArray, projection: Projection) -> None:
+def check_near_site(lon_lat: FloatArray, projection: Projection) -> None:
     """Raises FormatError if no position is near the site."""
     away = _away_m(lon_lat, projection)
     if not away < NEAR_M:

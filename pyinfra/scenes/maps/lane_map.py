@@ -93,7 +93,7 @@ def lane_name(*words: object) -> str:
     return re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(str(word) for word in words))
 
 
-def with_own_names(lanes: Sequence[MapLane]) -> list[MapLane]:
+def with_unique_names(lanes: Sequence[MapLane]) -> list[MapLane]:
     """The lanes; of those of one name the later ones get a number."""
     seen: dict[str, int] = {}
     named = []

@@ -26,7 +26,7 @@ from pyinfra.scenes.maps.lane_map import (
     SiteMap,
     checked_lanes,
     steep_lanes,
-    with_own_names,
+    with_unique_names,
 )
 from pyinfra.scenes.maps.mount_guess import HEIGHT_M, Pole, guess_pole
 from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert, without_sidewalk
@@ -77,7 +77,12 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
     """
     options = options or ImportOptions()
     kind = format_of(file)
-    identity = {"source": file.name, "sha256": _digest(file), "import": VERSION, **_said(options)}
+    identity = {
+        "source": file.name,
+        "sha256": _digest(file),
+        "import": VERSION,
+        **_options_as_keys(options),
+    }
     if (out / RECORD).exists():
         record = yaml.safe_load((out / RECORD).read_text())
         if isinstance(record, dict) and {k: record.get(k) for k in identity} == identity:
@@ -88,24 +93,24 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         plain = _unpacked(file, kind, Path(scratch))
         try:
-            found, origin = _READERS[kind](plain, folder, Path(scratch), options)
+            site_map, origin = _READERS[kind](plain, folder, Path(scratch), options)
         except MapError as error:
             raise MapError(str(error).replace(str(plain), str(file))) from error
-        found.lanes = checked_lanes(with_own_names(found.lanes), str(file))
-        found.not_understood += disagreements(found.lanes) + steep_lanes(found.lanes)
-        meshes, terrain = surfaces(found, KERB_M)
+        site_map.lanes = checked_lanes(with_unique_names(site_map.lanes), str(file))
+        site_map.not_understood += disagreements(site_map.lanes) + steep_lanes(site_map.lanes)
+        meshes, terrain = surfaces(site_map, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
             raise MapError(f"{file}: more than {MOST_TRIANGLES} triangles; use a smaller --radius")
-        pole, what = _pole(found, options)
-        found.guessed += [what] if what else []
-        _write_site(folder, out.name, found, meshes, (pole, options), terrain)
+        pole, what = _pole(site_map, options)
+        site_map.guessed += [what] if what else []
+        _write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
         counts = {
-            "lanes": len(found.lanes),
+            "lanes": len(site_map.lanes),
             "triangles": sum(len(m.faces) for m in meshes.values()),
         }
-        lists = {k: getattr(found, k) for k in ("guessed", "mended", "not_understood")}
+        lists = {k: getattr(site_map, k) for k in ("guessed", "mended", "not_understood")}
         record = {**identity, **origin, **counts, "pole": asdict(pole)}
-        record |= {"features": _listed(found), **lists}
+        record |= {"features": _listed(site_map), **lists}
         write(folder / RECORD, _yaml(record))
     return Imported(counts["lanes"], counts["triangles"], pole, record, True)
 
@@ -163,16 +168,16 @@ def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
     return out
 
 
-def _listed(found: SiteMap) -> dict[str, list[dict[str, Any]]]:
+def _listed(site_map: SiteMap) -> dict[str, list[dict[str, Any]]]:
     """Features by kind, each with the map's name of it and its place."""
     by_kind: dict[str, list[dict[str, Any]]] = {}
-    for each in found.features:
-        place = {"x_m": round(each.x_m, 2), "y_m": round(each.y_m, 2)}
-        by_kind.setdefault(each.kind, []).append({"id": each.source, **place, **each.tags})
+    for each in site_map.features:
+        position = {"x_m": round(each.x_m, 2), "y_m": round(each.y_m, 2)}
+        by_kind.setdefault(each.kind, []).append({"id": each.source, **position, **each.tags})
     return dict(sorted(by_kind.items()))
 
 
-def _said(options: ImportOptions) -> dict[str, Any]:
+def _options_as_keys(options: ImportOptions) -> dict[str, Any]:
     return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()}
 
 
@@ -191,27 +196,27 @@ def _yaml(data: dict[str, Any]) -> str:
 def _from_opendrive(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
-    found = read_opendrive(file)
-    checked_lanes(found.lanes, str(file))
-    low, high, z = _extent(found.lanes)
+    site_map = read_opendrive(file)
+    checked_lanes(site_map.lanes, str(file))
+    low, high, z = _extent(site_map.lanes)
     x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
     offset = np.array([x, y, z])
-    found.lanes = [_moved(lane, offset) for lane in found.lanes]
-    found.bodies = [_moved_body(thing, offset) for thing in found.bodies]
-    found.trees = [
+    site_map.lanes = [_moved(lane, offset) for lane in site_map.lanes]
+    site_map.bodies = [_moved_body(thing, offset) for thing in site_map.bodies]
+    site_map.trees = [
         replace(t, x_m=t.x_m - x, y_m=t.y_m - y, base_m=None if t.base_m is None else t.base_m - z)
-        for t in found.trees
+        for t in site_map.trees
     ]
-    found.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in found.features]
-    _cut(found, options.radius_m, file)
+    site_map.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in site_map.features]
+    _cut(site_map, options.radius_m, file)
     readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
-    found.not_understood += changed
+    site_map.not_understood += changed
     arguments = ["--opendrive-files", str(readable), *OPENDRIVE]
     warnings = _shifted_network(file, arguments, offset, folder / NETWORK)
     network = read_network(folder / NETWORK, lanes=False)
-    found.areas, found.junctions = _near(network, options.radius_m)
-    found.guessed.append("traffic lights, where the map says none")
-    return found, {"offset_m": offset.tolist(), "network": warnings}
+    site_map.areas, site_map.junctions = _near(network, options.radius_m)
+    site_map.guessed.append("traffic lights, where the map says none")
+    return site_map, {"offset_m": offset.tolist(), "network": warnings}
 
 
 def _from_network(
@@ -223,10 +228,10 @@ def _from_network(
     x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
     offset = np.array([x, y, z])
     warnings = _shifted_network(file, ["--sumo-net-file", str(file)], offset, folder / NETWORK)
-    found = read_network(folder / NETWORK)
-    _cut(found, options.radius_m, file)
-    found.areas, found.junctions = _near(found, options.radius_m)
-    return found, {"offset_m": offset.tolist(), "network": warnings}
+    site_map = read_network(folder / NETWORK)
+    _cut(site_map, options.radius_m, file)
+    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    return site_map, {"offset_m": offset.tolist(), "network": warnings}
 
 
 def _from_osm(
@@ -251,29 +256,29 @@ def _from_osm(
     arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
     arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
     warnings = netconvert(file, arguments, folder / NETWORK)
-    found = read_network(folder / NETWORK)
-    _cut(found, options.radius_m, file)
-    found.areas, found.junctions = _near(found, options.radius_m)
-    found.features = list(osm_features.features(streets, centre, options.radius_m))
-    found.lanes = osm_features.without_kerb_at_crossings(found.lanes, streets)
-    openstreetmap.add_surroundings(found, streets, centre, options.radius_m)
-    found.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
+    site_map = read_network(folder / NETWORK)
+    _cut(site_map, options.radius_m, file)
+    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    site_map.features = list(osm_features.features(streets, centre, options.radius_m))
+    site_map.lanes = osm_features.without_kerb_at_crossings(site_map.lanes, streets)
+    openstreetmap.add_surroundings(site_map, streets, centre, options.radius_m)
+    site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
     if turned:
-        found.guessed.append(
+        site_map.guessed.append(
             f"--centre is lat,lon: taken as {centre[0]:g} east, {centre[1]:g} north"
         )
-    found.not_understood += levels.flat
+    site_map.not_understood += levels.flat
     if levels.crossings:
-        found.covered_m = osm_levels.COVERED_M
-        found.guessed.append(
+        site_map.covered_m = osm_levels.COVERED_M
+        site_map.guessed.append(
             f"heights of bridges and tunnels at {levels.crossings} crossings: "
             f"{osm_levels.CLEARANCE_M:g} m apart, with ramps"
         )
-    elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in found.lanes):
-        found.guessed.append("all roads are level: the map has no heights")
+    elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in site_map.lanes):
+        site_map.guessed.append("all roads are level: the map has no heights")
     if streets.deleted:
-        found.guessed.append(f"{streets.deleted} elements that an editor deleted: left out")
-    return found, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
+        site_map.guessed.append(f"{streets.deleted} elements that an editor deleted: left out")
+    return site_map, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
 
 
 _READERS = {
@@ -309,15 +314,15 @@ def _moved_body(thing: Any, offset: FloatArray) -> Any:
     return replace(thing, outline=thing.outline - offset[:2], base_m=base)
 
 
-def _cut(found: SiteMap, radius_m: float, file: Path) -> None:
+def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
     """Keeps lanes that come within the radius of the origin, whole, and what stands within it."""
-    found.lanes = [x for x in found.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
-    if not any(lane.driveable for lane in found.lanes):
+    site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
+    if not any(lane.driveable for lane in site_map.lanes):
         raise MapError(f"{file}: found no lane for vehicles within {radius_m:g} m of the centre")
-    found.bodies = [b for b in found.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
-    found.trees = [t for t in found.trees if math.hypot(t.x_m, t.y_m) <= radius_m]
-    found.features = [f for f in found.features if math.hypot(f.x_m, f.y_m) <= radius_m]
-    found.footways = [f for f in found.footways if np.hypot(*f[:, :2].T).min() <= radius_m]
+    site_map.bodies = [b for b in site_map.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
+    site_map.trees = [t for t in site_map.trees if math.hypot(t.x_m, t.y_m) <= radius_m]
+    site_map.features = [f for f in site_map.features if math.hypot(f.x_m, f.y_m) <= radius_m]
+    site_map.footways = [f for f in site_map.footways if np.hypot(*f[:, :2].T).min() <= radius_m]
 
 
 def _near(network: SiteMap, radius_m: float) -> tuple[list[FloatArray], list[Any]]:
@@ -325,17 +330,17 @@ def _near(network: SiteMap, radius_m: float) -> tuple[list[FloatArray], list[Any
     return areas, [j for j in network.junctions if math.hypot(j[1], j[2]) <= radius_m]
 
 
-def _pole(found: SiteMap, options: ImportOptions) -> tuple[Pole, str]:
+def _pole(site_map: SiteMap, options: ImportOptions) -> tuple[Pole, str]:
     if options.mount is not None:
         return Pole(*options.mount), ""
-    pole, what = guess_pole(found)
+    pole, what = guess_pole(site_map)
     return pole, f"the pole, {HEIGHT_M:g} m high, beside {what}"
 
 
 def _write_site(
     folder: Path,
     name: str,
-    found: SiteMap,
+    site_map: SiteMap,
     meshes: dict[str, Triangles],
     choice: tuple[Pole, ImportOptions],
     terrain: Sheet,
@@ -344,7 +349,7 @@ def _write_site(
     (folder / "meshes").mkdir()
     for mesh, triangles in meshes.items():
         write_ply(folder / "meshes" / f"{mesh}.ply", triangles)
-    write(folder / "lanes.csv", lanes_table(found.lanes))
+    write(folder / "lanes.csv", lanes_table(site_map.lanes))
     scene: dict[str, Any] = {
         "name": name,
         "mounts": {"pole": asdict(pole)},
@@ -356,8 +361,8 @@ def _write_site(
         "duration_s": options.duration_s,
         "region_half_length_m": options.region_half_length_m,
     }
-    if found.trees:
-        scene["vegetation"] = [{"tree": _tree(tree, terrain)} for tree in found.trees]
+    if site_map.trees:
+        scene["vegetation"] = [{"tree": _tree(tree, terrain)} for tree in site_map.trees]
     write(folder / "site.yaml", _yaml(scene))
 
 

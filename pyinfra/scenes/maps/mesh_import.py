@@ -26,7 +26,7 @@ INSTALL = "trimesh is not installed: pip install 'infrasim[site]'"
 
 
 @dataclass(frozen=True)
-class MeshPlace:
+class MeshPlacement:
     """How a file's coordinates become those of the site: scaled, turned, moved."""
 
     scale: float = 1.0
@@ -34,7 +34,7 @@ class MeshPlace:
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def import_mesh(file: Path, site: Path, material: str, place: MeshPlace) -> Triangles:
+def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement) -> Triangles:
     """Writes meshes/NAME.ply into the site and names it in site.yaml; returns what was written.
 
     Raises FormatError, FileExistsError, OSError, and ImportError without trimesh.
@@ -43,7 +43,7 @@ def import_mesh(file: Path, site: Path, material: str, place: MeshPlace) -> Tria
     if (site / name).exists():
         raise FileExistsError(f"{site / name}: is there already, allowed another name of {file}")
     mounts = feet(site)
-    mesh = _placed(_read(file), file, place)
+    mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)
     if away > FARTHEST_M:
         raise FormatError(
@@ -86,9 +86,9 @@ def _read(file: Path) -> Triangles:
     return Triangles(vertices, faces)
 
 
-def _placed(mesh: Triangles, file: Path, place: MeshPlace) -> Triangles:
-    up = place.up or ("y" if file.suffix.lower() in UPWARDS_Y else "z")
-    vertices = mesh.vertices * place.scale
+def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
+    up = placement.up or ("y" if file.suffix.lower() in UPWARDS_Y else "z")
+    vertices = mesh.vertices * placement.scale
     widest = float(np.ptp(vertices, axis=0).max())
     if widest > WIDEST_M:
         raise FormatError(
@@ -97,7 +97,7 @@ def _placed(mesh: Triangles, file: Path, place: MeshPlace) -> Triangles:
         )
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
-    made = together([Triangles(vertices + np.array(place.offset_m), mesh.faces)])
+    made = together([Triangles(vertices + np.array(placement.offset_m), mesh.faces)])
     if not len(made.faces):
         raise FormatError(
             f"{file}: found {len(mesh.faces)} faces without an area, allowed one or more with one "

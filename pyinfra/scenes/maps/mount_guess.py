@@ -33,22 +33,22 @@ class Pole:
     yaw_deg: float
 
 
-def guess_pole(found: SiteMap) -> tuple[Pole, str]:
+def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
     """The pole, and in words what it stands beside."""
-    lanes = [lane for lane in found.lanes if lane.kind == "road"]
+    lanes = [lane for lane in site_map.lanes if lane.kind == "road"]
     strips = _Strips.of(lanes)
     points = strips.start
     driven = [lane for lane in lanes if lane.driveable]
     inside = [
-        j for j in found.junctions if np.hypot(*(points - j[1:]).T).min() < FARTHEST_M
+        j for j in site_map.junctions if np.hypot(*(points - j[1:]).T).min() < FARTHEST_M
     ]  # of a map that was cut
     if inside:
-        ways, *place = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
-        target, what = np.array(place), f"the junction with most ways through ({ways})"
+        ways, *centre = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
+        target, what = np.array(centre), f"the junction with most ways through ({ways})"
     else:
         longest = max(driven, key=lambda lane: len(lane.centre))
         target, what = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"
-    foot = _clear_place(target, strips, found)
+    foot = _clear_position(target, strips, site_map)
     dense = np.concatenate([lane.centre for lane in driven])
     road_z = dense[np.hypot(*(dense[:, :2] - foot).T).argmin(), 2]
     x, y, z = (round(float(v), 2) for v in (*foot, road_z + HEIGHT_M))
@@ -72,8 +72,8 @@ def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg
     return round(math.remainder(float(yaws[run[len(run) // 2]]), 360), 1)
 
 
-def _clear_place(
-    target: FloatArray, strips: _Strips, found: SiteMap, farthest_m: float = FARTHEST_M
+def _clear_position(
+    target: FloatArray, strips: _Strips, site_map: SiteMap, farthest_m: float = FARTHEST_M
 ) -> FloatArray:
     """The free place nearest to the target; farther away if all is paved there."""
     axis = np.arange(-farthest_m, farthest_m + 1, 1.0)
@@ -82,27 +82,27 @@ def _clear_place(
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] >= NEAREST_M) & (distance[order] <= farthest_m)]
     near = strips.near(target, farthest_m + 20)
-    trees = np.array([(tree.x_m, tree.y_m) for tree in found.trees]).reshape(-1, 2)
+    trees = np.array([(tree.x_m, tree.y_m) for tree in site_map.trees]).reshape(-1, 2)
     reach = farthest_m + 20
-    outlines = [thing.outline for thing in found.bodies] + found.areas
+    outlines = [thing.outline for thing in site_map.bodies] + site_map.areas
     outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
     middles = np.array([o.mean(0) for o in outlines]).reshape(-1, 2)
     radii = np.array([np.hypot(*(o - o.mean(0)).T).max() for o in outlines])
     best, freest = target, -math.inf
     for offset in offsets[order]:
-        place = target + offset
-        free = near.free_m(place)
-        if np.hypot(*(trees - place).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
+        position = target + offset
+        free = near.free_m(position)
+        if np.hypot(*(trees - position).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
             continue
-        beside = np.flatnonzero(np.hypot(*(middles - place).T) < radii + CLEAR_M)
-        if any(_is_close(outlines[i], place) for i in beside):
+        beside = np.flatnonzero(np.hypot(*(middles - position).T) < radii + CLEAR_M)
+        if any(_is_close(outlines[i], position) for i in beside):
             continue
         if free >= 0:
-            return np.asarray(place)
+            return np.asarray(position)
         if free > freest:
-            best, freest = place, free
+            best, freest = position, free
     if farthest_m == FARTHEST_M and freest < 0:
-        return _clear_place(target, strips, found, 2 * FARTHEST_M)
+        return _clear_position(target, strips, site_map, 2 * FARTHEST_M)
     return np.asarray(best)
 
 
@@ -123,21 +123,21 @@ class _Strips:
         ]
         return _Strips(ends[0], ends[1], np.concatenate(half))
 
-    def near(self, place: FloatArray, metres: float) -> _Strips:
-        some = np.hypot(*(self.start - place).T) < metres
+    def near(self, position: FloatArray, metres: float) -> _Strips:
+        some = np.hypot(*(self.start - position).T) < metres
         return _Strips(self.start[some], self.end[some], self.clear[some])
 
-    def free_m(self, place: FloatArray) -> float:
+    def free_m(self, position: FloatArray) -> float:
         """How much farther from the lanes a place is than it must be."""
         along = self.end - self.start
-        part = ((place - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
-        away = self.start + part.clip(0, 1)[:, None] * along - place
+        part = ((position - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
+        away = self.start + part.clip(0, 1)[:, None] * along - position
         return float((np.hypot(*away.T) - self.clear).min(initial=math.inf))
 
 
-def _is_close(outline: FloatArray, place: FloatArray) -> bool:
+def _is_close(outline: FloatArray, position: FloatArray) -> bool:
     """Whether a place lies in an outline (n, 2) or within CLEAR_M of it."""
     sides = np.roll(outline, -1, axis=0) - outline
-    along = ((place - outline) * sides).sum(1) / np.maximum((sides**2).sum(1), 1e-12)
-    away = outline + along.clip(0, 1)[:, None] * sides - place
-    return bool(np.hypot(*away.T).min() < CLEAR_M) or bool(contains(outline, place[None])[0])
+    along = ((position - outline) * sides).sum(1) / np.maximum((sides**2).sum(1), 1e-12)
+    away = outline + along.clip(0, 1)[:, None] * sides - position
+    return bool(np.hypot(*away.T).min() < CLEAR_M) or bool(contains(outline, position[None])[0])

@@ -30,27 +30,27 @@ WALKERS = frozenset({"pedestrian"})
 
 def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
     """The network; without its lanes, if only the junctions are wanted. Raises MapError."""
-    found = SiteMap()
+    site_map = SiteMap()
     try:
         for _, node in ElementTree.iterparse(file):
             if node.tag == "edge":
                 if lanes:
-                    _read_edge(node, found)
+                    _read_edge(node, site_map)
                 node.clear()
             elif node.tag == "junction":
-                _read_junction(node, found)
+                _read_junction(node, site_map)
                 node.clear()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: not XML that can be read: {error}") from error
     except MapError as error:
         raise MapError(f"{file}: {error}") from error
-    return found
+    return site_map
 
 
 def shape_of(text: str, where: str) -> FloatArray:
     """(n, 3) of `x,y x,y,z ...`. Raises MapError."""
     try:
-        rows = [[float(v) for v in place.split(",")] for place in text.split()]
+        rows = [[float(v) for v in point.split(",")] for point in text.split()]
         shape = np.array([[*row, 0.0][:3] for row in rows]).reshape(-1, 3)
     except ValueError as error:
         raise MapError(f"{where}: shape: found {text[:40]!r}, allowed x,y or x,y,z") from error
@@ -59,32 +59,32 @@ def shape_of(text: str, where: str) -> FloatArray:
     return shape
 
 
-def _read_edge(edge: Element, found: SiteMap) -> None:
+def _read_edge(edge: Element, site_map: SiteMap) -> None:
     function = edge.get("function", "normal")
     if function == "crossing":  # paint on the junction
         for lane in edge.iterfind("lane"):
             x, y, _ = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}").mean(0).tolist()
-            found.features.append(MapFeature("crossing", f"edge {edge.get('id')}", x, y))
+            site_map.features.append(MapFeature("crossing", f"edge {edge.get('id')}", x, y))
         return
     for lane in edge.iterfind("lane"):
         name = lane_name("lane", lane.get("id") or "")
         shape = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}")
         if function == "walkingarea":
-            found.footways.append(shape)
+            site_map.footways.append(shape)
             continue
         width = number(lane, "width", DEFAULT_WIDTH_M)
         if not 0 < width < 100:
             raise MapError(f"lane {lane.get('id')}: width: found {width:g}, allowed 0 to 100 m")
         shape = _thinned(shape)
         if len(shape) < 2 or np.hypot(*np.diff(shape[:, :2], axis=0).T).sum() < SHORTEST_M:
-            found.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
+            site_map.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
             continue
         left, right, folded = without_folds(*borders(_dense(_unfolded(shape)), width))
         if folded is not None or len(_unfolded(shape)) < len(shape):
             x, y, _ = shape[0] if folded is None else folded
-            found.mended.append(f"lane {name}: turned back near {x:.1f} {y:.1f}")
+            site_map.mended.append(f"lane {name}: turned back near {x:.1f} {y:.1f}")
         walked = _is_for(lane, WALKERS) and not _is_for(lane, CARS)
-        found.lanes.append(
+        site_map.lanes.append(
             MapLane(
                 name,
                 "sidewalk" if walked else "road",
@@ -99,8 +99,8 @@ def _read_edge(edge: Element, found: SiteMap) -> None:
 def _thinned(shape: FloatArray) -> FloatArray:
     """The line without points closer than CLOSE_M to the one before; its ends stay."""
     kept: list[int] = []
-    for i, place in enumerate(shape[:, :2]):
-        if not kept or math.hypot(*(place - shape[kept[-1], :2])) >= CLOSE_M:
+    for i, point in enumerate(shape[:, :2]):
+        if not kept or math.hypot(*(point - shape[kept[-1], :2])) >= CLOSE_M:
             kept.append(i)
     if len(kept) > 1 and kept[-1] != len(shape) - 1:
         kept[-1] = len(shape) - 1
@@ -148,20 +148,20 @@ def _is_for(lane: Element, users: frozenset[str]) -> bool:
     return "all" not in disallow.split() and bool(users - {"all"} - set(disallow.split()))
 
 
-def _read_junction(node: Element, found: SiteMap) -> None:
+def _read_junction(node: Element, site_map: SiteMap) -> None:
     if node.get("type") in {"internal", "dead_end"}:
         return
     if node.get("type", "").startswith("traffic_light"):
         x, y = number(node, "x", 0.0), number(node, "y", 0.0)
-        found.features.append(MapFeature("traffic_signals", f"junction {node.get('id')}", x, y))
+        site_map.features.append(MapFeature("traffic_signals", f"junction {node.get('id')}", x, y))
     shape = shape_of(node.get("shape", ""), f"junction {node.get('id')}")
     if len(shape) < 3:
         return
-    found.areas.append(shape[:, :2])
+    site_map.areas.append(shape[:, :2])
     ways = len(node.get("intLanes", "").split())
     if ways > 1:
         x, y = _centroid(shape[:, :2])
-        found.junctions.append((ways, x, y))
+        site_map.junctions.append((ways, x, y))
 
 
 def _centroid(outline: FloatArray) -> tuple[float, float]:

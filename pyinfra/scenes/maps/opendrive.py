@@ -56,21 +56,21 @@ def read_opendrive(file: Path) -> SiteMap:
         node.tag = node.tag.rpartition("}")[2]  # some writers name the schema
     if root.tag != "OpenDRIVE":
         raise MapError(f"{file}: found <{root.tag}>, allowed <OpenDRIVE>")
-    found, ids = SiteMap(), set[str | None]()
+    site_map, ids = SiteMap(), set[str | None]()
     try:
         for count, node in enumerate(root.iter("road")):
             ids.add(node.get("id"))
             if len(ids) <= count:
                 raise MapError(f"road {node.get('id')}: id: found it twice, allowed once")
-            _read_road(node, found)
+            _read_road(node, site_map)
     except MapError as error:
         raise MapError(f"{file}: {error}") from error
     if root.find("header/offset") is not None:
-        found.not_understood.append("header: offset")
-    return found
+        site_map.not_understood.append("header: offset")
+    return site_map
 
 
-def _read_road(node: Element, found: SiteMap) -> None:
+def _read_road(node: Element, site_map: SiteMap) -> None:
     road = OpenDriveRoad(
         node.get("id") or "",
         read_reference_line(node),
@@ -78,10 +78,10 @@ def _read_road(node: Element, found: SiteMap) -> None:
         read_cubics(node.findall("lateralProfile/superelevation")),
         read_cubics(node.findall("lanes/laneOffset")),
     )
-    found.not_understood += _lengths_that_disagree(road, node)
+    site_map.not_understood += _lengths_that_disagree(road, node)
     for tag in ("shape", "crossfall"):
         if node.find(f"lateralProfile/{tag}") is not None:
-            found.not_understood.append(f"road {road.id}: lateralProfile/{tag}")
+            site_map.not_understood.append(f"road {road.id}: lateralProfile/{tag}")
     sections = node.findall("lanes/laneSection")
     starts = [number(section, "s") for section in sections]
     if any(b < a for a, b in itertools.pairwise(starts)):
@@ -90,27 +90,29 @@ def _read_road(node: Element, found: SiteMap) -> None:
     for i, (section, start) in enumerate(zip(sections, starts, strict=True)):
         end = starts[i + 1] if i + 1 < len(starts) else road.line.length
         if end - start > 1e-3:
-            pieces.update({(i, p.id): p for p in _section(road, section, start, end, found)})
+            pieces.update({(i, p.id): p for p in _section(road, section, start, end, site_map)})
     left_hand = node.get("rule") == "LHT"
-    found.lanes += [lane for lane in _joined(road, pieces, left_hand, found) if lane is not None]
-    read_objects(road, node, found)
+    site_map.lanes += [
+        lane for lane in _joined(road, pieces, left_hand, site_map) if lane is not None
+    ]
+    read_objects(road, node, site_map)
 
 
 def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
     """Of the road and its geometries, and of a geometry and its curve."""
-    said, length = number(node, "length", road.line.length), road.line.length
+    stated, length = number(node, "length", road.line.length), road.line.length
     notes = []
-    if abs(said - length) > LENGTHS_APART * length + 0.1:
+    if abs(stated - length) > LENGTHS_APART * length + 0.1:
         notes.append(
-            f"road {road.id}: length: expected {length:g} m as its geometry, got {said:g} m; the "
+            f"road {road.id}: length: expected {length:g} m as its geometry, got {stated:g} m; the "
             "geometry holds"
         )
     for shape in node.iterfind("planView/geometry"):
-        along, told = curve_length(shape), number(shape, "length")
-        if abs(along - told) > LENGTHS_APART * along + 0.1:
+        along, declared = curve_length(shape), number(shape, "length")
+        if abs(along - declared) > LENGTHS_APART * along + 0.1:
             notes.append(
                 f"road {road.id}: geometry at s = {number(shape, 's'):g}: length: expected "
-                f"{along:.3f} m as its curve, got {told:g} m"
+                f"{along:.3f} m as its curve, got {declared:g} m"
             )
     return notes
 
@@ -128,7 +130,7 @@ class Piece:
 
 
 def _section(
-    road: OpenDriveRoad, section: Element, start: float, end: float, found: SiteMap
+    road: OpenDriveRoad, section: Element, start: float, end: float, site_map: SiteMap
 ) -> list[Piece]:
     pieces = []
     for side, sign in (("left", 1), ("right", -1)):
@@ -151,8 +153,8 @@ def _section(
                     _lane_id(road, lane),
                     lane.get("type") or "none",
                     _kerb(lane),
-                    road.places(s, inner),
-                    road.places(s, t),
+                    road.positions(s, inner),
+                    road.positions(s, t),
                     _successor(lane),
                 )
             )
@@ -189,7 +191,7 @@ def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float
 
 
 def _joined(
-    road: OpenDriveRoad, pieces: dict[tuple[int, int], Piece], left_hand: bool, found: SiteMap
+    road: OpenDriveRoad, pieces: dict[tuple[int, int], Piece], left_hand: bool, site_map: SiteMap
 ) -> list[MapLane | None]:
     """Lanes of one type and kerb that go on in the next section are one."""
     lanes = []
@@ -207,12 +209,12 @@ def _joined(
                 break
             chain.append(left.pop((last + 1, chain[-1].successor)))
             last += 1
-        lanes.append(_lane(road, i, chain, left_hand, found))
+        lanes.append(_lane(road, i, chain, left_hand, site_map))
     return lanes
 
 
 def _lane(
-    road: OpenDriveRoad, section: int, chain: list[Piece], left_hand: bool, found: SiteMap
+    road: OpenDriveRoad, section: int, chain: list[Piece], left_hand: bool, site_map: SiteMap
 ) -> MapLane | None:
     first = chain[0]
     inner = np.concatenate([first.inner, *(p.inner[1:] for p in chain[1:])])
@@ -227,12 +229,12 @@ def _lane(
     left, right, folded = without_folds(left, right)
     if folded is not None:
         x, y, _ = folded
-        found.mended.append(f"lane {name}: turned back at {x:.1f} {y:.1f}")
+        site_map.mended.append(f"lane {name}: turned back at {x:.1f} {y:.1f}")
     if np.hypot(*np.diff((left + right)[:, :2] / 2, axis=0).T).sum() < SHORTEST_M:
-        found.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
+        site_map.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
         return None
     known = DRIVEN | PAVED | FOOTWAYS
     if first.type not in known:
-        found.not_understood.append(f"lane {name}: type {first.type!r}, paved as a shoulder")
+        site_map.not_understood.append(f"lane {name}: type {first.type!r}, paved as a shoulder")
     kind = "sidewalk" if first.type in FOOTWAYS else "road"
     return MapLane(name, kind, first.type in DRIVEN, left, right, first.kerb_m)

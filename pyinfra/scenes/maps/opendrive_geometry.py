@@ -23,8 +23,8 @@ def number(node: Element, name: str, default: float | None = None) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        about = " ".join(f'{k}="{v[:20]}"' for k, v in list(node.attrib.items())[:3])
-        raise MapError(f"<{node.tag} {about}>: {name}: found {text!r}, allowed a number")
+        attributes = " ".join(f'{k}="{v[:20]}"' for k, v in list(node.attrib.items())[:3])
+        raise MapError(f"<{node.tag} {attributes}>: {name}: found {text!r}, allowed a number")
     return value
 
 
@@ -50,9 +50,9 @@ class Cubics:
         return bool(np.any(self.coefficients[:, 2:]))
 
 
-def read_cubics(nodes: Sequence[Element], place: str = "s", at: float = 0.0) -> Cubics:
-    """Polynomials in the order of their starts; `place` names the attribute, counted from `at`."""
-    rows = [[at + number(n, place, 0.0), *(number(n, k) for k in "abcd")] for n in nodes]
+def read_cubics(nodes: Sequence[Element], key: str = "s", at: float = 0.0) -> Cubics:
+    """Polynomials in the order of their starts; `key` names the attribute, counted from `at`."""
+    rows = [[at + number(n, key, 0.0), *(number(n, k) for k in "abcd")] for n in nodes]
     table = np.array(sorted(rows, key=lambda row: row[0])).reshape(-1, 5)
     return Cubics(table[:, 0], table[:, 1:])
 
@@ -93,7 +93,7 @@ class OpenDriveRoad:
     roll: Cubics
     offset: Cubics
 
-    def places(self, s: FloatArray, t: FloatArray) -> FloatArray:
+    def positions(self, s: FloatArray, t: FloatArray) -> FloatArray:
         """(n, 3) world, t to the left of the reference line."""
         x, y, heading = self.line.at(s).T
         roll = self.roll.at(s)

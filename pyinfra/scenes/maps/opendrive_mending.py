@@ -122,14 +122,14 @@ def _as_default(root: Element, junction: Element) -> None:
         incoming, linked = (roads.get(connection.get(k)) for k in ("incomingRoad", "linkedRoad"))
         if incoming is None or linked is None:
             continue
-        own = _end_at(incoming, junction.get("id"))
+        near_end = _end_at(incoming, junction.get("id"))
         its = connection.get("contactPoint", "start")
         for pair in connection.iterfind("laneLink"):
             ends = [
-                (incoming, own, int(number(pair, "from"))),
+                (incoming, near_end, int(number(pair, "from"))),
                 (linked, its, int(number(pair, "to"))),
             ]
-            outwards = (ends[0][2] < 0) == (own == "end")
+            outwards = (ends[0][2] < 0) == (near_end == "end")
             if incoming.get("rule") == "LHT":
                 outwards = not outwards
             links.append((ends[0], ends[1]) if outwards else (ends[1], ends[0]))

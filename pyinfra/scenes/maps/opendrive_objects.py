@@ -34,33 +34,35 @@ TREE_M = 9.0
 MOST_COPIES = 10_000  # of one object
 
 
-def read_objects(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
+def read_objects(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     """All objects and signals of a road."""
     for thing in node.iterfind("objects/object"):
-        _read_object(road, thing, found)
+        _read_object(road, thing, site_map)
     marks = [n for n in node.iterfind("objects/object") if _is_mark(n)]
     if marks:
-        found.not_understood.append(f"road {road.id}: {len(marks)} objects of road marks: left out")
+        site_map.not_understood.append(
+            f"road {road.id}: {len(marks)} objects of road marks: left out"
+        )
     for signal in node.iterfind("signals/signal"):
         s, t = (number(signal, k, 0.0) for k in "st")
         top = number(signal, "zOffset", 0.0) + number(signal, "height", 0.0)
-        found.bodies.append(_box(road, (s, t), signal, (0.15, 0.15, max(top, 2.0)), 0.0))
-        x, y, _ = road.places(np.array([s]), np.array([t]))[0].tolist()
+        site_map.bodies.append(_box(road, (s, t), signal, (0.15, 0.15, max(top, 2.0)), 0.0))
+        x, y, _ = road.positions(np.array([s]), np.array([t]))[0].tolist()
         kind = "traffic_signals" if signal.get("dynamic") == "yes" else "traffic_sign"
         tags = {k: v for k in ("name", "type", "country") if (v := signal.get(k, ""))}
         signal_name = f"road {road.id}: signal {signal.get('id')}"
-        found.features.append(MapFeature(kind, signal_name, x, y, tags))
+        site_map.features.append(MapFeature(kind, signal_name, x, y, tags))
     for tag in ("tunnel", "bridge", "objectReference"):
         for thing in node.iterfind(f"objects/{tag}"):
             at = number(thing, "s", 0.0)
-            found.not_understood.append(
+            site_map.not_understood.append(
                 f"road {road.id}: {tag} {thing.get('id')} at s = {at:.1f}: left out"
             )
     for tag, count in Counter(n.tag for n in node.iterfind("signals/signalReference")).items():
-        found.not_understood.append(f"road {road.id}: {count} {tag}: left out")
+        site_map.not_understood.append(f"road {road.id}: {count} {tag}: left out")
     for tag in ("surface", "railroad"):
         if (part := node.find(tag)) is not None and len(part):
-            found.not_understood.append(f"road {road.id}: {tag}: left out")
+            site_map.not_understood.append(f"road {road.id}: {tag}: left out")
 
 
 def _is_mark(node: Element) -> bool:
@@ -69,18 +71,18 @@ def _is_mark(node: Element) -> bool:
     return node.get("type") != "crosswalk" and name.startswith(("solid", "dashed"))
 
 
-def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
+def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     s, t = (number(node, k, 0.0) for k in "st")
     type_ = node.get("type") or "none"
     where = f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}"
 
     def leave_out(why: str) -> None:
-        found.not_understood.append(f"{where}: {why}")
+        site_map.not_understood.append(f"{where}: {why}")
 
     if type_ == "crosswalk":  # paint of no height
-        x, y, _ = road.places(np.array([s]), np.array([t]))[0].tolist()
+        x, y, _ = road.positions(np.array([s]), np.array([t]))[0].tolist()
         name = f"road {road.id}: object {node.get('id')}"
-        found.features.append(MapFeature("crossing", name, x, y))
+        site_map.features.append(MapFeature("crossing", name, x, y))
         return
     if _is_mark(node):
         return  # counted by read_objects
@@ -89,22 +91,24 @@ def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
         return
     repeats = node.findall("repeat")
     if type_ in PLANTS:
-        _read_plants(road, node, repeats, found, leave_out_if=node.find(".//outline") is not None)
+        _read_plants(
+            road, node, repeats, site_map, leave_out_if=node.find(".//outline") is not None
+        )
         return
-    before = len(found.bodies)
+    before = len(site_map.bodies)
     outlines = node.findall(".//outline")
     if any(n.get("outer") == "false" for n in outlines):
         leave_out("an inner outline: filled")
     outlines = [n for n in outlines if n.get("outer") != "false"]
     for copy, at in _copies(node, repeats):
         if copy is not None and number(copy, "distance", 0.0) == 0:
-            found.bodies += _wall(road, node, copy)
+            site_map.bodies += _wall(road, node, copy)
         elif outlines:
             for outline in outlines:
-                found.bodies += _of_outline(road, node, outline, at)
+                site_map.bodies += _of_outline(road, node, outline, at)
         else:
-            found.bodies += _of_box(road, node, copy, at)
-    if len(found.bodies) == before:
+            site_map.bodies += _of_box(road, node, copy, at)
+    if len(site_map.bodies) == before:
         height = number(node, "height", 0.0)
         if type_ in NO_TYPE:
             leave_out(f"type {type_!r}, name {node.get('name')!r}")
@@ -112,7 +116,7 @@ def _read_object(road: OpenDriveRoad, node: Element, found: SiteMap) -> None:
             leave_out(f"type {type_!r}, height {height:g} m")
     elif type_ not in STANDING:
         text = f"objects of type {type_!r}: built as they stand"
-        found.guessed += [] if text in found.guessed else [text]
+        site_map.guessed += [] if text in site_map.guessed else [text]
     if any(abs(number(node, k, 0.0)) > 0.1 for k in ("pitch", "roll")):
         leave_out("pitch, roll: built upright")
 
@@ -121,24 +125,24 @@ def _read_plants(
     road: OpenDriveRoad,
     node: Element,
     repeats: list[Element],
-    found: SiteMap,
+    site_map: SiteMap,
     *,
     leave_out_if: bool,
 ) -> None:
     s, t = (number(node, k, 0.0) for k in "st")
     if leave_out_if:
-        found.not_understood.append(
+        site_map.not_understood.append(
             f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}: a plant's "
             "outline: one tree is built"
         )
     for copy, (at_s, at_t) in _copies(node, repeats):
         if copy is not None and number(copy, "distance", 0.0) == 0:
-            found.bodies += _wall(road, node, copy)  # a hedge
+            site_map.bodies += _wall(road, node, copy)  # a hedge
             continue
         height, base = _of(copy, node, "height", at_s), _of(copy, node, "zOffset", at_s)
-        x, y, z = road.places(np.array([at_s]), np.array([at_t]))[0].tolist()
+        x, y, z = road.positions(np.array([at_s]), np.array([at_t]))[0].tolist()
         tall = height if height > 1 else TREE_M
-        found.trees.append(MapTree(x, y, tall, z + min(0.0, base)))
+        site_map.trees.append(MapTree(x, y, tall, z + min(0.0, base)))
 
 
 def _copies(
@@ -158,10 +162,10 @@ def _copies(
 
 def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
     """A value at a place of a repeat, linear between its ends; else the object's."""
-    own = number(node, name, 0.0)
+    value = number(node, name, 0.0)
     if repeat is None:
-        return own
-    first, last = (number(repeat, f"{name}{end}", own) for end in ("Start", "End"))
+        return value
+    first, last = (number(repeat, f"{name}{end}", value) for end in ("Start", "End"))
     length = number(repeat, "length", 0.0)
     part = (s - number(repeat, "s", number(node, "s", 0.0))) / length if length > 0 else 0.0
     return first + (last - first) * min(max(part, 0.0), 1.0)
@@ -180,7 +184,7 @@ def _wall(road: OpenDriveRoad, node: Element, repeat: Element) -> list[MapBody]:
         for name in ("t", "width", "height", "zOffset")
     )
     half = np.maximum(width, THINNEST_M) / 2
-    left, right = road.places(at, t + half), road.places(at, t - half)
+    left, right = road.positions(at, t + half), road.positions(at, t - half)
     bodies = []
     for i, j in itertools.pairwise(range(count + 1)):
         outline = np.stack([right[i], right[j], left[j], left[i]])
@@ -230,7 +234,7 @@ def _in_world(
     """Places (n, 2) in an object's own axes as x y, and the z of its origin on the road."""
     s, t = (np.array([v]) for v in at)
     heading = float(road.line.at(s)[0, 2]) + number(node, "hdg", 0.0)
-    x, y, z = road.places(s, t)[0].tolist()
+    x, y, z = road.positions(s, t)[0].tolist()
     cos, sin = math.cos(heading), math.sin(heading)
     return uv @ np.array([[cos, sin], [-sin, cos]]) + (x, y), z
 
@@ -239,20 +243,20 @@ def _of_outline(
     road: OpenDriveRoad, node: Element, outline: Element, at: tuple[float, float]
 ) -> list[MapBody]:
     """One body, or a thin wall from corner to corner if the outline is open."""
-    own = number(node, "height", 0.0)
+    usual = number(node, "height", 0.0)
     local, along = outline.findall("cornerLocal"), outline.findall("cornerRoad")
     if local:
         uv = np.array([[number(n, "u"), number(n, "v")] for n in local])
         xy, z = _in_world(road, at, node, uv)
         base = z + number(node, "zOffset", 0.0) + np.array([number(n, "z", 0.0) for n in local])
-        heights = np.array([number(n, "height", own) for n in local])
+        heights = np.array([number(n, "height", usual) for n in local])
     elif along:
         shift = at[0] - number(node, "s", 0.0)
         s = np.array([number(n, "s") + shift for n in along])
-        places = road.places(s, np.array([number(n, "t") for n in along]))
-        xy, z = places[:, :2], float(places[0, 2])
-        base = places[:, 2] + np.array([number(n, "dz", 0.0) for n in along])
-        heights = np.array([number(n, "height", own) for n in along])
+        positions = road.positions(s, np.array([number(n, "t") for n in along]))
+        xy, z = positions[:, :2], float(positions[0, 2])
+        base = positions[:, 2] + np.array([number(n, "dz", 0.0) for n in along])
+        heights = np.array([number(n, "height", usual) for n in along])
     else:
         return []
     corners = list(zip(xy, base, heights, strict=True))

@@ -114,14 +114,14 @@ def opened(file: Path) -> Any:
 
 def read_street_map(file: Path) -> StreetMap:
     """Raises MapError, and OSError."""
-    found = StreetMap()
+    street_map = StreetMap()
     for node in all_elements(file):
-        _read_element(node, found, file)
-    if not any("highway" in way.tags for way in found.ways):
+        _read_element(node, street_map, file)
+    if not any("highway" in way.tags for way in street_map.ways):
         raise MapError(f"{file}: found no way with a highway, allowed one or more")
-    if not found.of_highways():
+    if not street_map.of_highways():
         raise MapError(f"{file}: found no node of a highway, allowed two or more")
-    return found
+    return street_map
 
 
 def all_elements(file: Path) -> Iterator[Element]:
@@ -143,42 +143,42 @@ def all_elements(file: Path) -> Iterator[Element]:
         raise MapError(f"{file}: not a gzip file that can be read: {error}") from error
 
 
-def _read_element(node: Element, found: StreetMap, file: Path) -> None:
+def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
     if is_deleted(node):
-        found.deleted += 1
+        street_map.deleted += 1
         return
     tags = {tag.get("k", ""): tag.get("v", "") for tag in node.iterfind("tag")}
     name = node.get("id", "")
     if node.tag == "node":
         if node.get("lon") is None and node.get("lat") is None:
             return  # only referred to
-        found.nodes[name] = _lon_lat(node, file)
-        found.rearranged |= bool(found.ways)
+        street_map.nodes[name] = _lon_lat(node, file)
+        street_map.rearranged |= bool(street_map.ways)
         if "ele" in tags:
-            found.with_heights.add(name)
+            street_map.with_heights.add(name)
         if tags.get("natural") == "tree":
-            found.trees.append((name, tags))
+            street_map.trees.append((name, tags))
         elif not AT_STREETS.isdisjoint(tags):
-            found.things.append((name, tags))
+            street_map.things.append((name, tags))
         elif tags.get("barrier"):
-            found.others.append(f"node {name}: {tags['barrier']}, left out")
+            street_map.others.append(f"node {name}: {tags['barrier']}, left out")
     elif node.tag == "way":
         ids = [nd.get("ref", "") for nd in node.iterfind("nd")]
         for nd in node.iterfind("nd"):
             if nd.get("lon") is not None:
-                found.rearranged = True
-                found.nodes.setdefault(nd.get("ref", ""), _lon_lat(nd, file))
+                street_map.rearranged = True
+                street_map.nodes.setdefault(nd.get("ref", ""), _lon_lat(nd, file))
         if tags.get("building", "no") != "no":
-            found.houses.append((name, ids, tags))
+            street_map.houses.append((name, ids, tags))
         elif "highway" in tags or tags.get("railway") in RAILWAYS:
-            found.ways.append(Way(name, ids, tags))
+            street_map.ways.append(Way(name, ids, tags))
         elif "platform" in (tags.get("public_transport"), tags.get("railway")):
-            found.lines.append(Way(name, ids, tags))
+            street_map.lines.append(Way(name, ids, tags))
         elif tags.get("barrier") or tags.get("natural") == "tree_row":
             kind = tags.get("barrier") or "tree_row"
-            found.others.append(f"way {name}: {kind}, left out")
+            street_map.others.append(f"way {name}: {kind}, left out")
     elif "building" in tags:
-        found.others.append(f"relation {name}: building of several outlines, left out")
+        street_map.others.append(f"relation {name}: building of several outlines, left out")
 
 
 def is_deleted(node: Element) -> bool:
@@ -200,35 +200,37 @@ def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
 
 
 def add_surroundings(
-    found: SiteMap, map_: StreetMap, centre: tuple[float, float], radius_m: float
+    site_map: SiteMap, map_: StreetMap, centre: tuple[float, float], radius_m: float
 ) -> None:
     """Houses and trees within the radius."""
     heights = []
     for name, ids, tags in map_.houses:
         if not all(i in map_.nodes for i in ids):
-            found.not_understood.append(f"way {name}: building with nodes that are not there")
+            site_map.not_understood.append(f"way {name}: building with nodes that are not there")
             continue
         outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
         outline = outline[:-1] if ids[0] == ids[-1] else outline
         if np.hypot(*outline.mean(0)) > radius_m:
             continue
-        height, said = _height(tags)
-        heights.append(said)
+        height, is_known = _height(tags)
+        heights.append(is_known)
         if tags.get("min_height") or tags.get("building:min_level"):
-            found.not_understood.append(f"way {name}: building off the ground, built to the ground")
+            site_map.not_understood.append(
+                f"way {name}: building off the ground, built to the ground"
+            )
         x, y = outline.mean(0)
         if len(outline) < 3 or crosses_itself(outline):
-            found.not_understood.append(f"way {name}: building at {x:.1f} {y:.1f}: no outline")
+            site_map.not_understood.append(f"way {name}: building at {x:.1f} {y:.1f}: no outline")
             continue
-        found.bodies.append(MapBody(outline, height))
+        site_map.bodies.append(MapBody(outline, height))
     for node, tags in map_.trees:
         x, y = transverse_mercator(np.array([map_.nodes[node]]), centre)[0]
         if math.hypot(x, y) <= radius_m:
             metres = _metres(tags.get("height", ""))
-            found.trees.append(MapTree(float(x), float(y), metres or TREE_M))
+            site_map.trees.append(MapTree(float(x), float(y), metres or TREE_M))
     if heights.count(False):
-        found.guessed.append(f"height of {heights.count(False)} of {len(heights)} buildings")
-    found.not_understood += map_.others
+        site_map.guessed.append(f"height of {heights.count(False)} of {len(heights)} buildings")
+    site_map.not_understood += map_.others
 
 
 def _metres(text: str) -> float | None:
@@ -239,9 +241,11 @@ def _metres(text: str) -> float | None:
 
 def _height(tags: dict[str, str]) -> tuple[float, bool]:
     """Metres, and whether the map says them."""
-    said = _metres(tags.get("height", ""))
+    stated_m = _metres(tags.get("height", ""))
     levels = _metres(tags.get("building:levels", ""))
-    return (said, True) if said else (levels * LEVEL_M, True) if levels else (HOUSE_M, False)
+    return (
+        (stated_m, True) if stated_m else (levels * LEVEL_M, True) if levels else (HOUSE_M, False)
+    )
 
 
 def crosses_itself(outline: FloatArray) -> bool:

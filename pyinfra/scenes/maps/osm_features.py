@@ -40,13 +40,13 @@ def kind_of(tags: dict[str, str]) -> str:
 def sides_without(tags: dict[str, str]) -> dict[str, str]:
     """Sides of a road (left, right) on which there is no sidewalk, or one with a way of its own."""
     whole = tags.get("sidewalk", "")
-    found = {}
+    sides = {}
     for side, other in (("left", "right"), ("right", "left")):
-        said = tags.get(f"sidewalk:{side}") or tags.get("sidewalk:both") or whole
-        said = "no" if said == other else said
-        if said in _NONE or said == "separate":
-            found[side] = "no" if said in _NONE else said
-    return found
+        value = tags.get(f"sidewalk:{side}") or tags.get("sidewalk:both") or whole
+        value = "no" if value == other else value
+        if value in _NONE or value == "separate":
+            sides[side] = "no" if value in _NONE else value
+    return sides
 
 
 def edges_without_sidewalk(map_: StreetMap) -> list[str]:
@@ -70,10 +70,10 @@ def features(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> I
             kind = "separate_sidewalk"
         elements.append((f"way {way.id}", way.nodes, way.tags, kind))
     for source, ids, tags, kind in elements:
-        places = [map_.nodes[i] for i in ids if i in map_.nodes]
-        if not kind or not places:
+        coordinates = [map_.nodes[i] for i in ids if i in map_.nodes]
+        if not kind or not coordinates:
             continue
-        xy = transverse_mercator(np.array(places), centre)
+        xy = transverse_mercator(np.array(coordinates), centre)
         x, y = ((xy.min(0) + xy.max(0)) / 2).tolist()
         if math.hypot(x, y) <= radius_m:
             kept = {k: tags[k] for k in KEPT_TAGS if k in tags}

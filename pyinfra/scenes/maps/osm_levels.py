@@ -163,9 +163,11 @@ class _Net:
         self.ways = [(way, [i for i in way.nodes if i in map_.nodes]) for way in built]
         used = sorted({i for _, nodes in self.ways for i in nodes})
         self.lon_lat = {i: map_.nodes[i] for i in used}
-        places = np.array([map_.nodes[i] for i in used])
-        near = np.abs(places - centre).max(1) < 5  # degrees, past which the projection means little
-        xy = np.where(near[:, None], places, np.array(centre))
+        coordinates = np.array([map_.nodes[i] for i in used])
+        near = (
+            np.abs(coordinates - centre).max(1) < 5
+        )  # degrees, past which the projection means little
+        xy = np.where(near[:, None], coordinates, np.array(centre))
         xy = np.where(near[:, None], transverse_mercator(xy, centre), math.inf)
         self.xy: dict[str, tuple[float, float]] = dict(
             zip(used, map(tuple, xy.tolist()), strict=True)
@@ -188,7 +190,7 @@ class _Net:
         nodes = [(a, b) for _, a, b in pieces]
         start, end = (np.array([self.xy[p[i]] for p in nodes]).reshape(-1, 2) for i in (0, 1))
         on = np.array([level(self.ways[p[0]][0].tags) for p in pieces], int)
-        found: dict[tuple[str, str, int, int], _Crossing] = {}
+        by_pair: dict[tuple[str, str, int, int], _Crossing] = {}
         for i in np.flatnonzero(on).tolist():
             for j in _crossed(start, end, i).tolist():
                 if on[i] == on[j] or not set(pieces[i][1:]).isdisjoint(pieces[j][1:]):
@@ -198,8 +200,8 @@ class _Net:
                 xy = _meeting(start[u], end[u], start[v], end[v])
                 both = (pieces[u][1], pieces[u][2]), (pieces[v][1], pieces[v][2])
                 key = (upper.id, lower.id, round(xy[0]), round(xy[1]))
-                found.setdefault(key, _Crossing(upper, lower, xy, *both))
-        return list(found.values())
+                by_pair.setdefault(key, _Crossing(upper, lower, xy, *both))
+        return list(by_pair.values())
 
     def divide(self, crossings: list[_Crossing]) -> None:
         """Puts nodes into long pieces that a ramp may reach."""
@@ -225,9 +227,9 @@ class _Net:
 
     def _put(self, a: str, b: str, part: float) -> str:
         name = str(next(self._fresh))
-        for places in (self.xy, self.lon_lat):
-            (x0, y0), (x1, y1) = places[a], places[b]
-            places[name] = (x0 + (x1 - x0) * part, y0 + (y1 - y0) * part)
+        for coordinates in (self.xy, self.lon_lat):
+            (x0, y0), (x1, y1) = coordinates[a], coordinates[b]
+            coordinates[name] = (x0 + (x1 - x0) * part, y0 + (y1 - y0) * part)
         self.new[name] = self.lon_lat[name]
         return name
 
@@ -294,17 +296,17 @@ def _distances(
     next_: dict[str, dict[str, float]], sources: Iterable[str], limit: float
 ) -> dict[str, float]:
     """Metres along the ways to each node within the limit."""
-    found: dict[str, float] = {}
+    distances: dict[str, float] = {}
     heap = [(0.0, i) for i in sorted(sources)]
     while heap:
         metres, node = heapq.heappop(heap)
-        if node in found:
+        if node in distances:
             continue
-        found[node] = metres
+        distances[node] = metres
         for other, step in next_.get(node, {}).items():
-            if other not in found and metres + step <= limit:
+            if other not in distances and metres + step <= limit:
                 heapq.heappush(heap, (metres + step, other))
-    return found
+    return distances
 
 
 def _crossed(start: FloatArray, end: FloatArray, i: int) -> IntArray:

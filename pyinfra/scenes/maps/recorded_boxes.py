@@ -54,7 +54,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     if unknown:
         raise ValueError(f"--columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
     words = read_words(file)
-    ours = {theirs: own for own, theirs in how.names.items()}
+    ours = {theirs: our_name for our_name, theirs in how.names.items()}
     words = words.rename(columns=ours)
     clock = "frame" if how.rate_hz is not None else "t"
     for name in (*_NEEDED, clock):
@@ -108,8 +108,8 @@ def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
     wrong = ~((values >= low) & (values <= high))
     if wrong.any():
         row = int(wrong.argmax())
-        found = words[name].iloc[row]
-        raise FormatError(f"{file}:{row + 2}: {name}: found '{found}', allowed {low:g} to {high:g}")
+        text = words[name].iloc[row]
+        raise FormatError(f"{file}:{row + 2}: {name}: found '{text}', allowed {low:g} to {high:g}")
     return np.asarray(values)
 
 

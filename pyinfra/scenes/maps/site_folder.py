@@ -21,13 +21,13 @@ def feet(site: Path) -> FloatArray:
     file = site / SCENE
     mounts = read_keys(file).get("mounts") or {}
     try:
-        places = [(float(m["x_m"]), float(m["y_m"])) for m in dict(mounts).values()]
+        positions = [(float(m["x_m"]), float(m["y_m"])) for m in dict(mounts).values()]
     except (AttributeError, KeyError, TypeError, ValueError):
-        places = []
-    found = np.array(places).reshape(-1, 2)
-    if not len(found) or not np.isfinite(found).all():
+        positions = []
+    points = np.array(positions).reshape(-1, 2)
+    if not len(points) or not np.isfinite(points).all():
         raise FormatError(f"{file}: mounts: found none with x_m and y_m, allowed one or more")
-    return found
+    return points
 
 
 def offset(site: Path) -> FloatArray:
@@ -41,12 +41,12 @@ def offset(site: Path) -> FloatArray:
     if value is None:
         return np.zeros(3)
     try:
-        found = np.array([float(v) for v in value])
+        vector = np.array([float(v) for v in value])
     except (TypeError, ValueError):
-        found = np.zeros(0)
-    if found.shape != (3,) or not np.isfinite(found).all():
+        vector = np.zeros(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
         raise FormatError(f"{file}: offset_m: found {value!r}, allowed [x, y, z] in metres")
-    return found
+    return vector
 
 
 def projection(site: Path) -> Projection | None:

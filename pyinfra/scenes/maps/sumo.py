@@ -33,6 +33,6 @@ def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = N
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
     if done.returncode:
         errors = [line for line in lines if line.startswith("Error:")] or lines or ["no reason"]
-        said = errors[0].removeprefix("Error: ")
-        raise RuntimeError(f"{name}: {said} (exit {done.returncode})")
+        message = errors[0].removeprefix("Error: ")
+        raise RuntimeError(f"{name}: {message} (exit {done.returncode})")
     return [line.removeprefix("Warning: ") for line in lines if line.startswith("Warning:")]

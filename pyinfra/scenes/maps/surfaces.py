@@ -78,12 +78,12 @@ class Sheet:
         """All cells, or the wanted ones (nx - 1, ny - 1)."""
         nx, ny = self.z.shape
         x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
-        places = np.stack([x, y], -1) * self.cell_m + self.low
+        positions = np.stack([x, y], -1) * self.cell_m + self.low
         i, j = np.nonzero(np.ones((nx - 1, ny - 1), bool) if wanted is None else wanted)
         a, b = i * ny + j, (i + 1) * ny + j
         faces = np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])
         used, numbers = np.unique(faces, return_inverse=True)
-        vertices = np.concatenate([places, self.z[..., None]], -1).reshape(-1, 3)
+        vertices = np.concatenate([positions, self.z[..., None]], -1).reshape(-1, 3)
         return Triangles(vertices[used], numbers.reshape(-1, 3))
 
     def at(self, xy: FloatArray) -> FloatArray:
@@ -156,7 +156,7 @@ def ears(outline: FloatArray) -> IntArray:
     x, y = outline.T
     area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
     left = list(range(len(outline)) if area > 0 else range(len(outline) - 1, -1, -1))
-    found = []
+    triangles = []
     while len(left) > 3:
         for k in range(len(left)):
             a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
@@ -168,9 +168,9 @@ def ears(outline: FloatArray) -> IntArray:
         else:  # what is left has no area
             k = 0
             a, b, c = left[-1], left[0], left[1]
-        found.append([a, b, c])
+        triangles.append([a, b, c])
         del left[k]
-    return np.array([*found, left])
+    return np.array([*triangles, left])
 
 
 def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
@@ -212,19 +212,21 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
     return together(parts)
 
 
-def surfaces(found: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:
+def surfaces(site_map: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:
     """Meshes by name (road, sidewalk, terrain, buildings), and the terrain."""
-    points = paved_points(found.lanes)
-    points = points[points[:, 2] >= found.covered_m]
+    points = paved_points(site_map.lanes)
+    points = points[points[:, 2] >= site_map.covered_m]
     terrain = Sheet(points, TERRAIN_CELL_M, TERRAIN_MARGIN_M, TERRAIN_BELOW_M)
-    road = [strip(lane) for lane in found.lanes if lane.kind == "road"]
-    fill = junction_fill(found.areas, paved_points([x for x in found.lanes if x.kind == "road"]))
-    walked = [strip(lane) for lane in found.lanes if lane.kind == "sidewalk"]
-    walked += [footway(shape, footway_kerb_m) for shape in found.footways if len(shape) >= 3]
+    road = [strip(lane) for lane in site_map.lanes if lane.kind == "road"]
+    fill = junction_fill(
+        site_map.areas, paved_points([x for x in site_map.lanes if x.kind == "road"])
+    )
+    walked = [strip(lane) for lane in site_map.lanes if lane.kind == "sidewalk"]
+    walked += [footway(shape, footway_kerb_m) for shape in site_map.footways if len(shape) >= 3]
     meshes = {
         "road": together([*road, *fill]),
         "sidewalk": together(walked),
         "terrain": terrain.mesh(),
-        "buildings": together([body(thing, terrain) for thing in found.bodies]),
+        "buildings": together([body(thing, terrain) for thing in site_map.bodies]),
     }
     return {name: mesh for name, mesh in meshes.items() if len(mesh.faces)}, terrain

@@ -90,7 +90,7 @@ def _in_region(point: FloatArray, feet: FloatArray) -> bool:
 
 def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
     """Pairs of neighbours over instants and the middles between them, and who overlaps: (n, 2)."""
-    count, found = 0, [np.zeros((0, 2), np.int64)]
+    count, neighbours = 0, [np.zeros((0, 2), np.int64)]
     rows = _with_middles(rows)
     touch = np.array([0, 0, 0, _TOUCH_M, _TOUCH_M, 0, 0])
     last = int(rows.instant.max(initial=-1))
@@ -106,8 +106,8 @@ def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
         reach = (np.hypot(*a[:, 3:5].T) + np.hypot(*b[:, 3:5].T)) / 2
         near = level & (np.hypot(*(a - b)[:, :2].T) < reach)
         hit = pair_bev_overlap(a[near] - touch, b[near] - touch) > 0
-        found.append(track[pairs[near][hit]])
-    return count, np.concatenate(found)
+        neighbours.append(track[pairs[near][hit]])
+    return count, np.concatenate(neighbours)
 
 
 def _with_middles(rows: TrackTable) -> TrackTable:

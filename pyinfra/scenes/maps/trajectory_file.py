@@ -64,5 +64,5 @@ def _check(track: Track) -> None:
         _refuse(track, f"a turn of {np.degrees(turns.max()):.0f} degrees in 0.1 s", "60")
 
 
-def _refuse(track: Track, found: str, allowed: str) -> None:
-    raise ValueError(f"track '{track.name}': found {found}, allowed {allowed}")
+def _refuse(track: Track, actual: str, allowed: str) -> None:
+    raise ValueError(f"track '{track.name}': found {actual}, allowed {allowed}")

@@ -13,7 +13,13 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 from pyinfra.scenes.maps.fcd import Recorded
-from pyinfra.scenes.maps.geographic import Motion, Projection, about, check_place, in_degrees
+from pyinfra.scenes.maps.geographic import (
+    Motion,
+    Projection,
+    centred_on,
+    check_near_site,
+    in_degrees,
+)
 from pyinfra.scenes.maps.recorded_boxes import BoxTrack
 from pyinfra.scenes.maps.smoothing import smooth, unsmoothed, within_limits
 from pyinfra.scenes.maps.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
@@ -71,8 +77,8 @@ def import_fcd(
     for o in objects:
         object_class = of_type[o.kind, o.type_name]
         size = np.array(CLASSES[object_class].mean_m)
-        places = np.column_stack([to_metres(o.rows[:, 1:4]), o.rows[:, 4]])
-        for first, piece in _pieces(o.name, o.rows[:, 0] - start, places, out):
+        positions = np.column_stack([to_metres(o.rows[:, 1:4]), o.rows[:, 4]])
+        for first, piece in _pieces(o.name, o.rows[:, 0] - start, positions, out):
             heading = piece[:, 3]
             if not np.isfinite(heading).all():
                 if object_class != "Pedestrian" and not _moves(piece):
@@ -88,10 +94,10 @@ def _classes(
     objects: list[Recorded], classes: dict[str, str], out: ImportedTracks
 ) -> dict[tuple[str, str], str]:
     """Our class of each kind and type; what was guessed is a note. Raises FormatError."""
-    found: dict[tuple[str, str], str] = {}
+    class_of: dict[tuple[str, str], str] = {}
     unknown: dict[str, str] = {}
     for o in objects:
-        if (o.kind, o.type_name) in found:
+        if (o.kind, o.type_name) in class_of:
             continue
         ours = classes.get(o.type_name) or _SUMO_TYPES.get(o.type_name)
         if ours is None and (ours := _guessed_class(o)):
@@ -99,7 +105,7 @@ def _classes(
             out.notes.append(f"{of}: taken as {ours}")
         if ours not in CLASSES:
             unknown.setdefault(o.type_name, o.name)
-        found[o.kind, o.type_name] = ours or ""
+        class_of[o.kind, o.type_name] = ours or ""
     if unknown:
         hint = shlex.quote(",".join(f"{name}=Car" for name in unknown))
         first, name = next(iter(unknown.items()))
@@ -107,7 +113,7 @@ def _classes(
             f"object '{name[:40]}': found type '{first[:40]}', allowed {', '.join(_SUMO_TYPES)}, "
             f"or --class-of {hint}"
         )
-    return found
+    return class_of
 
 
 def _guessed_class(o: Recorded) -> str | None:
@@ -128,10 +134,10 @@ def _to_metres(
     """What turns the file's places (n, 3) into the site's. Raises FormatError."""
     motions = [Motion(o.rows[:, 0], o.rows[:, 1:3], o.speeds) for o in objects]
     if not in_degrees(motions, projection):
-        return lambda places: np.asarray(places - offset_m)
+        return lambda positions: np.asarray(positions - offset_m)
     lon_lat = np.concatenate([o.rows[:, 1:3] for o in objects])
     if projection is not None:
-        check_place(lon_lat, projection)
+        check_near_site(lon_lat, projection)
         out.notes.append("positions were longitude and latitude: projected as the site's map")
     elif has_site:
         raise FormatError(
@@ -139,23 +145,23 @@ def _to_metres(
             "projection: write the file without --fcd-output.geo"
         )
     else:
-        projection = about(lon_lat)
+        projection = centred_on(lon_lat)
         lon, lat = projection.centre
         out.notes.append(f"positions were longitude and latitude: metres from {lon:g} {lat:g}")
     known = projection
-    return lambda places: np.column_stack([known.metres(places[:, :2]), places[:, 2]])
+    return lambda positions: np.column_stack([known.metres(positions[:, :2]), positions[:, 2]])
 
 
-def _moves(places: FloatArray) -> bool:
-    return bool(np.hypot(*(places[:, :2] - places[0, :2]).T).max() >= _MOVED_M)
+def _moves(positions: FloatArray) -> bool:
+    return bool(np.hypot(*(positions[:, :2] - positions[0, :2]).T).max() >= _MOVED_M)
 
 
-def _headings(places: FloatArray) -> FloatArray:
+def _headings(positions: FloatArray) -> FloatArray:
     """(n,) rad, the direction of the way at each of (n, 4) places; 0 for who never moves."""
-    heading = np.zeros(len(places))
+    heading = np.zeros(len(positions))
     i = 0
-    for k in range(1, len(places)):
-        step = places[k, :2] - places[i, :2]
+    for k in range(1, len(positions)):
+        step = positions[k, :2] - positions[i, :2]
         if math.hypot(*step) >= _MOVED_M:
             heading[i:k] = heading[k:] = math.atan2(step[1], step[0])
             i = k
@@ -175,12 +181,12 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
         apart = float(np.abs(o.boxes[:, 3:6] - size).max())
         if apart > _SAME_SIZE_M:
             out.notes.append(f"{o.name}: its size varied by {apart:.2f} m: the median was taken")
-        places = o.boxes[:, [0, 1, 2, 6]].copy()
-        ahead = np.stack([np.cos(places[:, 3]), np.sin(places[:, 3])], axis=1)
-        places[:, :2] += ahead * size[0] / 2
-        places[:, 2] -= size[2] / 2
-        places[:, :3] -= offset_m
-        for first, piece in _pieces(o.name, o.times - start, places, out):
+        positions = o.boxes[:, [0, 1, 2, 6]].copy()
+        ahead = np.stack([np.cos(positions[:, 3]), np.sin(positions[:, 3])], axis=1)
+        positions[:, :2] += ahead * size[0] / 2
+        positions[:, 2] -= size[2] / 2
+        positions[:, :3] -= offset_m
+        for first, piece in _pieces(o.name, o.times - start, positions, out):
             path = FrontPath(o.name, o.object_class, size, first, piece[:, :3], piece[:, 3])
             as_is = unsmoothed(path)
             _take(path, as_is if within_limits(as_is) else smooth(path), out)
@@ -207,18 +213,18 @@ def _from_zero(out: ImportedTracks) -> ImportedTracks:
 
 
 def _pieces(
-    name: str, times: FloatArray, places: FloatArray, out: ImportedTracks
+    name: str, times: FloatArray, positions: FloatArray, out: ImportedTracks
 ) -> Iterator[tuple[int, FloatArray]]:
     """First instant and places (n, 4) x y z heading at 10 Hz, of each part without a long gap."""
     gap_s = np.diff(times)
-    step_m = np.linalg.norm(np.diff(places[:, :3], axis=0), axis=1)
+    step_m = np.linalg.norm(np.diff(positions[:, :3], axis=0), axis=1)
     long = gap_s > FILLED_S + 1e-6
     jump = ~long & (step_m > _FASTEST_M_S * gap_s)
     for k in np.flatnonzero(long | jump):
         what = f"gap of {gap_s[k]:.1f} s" if long[k] else f"jump of {step_m[k]:.1f} m"
         out.notes.append(f"{name}: cut at {times[k]:.1f} s: {what}")
     cuts = np.flatnonzero(long | jump) + 1
-    for t, rows in zip(np.split(times, cuts), np.split(places, cuts), strict=True):
+    for t, rows in zip(np.split(times, cuts), np.split(positions, cuts), strict=True):
         first, last = int(np.ceil(t[0] / STEP_S - 1e-6)), int(np.floor(t[-1] / STEP_S + 1e-6))
         if (last - first) * STEP_S < _SHORTEST_S - 1e-6:
             out.notes.append(f"{name}: dropped {len(t)} rows from {t[0]:.1f} s: shorter than 1 s")

@@ -47,10 +47,10 @@ TITLE = "Roadside LiDAR: which sensor, which detector"
 def page(material: Material) -> Page:
     """All sections for which there is something."""
     made = [section(material) for section in SECTIONS]
-    found = [s for s in made if s is not None]
-    found.append(methods.section(material, found))
+    present = [s for s in made if s is not None]
+    present.append(methods.section(material, present))
     tables = material.results.sources()
-    return Page(TITLE, _subtitle(material), _footer(material), found, tables)
+    return Page(TITLE, _subtitle(material), _footer(material), present, tables)
 
 
 def _subtitle(material: Material) -> str:

@@ -57,8 +57,8 @@ class Names:
 
     def sorted(self, lidars: Iterable[str]) -> list[str]:
         """Different ones, in the report's order."""
-        found = set(lidars)
-        return [name for name in self.lidars if name in found]
+        wanted = set(lidars)
+        return [name for name in self.lidars if name in wanted]
 
 
 def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
@@ -68,8 +68,8 @@ def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
     """
     order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
     plain = [name for name in order if re.fullmatch(r"[\w-]+", name)]
-    own = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in plain}
-    return Names(order, {name: model for name, model in (own | dict(models)).items() if model})
+    shipped = {name: _model(configs() / "lidars" / f"{name}.yaml") for name in plain}
+    return Names(order, {name: model for name, model in (shipped | dict(models)).items() if model})
 
 
 def detector(name: str) -> str:
@@ -79,9 +79,9 @@ def detector(name: str) -> str:
 
 def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
     """Different names: those of `first` in its order, then the others sorted."""
-    found = set(names)
-    known = [name for name in first if name in found]
-    return known + sorted(found - set(known))
+    present = set(names)
+    known = [name for name in first if name in present]
+    return known + sorted(present - set(known))
 
 
 def _model(file: Path) -> str:

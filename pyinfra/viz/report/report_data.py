@@ -46,13 +46,13 @@ class Material:
 
     def scenes(self) -> list[str]:
         """Those of the results and of the data sets."""
-        found = set(self.results.table("cells").scene) | {d.scene for d in self.data}
-        return in_order(found, SCENES)
+        scenes = set(self.results.table("cells").scene) | {d.scene for d in self.data}
+        return in_order(scenes, SCENES)
 
     def is_of_the_paper(self) -> bool:
         """Whether a scene of the paper is among those of the results; true of no scene at all."""
-        found = self.scenes()
-        return not found or any(scene in SCENES for scene in found)
+        scenes = self.scenes()
+        return not scenes or any(scene in SCENES for scene in scenes)
 
     def presets(self) -> list[str]:
         return in_order(self.results.table("cells").preset, PRESETS)
@@ -62,7 +62,7 @@ class Material:
 
         rows: with columns scene, preset, lidar and detector.
         """
-        chosen = {str(s): preset_of_answers(own) for s, own in rows.groupby("scene")}
+        chosen = {str(s): preset_of_answers(group) for s, group in rows.groupby("scene")}
         return rows[rows.preset == rows.scene.map(chosen)]
 
 
@@ -77,12 +77,12 @@ def read_material(
     results = read_results(folder, tier)
     sets = tuple(read_data_set(folder) for folder in data)
     named = [name for t in results.tables.values() if "lidar" in t for name in t.lidar]
-    own = {lidar.name: lidar.model for d in sets for lidar in d.lidars}
+    simulated = {lidar.name: lidar.model for d in sets for lidar in d.lidars}
     lidars = results.table("lidars")
     models = dict(zip(lidars.lidar, lidars.model, strict=True)) if "model" in lidars else {}
     return Material(
         results=results,
-        names=read_names(_lidars([*named, *own]), models | own),
+        names=read_names(_lidars([*named, *simulated]), models | simulated),
         data=sets,
         runs=tuple(read_run(run, sets) for run in runs),
         wish=wish,
@@ -98,8 +98,8 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
         raise FileNotFoundError(2, "found no folder predictions", str(folder))
     if (folder / "run.yaml").is_file():
         top = kitti.read_yaml(folder / "run.yaml")
-        own = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
-        return Run(folder, **own)
+        fields = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
+        return Run(folder, **fields)
     for one in data:
         for lidar in one.names:
             start = re.escape(f"{one.scene}_{lidar}_{one.preset}_")

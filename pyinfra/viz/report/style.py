@@ -77,17 +77,17 @@ class Look:
         return {"color": self.colour, "linestyle": self.line, "marker": self.marker}
 
 
-def look(place: int) -> Look:
+def look(index: int) -> Look:
     """The look of the LiDAR at a place in the order of all LiDARs."""
     return Look(
-        SERIES[place % len(SERIES)][0], LINES[place % len(LINES)], MARKERS[place % len(MARKERS)]
+        SERIES[index % len(SERIES)][0], LINES[index % len(LINES)], MARKERS[index % len(MARKERS)]
     )
 
 
 def themes() -> tuple[dict[str, str], dict[str, str]]:
     """Colours by name on the light and on the dark page."""
-    light = {c: c for c in NAMES} | {c: own for c, (_, own, _) in QUALITIES.items()}
-    dark = DARK | dict(SERIES) | {c: own for c, (_, _, own) in QUALITIES.items()}
+    light = {c: c for c in NAMES} | {c: hex_colour for c, (_, hex_colour, _) in QUALITIES.items()}
+    dark = DARK | dict(SERIES) | {c: hex_colour for c, (_, _, hex_colour) in QUALITIES.items()}
     return {n: light[c] for c, n in NAMES.items()}, {n: dark[c] for c, n in NAMES.items()}
 
 

@@ -98,8 +98,8 @@ def _short(attribute: re.Match[str]) -> str:
 
 def _named(markup: str, name: str, label: str) -> str:
     """With ids of its own, the page's colours, and an accessible name; it scales with its place."""
-    own = f"{zlib.crc32(name.encode()):x}"
-    markup = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{own}-", markup)
+    prefix = f"{zlib.crc32(name.encode()):x}"
+    markup = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{prefix}-", markup)
     for colour, variable in NAMES.items():
         pattern = rf"{colour}(?![0-9a-f])"
         markup = re.sub(pattern, f"var(--{variable})", markup, flags=re.IGNORECASE)

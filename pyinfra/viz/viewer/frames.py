@@ -57,11 +57,11 @@ def read_view_frames(
     pose = lidar.T_world_levelled if lidar else WorldPose(0, 0, 0, 0)
     vehicles = frame_tables.read_vehicles(lidar_folder, frames)
     counted = (lidar_folder / "training/objects").is_dir()
-    found = _predictions(lidar_folder, frames, predictions, pose)
+    per_frame = _predictions(lidar_folder, frames, predictions, pose)
     views = []
     for i, frame in enumerate(frames):
         points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
-        own = vehicles.select(vehicles.frame == i)
+        in_frame = vehicles.select(vehicles.frame == i)
         fields = _fields(lidar_folder, frame, len(points))
         views.append(
             ViewFrame(
@@ -70,12 +70,12 @@ def read_view_frames(
                 sensor=pose,
                 points=_in_world(points[:, :3], pose).astype(np.float32),
                 intensity=points[:, 3],
-                boxes=boxes_in_world(own.boxes, pose),
-                names=own.names,
-                hits=own.points if counted else None,
+                boxes=boxes_in_world(in_frame.boxes, pose),
+                names=in_frame.names,
+                hits=in_frame.points if counted else None,
                 time_s=None if fields is None else fields["time_s"],
                 object_id=None if fields is None else fields["object_id"],
-                predictions=found[i],
+                predictions=per_frame[i],
             )
         )
     return views
@@ -113,7 +113,7 @@ def _predictions(
     table = frame_tables.read_predictions(files, cameras)
     views: list[Labels | None] = []
     for i, file in enumerate(files):
-        own = table.select(table.frame == i)
-        labels = Labels(own.names, boxes_in_world(own.boxes, pose), own.scores)
+        in_frame = table.select(table.frame == i)
+        labels = Labels(in_frame.names, boxes_in_world(in_frame.boxes, pose), in_frame.scores)
         views.append(None if file is None else labels)
     return views

@@ -153,14 +153,14 @@ def _view(views: Views, most_points: int | None, around: Surroundings | None) ->
     frames = _common_frames(views)
     first = next(iter(views.values()))[0]
     lidars = [
-        {"name": name, "frames": [_frame(view, most_points) for view in own]}
-        for name, own in views.items()
+        {"name": name, "frames": [_frame(view, most_points) for view in frame_views]}
+        for name, frame_views in views.items()
     ]
     return {
         "frames": [{"number": k, "start_s": round(k * first.period_s, 6)} for k in frames],
         "period_s": first.period_s,
         "sensor": vars(first.sensor),
-        "ground_m": _ground([view for own in views.values() for view in own]),
+        "ground_m": _ground([view for frame_views in views.values() for view in frame_views]),
         "min_score": MIN_SCORE,
         "boxes_of": _boxes_of(views),
         "note": f"{_note(lidars)}{DRAWN if around and around.roads else ''}",
@@ -170,7 +170,7 @@ def _view(views: Views, most_points: int | None, around: Surroundings | None) ->
 
 
 def _boxes_of(views: Views) -> str:
-    names = np.concatenate([view.names for own in views.values() for view in own])
+    names = np.concatenate([view.names for frame_views in views.values() for view in frame_views])
     return "vehicles and people" if np.isin(names, kitti.PERSON_TYPES).any() else "vehicles"
 
 
@@ -195,13 +195,15 @@ def _parts(xyz: FloatArray) -> list[FloatArray]:
 
 
 def _common_frames(views: Views) -> list[int]:
-    lists = {name: [view.frame for view in own] for name, own in views.items()}
+    lists = {name: [view.frame for view in frame_views] for name, frame_views in views.items()}
     if not lists or not all(lists.values()):
         raise ValueError("view: found no frame, allowed one or more for each LiDAR")
     frames = next(iter(lists.values()))
-    for name, own in lists.items():
-        if own != frames:
-            raise ValueError(f"view: {name}: found frames {own}, allowed {frames} as for the first")
+    for name, numbers in lists.items():
+        if numbers != frames:
+            raise ValueError(
+                f"view: {name}: found frames {numbers}, allowed {frames} as for the first"
+            )
     return frames
 
 
@@ -212,9 +214,9 @@ def _frame(view: ViewFrame, most_points: int | None) -> dict[str, Any]:
         "points": pack_points(view, most_points),
         "vehicles": [{"name": str(n), "box": _short(b), "points": h} for n, b, h in vehicles],
     }
-    found = view.predictions
-    if found is not None and found.scores is not None:
-        rows = zip(found.names, found.boxes, found.scores, strict=True)
+    predictions = view.predictions
+    if predictions is not None and predictions.scores is not None:
+        rows = zip(predictions.names, predictions.boxes, predictions.scores, strict=True)
         packed["predictions"] = [
             {"name": str(n), "box": _short(b), "score": round(float(s), 4)} for n, b, s in rows
         ]

@@ -63,9 +63,9 @@ def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
     points = rerun.Points3D(view.points, colors=colours, radii=POINT_RADIUS)
     recording.log([*path, "points"], points)
     recording.log([*path, "vehicles"], _boxes(view.boxes, view.names.tolist(), VEHICLE_COLOUR))
-    found = view.predictions
-    boxes = np.empty((0, 7)) if found is None else found.boxes
-    labels = [] if found is None else found.names.tolist()
+    predictions = view.predictions
+    boxes = np.empty((0, 7)) if predictions is None else predictions.boxes
+    labels = [] if predictions is None else predictions.names.tolist()
     recording.log([*path, "predictions"], _boxes(boxes, labels, PREDICTION_COLOUR))
 
 

@@ -57,10 +57,10 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
         wanted = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
     except (TypeError, ValueError):
         raise ValueError(f"--frames: found '{words}', allowed A:B or A:B:STEP") from None
-    found = [frame for frame in present if frame in wanted]
-    if not found:
+    chosen = [frame for frame in present if frame in wanted]
+    if not chosen:
         raise ValueError(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
-    return found
+    return chosen
 
 
 def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:

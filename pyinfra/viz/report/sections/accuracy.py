@@ -61,7 +61,7 @@ def _agreement(material: Material) -> list[Block]:
     if rows.empty:
         return []
     heads = ("Scene", "Cells", "Rank correlation", "Mean difference")
-    found: list[list[TableCell]] = [
+    cells: list[list[TableCell]] = [
         [
             TableCell(str(row.scene)),
             number(float(row.cells), "g"),
@@ -76,7 +76,7 @@ def _agreement(material: Material) -> list[Block]:
         "the paper's."
     )
     columns = [Column(head, number=head != "Scene") for head in heads]
-    return [Table(caption, columns, found, TableFile(material.results.file("paper"), rows))]
+    return [Table(caption, columns, cells, TableFile(material.results.file("paper"), rows))]
 
 
 def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
@@ -94,26 +94,28 @@ def _grid(material: Material, rows: pd.DataFrame, paper: pd.Series) -> Table:
     """LiDARs down, detectors across; below each AP that of the paper."""
     detectors = in_order(rows.detector, DETECTORS)
     scene, preset = str(rows.scene.iloc[0]), str(rows.preset.iloc[0])
-    found = []
+    lines = []
     for lidar in material.names.sorted(rows.lidar):
-        own = rows[rows.lidar == lidar].set_index("detector")
+        by_detector = rows[rows.lidar == lidar].set_index("detector")
         printed = {d: float(paper.get((scene, lidar, d), np.nan)) for d in detectors}
-        cells = [_ap(own, d, printed[d] if preset == "paper" else np.nan) for d in detectors]
-        found.append([TableCell(material.names.label(lidar)), *cells])
+        cells = [
+            _ap(by_detector, d, printed[d] if preset == "paper" else np.nan) for d in detectors
+        ]
+        lines.append([TableCell(material.names.label(lidar)), *cells])
     compared = preset == "paper" and scene in paper.index.get_level_values("scene")
     versus = f" Below: the interval, {AP_R40} and the paper's {AP_R40}." if compared else ""
     return Table(
         f"{scene.capitalize()}, preset {preset}: {ap_name(rows)}.{versus}",
         [Column("LiDAR"), *(Column(detector(d), number=True) for d in detectors)],
-        found,
+        lines,
         material.results.source("cells"),
     )
 
 
-def _ap(own: pd.DataFrame, name: str, printed: float) -> TableCell:
-    if name not in own.index:
+def _ap(by_detector: pd.DataFrame, name: str, printed: float) -> TableCell:
+    if name not in by_detector.index:
         return TableCell(NOTHING, np.nan)
-    row = own.loc[name]
+    row = by_detector.loc[name]
     below = span(row.ap_fine_low, row.ap_fine_high)
     if np.isfinite(printed):
         below = f"{below}\nR40 {row.ap:.1f}, paper {printed:.1f}"
@@ -128,7 +130,7 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         return []
     columns = [*KEY, "preset", "seed", "ap", "ap_low", "ap_high", "paper_ap", "origin"]
     source = TableFile("report_ap_against_paper.csv", rows[columns])
-    panels = [_versus(material, own) for _, own in rows.groupby("scene", sort=False)]
+    panels = [_versus(material, group) for _, group in rows.groupby("scene", sort=False)]
     lidars = material.names.sorted(rows.lidar)
     legend = [
         LegendEntry(

@@ -36,17 +36,17 @@ def section(material: Material) -> Section | None:
     lead, blocks = "", list[Block]()
     asked = material.wish != ANY_PRICE  # then of every scene
     there = [scene for scene in material.scenes() if scene in set(done.scene)]
-    own = [scene for scene in there if asked or scene not in SCENES]
+    user_scenes = [scene for scene in there if asked or scene not in SCENES]
     if recommendation.can_answer(material):
-        lead, blocks = _of_own(material, own)
-        done = done[~done.scene.isin(own)]
+        lead, blocks = _of_user_scenes(material, user_scenes)
+        done = done[~done.scene.isin(user_scenes)]
     if len(done) > 0:
         blocks += _of_purposes(material, done)
         lead = lead or _lead(material, material.of_answers(done))
     return Section("answer", TITLE, lead, blocks)
 
 
-def _of_own(material: Material, scenes: list[str]) -> tuple[str, list[Block]]:
+def _of_user_scenes(material: Material, scenes: list[str]) -> tuple[str, list[Block]]:
     """The first scene's answer in words, then the blocks of all."""
     lead, blocks = "", list[Block]()
     for scene in scenes:
@@ -148,10 +148,10 @@ def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 
 def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    own = rows[rows.detector == "background"]
-    if own.empty:
+    background = rows[rows.detector == "background"]
+    if background.empty:
         return None
-    best = own.loc[own.ap_fine.idxmax()]
+    best = background.loc[background.ap_fine.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
     return _line(
         material,

@@ -60,7 +60,7 @@ def section(material: Material) -> Section | None:
 
 def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
     """Figures of stacked bars: a panel for each scene and detector."""
-    found: list[Block] = []
+    blocks: list[Block] = []
     for preset in in_order(distance.preset, PRESETS):
         for truth in TRUTHS:
             rows = distance[(distance.preset == preset) & (distance.ground_truth == truth)]
@@ -68,10 +68,10 @@ def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
             caption = f"Areas by quality, preset {preset}: {MEANING[truth]}."
             source = material.results.source("distance")
             name = f"figure-areas-{preset}-{truth}"
-            closed = len(found) > 0
+            closed = len(blocks) > 0
             if panels:
-                found.append(Figure(name, caption, panels, source, _legend(), closed=closed))
-    return found
+                blocks.append(Figure(name, caption, panels, source, _legend(), closed=closed))
+    return blocks
 
 
 def _legend() -> list[LegendEntry]:
@@ -115,17 +115,17 @@ def _bar_panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Block]:
     """The areas of every LiDAR on the plan of the road, with the scene's best detector."""
-    own = material.results.done()
-    own = own[(own.scene == data.scene) & (own.preset == data.preset)]
+    done = material.results.done()
+    done = done[(done.scene == data.scene) & (done.preset == data.preset)]
     rows = distance[
         (distance.scene == data.scene)
         & (distance.preset == data.preset)
         & (distance.ground_truth == "all")
         & (distance.road != LANES)  # whose areas are no windows
     ]
-    if own.empty or rows.empty:
+    if done.empty or rows.empty:
         return []
-    best = str(own.loc[own.ap_fine.idxmax()].detector)
+    best = str(done.loc[done.ap_fine.idxmax()].detector)
     rows = rows[rows.detector == best]
     panels = [
         _plan(material, data, rows[rows.lidar == lidar])

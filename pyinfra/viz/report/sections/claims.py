@@ -71,8 +71,8 @@ def _lead(rows: pd.DataFrame, presets: list[str]) -> str:
     parts = []
     for preset in presets:
         counts = rows[rows.preset == preset].verdict.value_counts()
-        found = [f"{counts[v]} {_plural(v, counts[v])}" for v in VERDICTS if v in counts]
-        parts.append(f"under preset {preset} {', '.join(found)}")
+        counted = [f"{counts[v]} {_plural(v, counts[v])}" for v in VERDICTS if v in counts]
+        parts.append(f"under preset {preset} {', '.join(counted)}")
     tested = rows.claim.nunique()
     of_all = f"{tested} of the paper's {len(CLAIMS)} claims were tested, some in several ways."
     return f"{of_all} Of the tests, {'; '.join(parts)}."
@@ -85,13 +85,13 @@ def _plural(verdict: str, count: int) -> str:
 def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[list[TableCell]]:
     order = in_order(rows.claim, CLAIMS)
     rows = rows.assign(rank=rows.claim.map(order.index)).sort_values("rank", kind="stable")
-    found = []
+    lines = []
     for (claim, key), group in rows.groupby(["claim", "key"], sort=False):
         by_preset = {row.preset: row for row in group.itertuples()}
         cells = [_verdict(by_preset.get(preset)) for preset in presets]
         head = TableCell(str(claim), below=CLAIMS.get(str(claim), ""))
-        found.append([head, TableCell(names.spelled(str(key))), *cells])
-    return found
+        lines.append([head, TableCell(names.spelled(str(key))), *cells])
+    return lines
 
 
 def _verdict(row: object) -> TableCell:

@@ -54,9 +54,9 @@ def _figure(material: Material, table: pd.DataFrame, preset: str, truth: str) ->
         of_scene = rows[rows.scene == scene]
         for road in of_scene.road.unique():
             for name in in_order(of_scene.detector, DETECTORS):
-                own = of_scene[(of_scene.road == road) & (of_scene.detector == name)]
-                if own.ap_fine.notna().any():
-                    panels.append(_panel(material, own))
+                curve = of_scene[(of_scene.road == road) & (of_scene.detector == name)]
+                if curve.ap_fine.notna().any():
+                    panels.append(_panel(material, curve))
     return Figure(
         f"figure-distance-{preset}-{truth}",
         f"AP along the road, preset {preset}: {MEANING[truth]}.",
@@ -70,17 +70,19 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     roads = material.results.table("distance")
     several = roads[roads.scene == first.scene].road.nunique() > 1
-    place = f"{first.scene}, {first.road}" if several else str(first.scene)
-    title = f"{place}: {detector(first.detector)}"
+    road_name = f"{first.scene}, {first.road}" if several else str(first.scene)
+    title = f"{road_name}: {detector(first.detector)}"
     with drawing():
         figure, ax = panel()
         ax.axhline(HIGH_QUALITY, color=FAINT, linewidth=0.8, linestyle=(0, (6, 3)))
         for lidar in material.names.sorted(rows.lidar):
-            own = rows[rows.lidar == lidar].sort_values("s")
+            curve = rows[rows.lidar == lidar].sort_values("s")
             look = material.names.look(lidar)
-            ax.plot(own.s, own.ap_fine, markersize=2.8, markevery=4, linewidth=1.2, **look.style())
-            ends = own.ap_fine_low, own.ap_fine_high
-            ax.fill_between(own.s, *ends, color=look.colour, alpha=0.18, linewidth=0)
+            ax.plot(
+                curve.s, curve.ap_fine, markersize=2.8, markevery=4, linewidth=1.2, **look.style()
+            )
+            ends = curve.ap_fine_low, curve.ap_fine_high
+            ax.fill_between(curve.s, *ends, color=look.colour, alpha=0.18, linewidth=0)
         ax.set(ylim=(0, 102), xlim=(rows.s.min(), rows.s.max()), xlabel="s (m)")
         ax.set_ylabel(ap_name(rows))
         label = f"AP along the road, {title}, preset {first.preset}, {first.ground_truth}"

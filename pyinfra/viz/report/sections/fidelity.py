@@ -106,12 +106,14 @@ def _figure(material: Material, ladder: pd.DataFrame, source: TableFile) -> Figu
         figure, ax = panel(4.6, 2.9)
         rows = ladder[ladder.detail != REFERENCE]
         for lidar in material.names.sorted(rows.lidar):
-            own = rows[rows.lidar == lidar]
+            curve = rows[rows.lidar == lidar]
             style = material.names.look(lidar).style() | {"linestyle": "-"}
-            ax.plot(own.relative_time, own.mean_change_percent, linewidth=0.8, **style)
-            for row in own.itertuples():
-                place = (float(row.relative_time), float(row.mean_change_percent))
-                ax.annotate(str(row.detail), place, (4, 4), textcoords="offset points", fontsize=7)
+            ax.plot(curve.relative_time, curve.mean_change_percent, linewidth=0.8, **style)
+            for row in curve.itertuples():
+                position = (float(row.relative_time), float(row.mean_change_percent))
+                ax.annotate(
+                    str(row.detail), position, (4, 4), textcoords="offset points", fontsize=7
+                )
         ax.axhline(ALLOWED_PERCENT, color=FAINT, linewidth=0.8, linestyle=(0, (6, 3)))
         ax.set(yscale="log", xlabel=f"time, detail {REFERENCE} = 1")
         ax.set(ylabel="change of points (%)")

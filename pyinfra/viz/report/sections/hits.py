@@ -70,24 +70,24 @@ def _measured(material: Material) -> tuple[pd.DataFrame, str]:
 
 
 def _heads(rows: pd.DataFrame, *, printed: bool) -> list[str]:
-    own = [f"Preset {p}" for p in in_order(rows.preset, PRESETS)]
-    return ["The paper", *own, "Difference, %"] if printed else own
+    heads = [f"Preset {p}" for p in in_order(rows.preset, PRESETS)]
+    return ["The paper", *heads, "Difference, %"] if printed else heads
 
 
 def _table_rows(material: Material, rows: pd.DataFrame, *, printed: bool) -> list[list[TableCell]]:
     presets = in_order(rows.preset, PRESETS)
-    found = []
+    lines = []
     for scene in in_order(rows.scene, SCENES):
         for lidar in material.names.sorted(rows[rows.scene == scene].lidar):
-            own = rows[(rows.scene == scene) & (rows.lidar == lidar)]
-            by_preset = own.drop_duplicates("preset").set_index("preset")
+            selected = rows[(rows.scene == scene) & (rows.lidar == lidar)]
+            by_preset = selected.drop_duplicates("preset").set_index("preset")
             cells = [_hits(by_preset, preset) for preset in presets]
             if printed:
                 change = by_preset.difference_percent.get("paper", np.nan)
-                paper = number(float(own.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
+                paper = number(float(selected.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
                 cells = [paper, *cells, number(float(change), "+.1f")]
-            found.append([TableCell(scene), TableCell(material.names.label(lidar)), *cells])
-    return found
+            lines.append([TableCell(scene), TableCell(material.names.label(lidar)), *cells])
+    return lines
 
 
 def _hits(by_preset: pd.DataFrame, preset: str) -> TableCell:
@@ -111,7 +111,7 @@ def _lead(rows: pd.DataFrame) -> str:
 
 def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure:
     """Simulated against printed, a panel for each scene, on logarithmic axes."""
-    panels = [_panel(material, own) for _, own in rows.groupby("scene", sort=False)]
+    panels = [_panel(material, group) for _, group in rows.groupby("scene", sort=False)]
     lidars = material.names.sorted(rows.lidar)
     legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]
     caption = (

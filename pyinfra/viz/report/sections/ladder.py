@@ -47,27 +47,27 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
     if table.empty:
         return "", []
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
-    found = rungs(table)
-    words = recommendation(found) if keeps_draws(table) else UNTOLD
-    return words, [_figure(material, table), _table(material, found)]
+    all_rungs = rungs(table)
+    words = recommendation(all_rungs) if keeps_draws(table) else UNTOLD
+    return words, [_figure(material, table), _table(material, all_rungs)]
 
 
 def rungs(table: pd.DataFrame) -> list[Rung]:
     """Every value of every dial, the other dials at what most rows have."""
     usual = usual_of(table)
-    found = []
+    made = []
     for dial, values in dials_of(table).items():
-        own = _turned(table, dial, usual)
-        own = own[own.ap_fine.notna()]
-        there = [value for value in values if value in set(own[dial])]
+        selected = _turned(table, dial, usual)
+        selected = selected[selected.ap_fine.notna()]
+        there = [value for value in values if value in set(selected[dial])]
         if not there:
             continue
-        dearest = own[own[dial] == there[-1]].set_index("lidar")
+        dearest = selected[selected[dial] == there[-1]].set_index("lidar")
         for value in there:
-            rows = own[own[dial] == value].set_index("lidar")
+            rows = selected[selected[dial] == value].set_index("lidar")
             change = (rows.ap_fine - dearest.ap_fine).abs().max()
             seconds = float(rows.seconds.mean())
-            found.append(
+            made.append(
                 Rung(
                     dial,
                     value,
@@ -77,7 +77,7 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
                     rows.ap_fine_low.notna().all(),
                 )
             )
-    return found
+    return made
 
 
 def dials_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
@@ -113,11 +113,11 @@ def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False
         if not all(are_pairs(a, b) for a, b in both):
             return False
         apart = [difference(a, b).measured() for a, b in both]
-        if not all(found.is_known and not found.is_told for found in apart):
+        if not all(interval.is_known and not interval.is_significant for interval in apart):
             return False
-    own, theirs = figures(rows), figures(dearest)
+    ours, theirs = figures(rows), figures(dearest)
     return all(
-        own[a].less(own[b]).measured().low > 0
+        ours[a].less(ours[b]).measured().low > 0
         for a, b in itertools.permutations(theirs, 2)
         if theirs[a].less(theirs[b]).measured().low > 0
     )
@@ -131,11 +131,11 @@ def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
     return {str(name): drawn(row) for name, row in rows.iterrows()}
 
 
-def recommendation(found: list[Rung]) -> str:
+def recommendation(all_rungs: list[Rung]) -> str:
     """Of each dial the cheapest value from which on nothing changes."""
     parts = []
-    for dial in dict.fromkeys(rung.dial for rung in found):
-        values = [rung for rung in found if rung.dial == dial]
+    for dial in dict.fromkeys(rung.dial for rung in all_rungs):
+        values = [rung for rung in all_rungs if rung.dial == dial]
         good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
         if good:
             best, dearest = min(good[::-1], key=lambda rung: rung.seconds), values[-1]
@@ -156,22 +156,22 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
     lidars = material.names.sorted(table.lidar)
     usual = usual_of(table)
     for dial, values in dials_of(table).items():
-        own = _turned(table, dial, usual)
+        selected = _turned(table, dial, usual)
         with drawing():
             figure, ax = panel(3.2, 2.7, bottom=0.58)
-            places = [value for value in values if value in set(own[dial])]
+            shown = [value for value in values if value in set(selected[dial])]
             for i, lidar in enumerate(lidars):
-                rows = own[own.lidar == lidar].set_index(dial).reindex(places)
-                x = [place + 0.12 * (i - (len(lidars) - 1) / 2) for place in range(len(places))]
+                rows = selected[selected.lidar == lidar].set_index(dial).reindex(shown)
+                x = [tick + 0.12 * (i - (len(lidars) - 1) / 2) for tick in range(len(shown))]
                 spread = [rows.ap_fine - rows.ap_fine_low, rows.ap_fine_high - rows.ap_fine]
                 look = material.names.look(lidar)
                 ax.errorbar(
                     x, rows.ap_fine, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
                 )
-            seconds = own.groupby(dial).seconds.mean().reindex(places)
-            labels = [f"{v}\n{s:.3g} s" for v, s in zip(places, seconds, strict=True)]
-            ax.set_xticks(range(len(places)), labels)
-            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel=ap_name(own))
+            seconds = selected.groupby(dial).seconds.mean().reindex(shown)
+            labels = [f"{v}\n{s:.3g} s" for v, s in zip(shown, seconds, strict=True)]
+            ax.set_xticks(range(len(shown)), labels)
+            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel=ap_name(selected))
             panels.append(Panel(dial, svg.inline(figure, f"ladder-{dial}", f"AP by {dial}")))
     caption = (
         "Accuracy against the cost of the simulation: AP of Background on the highway with one "
@@ -181,7 +181,7 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
     return Figure("figure-ladder", caption, panels, source, legend(material.names, lidars))
 
 
-def _table(material: Material, found: list[Rung]) -> Table:
+def _table(material: Material, all_rungs: list[Rung]) -> Table:
     heads = [Column("Dial"), Column("Value")]
     heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
     rows = [
@@ -192,9 +192,9 @@ def _table(material: Material, found: list[Rung]) -> Table:
             number(rung.change, ".2f"),
             TableCell(("same" if rung.same else "change") if rung.known else "no interval"),
         ]
-        for rung in found
+        for rung in all_rungs
     ]
-    made = pd.DataFrame([vars(rung) for rung in found])
+    made = pd.DataFrame([vars(rung) for rung in all_rungs])
     caption = "Conclusions with a cheaper model, from ladder.csv."
     source = TableFile("report_ladder.csv", made)
     return Table(caption, [*heads, Column("Conclusions")], rows, source)

@@ -91,10 +91,10 @@ def _detectors(names: list[str]) -> Table:
 
 def anchors(sections: Iterable[Section]) -> list[str]:
     """Everything on the page that can be linked to."""
-    found = []
+    all_names = []
     for one in sections:
-        found += [one.name, *(getattr(block, "name", "") for block in one.blocks)]
-    return [name for name in found if name]
+        all_names += [one.name, *(getattr(block, "name", "") for block in one.blocks)]
+    return [name for name in all_names if name]
 
 
 def _index(sections: Sequence[Section]) -> Index:
@@ -114,8 +114,8 @@ def _provenance(material: Material) -> Table:
     rows = []
     for name, table in material.results.tables.items():
         if len(table) > 0:
-            said = [_different(table, c) for c in ("version", "seed", "machine", "command")]
-            rows.append([material.results.file(name), len(table), *said])
+            origin = [_different(table, c) for c in ("version", "seed", "machine", "command")]
+            rows.append([material.results.file(name), len(table), *origin])
     columns = ["file", "rows", "versions", "seeds", "machines", "commands"]
     listed = pd.DataFrame(rows, columns=columns)
     cells = [

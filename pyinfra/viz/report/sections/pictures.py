@@ -73,17 +73,17 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
         from pyinfra.metrics import scan_patterns
     except ImportError:
         return []
-    found = {}
+    patterns = {}
     for folder in folders(material, data):
         if not scan_patterns.has_pattern(folder / "lidar.yaml"):
             continue
         rays = scan_patterns.read_rays(folder / "lidar.yaml", PATTERN_S, data.period_s)
         angles = np.radians([rays.azimuth_deg, rays.elevation_deg])
-        found[material.names.model(folder.name)] = np.stack([*angles, rays.time_s], axis=1)
-    if not found:
+        patterns[material.names.model(folder.name)] = np.stack([*angles, rays.time_s], axis=1)
+    if not patterns:
         return []
-    picture = clouds.pattern_picture(found)
-    drawn = _drawn(picture, "patterns", f"Rays of {', '.join(found)} in one frame")
+    picture = clouds.pattern_picture(patterns)
+    drawn = _drawn(picture, "patterns", f"Rays of {', '.join(patterns)} in one frame")
     caption = f"Scanning patterns, preset {data.preset}: a frame, and a car's rear 60 m ahead."
     return [Figure("figure-patterns", caption, [drawn], layout="wide", plate=True)]
 
@@ -155,17 +155,17 @@ def _aggregations(material: Material) -> list[Block]:
     groups: dict[tuple[str, str, int], list[DataSet]] = {}
     for data in material.data:
         groups.setdefault((data.scene, data.preset, data.seed), []).append(data)
-    found: list[Block] = []
-    for (place, preset, _), own in groups.items():
-        if len({d.aggregation for d in own}) < 2:
+    figures: list[Block] = []
+    for (scene, preset, _), group in groups.items():
+        if len({d.aggregation for d in group}) < 2:
             continue
-        frame = min(set.intersection(*(set(d.frames) for d in own)), default=None)
+        frame = min(set.intersection(*(set(d.frames) for d in group)), default=None)
         if frame is not None:
-            panels = [_one_way(material, data, frame) for data in own]
-            caption = f"The same cars under each aggregation, {place}, preset {preset}."
-            name = f"figure-aggregation-{place}-{preset}"
-            found.append(Figure(name, caption, panels, layout="wide", plate=True))
-    return found
+            panels = [_one_way(material, data, frame) for data in group]
+            caption = f"The same cars under each aggregation, {scene}, preset {preset}."
+            name = f"figure-aggregation-{scene}-{preset}"
+            figures.append(Figure(name, caption, panels, layout="wide", plate=True))
+    return figures
 
 
 def _one_way(material: Material, data: DataSet, frame: int) -> Panel:
@@ -176,21 +176,21 @@ def _one_way(material: Material, data: DataSet, frame: int) -> Panel:
 
 def _boxes(material: Material) -> list[Block]:
     """Predicted boxes of two detectors on one frame of a LiDAR, for each data set."""
-    found: list[Block] = []
+    figures: list[Block] = []
     for data in material.data:
         frame = frame_of(material, data)
-        own = [r for r in material.runs if is_of(r, data) and r.prediction(frame).is_file()]
-        pairs = [_pair(own, lidar) for lidar in material.names.sorted(data.names)]
+        shown_runs = [r for r in material.runs if is_of(r, data) and r.prediction(frame).is_file()]
+        pairs = [_pair(shown_runs, lidar) for lidar in material.names.sorted(data.names)]
         runs = max(pairs, key=lambda pair: (_of_the_paper(pair), len(pair)))
         if runs:
-            found.append(_boxes_figure(material, data, runs, frame))
-    return found
+            figures.append(_boxes_figure(material, data, runs, frame))
+    return figures
 
 
 def _pair(runs: list[Run], lidar: str) -> list[Run]:
     """At most two runs of a LiDAR, those of the paper's pair first."""
-    own = [run for run in runs if run.lidar == lidar]
-    return sorted(own, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
+    of_lidar = [run for run in runs if run.lidar == lidar]
+    return sorted(of_lidar, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
 
 
 def _of_the_paper(runs: list[Run]) -> int:
@@ -224,8 +224,8 @@ def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
     folder = data.lidar_folder(run.lidar)
     check_origin(run.prediction(frame).parent, folder)
     cameras = frame_tables.read_cameras(folder, [frame])
-    found = frame_tables.read_predictions([run.prediction(frame)], cameras)
-    return np.asarray(found.boxes[found.scores >= SHOWN_SCORE])
+    predictions = frame_tables.read_predictions([run.prediction(frame)], cameras)
+    return np.asarray(predictions.boxes[predictions.scores >= SHOWN_SCORE])
 
 
 def _outline(axes: Axes, boxes: FloatArray) -> None:
@@ -243,7 +243,7 @@ def _speeds(data_sets: Sequence[DataSet]) -> Block:
 
 
 def _speed_panel(rows: pd.DataFrame) -> Panel:
-    place = str(rows.scene.iloc[0])
+    scene = str(rows.scene.iloc[0])
     inside = rows[np.isfinite(rows.to_km_h)]
     beyond = int(rows.samples.sum() - inside.samples.sum())
     with drawing():
@@ -254,6 +254,6 @@ def _speed_panel(rows: pd.DataFrame) -> Panel:
         ax.bar(inside.from_km_h, share, width=width * 0.92, **style)
         ax.grid(visible=False, axis="x")
         ax.set(xlabel="speed (km/h)", ylabel="samples (%)")
-        label = f"Speeds of vehicles, {place}"
-        drawn = svg.inline(figure, svg.identifier("speeds", place), label)
-    return Panel(f"{place}, {beyond:,} beyond" if beyond else place, drawn)
+        label = f"Speeds of vehicles, {scene}"
+        drawn = svg.inline(figure, svg.identifier("speeds", scene), label)
+    return Panel(f"{scene}, {beyond:,} beyond" if beyond else scene, drawn)

@@ -79,11 +79,11 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     with drawing():
         figure, ax = panel(left=0.55)
         for lidar in material.names.sorted(rows.lidar):
-            own = rows[rows.lidar == lidar].sort_values("from_m")
-            middle, look = (own.from_m + own.to_m) / 2, material.names.look(lidar)
-            ax.plot(middle, own.apv, markersize=3, linewidth=1.2, **look.style())
+            curve = rows[rows.lidar == lidar].sort_values("from_m")
+            middle, look = (curve.from_m + curve.to_m) / 2, material.names.look(lidar)
+            ax.plot(middle, curve.apv, markersize=3, linewidth=1.2, **look.style())
             style: dict[str, Any] = {"color": look.colour, "alpha": 0.18, "linewidth": 0}
-            ax.fill_between(middle, own.ci_low, own.ci_high, **style)
+            ax.fill_between(middle, curve.ci_low, curve.ci_high, **style)
         ax.set(yscale="log", xlabel="horizontal distance (m)", ylabel="points per vehicle")
         log_ticks(ax.yaxis)
         label = f"Points per vehicle by distance, {title}, preset {first.preset}"

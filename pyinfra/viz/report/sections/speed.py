@@ -63,7 +63,9 @@ def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
 
 def _fronts(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows on the front of their scene, by latency."""
-    parts = [own[pareto(own, "latency_p50_ms")] for _, own in rows.groupby("scene", sort=False)]
+    parts = [
+        group[pareto(group, "latency_p50_ms")] for _, group in rows.groupby("scene", sort=False)
+    ]
     return pd.concat(parts).sort_values(["scene", "latency_p50_ms"])
 
 
@@ -92,11 +94,11 @@ def _marker(name: str) -> str:
 
 def _legend(material: Material, rows: pd.DataFrame) -> list[LegendEntry]:
     lidars = material.names.sorted(rows.lidar)
-    found = [
+    entries = [
         LegendEntry(material.names.label(x), svg.patch_swatch(material.names.look(x).colour, ""))
         for x in lidars
     ]
-    return found + [
+    return entries + [
         LegendEntry(detector(d), svg.line_swatch(FAINT, "none", _marker(d)))
         for d in in_order(rows.detector, DETECTORS)
     ]
@@ -142,7 +144,7 @@ def _table(material: Material, rows: pd.DataFrame) -> Table:
     heads += [
         Column(c, number=True) for c in (ap_name(rows), "Median, ms", "95 %, ms", "Training, s")
     ]
-    found = []
+    lines = []
     for row in rows.itertuples():
         origin = str(row.origin)
         texts = [str(row.scene), str(row.preset)]
@@ -150,7 +152,7 @@ def _table(material: Material, rows: pd.DataFrame) -> Table:
         times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
         numbers = [number_cell(float(row.ap_fine), origin=origin)]
         numbers += [number_cell(float(t), ".0f", origin) for t in times]
-        found.append([*(TableCell(t) for t in texts), *numbers])
+        lines.append([*(TableCell(t) for t in texts), *numbers])
     source = TableFile("report_pareto_latency.csv", rows)
     caption = f"The Pareto front of {ap_name(rows)} and latency."
-    return Table(caption, heads, found, source, closed=len(found) > 12)
+    return Table(caption, heads, lines, source, closed=len(lines) > 12)

@@ -37,9 +37,9 @@ def section(material: Material) -> Section | None:
     table = first_stress(material.results.table("stress"))
     blocks: list[Block] = []
     for scene in in_order(table.scene, SCENES):
-        own = table[table.scene == scene]
-        for preset in in_order(own.preset, PRESETS):
-            blocks += _figure(material, own[own.preset == preset], scene, preset)
+        of_scene = table[table.scene == scene]
+        for preset in in_order(of_scene.preset, PRESETS):
+            blocks += _figure(material, of_scene[of_scene.preset == preset], scene, preset)
     for name in ("stress_ranking", "stress_summary"):
         rows = material.results.table(name)
         if len(rows) > 0:
@@ -79,13 +79,13 @@ def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) ->
 
 def _legend(names: Names, table: pd.DataFrame) -> list[LegendEntry]:
     lidars = names.sorted(table.lidar)
-    found = [
+    entries = [
         LegendEntry(names.label(x), svg.patch_swatch(names.look(x).colour, "")) for x in lidars
     ]
     for name in in_order(table.detector, DETECTORS):
         line, marker = _style(name)
-        found.append(LegendEntry(detector(name), svg.line_swatch(FAINT, line, marker)))
-    return found
+        entries.append(LegendEntry(detector(name), svg.line_swatch(FAINT, line, marker)))
+    return entries
 
 
 def _style(name: str) -> tuple[Any, str]:
@@ -98,40 +98,42 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
 
     Places are dials, or 0, 1, .. for dials that are names.
     """
-    own, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
-    base = base[base[CURVE].apply(tuple, axis=1).isin(own[CURVE].apply(tuple, axis=1))]
-    at = pd.to_numeric(own.dial, errors="coerce")
+    stressed, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
+    base = base[base[CURVE].apply(tuple, axis=1).isin(stressed[CURVE].apply(tuple, axis=1))]
+    at = pd.to_numeric(stressed.dial, errors="coerce")
     if at.isna().any():
-        order = list(dict.fromkeys(own.dial))
-        rows = pd.concat([base.assign(at=0.0), own.assign(at=own.dial.map(order.index) + 1.0)])
+        order = list(dict.fromkeys(stressed.dial))
+        rows = pd.concat(
+            [base.assign(at=0.0), stressed.assign(at=stressed.dial.map(order.index) + 1.0)]
+        )
     else:
-        start = _start(base, own)
-        rows = pd.concat([base.assign(at=start), own.assign(at=at)])
+        start = _start(base, stressed)
+        rows = pd.concat([base.assign(at=start), stressed.assign(at=at)])
         rows = rows[rows["at"].notna()]
     return rows.sort_values([*CURVE, "at"])
 
 
-def _start(base: pd.DataFrame, own: pd.DataFrame) -> Any:
+def _start(base: pd.DataFrame, stressed: pd.DataFrame) -> Any:
     """The dial that is no stress: all frames, once the scene's own, else nothing."""
-    if own.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
+    if stressed.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
         return pd.to_numeric(base["trained_frames"], errors="coerce")
-    return 1.0 if own.unit.iloc[0] == "times" else 0.0
+    return 1.0 if stressed.unit.iloc[0] == "times" else 0.0
 
 
 def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
     rows = curve(table, stressor)
     if rows.ap_fine.isna().all():
         return None
-    own = table[table.stressor == stressor]
-    named = pd.to_numeric(own.dial, errors="coerce").isna().any()
-    unit = str(own.unit.iloc[0])
+    stressed = table[table.stressor == stressor]
+    named = pd.to_numeric(stressed.dial, errors="coerce").isna().any()
+    unit = str(stressed.unit.iloc[0])
     title = stressor.replace("_", " ")
     with drawing():
         figure, ax = panel()
         for key, line in rows.groupby(["lidar", "detector"], sort=False):
             _line(names, ax, line, str(key[0]), str(key[1]), named=bool(named))
         if named:
-            ticks = ["own", *dict.fromkeys(own.dial)]
+            ticks = ["own", *dict.fromkeys(stressed.dial)]
             ax.set_xticks(range(len(ticks)), [names.model(t).split(" ")[-1] for t in ticks])
         if stressor == "training_frames":
             ax.invert_xaxis()
@@ -165,14 +167,14 @@ def _plain(material: Material, rows: pd.DataFrame, source: TableFile, caption: s
     numeric = {c: pd.to_numeric(rows[c], errors="coerce") for c in columns}
     is_number = {c: bool(v.notna().any()) and c != "seed" for c, v in numeric.items()}
     heads = [Column(c.replace("_", " "), number=is_number[c]) for c in columns]
-    found = [
+    lines = [
         [
             _cell(material.names, str(row[c]), float(numeric[c][at]), row.origin, is_number[c])
             for c in columns
         ]
         for at, row in rows.iterrows()
     ]
-    return Table(caption, heads, found, source, closed=len(rows) > 12)
+    return Table(caption, heads, lines, source, closed=len(rows) > 12)
 
 
 def _cell(names: Names, text: str, value: float, origin: str, is_number: bool) -> TableCell:

@@ -74,8 +74,8 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         rows = best[(best.scene == scene) & _on_front(best)]
         names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
         parts += [f"{scene} ({rows.preset.iloc[0]}): {', '.join(names)}"] if names else []
-    found = "Beaten by no other in price and AP of the whole road"
-    return f"{text} {found}: {'; '.join(parts)}." if parts else text
+    claim = "Beaten by no other in price and AP of the whole road"
+    return f"{text} {claim}: {'; '.join(parts)}." if parts else text
 
 
 def _on_front(value: pd.DataFrame) -> pd.Series:
