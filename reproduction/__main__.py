@@ -26,13 +26,13 @@ def main(words: Sequence[str] | None = None) -> int:
     Raises SystemExit for --help and wrong usage.
     """
     words = sys.argv[1:] if words is None else words
-    provenance = summaries()
+    sentences = summaries()
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Commands:\n" + "\n".join(f"  {n:<16}{text}" for n, text in provenance.items()),
+        description="Commands:\n" + "\n".join(f"  {n:<16}{text}" for n, text in sentences.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", choices=provenance, metavar="COMMAND")
+    parser.add_argument("command", choices=sentences, metavar="COMMAND")
     name = parser.parse_args(words[:1]).command
     sys.path.insert(0, str(ROOT / "tests/python"))  # some commands use the tests' maps
     sys.argv = [f"{PROGRAM} {name}", *words[1:]]

@@ -30,7 +30,7 @@ def test_it_is_small_and_says_what_it_is() -> None:
         kinds = {str(file.get_tensor(name).dtype) for name in file.keys()}  # noqa: SIM118
     assert "torch.float16" in kinds
     text = " ".join(metadata.values())
-    for word in ("calibration", "figures", "precision", "recall", "steps: 12000"):
+    for word in ("calibration", "figures", "precision", "recall", "steps: 16000"):
         assert word in text
 
 
