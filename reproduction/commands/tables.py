@@ -46,6 +46,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "unseen": networks.unseen,
     "unseen pose": networks.unseen_pose,
     "unseen shown": networks.unseen_shown,
+    "fairness": networks.fairness,
     "traffic": sites.traffic,
     "generalist at sites": networks.generalist_sites,
     "generalist by class": networks.generalist_classes,

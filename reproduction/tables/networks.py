@@ -172,6 +172,19 @@ def unseen_shown() -> str:
     return markdown(["sites", "class", *heads], rows)
 
 
+def fairness() -> str:
+    """What 120 steps of training at a scene give each LiDAR, in AP."""
+    rows = []
+    for (site, seed, lidar), group in results("fairness").groupby(
+        ["site", "seed", "lidar"], sort=False
+    ):
+        before, after = group.set_index("arm").ap_fine[["none", "tuned_120"]]
+        rows.append(
+            [site, str(seed), lidar, f"{before:.1f}", f"{after:.1f}", f"{after - before:+.1f}"]
+        )
+    return markdown(["scene", "seed", "LiDAR", "as it comes", "after 120 steps", "gain"], rows)
+
+
 def stress_generalist() -> str:
     """Where AP falls by 10 and to half, and AP under names, of three detectors and two LiDARs."""
     curves, trials = (
