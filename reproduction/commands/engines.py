@@ -26,7 +26,6 @@ from onnxruntime.quantization import quantize_static as quantize
 from torch import Tensor, nn
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.runs import infrasim
@@ -37,7 +36,7 @@ from pyinfra.metrics.evaluation_tables import fine_ap
 from pyinfra.metrics.match_results import Settings
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
-from reproduction import ROOT
+from reproduction import ROOT, provenance
 
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
 FRAMES, QUANTISED_BY = "0:2000:50", 5  # of the frames, the first ones calibrate int8
@@ -152,14 +151,10 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="folder of frames")
     parser.add_argument("--out", type=Path, default=ROOT / "results/engines.csv")
     args = parser.parse_args()
-    provenance = {
-        "version": __version__,
-        "machine": machine(),
-        "command": "python -m reproduction engines",
-    }
+    columns = provenance("engines")
     for scene, lidar in CELLS:
         folder = simulated(scene, lidar, args.work)
         for row in rows(folder, args.work):
-            record = {"scene": scene, "lidar": lidar, **row, **provenance}
+            record = {"scene": scene, "lidar": lidar, **row, **columns}
             store.put(args.out, pd.DataFrame([record]), KEY)
             print(record, flush=True)

@@ -17,9 +17,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.version import __version__, machine
 from pyinfra.experiments import store
-from reproduction import ROOT
+from reproduction import ROOT, provenance
 from reproduction.commands import generalist
 
 LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")  # narrow, wide; held out alike
@@ -37,11 +36,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--out", type=Path, default=ROOT / "results/fairness.csv")
     args = parser.parse_args()
-    provenance = {
-        "version": __version__,
-        "machine": machine(),
-        "command": "python -m reproduction fairness",
-    }
+    columns = provenance(f"fairness --scenes {' '.join(args.scenes)}")
     for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):
         cell = generalist.Cell(scene, seed, lidar)
         folder = None
@@ -52,7 +47,7 @@ def main() -> None:
             folder = folder or generalist.simulated(cell, args.work)
             record = {**generalist.row(folder, arm, model), **wanted}
             row = {name: record[name] for name in COLUMNS}
-            store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **provenance}]), KEY)
+            store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **columns}]), KEY)
             print(model.stem, *(row[name] for name in (*KEY[:5], "ap_fine")), flush=True)
             for made in folder.parent.glob(f"{folder.name}_*"):
                 shutil.rmtree(made)

@@ -17,11 +17,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.places import compare_places
-from reproduction import ROOT
+from reproduction import ROOT, provenance
 
 SEEDS = (1, 2, 3)
 FRAMES = "0:5000:47"
@@ -92,6 +91,5 @@ def main() -> None:
                 names = {column: rows[column].map(lambda t: Path(t).name) for column in NAMES}
                 columns = {"lidar": lidar, "detector": "generalist", "ground_truth": which}
                 tables.append(pd.DataFrame(columns, index=rows.index).join(rows.assign(**names)))
-    provenance = {"seed": " ".join(map(str, SEEDS)), "version": __version__, "machine": machine()}
-    provenance["command"] = f"python -m reproduction places --work {args.work.name}"
-    pd.concat(tables).assign(**provenance).to_csv(args.out, index=False, float_format="%.5g")
+    columns = {"seed": " ".join(map(str, SEEDS)), **provenance(f"places --work {args.work.name}")}
+    pd.concat(tables).assign(**columns).to_csv(args.out, index=False, float_format="%.5g")

@@ -22,7 +22,6 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_tables import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
@@ -40,7 +39,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT
+from reproduction import ROOT, provenance
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
@@ -181,14 +180,10 @@ def main() -> None:
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
     args = parser.parse_args()
-    provenance = {
-        "version": __version__,
-        "machine": machine(),
-        "command": "python -m reproduction poles",
-    }
+    columns = provenance("poles")
     for arm in args.arms:
         for lidar in args.lidars:
             for poles in MOUNTS:
                 for rows in filled(lidar, poles, arm, args):
-                    store.put(args.out, rows.assign(**provenance), KEY)
+                    store.put(args.out, rows.assign(**columns), KEY)
                     print(*rows.iloc[0][[*KEY, "ap_fine", "train_cpu_s"]], flush=True)

@@ -22,7 +22,6 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
-from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.experiments.stress import clouds
 from pyinfra.metrics import intervals, matching
@@ -36,7 +35,7 @@ from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample, lifted
 from pyinfra.scenes.generator.layout import Keys
 from pyinfra.scenes.generator.ranges import RANGES
-from reproduction import ROOT
+from reproduction import ROOT, provenance
 from reproduction.commands import frozen_sites
 
 FINE = 1000  # recalls
@@ -239,7 +238,7 @@ def main() -> None:
     networks = [fused(checkpoint.load(model_file(model)).network()) for model in args.models]
     names = [model.stem for model in args.models]
     table = pd.DataFrame(tested(networks, names, args.sites, args.frames)).assign(
-        version=__version__, machine=machine(), command="python -m reproduction unseen"
+        **provenance(f"unseen --frames {args.frames}")
     )
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table[table.sites == "all"].iloc[:, :-3].to_string(index=False))
