@@ -171,12 +171,12 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar) {
 }
 
 void open_run_folder(const RunRequest& request, const World& world) {
+  std::vector<LidarConfig> lidars;
   std::vector<std::string> texts;  // first, as they may be refused
   for (const LidarConfig& lidar : request.lidars)
-    texts.push_back(lidar_yaml(world, with_tables_beside(lidar)));
+    texts.push_back(lidar_yaml(world, lidars.emplace_back(with_tables_beside(lidar))));
   claim_folder(request, world, texts);
-  for (const LidarConfig& lidar : request.lidars)
-    write_tables(with_tables_beside(lidar), request.out / lidar.name);
+  for (const LidarConfig& lidar : lidars) write_tables(lidar, request.out / lidar.name);
 }
 
 void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion) {
