@@ -1,7 +1,8 @@
-"""Places for a LiDAR at a crossing with corner houses: far, at the corner, high, and two poles.
+"""Places for a LiDAR at a crossing with corner houses: far, near, high, down, and two poles.
 
 The scene and the commands are those of docs/several_poles.md, with three seeds of the traffic: the
-pole 40 m before the crossing, at the corner 4, 6 and 8 m high, and at 6 m with a second one across.
+pole 40 m before the crossing, at the corner 4, 6 and 8 m high, at 8 m turned 10 degrees down, and
+at 6 m with a second one across.
 The detector is the one of the package, as it comes; nothing is learnt. Writes results/places.csv,
 the rows of `pyinfra compare` under `present` and `all`:
     python -m reproduction places --work data/places
@@ -31,9 +32,10 @@ RUNS = {  # by name: keys of the mounts, and the places with their folders
     "back": ({}, {"back": "."}),
     "4m": (CORNER | {"pole.z_m": 4}, {"4m": "."}),
     "8m": (CORNER | {"pole.z_m": 8}, {"8m": "."}),
+    "8m_down": (CORNER | {"pole.z_m": 8, "pole.pitch_deg": 10}, {"8m_down": "."}),
     "two": (CORNER | ACROSS, {"6m": "pole", "two": "fused"}),
 }
-PLACES = ("back", "4m", "6m", "8m", "two")
+PLACES = ("back", "4m", "6m", "8m", "8m_down", "two")
 NAMES = ("place", "minus")  # columns of paths
 
 

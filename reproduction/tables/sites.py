@@ -25,6 +25,7 @@ PLACES = {
     "4m": "at the corner, 4 m",
     "6m": "at the corner, 6 m",
     "8m": "at the corner, 8 m",
+    "8m_down": "at the corner, 8 m, 10 degrees down",
     "two": "two poles, 6 m",
 }
 POLE_ERRORS = {
