@@ -28,13 +28,13 @@ setup: build
 # The paper's hit points, then a benchmark of the smallest tier and its report.
 demo: build
 	@scripts/setup.sh detectors
-	$(PYTHON) -m pyinfra demo --out out/demo
+	$(PYTHON) -m reproduction demo --out out/demo
 	$(PYTHON) -m pyinfra benchmark configs/benchmarks/demo.yaml --tier smoke --work out/demo/work --out out/demo/results
-	$(PYTHON) -m pyinfra report out/demo/results --tier smoke --data out/demo/work/data/highway_paper --out out/demo/report.html
+	$(PYTHON) -m pyinfra report out/demo/results --tier smoke --data out/demo/work/data/highway_paper --sections reproduction.report --out out/demo/report.html
 
 # About 29 GB; a stopped one goes on.
 dataset: build
-	$(PYTHON) -m pyinfra dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
+	$(PYTHON) -m reproduction dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
 
 # The model that comes with the package: some two hours of two cores with AMX, more of others; a stopped one goes on.
 generalist: build

@@ -38,7 +38,7 @@ def main(words: Sequence[str] | None = None) -> int:
     sys.argv = [f"{PROGRAM} {name}", *words[1:]]
     try:
         return int(importlib.import_module(f"reproduction.commands.{name}").main() or 0)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError, ImportError) as error:
         print(f"{PROGRAM} {name}: {message_of(error)}", file=sys.stderr)
         return exit_code_of(error)
 

@@ -32,19 +32,12 @@ class Command:
 
 
 COMMANDS = (
-    Command("demo", "pyinfra.cli.demo", "the paper's hit points, a few frames and their pictures"),
-    Command(
-        "dataset",
-        "pyinfra.cli.dataset",
-        "three scenes, four LiDARs, split, data card, SHA-256",
-    ),
     Command("pictures", "pyinfra.cli.pictures", "a frame from above, the scene, vehicles close up"),
     Command("lidars", "pyinfra.cli.lidars", "the LiDARs there are: lines, view, range, price"),
     Command("site", "pyinfra.cli.site", "a site out of a map and traffic: lanes, plan"),
     Command("sites", "pyinfra.cli.sites", "plausible sites by seed, and their plans"),
     Command("view", "pyinfra.cli.view", "frames in 3-D, as an HTML file without a network"),
     Command("statistics", "pyinfra.cli.statistics", "hits, points per vehicle, patterns"),
-    Command("claims", "pyinfra.cli.claims", "tests of the paper's claims on data sets"),
     Command("evaluate", "pyinfra.cli.evaluate", "average precision of predictions, with intervals"),
     Command("compare", "pyinfra.cli.compare", "poles and heights over the same traffic, paired"),
     Command("report", "pyinfra.cli.report", "the results as one page that opens from disk"),
@@ -78,7 +71,7 @@ def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="pyinfra",
         description="Scanning statistics, detectors, average precision and reports.",
-        epilog="example: pyinfra demo --out out/demo",
+        epilog="example: pyinfra lidars --preset datasheet",
     )
     parser.add_argument("--version", action="version", version=f"pyinfra {__version__}")
     parser.add_argument(

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.experiments.options import Wish, checked_wish
-from pyinfra.viz.report.contents import page
+from pyinfra.viz.report.contents import page, read_sections
 from pyinfra.viz.report.page import write_page
 from pyinfra.viz.report.report_data import read_material
 
@@ -23,6 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
     )
+    parser.add_argument(
+        "--sections",
+        default="pyinfra.viz.report.contents",
+        metavar="MODULE",
+        help="a module with a list SECTIONS of functions; default: %(default)s",
+    )
     parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
     group = parser.add_argument_group("of the answer, as `pyinfra recommend` has them")
     group.add_argument("--budget", type=float, default=Wish.budget_usd, help="default: any price")
@@ -34,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     wish = checked_wish(args.budget, args.min_ap, args.range, args.latency)
-    material = read_material(args.results, args.data, args.runs, args.tier, wish)
+    sections, tables = read_sections(args.sections)
+    material = read_material(args.results, args.data, args.runs, args.tier, wish, tables)
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    print(write_page(page(material), args.out))
+    print(write_page(page(material, sections), args.out))
     return 0

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.formats.csv_table import numbers, read_words
 from pyinfra.metrics.row_selection import AP_COLUMNS, CELL, first_seed, with_fine, with_whole
 from pyinfra.models.training.sources import TIERS
+
+Ends = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +37,7 @@ class Kind:
     """The file of a table, {tier} standing for the tier, and the columns that are needed.
 
     later: numbers that tables of earlier versions lack; they are NaN there.
+    ranges: what columns may hold that are not in RANGES.
     """
 
     file: str
@@ -41,25 +45,27 @@ class Kind:
     numbers: tuple[str, ...]
     key: tuple[str, ...]  # columns that are not all the same in two rows; none: any rows
     later: tuple[str, ...]
+    ranges: Mapping[str, Ends] = field(default_factory=dict)
 
 
-def _kind(file: str, texts: str, numbers: str, key: str = "", later: str = "") -> Kind:
-    return Kind(file, *(tuple(words.split()) for words in (texts, numbers, key, later)))
+def kind(
+    file: str, texts: str, numbers: str, key: str = "", later: str = "", **ranges: Ends
+) -> Kind:
+    first, second, third, fourth = (tuple(w.split()) for w in (texts, numbers, key, later))
+    return Kind(file, first, second, third, fourth, ranges)
 
 
-_SHARE = (0.0, 100.0)
+SHARE = (0.0, 100.0)
 _FROM_ZERO = (0.0, sys.float_info.max)
-_FINITE = (-sys.float_info.max, sys.float_info.max)
+FINITE = (-sys.float_info.max, sys.float_info.max)
 _ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
 # What a column of numbers may hold, in whichever table; the others: 0 or more.
 RANGES = {
-    **dict.fromkeys((*AP_COLUMNS, "outside_box_percent"), _SHARE),
-    **dict.fromkeys("recall recall_low recall_high".split(), _SHARE),
-    **dict.fromkeys("p_hqda p_low p_high".split(), _SHARE),
+    **dict.fromkeys(AP_COLUMNS, SHARE),
+    **dict.fromkeys("recall recall_low recall_high".split(), SHARE),
+    **dict.fromkeys("p_hqda p_low p_high".split(), SHARE),
     **dict.fromkeys("value low high".split(), _ANY),
-    **dict.fromkeys("s x y change_percent".split(), _FINITE),
-    "rank_correlation": (-1.0, 1.0),
-    "mean_difference": (-100.0, 100.0),
+    **dict.fromkeys("s x y".split(), FINITE),
     "units": (1.0, 1e6),
 }
 ENDS = (  # of intervals
@@ -76,7 +82,7 @@ ENDS = (  # of intervals
 AS_THEY_COME = ("background", "generalist-as-is")  # learn no steps in any tier
 _CELL = " ".join((*CELL, "seed"))
 KINDS = {
-    "cells": _kind(
+    "cells": kind(
         "{tier}.csv",
         f"{_CELL} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
@@ -84,48 +90,48 @@ KINDS = {
         f"{' '.join(AP_COLUMNS)} objects_all objects_present train_steps latency_other_cores "
         "latency_frames",
     ),
-    "draws": _kind(
+    "draws": kind(
         "{tier}_draws.csv",
         f"{_CELL} ground_truth measure world version label_time",
         "value blocks frames block_s draws draws_seed",
         f"{_CELL} ground_truth measure",
     ),
-    "areas": _kind(
+    "areas": kind(
         "{tier}_areas.csv",
         f"{_CELL} ground_truth road",
         "n_tda n_hqda p_hqda p_low p_high undecided objects",
         f"{_CELL} ground_truth road",
     ),
-    "distance": _kind(
+    "distance": kind(
         "{tier}_distance.csv",
         f"{_CELL} ground_truth road quality",
         "s ap ap_low ap_high objects predictions",
         f"{_CELL} ground_truth road s",
         "ap_fine ap_fine_low ap_fine_high",
     ),
-    "ranges": _kind(
+    "ranges": kind(
         "{tier}_ranges.csv",
         f"{_CELL} ground_truth",
         "range_m ap_fine ap_fine_low ap_fine_high recall recall_low recall_high objects "
         "predictions",
         f"{_CELL} ground_truth range_m",
     ),
-    "squares": _kind(
+    "squares": kind(
         "{tier}_squares.csv",
         f"{_CELL} ground_truth quality",
         "x y distance_m ap_fine ap_fine_low ap_fine_high objects predictions",
         f"{_CELL} ground_truth x y",
     ),
-    "hits": _kind(
+    "hits": kind(
         "{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame", "scene lidar preset"
     ),
-    "points": _kind(
+    "points": kind(
         "{tier}_points_per_vehicle.csv",
         "scene preset set lidar",
         "from_m to_m vehicles apv ci_low ci_high",
         "scene preset set lidar from_m",
     ),
-    "value": _kind(
+    "value": kind(
         "{tier}_value.csv",
         f"{_CELL} pareto dominated_by",
         "price_usd site_usd ap ap_all "
@@ -133,52 +139,21 @@ KINDS = {
         _CELL,
         f"{' '.join(SITE_ITEMS)} ap_fine ap_all_fine ap_whole ap_whole_fine",
     ),
-    "lidars": _kind(
+    "lidars": kind(
         "lidars.csv",
         "lidar price_source price_date",
         "units price_low_usd price_high_usd",
         "lidar preset",
     ),
-    "claims": _kind("claims.csv", "claim preset statement verdict", "value low high"),
-    "ap_claims": _kind(
-        "{tier}_claims.csv",
-        "scene preset claim statement verdict",
-        "value low high",
-        "scene preset claim statement",
-    ),
-    "paper": _kind(
-        "{tier}_paper.csv",
-        "scene preset",
-        "cells rank_correlation mean_difference",
-        "scene preset",
-    ),
-    "stress": _kind(
+    "stress": kind(
         "stress.csv",
         "detector run lidar preset scene stressor dial unit seed frames",
         "ap ap_low ap_high",
         "detector run lidar preset scene stressor dial seed frames",
         "ap_fine ap_fine_low ap_fine_high",
     ),
-    "stress_ranking": _kind("stress_ranking.csv", "", ""),
-    "stress_summary": _kind("stress_summary.csv", "", ""),
-    "fidelity": _kind(
-        "fidelity.csv",
-        "detail lidar distance_m",
-        "points_per_vehicle change_percent relative_time",
-    ),
-    "aggregation": _kind(
-        "aggregation.csv",
-        "aggregation lidar",
-        "points_per_vehicle outside_box_percent ms_per_frame_set",
-    ),
-    "ladder": _kind(
-        "ladder.csv",
-        "detail aggregation frames lidar",
-        "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
-        later="ap_fine ap_fine_low ap_fine_high value blocks block_s draws draws_seed",
-    ),
-    "beam": _kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
-    "speed": _kind("speed.csv", "what unit", "value"),
+    "stress_ranking": kind("stress_ranking.csv", "", ""),
+    "stress_summary": kind("stress_summary.csv", "", ""),
 }
 
 
@@ -189,6 +164,7 @@ class Results:
     folder: Path
     tier: str
     tables: dict[str, pd.DataFrame]
+    kinds: Mapping[str, Kind]
 
     def table(self, name: str) -> pd.DataFrame:
         """The rows, none if the file is not there."""
@@ -200,7 +176,7 @@ class Results:
         return first_seed(cells[cells.ap.notna()])
 
     def file(self, name: str) -> str:
-        return KINDS[name].file.format(tier=self.tier)
+        return self.kinds[name].file.format(tier=self.tier)
 
     def sources(self) -> list[TableFile]:
         """All tables that have rows."""
@@ -220,8 +196,12 @@ def hardly_learnt(cells: pd.DataFrame) -> pd.Series:
     return (cells.tier == "smoke") & (steps > 0)
 
 
-def read_results(folder: Path, tier: str | None = None) -> Results:
+def read_results(
+    folder: Path, tier: str | None = None, more: Mapping[str, Kind] | None = None
+) -> Results:
     """All tables of a folder; by default of the tier with the most finished cells.
+
+    more: tables beside KINDS.
 
     Raises FileNotFoundError for a folder that is not there, and ValueError for a wrong table, a
     tier without cells and a folder without any table.
@@ -229,14 +209,15 @@ def read_results(folder: Path, tier: str | None = None) -> Results:
     if not folder.is_dir():
         raise FileNotFoundError(2, "found no folder of results", str(folder))
     chosen = tier if tier is not None else _richest(folder)
-    tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in KINDS.items()}
+    kinds = {**KINDS, **(more or {})}
+    tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
     if tier is not None and tables["cells"].empty:
         raise ValueError(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
     if all(table.empty for table in tables.values()):
         raise ValueError(f"{folder}: found no table of results, allowed one or more")
     tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
-    tables |= {name: with_fine(tables[name]) for name in ("stress", "ladder", "distance")}
-    return Results(folder, chosen, tables)
+    tables |= {name: with_fine(tables[name]) for name in ("stress", "distance")}
+    return Results(folder, chosen, tables, kinds)
 
 
 def _richest(folder: Path) -> str:
@@ -272,7 +253,7 @@ def _checked(file: Path, kind: Kind) -> pd.DataFrame:
         raise ValueError(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
     there = [*kind.numbers, *(name for name in kind.later if name in table)]
-    values = {name: _in_range(file, table[name]) for name in there}
+    values = {name: _in_range(file, table[name], kind.ranges) for name in there}
     _check_order(file, values)
     _check_key(file, table, kind.key)
     return table.assign(origin=origin, **dict.fromkeys(kind.later, np.nan) | values)
@@ -284,9 +265,9 @@ def _empty(kind: Kind) -> pd.DataFrame:
     return pd.DataFrame(texts | values)
 
 
-def _in_range(file: Path, column: pd.Series) -> pd.Series:
+def _in_range(file: Path, column: pd.Series, ranges: Mapping[str, Ends]) -> pd.Series:
     """A column as numbers, NaN where a cell is empty."""
-    low, high = RANGES.get(str(column.name), _FROM_ZERO)
+    low, high = {**RANGES, **ranges}.get(str(column.name), _FROM_ZERO)
     values = numbers(file, column).astype(np.float64)
     wrong = values.notna() & ~values.between(low, high)
     if wrong.any():

@@ -21,7 +21,7 @@ from pyinfra.dataset.regions import GridCell, Places, Road, Window
 from pyinfra.dataset.trajectories import read_objects_at
 from pyinfra.formats import kitti
 
-# captured: at least some points of this LiDAR (the paper). common: inside the field of view and
+# captured: at least some points of this LiDAR. common: inside the field of view and
 # range of every LiDAR of the data set, and visible. all: visible. present: everyone, seen or not,
 # the same for all LiDARs and mounts that share a region. Each inside the region.
 Set = Literal["captured", "common", "all", "present"]

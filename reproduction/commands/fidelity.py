@@ -24,8 +24,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Rectangle
 
-from pyinfra.viz.report.sections.ladder import DIALS
 from reproduction.commands.ladder import parts_of
+from reproduction.report.ladder import DIALS
 
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 PASSES = 5

@@ -32,8 +32,8 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from pyinfra.viz.report.sections.ladder import DIALS
 from reproduction import ROOT
+from reproduction.report.ladder import DIALS
 
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {

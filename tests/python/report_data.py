@@ -219,10 +219,16 @@ def tables() -> dict[str, pd.DataFrame]:
         "quick_points_per_vehicle.csv": points(),
         "quick_value.csv": value(),
         "lidars.csv": lidars(),
-        "claims.csv": claims(),
-        "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
         "stress.csv": stress(),
         "stress_summary.csv": pd.DataFrame([{"detector": "pointpillars", "gentleness": 0.8}]),
+    }
+
+
+def study_tables() -> dict[str, pd.DataFrame]:
+    """Also those that the study alone has."""
+    return tables() | {
+        "claims.csv": claims(),
+        "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
         "fidelity.csv": fidelity(),
         "aggregation.csv": aggregation(),
         "ladder.csv": ladder(),

@@ -1,4 +1,4 @@
-"""The `pyinfra` command: the demo, errors in one line, help."""
+"""The `pyinfra` command: errors in one line, help."""
 
 import os
 import subprocess
@@ -7,29 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra.cli import demo, main
+from pyinfra.cli import main
 from pyinfra.dataset import catalogue, runs
-
-
-@pytest.mark.slow
-def test_demo_writes_all_it_names_and_resumes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(demo, "SCENES", ("highway",))
-    monkeypatch.setattr(demo, "LIDARS", ("livox_avia", "helios_16"))
-    command = ["demo", "--out", str(tmp_path), "--frames", "4:6"]
-    assert main.main(command) == 0
-    first = capsys.readouterr()
-    named = [Path(line.split()[-1]) for line in first.out.splitlines() if str(tmp_path) in line]
-    assert len(named) == 2 + 4
-    assert all(path.exists() for path in named)
-    assert "mean error" in first.out
-    assert "pictures" in first.err
-    frame = tmp_path / "data/highway/helios_16/training/velodyne/000004.bin"
-    before = frame.stat().st_mtime_ns
-    assert main.main(command) == 0
-    assert capsys.readouterr().out == first.out
-    assert frame.stat().st_mtime_ns == before
 
 
 def pyinfra(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -43,9 +22,8 @@ def pyinfra(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     [
         ([], 2),
         (["nothing"], 2),
-        (["demo", "--frames"], 2),
-        (["demo", "--frames", "5:2"], 2),
-        (["demo", "--frames", "0:999999"], 2),
+        (["report", "results", "--tier"], 2),
+        (["report", "missing"], 1),
         (["pictures", "missing", "--out", "out"], 1),
     ],
 )
@@ -70,7 +48,8 @@ def test_help_of_every_command_has_an_example(
 
 def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
     data = tmp_path / "highway"
-    runs.simulate(catalogue.scene_file("highway"), [catalogue.lidar_file("helios_16")], "0:1", data)
+    lidar = ["--lidar", catalogue.lidar_file("helios_16"), "--preset", "paper"]
+    runs.infrasim("run", catalogue.scene_file("highway"), *lidar, "--frames", "0:1", "--out", data)
     words = ["pictures", str(data), "--out", str(tmp_path / "out")]
     read, write = os.pipe()
     os.close(read)

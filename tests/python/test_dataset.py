@@ -1,4 +1,4 @@
-"""`pyinfra dataset`: the whole set, small."""
+"""`python -m reproduction dataset`: the whole set, small."""
 
 import re
 import subprocess
@@ -7,10 +7,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pyinfra.cli import main
-from pyinfra.dataset import catalogue, release
+from pyinfra.dataset import catalogue
 from pyinfra.dataset.split import VAL_FROM_S
 from pyinfra.formats import kitti
+from reproduction import __main__ as reproduction
+from reproduction import data_release
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -19,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two frames of three scenes and four LiDARs."""
     out = tmp_path_factory.mktemp("data") / "paper"
-    assert main.main(["dataset", "--frames", "2", "--out", str(out)]) == 0
+    assert reproduction.main(["dataset", "--frames", "2", "--out", str(out)]) == 0
     return out
 
 
@@ -33,13 +34,13 @@ def sha256sum(folder: Path) -> subprocess.CompletedProcess[str]:
     [(5000, 5000, 1), (500, 500, 10), (100, 100, 50), (3000, 2500, 2), (3, 3, 2499), (2, 2, 4999)],
 )
 def test_frames_are_spread_over_the_whole_scene(count: int, expected: int, step: int) -> None:
-    frames = release.spread(count)
+    frames = data_release.spread(count)
     assert (frames[0], len(frames), frames.step) == (0, expected, step)
 
 
 def test_any_number_of_frames_can_be_split() -> None:
     for count in range(2, 5001):
-        frames = release.spread(count)
+        frames = data_release.spread(count)
         assert count / 2 < len(frames) <= count
         assert frames[-1] * 0.1 > VAL_FROM_S
 
@@ -47,14 +48,17 @@ def test_any_number_of_frames_can_be_split() -> None:
 @pytest.mark.parametrize("count", ["1", "5001"])
 def test_wrong_number_of_frames_is_one_line(count: str, tmp_path: Path, capsys) -> None:
     out = tmp_path / "data"
-    assert main.main(["dataset", "--frames", count, "--out", str(out)]) == 2
-    assert capsys.readouterr().err == (f"pyinfra: --frames: found {count}, allowed 2 to 5000\n")
+    assert reproduction.main(["dataset", "--frames", count, "--out", str(out)]) == 2
+    assert capsys.readouterr().err == (
+        f"python -m reproduction dataset: --frames: found {count}, allowed 2 to 5000\n"
+    )
     assert not out.exists()
 
 
 def test_wrong_preset_is_one_line_and_writes_nothing(tmp_path: Path, capsys) -> None:
     out = tmp_path / "data"
-    assert main.main(["dataset", "--preset", "best", "--frames", "2", "--out", str(out)]) == 2
+    words = ["dataset", "--preset", "best", "--frames", "2", "--out", str(out)]
+    assert reproduction.main(words) == 2
     assert "found no preset 'best', allowed paper, equal, datasheet" in capsys.readouterr().err
     assert not out.exists()
 
@@ -109,7 +113,7 @@ def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
     (made / "curve/helios_16/training/velodyne/004999.bin").unlink()
     kept = made / "highway/ruby_plus/training/velodyne/000000.bin"
     written = kept.stat().st_mtime_ns
-    release.write(made, release.spread(2), "paper")
+    data_release.write(made, data_release.spread(2), "paper")
     assert (made / "SHA256SUMS").read_text() == before
     assert kept.stat().st_mtime_ns == written
 
@@ -117,14 +121,14 @@ def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
 def test_folder_with_other_frames_is_refused_and_stays(made: Path) -> None:
     before = (made / "SHA256SUMS").read_text()
     with pytest.raises(ValueError, match=r"highway/\w+: found frame 4999 of another --frames"):
-        release.write(made, release.spread(3), "paper")
+        data_release.write(made, data_release.spread(3), "paper")
     assert (made / "SHA256SUMS").read_text() == before
 
 
 def test_make_passes_its_choices_on() -> None:
     words = ["make", "--dry-run", "dataset", "FRAMES=500", "PRESET=equal"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-    assert "pyinfra dataset --frames 500 --preset equal --out data/equal" in done.stdout
+    assert "-m reproduction dataset --frames 500 --preset equal --out data/equal" in done.stdout
 
 
 def test_a_split_that_the_user_made_is_not_overwritten(made: Path) -> None:
@@ -133,8 +137,8 @@ def test_a_split_that_the_user_made_is_not_overwritten(made: Path) -> None:
     file.write_text("004999\n")
     try:
         with pytest.raises(FileExistsError, match="found another split"):
-            release.write(made, release.spread(2), "paper")
+            data_release.write(made, data_release.spread(2), "paper")
         assert file.read_text() == "004999\n"
     finally:
         file.write_text(before)
-        release.write(made, release.spread(2), "paper")
+        data_release.write(made, data_release.spread(2), "paper")

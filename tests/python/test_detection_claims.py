@@ -1,15 +1,19 @@
 """Claims about detection from made-up tables with known answers."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
+import report_data
 from benchmark_data import PRICES, cells, draws_of, key_of, values
 
-from pyinfra.dataset.paper_tables import paper_ap
-from pyinfra.experiments.benchmark.detection_claims import claims_table
-from pyinfra.experiments.benchmark.paper import paper_table
 from pyinfra.metrics.comparison import Bootstrapped, over_worlds
 from pyinfra.metrics.replicates import difference, slope
+from reproduction import __main__ as reproduction
+from reproduction.claims.agreement import paper_table
+from reproduction.claims.detection import claims_table
+from reproduction.paper_tables import paper_ap
 
 
 def tables(half: float = 1.0) -> dict[str, pd.DataFrame]:
@@ -172,3 +176,23 @@ def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
     assert agreement.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
     turned = paper_table(published.assign(ap=100 - published.ap))
     assert turned.rank_correlation.to_list() == pytest.approx([-1] * 4)
+
+
+def test_the_command_writes_claims_and_agreement_beside_the_tables(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cells = report_data.cells()
+    value = report_data.value()
+    report_data.write(tmp_path, {"quick.csv": cells, "quick_value.csv": value})
+    report_data.write(tmp_path, {"quick_draws.csv": report_data.cell_draws()})
+    assert reproduction.main(["claims", str(tmp_path)]) == 0
+    table = pd.read_csv(tmp_path / "quick_claims.csv")
+    assert list(table.claim) == ["comparable"]
+    assert "comparable" in capsys.readouterr().out
+
+
+def test_the_smoke_tier_tests_no_claim(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report_data.write(tmp_path, {"smoke.csv": report_data.cells().assign(tier="smoke")})
+    assert reproduction.main(["claims", str(tmp_path)]) == 2
+    assert "expected quick or full, got smoke" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["smoke.csv"]

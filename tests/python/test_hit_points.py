@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra.dataset import catalogue, paper_tables, runs
-from pyinfra.metrics import hit_points
+from pyinfra.dataset import catalogue
+from reproduction import hit_points, paper_tables
 
 PAPER = pd.DataFrame(
     {
@@ -93,7 +93,7 @@ def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
 
 def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
     """A channel at elevation e from 6 m hits flat ground at 6 / sin(-e); the range is 100 m."""
-    hits = runs.hits_per_frame(
+    hits = hit_points.hits_per_frame(
         catalogue.scene_file("flat"), [catalogue.lidar_file("pandar_64")], "0:20"
     )
     elevations = np.radians(np.linspace(-25, 15, 64))
@@ -103,3 +103,31 @@ def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
     intensity = np.exp(-0.004 * ranges)
     kept = 0.55 * np.where(intensity > 0.8, 1, 1 - (0.4 - 0.5 * intensity))
     assert hits["pandar_64"] == pytest.approx(1800 * kept.sum(), rel=0.01)
+
+
+SUMMARY = """\
+lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s
+livox_avia,paper,2,24000,900.5,1,10,120,0.1,1
+helios_16,paper,2,28800,220,1,10,120,0.1,1
+"""
+
+
+def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
+    file = tmp_path / "summary.csv"
+    file.write_text(SUMMARY)
+    assert hit_points.read_hits(file).to_dict() == {"livox_avia": 900.5, "helios_16": 220}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("hits_per_frame", "hits", "found no column hits_per_frame"),
+        ("paper,2", "paper,0", "without frames"),
+        (SUMMARY[SUMMARY.index("livox") :], "", "without frames"),
+    ],
+)
+def test_summary_without_hits_is_an_error(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = tmp_path / "summary.csv"
+    file.write_text(SUMMARY.replace(old, new))
+    with pytest.raises(ValueError, match=message):
+        hit_points.read_hits(file)

@@ -25,7 +25,6 @@ from hypothesis import strategies as st
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.regions import read_roads
-from pyinfra.dataset.runs import read_hits
 from pyinfra.exchange.box_text import read_boxes
 from pyinfra.exchange.formats import exporter, reader
 from pyinfra.exchange.recording import Options
@@ -35,6 +34,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.training.recipe import read_recipe
+from reproduction.hit_points import read_hits
 
 SECONDS = float(os.environ.get("FUZZ_SECONDS", "0"))
 EXAMPLES = 200 if SECONDS else 40

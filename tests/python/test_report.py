@@ -12,11 +12,6 @@ from pyinfra.cli import main
 from pyinfra.experiments.result_tables import read_results
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.names import read_names
-from pyinfra.viz.report.report_data import Material, read_material
-from pyinfra.viz.report.sections import ladder
-from pyinfra.viz.report.sections.accuracy import paper_ap
-from pyinfra.viz.report.sections.claims import thing_tested
-from pyinfra.viz.report.sections.fidelity import section as fidelity_section
 from pyinfra.viz.report.sections.speed import pareto
 from pyinfra.viz.report.sections.stability import curve
 
@@ -36,8 +31,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_answer_comes_first_and_names_lidar_and_detector(whole: Path) -> None:
     text = Read(whole).text
-    answer, claims = text.index("Most accurate where it looks"), text.index("undecided 1.49")
-    assert answer < claims
+    answer, hits = text.index("Most accurate where it looks"), text.index("Mean hit points")
+    assert answer < hits
     first = text[answer : answer + 200]
     assert "RoboSense Ruby Plus with PointPillars" in first
     assert "AP (R40) 92.5 [90.5, 93.5]; cannot be told from Livox Avia with PointPillars" in first
@@ -53,16 +48,6 @@ def test_without_draws_it_is_said_once_that_nothing_is_told_apart(tmp_path: Path
 
 def test_the_cheapest_choice_says_what_it_does_not_see(whole: Path) -> None:
     assert "US$ 2,079, AP (R40) 91.2, but 45.6 on all visible vehicles" in Read(whole).text
-
-
-def test_ap_stands_beside_the_papers(whole: Path) -> None:
-    assert re.search(r"92\.5 \[90\.5, 93\.5\] R40 92\.5, paper 92\.4 ", Read(whole).text)
-
-
-def test_hits_stand_beside_the_papers(whole: Path) -> None:
-    text = Read(whole).text
-    assert "10,529 11,582 +10.0" in text
-    assert "on average 10.0 % from the paper's, 10.0 % at most" in text
 
 
 def test_a_failed_cell_is_said_with_its_reason(whole: Path) -> None:
@@ -156,15 +141,10 @@ def test_a_name_is_text_and_never_markup(tmp_path: Path) -> None:
     assert len(page.ids) == len(set(page.ids))
 
 
-def test_what_the_paper_shows_and_this_page_does_not_is_said(tmp_path: Path) -> None:
-    results = report_data.write(tmp_path / "results", {"quick.csv": report_data.cells()})
-    assert "Figure: scanning patterns not here: needs a data set" in Read(report(results)).text
-
-
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("claims.csv", "claim,preset\na,b\n", "claims.csv:1: found no column statement"),
+        ("stress.csv", "detector\na\n", "stress.csv:1: found no column run"),
         (
             "quick_hits.csv",
             "scene,lidar,preset,frames,hits_per_frame\nh,a,paper,1,2\nh,a,paper,1,many\n",
@@ -228,13 +208,6 @@ def test_pareto_keeps_what_no_other_beats() -> None:
     assert list(pareto(rows, "cost")) == [True, True, False, False, False, True]
 
 
-def test_a_claim_is_one_row_whatever_its_counts() -> None:
-    statements = set(report_data.claims().statement)
-    assert len(statements) == 3
-    (one,) = {thing_tested(statement) for statement in statements}
-    assert one == "APV of livox_avia over the best of the others is 1.5 to 2.5; common, 90 to 120 m"
-
-
 def test_curves_of_stress_start_without_it(tmp_path: Path) -> None:
     report_data.write(tmp_path, {"stress.csv": report_data.stress()})
     table = read_results(tmp_path).table("stress")
@@ -247,60 +220,6 @@ def test_curves_of_stress_start_without_it(tmp_path: Path) -> None:
     assert points("density") == [(1, 90), (2, 85)]
     assert points("unseen_scene") == [(0, 90), (1, 40)]
     assert points("training_frames") == [(200, 70), (800, 90)]
-
-
-def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) -> None:
-    tables = {"fidelity.csv": report_data.fidelity(), "aggregation.csv": report_data.aggregation()}
-    report_data.write(tmp_path, tables)
-    made = fidelity_section(read_material(tmp_path, [], [], None))
-    assert made is not None
-    assert made.lead.startswith("Recommended: detail low, ")
-    assert "(0.50 % at most), in 0.90 of their time" in made.lead
-    assert "slices:100 takes 40.9 ms" in made.lead
-
-
-def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> None:
-    report_data.write(tmp_path, {"ladder.csv": report_data.ladder()})
-    material = read_material(tmp_path, [], [], None)
-    words, made = ladder.blocks(material)
-    assert "detail low (1.00 of the time of fine)" in words
-    assert "aggregation instant (1.00 of the time of exact)" in words
-    assert "frames 500 (0.50 of the time of 1000)" in words
-    assert [block.kind for block in made] == ["figure", "table"]
-    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
-    assert not same["detail", "box"]
-    assert not same["frames", "50"]
-
-
-def test_a_ladder_without_draws_recommends_nothing(tmp_path: Path) -> None:
-    table = report_data.ladder()
-    kept = table[[name for name in table if not name.startswith("draw")]]
-    report_data.write(tmp_path, {"ladder.csv": kept})
-    words, _ = ladder.blocks(read_material(tmp_path, [], [], None))
-    assert words == ladder.UNTOLD
-
-
-def test_the_parts_of_vehicles_are_a_dial_where_the_ladder_has_them(tmp_path: Path) -> None:
-    usual = report_data.ladder().assign(parts="glass+gap+coat")
-    turned = usual[:2].assign(
-        parts="none", ap=[70.0, 60.0], ap_low=[68.0, 58.0], ap_high=[72.0, 62.0]
-    )
-    drawn = [name for name in turned if name.startswith("draw_")]
-    turned = report_data.draws(turned.drop(columns=drawn), "ap", 1)
-    every = usual[:2].assign(parts="all")
-    report_data.write(tmp_path, {"ladder.csv": pd.concat([usual, turned, every])})
-    material = read_material(tmp_path, [], [], None)
-    words, _ = ladder.blocks(material)
-    assert "parts glass+gap+coat (1.00 of the time of all)" in words
-    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
-    assert same["parts", "glass+gap+coat"]
-    assert not same["parts", "none"]
-    assert not same["detail", "box"]
-    assert {value for dial, value in same if dial == "label_time"} == {"frame"}
-
-
-def with_seconds(material: Material) -> pd.DataFrame:
-    return material.results.table("ladder").assign(seconds=1.0)
 
 
 def test_a_legend_draws_lines_without_markers_and_markers_without_lines() -> None:
@@ -316,19 +235,10 @@ def test_a_lidar_looks_the_same_in_every_report() -> None:
     assert many.model("a_new_one") == "a_new_one"
 
 
-def test_the_papers_ap_is_complete() -> None:
-    table = paper_ap()
-    assert len(table) == 3 * 4 * 4
-    value = table.set_index(["scene", "lidar", "detector"]).ap
-    assert value["highway", "ruby_plus", "pv-rcnn"] == 93.29
-    assert value["crossroad", "livox_avia", "pointpillars"] == 84.03
-    assert value["curve", "helios_16", "pointrcnn"] == 16.40
-
-
 def custom_site(folder: Path) -> Path:
     """The tables of a benchmark of a site that is not of the paper."""
     names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
-    more = ("quick_value.csv", "lidars.csv", "quick_claims.csv")
+    more = ("quick_value.csv", "lidars.csv")
     tables = {name: report_data.tables()[name].replace("highway", "bridge") for name in names}
     tables |= {name: report_data.tables()[name].replace("highway", "bridge") for name in more}
     return report_data.write(folder, tables)
@@ -367,24 +277,6 @@ def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path
     assert "Most accurate where it looks" in Read(report(results)).text
 
 
-def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
-    page = Read(report(custom_site(tmp_path / "results")))
-    assert not {"claims", "figure-hits"} & set(page.ids)
-    assert {"hits", "methods"} <= set(page.ids)
-    assert "the paper" not in page.text
-
-
-def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path) -> None:
-    results = custom_site(tmp_path / "results")
-    for name, table in report_data.tables().items():
-        if (results / name).is_file() and "scene" in table:
-            both = pd.concat([pd.read_csv(results / name), table])
-            both.to_csv(results / name, index=False)
-    text = Read(report(results)).text
-    assert text.index("Bridge, preset paper") < text.index("Most accurate where it looks")
-    assert {"claims", "figure-hits"} <= set(Read(results.parent / "report.html").ids)
-
-
 def test_what_is_slower_than_its_lidar_is_said_to_be(tmp_path: Path) -> None:
     cells = report_data.cells().assign(latency_p50_ms=544.0)
     text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": cells}))).text
@@ -414,3 +306,28 @@ def test_the_open_chart_of_prices_is_of_the_preset_of_its_text(tmp_path: Path) -
         (False, "datasheet"),
         (True, "paper"),
     ]
+
+
+def test_a_module_of_sections_takes_the_place_of_the_usual(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "own_sections.py").write_text(
+        "from pyinfra.experiments.result_tables import kind\n"
+        "from pyinfra.viz.report.blocks import Section, Text\n"
+        "def mine(material):\n"
+        "    rows = material.results.table('mine')\n"
+        "    return Section('mine', 'My section', f'{len(rows)} row', [Text('Mine.')])\n"
+        "SECTIONS = [mine]\n"
+        "TABLES = {'mine': kind('mine.csv', 'name', 'x')}\n"
+    )
+    (tmp_path / "no_sections.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    tables = report_data.tables() | {"mine.csv": pd.DataFrame([{"name": "a", "x": 1}])}
+    results = report_data.write(tmp_path / "results", tables)
+    page = Read(report(results, "--sections", "own_sections"))
+    assert page.ids == ["mine", "mine-title"]
+    assert "1 row Mine." in page.text
+    assert (tmp_path / "report_data/mine.csv").is_file()
+    for wrong in ("no_sections", "nowhere", "nowhere.at_all"):
+        assert main.main(["report", str(results), "--sections", wrong]) == 2
+        assert f"got {wrong}" in capsys.readouterr().err

@@ -21,7 +21,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of all tables, without pictures."""
     folder = tmp_path_factory.mktemp("tables")
     out = folder / "report.html"
-    report_data.write(folder / "results")
+    report_data.write(folder / "results", report_data.study_tables())
     assert main.main(["report", str(folder / "results"), "--out", str(out)]) == 0
     return out
 
@@ -38,9 +38,10 @@ def pictured(
         words = run_command(*LIDARS, frames="0:2", aggregation=way, out=folder / way)
         infrasim(*words, check=True)
     runs = [predictions(folder / "exact" / "livox_avia", folder, d) for d in ("pv-rcnn", "dsvt")]
-    report_data.write(folder / "results")
+    report_data.write(folder / "results", report_data.study_tables())
     out = folder / "report.html"
     words = ["--data", folder / "exact", folder / "instant", "--runs", *runs, "--out", out]
+    words += ["--sections", "reproduction.report"]
     assert main.main(["report", str(folder / "results"), *map(str, words)]) == 0
     return out
 

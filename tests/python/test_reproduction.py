@@ -7,6 +7,7 @@ import pytest
 
 from reproduction import __main__ as reproduction
 from reproduction import commands
+from reproduction.commands import demo
 
 FILES = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
 
@@ -31,3 +32,33 @@ def test_an_unknown_command_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -
         reproduction.main(["claim"])
     assert end.value.code == 2
     assert "invalid choice: 'claim'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("frames", ["5:2", "0:999999"])
+def test_wrong_frames_of_the_demo_are_one_line(
+    frames: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert reproduction.main(["demo", "--out", str(tmp_path), "--frames", frames]) == 2
+    (line,) = (x for x in capsys.readouterr().err.splitlines() if not x.startswith("["))
+    assert line.startswith("python -m reproduction demo: infrasim run: ")
+
+
+@pytest.mark.slow
+def test_demo_writes_all_it_names_and_resumes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(demo, "SCENES", ("highway",))
+    monkeypatch.setattr(demo, "LIDARS", ("livox_avia", "helios_16"))
+    command = ["demo", "--out", str(tmp_path), "--frames", "4:6"]
+    assert reproduction.main(command) == 0
+    first = capsys.readouterr()
+    named = [Path(line.split()[-1]) for line in first.out.splitlines() if str(tmp_path) in line]
+    assert len(named) == 2 + 4
+    assert all(path.exists() for path in named)
+    assert "mean error" in first.out
+    assert "pictures" in first.err
+    frame = tmp_path / "data/highway/helios_16/training/velodyne/000004.bin"
+    before = frame.stat().st_mtime_ns
+    assert reproduction.main(command) == 0
+    assert capsys.readouterr().out == first.out
+    assert frame.stat().st_mtime_ns == before

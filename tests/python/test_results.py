@@ -10,6 +10,7 @@ import pytest
 from pyinfra.core.errors import FormatError
 from pyinfra.experiments.result_tables import read_results
 from pyinfra.formats.csv_table import read_csv
+from reproduction.report import TABLES as STUDY
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars", "quick_claims")
@@ -53,7 +54,7 @@ def test_a_number_out_of_range_is_named_by_row_and_column(
 ) -> None:
     changed(folder / f"{table}.csv", 2, **values)
     with pytest.raises(ValueError, match=re.escape(message)):
-        read_results(folder, "quick")
+        read_results(folder, "quick", STUDY)
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -62,11 +63,11 @@ def test_a_row_that_comes_twice_is_an_error(table: str, folder: Path) -> None:
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join([*lines, lines[2]]))
     with pytest.raises(ValueError, match=rf"{table}.csv:7: .*: found in row 3 too, allowed once"):
-        read_results(folder, "quick")
+        read_results(folder, "quick", STUDY)
 
 
 def test_all_tables_of_the_project_are_in_range() -> None:
-    assert len(read_results(RESULTS, "quick").table("cells")) > 100
+    assert len(read_results(RESULTS, "quick", STUDY).table("cells")) > 100
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
-"""`pyinfra claims`: verdicts by the rules of docs/conventions.md."""
+"""`python -m reproduction claims`: verdicts by the rules of docs/conventions.md."""
 
-import argparse
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -10,16 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pyinfra.cli import claims
-from pyinfra.metrics import scanning_claims
 from pyinfra.metrics.intervals import Blocks, time_blocks
 from pyinfra.metrics.observations import Sightings
+from reproduction import __main__ as reproduction
+from reproduction.claims import scanning
 
 LIDARS = (
-    scanning_claims.LINES_16,
-    scanning_claims.AVIA,
-    scanning_claims.LINES_64,
-    scanning_claims.LINES_128,
+    scanning.LINES_16,
+    scanning.AVIA,
+    scanning.LINES_64,
+    scanning.LINES_128,
 )
 FRAMES = 100
 DISTANCES = np.arange(32.5, 120, 5)
@@ -57,7 +56,7 @@ def as_in_the_paper(distance: float) -> list[int]:
     return [lines // 8, round(2.2e5 / distance), lines // 2, lines]
 
 
-def verdicts(rows: list[scanning_claims.Row]) -> list[tuple[str, str]]:
+def verdicts(rows: list[scanning.Row]) -> list[tuple[str, str]]:
     return [(row.claim, row.verdict) for row in rows]
 
 
@@ -74,14 +73,14 @@ def verdicts(rows: list[scanning_claims.Row]) -> list[tuple[str, str]]:
     ],
 )
 def test_verdict_of_an_interval(low: float, high: float, expected: str) -> None:
-    assert scanning_claims.verdict(low, high, (1.5, 2.5)) == expected
+    assert scanning.verdict(low, high, (1.5, 2.5)) == expected
 
 
 @pytest.mark.parametrize(
     ("low", "high", "expected"), [(0, 1, "undecided"), (0.1, 1, "holds"), (-1, 0, "fails")]
 )
 def test_above_0_is_without_0(low: float, high: float, expected: str) -> None:
-    assert scanning_claims.verdict(low, high, scanning_claims.ABOVE_0) == expected
+    assert scanning.verdict(low, high, scanning.ABOVE_0) == expected
 
 
 @pytest.mark.parametrize(
@@ -95,11 +94,11 @@ def test_above_0_is_without_0(low: float, high: float, expected: str) -> None:
     ],
 )
 def test_change_counts_either_way(low: float, high: float, expected: str) -> None:
-    assert scanning_claims.verdict_of_change(low, high, 5) == expected
+    assert scanning.verdict_of_change(low, high, 5) == expected
 
 
 def test_points_as_the_paper_tells_them_make_its_claims_hold() -> None:
-    rows = scanning_claims.claims(scene(as_in_the_paper), blocks())
+    rows = scanning.claims(scene(as_in_the_paper), blocks())
     expected = ["far-range", "far-range", "near-range", "ratio", "ratio", "gentle"]
     assert verdicts(rows)[:6] == [(name, "holds") for name in expected]
     assert [row.claim for row in rows[6:]] == ["only-one", "only-one"]
@@ -107,12 +106,12 @@ def test_points_as_the_paper_tells_them_make_its_claims_hold() -> None:
 
 
 def test_equal_points_make_them_fail() -> None:
-    rows = scanning_claims.claims(scene(lambda d: [round(1e6 / d)] * 4), blocks())
+    rows = scanning.claims(scene(lambda d: [round(1e6 / d)] * 4), blocks())
     assert {row.verdict for row in rows} == {"fails"}
 
 
 def test_far_range_takes_the_best_of_the_others() -> None:
-    rows = scanning_claims.claims(scene(lambda d: [60, 90, 50, 40]), blocks())
+    rows = scanning.claims(scene(lambda d: [60, 90, 50, 40]), blocks())
     assert rows[0].value == 1.5
     assert "here helios_16" in rows[0].statement
 
@@ -121,14 +120,14 @@ def test_far_range_on_common_ends_with_the_shortest_range() -> None:
     def to_100_m(distance: float) -> list[int]:
         return [10, 20, 10, 10] if distance < 100 else [0, 20, 0, 0]
 
-    common, view = scanning_claims.claims(scene(to_100_m, reach_m=100), blocks())[:2]
+    common, view = scanning.claims(scene(to_100_m, reach_m=100), blocks())[:2]
     assert (common.value, common.verdict) == (2, "holds")
     assert "common, 90 to 120 m, 200 vehicles at 92.5 to 97.5 m" in common.statement
     assert (view.value, view.verdict) == (6, "fails")
 
 
 def test_no_vehicles_leave_a_claim_undecided() -> None:
-    rows = scanning_claims.claims(scene(as_in_the_paper, reach_m=60), blocks())
+    rows = scanning.claims(scene(as_in_the_paper, reach_m=60), blocks())
     assert rows[0].verdict == "undecided"
     assert math.isnan(rows[0].value)
     assert "no vehicles" in rows[0].statement
@@ -140,7 +139,7 @@ def test_only_one_counts_both_ways() -> None:
             return [0, 3, 0, 0]
         return [0, 0, 0, 1] if distance < 95 else [1, 1, 1, 1]
 
-    row = scanning_claims.claims(scene(points), blocks())[6]
+    row = scanning.claims(scene(points), blocks())[6]
     # Of 6 bins beyond 90 m, 2 are the Avia's alone and 1 is another's alone.
     assert row.value == pytest.approx(100 / 6)
     assert row.verdict == "holds"
@@ -152,17 +151,17 @@ def test_deskew_is_the_change_of_the_points_in_the_box() -> None:
     instant = scene(lambda d: [100, 100, 100, 100])
     kept = np.tile([98, 80, 94, 120], (len(instant), 1))
     exact = scene(lambda d: [100, 100, 100, 100], points_in_box=kept)
-    rows = scanning_claims.claims(exact, blocks(), instant)[6:10]
+    rows = scanning.claims(exact, blocks(), instant)[6:10]
     assert [row.value for row in rows] == pytest.approx([-2, -20, -6, 20])
     assert [row.verdict for row in rows] == ["fails", "holds", "holds", "holds"]
     with pytest.raises(ValueError, match="found other frames"):
-        scanning_claims.deskew(instant.select(instant.frame > 0), exact, blocks())
+        scanning.deskew(instant.select(instant.frame > 0), exact, blocks())
 
 
 def test_other_lidars_are_an_error() -> None:
     vehicles = scene(as_in_the_paper, lidars=("a", "b", "c", "d"))
     with pytest.raises(ValueError, match="found LiDARs a, b, c, d"):
-        scanning_claims.claims(vehicles, blocks())
+        scanning.claims(vehicles, blocks())
 
 
 @pytest.mark.slow
@@ -176,15 +175,13 @@ def test_a_real_run_gives_the_table(infrasim: Callable[..., Any], tmp_path: Path
             *("--aggregation", folder.name, "--out", folder),
         )
         assert result.returncode == 0, result.stderr
-    parser = argparse.ArgumentParser()
-    claims.add_arguments(parser)
     out = tmp_path / "claims.csv"
-    assert claims.run(parser.parse_args([*map(str, folders), "--out", str(out)])) == 0
+    assert reproduction.main(["claims", *map(str, folders), "--out", str(out)]) == 0
     table = pd.read_csv(out)
-    assert list(table.columns) == scanning_claims.COLUMNS
+    assert list(table.columns) == scanning.COLUMNS
     assert len(table) == 12
     assert set(table.preset) == {"paper"}
     assert set(table.verdict) <= {"holds", "fails", "undecided"}
     assert table[table.claim == "near-range"].value.item() > 1
     with pytest.raises(ValueError, match="found no exact data set"):
-        scanning_claims.claims_table(folders[1:])
+        scanning.claims_table(folders[1:])

@@ -13,10 +13,8 @@ from pyinfra.core.errors import ConfigError
 from pyinfra.core.files import held
 from pyinfra.experiments import pool, store
 from pyinfra.experiments.benchmark import frames, inputs, measure
-from pyinfra.experiments.benchmark.detection_claims import claims_table
 from pyinfra.experiments.benchmark.latency import time_untimed
 from pyinfra.experiments.benchmark.matrix import Cell, Plan
-from pyinfra.experiments.benchmark.paper import paper_table
 from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
 from pyinfra.experiments.benchmark.workspace import KEYS, Workspace
 from pyinfra.experiments.gpus import exclusive_gpu
@@ -167,10 +165,7 @@ def progress(cell: Cell, row: pd.Series) -> str:
 
 
 def conclude(workspace: Workspace, plan: Plan) -> None:
-    """Works out prices and claims again, if there is a finished cell; after each, so they fit.
-
-    The smoke tier shows that all works, and its networks have hardly learnt: it tests no claim.
-    """
+    """Works out prices again, if there is a finished cell; after each, so that they fit."""
     with held(workspace.results / "locks/conclude", wait=True):
         _conclude(workspace, plan)
 
@@ -181,15 +176,4 @@ def _conclude(workspace: Workspace, plan: Plan) -> None:
         return
     tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
     workspace.put({"lidars": tables["lidars"]})
-    tables["value"] = value_table(tables, plan.costs)
-    tables["draws"] = store.read(workspace.table("draws"))
-    tables["stress_draws"] = store.read(workspace.results / "stress_draws.csv")
-    workspace.put({"value": tables["value"]})
-    if workspace.tier == "smoke":
-        return
-    for name, rows in (
-        ("claims", claims_table(tables)),
-        ("paper", paper_table(tables["cells"])),
-    ):
-        if len(rows):
-            workspace.put({name: rows})
+    workspace.put({"value": value_table(tables, plan.costs)})

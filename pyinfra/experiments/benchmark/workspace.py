@@ -23,8 +23,6 @@ KEYS = {  # of the rows of each table
     "value": KEY,
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
-    "claims": ["scene", "preset"],
-    "paper": ["scene", "preset"],
     **{name: ["scene", "preset"] for name in frames.STATISTICS},
 }
 

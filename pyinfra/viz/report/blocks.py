@@ -137,20 +137,20 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Link:
-    """A row of an index: what it is, where it is on the page (nothing: it is not), and a remark."""
+class Entry:
+    """A row of an index: a label, the start of an anchor, and what the page needs to have it."""
 
     label: str
-    target: str
-    remark: str
+    anchor: str
+    needs: str
 
 
 @dataclass(frozen=True, eq=False)
 class Index:
-    """Where things are."""
+    """Where things are; the page looks up the anchors."""
 
     heads: tuple[str, str]
-    links: Sequence[Link]
+    entries: Sequence[Entry]
     kind = "index"
 
 

@@ -1,11 +1,16 @@
-"""The report of a folder of results: `pyinfra report RESULTS --out report.html`."""
+"""The report of a folder of results: `pyinfra report RESULTS --out report.html`.
+
+Another module with a list SECTIONS can take the place of this one (`--sections`); a dict TABLES in
+it names tables of its own, as KINDS of experiments/result_tables.py.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+from collections.abc import Callable, Mapping, Sequence
 
 from pyinfra.core.version import __version__
-from pyinfra.experiments.result_tables import hardly_learnt
+from pyinfra.experiments.result_tables import Kind, hardly_learnt
 from pyinfra.viz.report.blocks import Section
 from pyinfra.viz.report.page import Page
 from pyinfra.viz.report.report_data import Material
@@ -13,9 +18,7 @@ from pyinfra.viz.report.sections import (
     accuracy,
     answer,
     areas,
-    claims,
     distance,
-    fidelity,
     hits,
     methods,
     pictures,
@@ -26,9 +29,9 @@ from pyinfra.viz.report.sections import (
     view,
 )
 
-SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
+Maker = Callable[[Material], Section | None]
+SECTIONS: list[Maker] = [
     answer.section,
-    claims.section,
     hits.section,
     points.section,
     accuracy.section,
@@ -37,20 +40,31 @@ SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
     value.section,
     speed.section,
     stability.section,
-    fidelity.section,
     pictures.section,
     view.section,
-)
+    methods.section,
+]
 TITLE = "Roadside LiDAR: which sensor, which detector"
 
 
-def page(material: Material) -> Page:
+def read_sections(module: str) -> tuple[Sequence[Maker], Mapping[str, Kind]]:
+    """SECTIONS and TABLES of a module. Raises ValueError if it has no SECTIONS or is not there."""
+    try:
+        imported = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or not module.startswith(error.name):
+            raise  # the module is there, and what it imports is not
+        raise ValueError(f"sections: expected a module to import, got {module}") from None
+    sections = getattr(imported, "SECTIONS", None)
+    if not isinstance(sections, Sequence):
+        raise ValueError(f"sections: expected a module with a list SECTIONS, got {module}")
+    return sections, getattr(imported, "TABLES", {})
+
+
+def page(material: Material, sections: Sequence[Maker] = SECTIONS) -> Page:
     """All sections for which there is something."""
-    made = [section(material) for section in SECTIONS]
-    present = [s for s in made if s is not None]
-    present.append(methods.section(material, present))
-    tables = material.results.sources()
-    return Page(TITLE, _subtitle(material), _footer(material), present, tables)
+    made = [section for maker in sections if (section := maker(material)) is not None]
+    return Page(TITLE, _subtitle(material), _footer(material), made, material.results.sources())
 
 
 def _subtitle(material: Material) -> str:

@@ -62,7 +62,7 @@ class Names:
 
 
 def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
-    """Those of the paper first, so that their looks are the same in every report.
+    """Those of LIDARS first, so that their looks are the same in every report.
 
     models: by name, where they are known; others are looked up among the LiDARs of this package.
     """

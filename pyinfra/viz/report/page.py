@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,15 +49,26 @@ def render(page: Page, folder: str) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["identifier"] = identifier
+    environment.tests["startingwith"] = str.startswith
     light, dark = themes()
     return environment.get_template("page.html").render(
         **vars(page),
+        anchors=anchors(page.sections),
         folder=folder,
         light=light,
         dark=dark,
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         script=(HERE / "page.js").read_text(encoding="utf-8"),
     )
+
+
+def anchors(sections: Iterable[Section]) -> dict[str, str]:
+    """Everything on the page that can be linked to, with the title of its section."""
+    all_names: dict[str, str] = {}
+    for section in sections:
+        names = [section.name, *(getattr(block, "name", "") for block in section.blocks)]
+        all_names |= {name: section.title for name in names if name}
+    return all_names
 
 
 def sources(sections: Sequence[Section]) -> Iterator[TableFile]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.experiments.options import Wish
-from pyinfra.experiments.result_tables import Results, read_results
+from pyinfra.experiments.result_tables import KINDS, Kind, Results, read_results
 from pyinfra.formats import kitti
 from pyinfra.metrics.row_selection import preset_of_answers
 from pyinfra.viz.report.names import PRESETS, Names, in_order, read_names
@@ -49,11 +49,6 @@ class Material:
         scenes = set(self.results.table("cells").scene) | {d.scene for d in self.data}
         return in_order(scenes, SCENES)
 
-    def is_of_the_paper(self) -> bool:
-        """Whether a scene of the paper is among those of the results; true of no scene at all."""
-        scenes = self.scenes()
-        return not scenes or any(scene in SCENES for scene in scenes)
-
     def presets(self) -> list[str]:
         return in_order(self.results.table("cells").preset, PRESETS)
 
@@ -72,17 +67,22 @@ def read_material(
     runs: Sequence[Path],
     tier: str | None,
     wish: Wish = ANY_PRICE,
+    more: Mapping[str, Kind] | None = None,
 ) -> Material:
-    """Reads everything but frames. Raises what read_results, read_data_set and read_run raise."""
-    results = read_results(folder, tier)
+    """Reads everything but frames, and `more` tables.
+
+    Raises what read_results, read_data_set and read_run raise.
+    """
+    results = read_results(folder, tier, more)
     sets = tuple(read_data_set(folder) for folder in data)
-    named = [name for t in results.tables.values() if "lidar" in t for name in t.lidar]
+    tables = [results.table(name) for name in KINDS]
+    named = [name for table in tables if "lidar" in table for name in table.lidar]
     simulated = {lidar.name: lidar.model for d in sets for lidar in d.lidars}
     lidars = results.table("lidars")
     models = dict(zip(lidars.lidar, lidars.model, strict=True)) if "model" in lidars else {}
     return Material(
         results=results,
-        names=read_names(_lidars([*named, *simulated]), models | simulated),
+        names=read_names([*named, *simulated], models | simulated),
         data=sets,
         runs=tuple(read_run(run, sets) for run in runs),
         wish=wish,
@@ -109,8 +109,3 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
         f"{folder}: found no run.yaml, allowed one, or a name SCENE_LIDAR_PRESET_DETECTOR of a "
         "data set that is given"
     )
-
-
-def _lidars(names: Iterable[str]) -> list[str]:
-    """Names of LiDARs; some tables have variants such as avia_15_rays, which are none."""
-    return [name for name in names if not re.fullmatch(r"\w+_\d+_rays", name)]

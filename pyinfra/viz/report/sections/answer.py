@@ -26,7 +26,7 @@ Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
 
 def section(material: Material) -> Section | None:
-    """What is recommended for own sites; for the paper's scenes the best for each purpose.
+    """What is recommended for own sites; for shipped scenes the best for each purpose.
 
     With requirements, such as a budget, what is recommended for these scenes too.
     """

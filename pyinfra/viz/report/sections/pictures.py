@@ -1,4 +1,4 @@
-"""What the LiDARs see: pictures from data sets, counterparts of the paper's."""
+"""What the LiDARs see: pictures from data sets."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pyinfra.viz.report.style import drawing, panel
 
 PATTERN_S = 2.0
 SHOWN_SCORE = 0.3  # of predicted boxes
-FIRST_RUNS = ("pv-rcnn", "pointpillars")  # the paper's pair
+FIRST_RUNS = ("pv-rcnn", "pointpillars")
 PREDICTED = "#b3006e"
 WIDE_DPI = 110
 
@@ -188,7 +188,7 @@ def _boxes(material: Material) -> list[Block]:
 
 
 def _pair(runs: list[Run], lidar: str) -> list[Run]:
-    """At most two runs of a LiDAR, those of the paper's pair first."""
+    """At most two runs of a LiDAR, those of FIRST_RUNS first."""
     of_lidar = [run for run in runs if run.lidar == lidar]
     return sorted(of_lidar, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
 

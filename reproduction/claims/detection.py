@@ -14,7 +14,7 @@ import pandas as pd
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.replicates import check_pair, difference, drawn
 from pyinfra.metrics.row_selection import first_seed, first_stress
-from pyinfra.metrics.scanning_claims import (
+from reproduction.claims.scanning import (
     ABOVE_0,
     ABOVE_1,
     AVIA,

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import permutation_test, rankdata, spearmanr
 
-from pyinfra.dataset.paper_tables import paper_ap
 from pyinfra.metrics.row_selection import first_seed
+from reproduction.paper_tables import paper_ap
 
 CASE = ["scene", "lidar", "detector"]
 LEAST_CELLS = 3

@@ -1,36 +1,37 @@
-"""`pyinfra demo --out DIR`: the paper's hit points, a few frames and their pictures."""
+"""The paper's hit points, a few frames of each scene, and their pictures."""
 
 import argparse
 import sys
+import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.catalogue import LIDARS, SCENES, lidar_file, scene_file
-from pyinfra.dataset.runs import SimulatorError, scan_pattern, simulate
+from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.formats import kitti
-from pyinfra.metrics.hit_points import hit_table, table_text, write_table
+from pyinfra.viz import clouds
+from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 
 ANOTHER_RUN = "holds another run"  # the binary's words for a folder of another configuration
 PATTERN_FRAMES = "0:20"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Rebuilds the paper's table of hit points, simulates a few frames of each scene "
-        "and draws them."
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description="Rebuilds the paper's table of hit points, simulates a few frames of each "
+        "scene and draws them.",
+        epilog="example: python -m reproduction demo --out out/demo --frames 0:3",
     )
-    parser.epilog = "example: pyinfra demo --out out/demo --frames 0:3"
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder of the results")
     parser.add_argument(
         "--frames",
         default="0:3",
         help="frames to write, A:B[:STEP], B excluded; the first is drawn",
     )
-
-
-def run(args: argparse.Namespace) -> int:
-    from pyinfra.viz import clouds
-
+    args = parser.parse_args()
     start = time.perf_counter()
 
     def say(step: str) -> None:
@@ -43,7 +44,8 @@ def run(args: argparse.Namespace) -> int:
     for scene, folder in zip(scenes, data, strict=True):
         say(f"frames {args.frames} of {scene.stem}")
         try:
-            simulate(scene, lidars, args.frames, folder)
+            words = ["--preset", PRESET, "--frames", args.frames, "--out", folder, "--fields"]
+            infrasim("run", scene, "--lidar", *lidars, *words)
         except SimulatorError as error:
             if ANOTHER_RUN not in str(error):
                 raise
@@ -58,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     frame = int(args.frames.split(":")[0])
     pictures = clouds.draw_frames(data_sets, frame, out / "pictures")
     patterns = {
-        kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name), PATTERN_FRAMES)
+        kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name))
         for folder in data_sets[0]
     }
     pictures.append(clouds.draw_patterns(patterns, out / "pictures/patterns.png"))
@@ -66,4 +68,15 @@ def run(args: argparse.Namespace) -> int:
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:
         print(f"picture      {file}")
-    return 0
+
+
+def scan_pattern(lidar: Path) -> FloatArray:
+    """Azimuth, elevation (rad) and time (s) of every ray of PATTERN_FRAMES: (n, 3), sensor frame.
+
+    Raises SimulatorError.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "pattern.npy"
+        infrasim("pattern", lidar, "--preset", PRESET, "--frames", PATTERN_FRAMES, "--out", file)
+        rays: FloatArray = np.load(file)
+    return rays

@@ -10,6 +10,7 @@ from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.report.blocks import NOTHING, Column, Section, Table, TableCell, Text, shown, span
 from pyinfra.viz.report.names import PRESETS, Names, in_order
 from pyinfra.viz.report.report_data import Material
+from reproduction.report.scenes import are_of_the_paper
 
 CLAIMS = {
     "comparable": "The non-repetitive and the 128-line LiDAR have about the same AP",
@@ -34,7 +35,7 @@ def section(material: Material) -> Section | None:
 
     Nothing for own sites alone: these claims are the paper's.
     """
-    if not material.is_of_the_paper():
+    if not are_of_the_paper(material):
         return None
     parts = [material.results.table(name) for name in ("claims", "ap_claims")]
     rows = pd.concat(parts, ignore_index=True)

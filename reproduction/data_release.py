@@ -1,4 +1,4 @@
-"""The whole data set in one command: `pyinfra dataset`, which `make dataset` runs.
+"""The whole data set in one command: `python -m reproduction dataset`, which `make dataset` runs.
 
 Three scenes as four LiDARs see them, split by time, with a data card and the SHA-256 of every file.
 A stopped run goes on with the same command; SHA256SUMS is written last, so it says that the set is
@@ -11,10 +11,10 @@ from pathlib import Path
 
 from pyinfra.core.files import replacing
 from pyinfra.dataset import catalogue, runs, split
-from pyinfra.dataset.card import data_card
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
+from reproduction.data_card import data_card
 
 FRAMES = 5000  # what a scene's 500 s hold
 CARD = "DATASET.md"

@@ -1,4 +1,4 @@
-"""The claims of the paper that scanning statistics can test: `pyinfra claims DATA...`.
+"""The claims of the paper that scanning statistics can test.
 
 The rules stand in docs/conventions.md, "Claims", and were written before the first run.
 """
@@ -175,7 +175,7 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
     seed. Raises ValueError for an instant data set without its exact one, and for other modes.
     """
     data_sets = [read_data_set(folder) for folder in folders]
-    command = "pyinfra claims " + " ".join(str(folder) for folder in folders)
+    command = "python -m reproduction claims " + " ".join(str(folder) for folder in folders)
     instants = {_key(d): d for d in data_sets if d.aggregation == "instant"}
     rows = []
     for data in data_sets:

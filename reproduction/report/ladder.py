@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import comparison
 from pyinfra.metrics.replicates import are_pairs, difference, drawn
-from pyinfra.metrics.row_selection import ap_name
+from pyinfra.metrics.row_selection import ap_name, with_fine
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
 from pyinfra.viz.report.report_data import Material
@@ -43,7 +43,7 @@ class Rung:
 
 def blocks(material: Material) -> tuple[str, list[Block]]:
     """What is recommended, and the figure and table behind it; nothing without a ladder."""
-    table = material.results.table("ladder")
+    table = with_fine(material.results.table("ladder"))
     if table.empty:
         return "", []
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)

@@ -18,9 +18,9 @@ from pyinfra.viz.report.blocks import (
 )
 from pyinfra.viz.report.names import in_order
 from pyinfra.viz.report.report_data import Material
-from pyinfra.viz.report.sections import ladder as models
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import FAINT, drawing, log_ticks, panel
+from reproduction.report import ladder as models
 
 DETAILS = ("box", "low", "mid", "fine")
 REFERENCE = "fine"

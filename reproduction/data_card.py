@@ -37,8 +37,8 @@ SCENE/        dataset.yaml (the resolved scene)   trajectories.csv   roads.csv  
 ```
 
 ## How it was made
-`pyinfra dataset --preset {preset} --frames {frames} --out DIR`, infrasim {version}, seed {seeds},
-aggregation `{aggregation}`.
+`python -m reproduction dataset --preset {preset} --frames {frames} --out DIR`,
+infrasim {version}, seed {seeds}, aggregation `{aggregation}`.
 {preset_text}
 
 The same command and version give the same bytes on the same kind of machine, for any number of

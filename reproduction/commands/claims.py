@@ -1,0 +1,64 @@
+"""Tests of the paper's claims, on data sets or on the tables of `pyinfra benchmark`."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.files import replacing
+from pyinfra.experiments import store
+from pyinfra.experiments.result_tables import read_results
+from reproduction.claims import detection, scanning
+from reproduction.claims.agreement import paper_table
+
+SHOWN = "claim preset value low high verdict statement".split()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description="Tests the claims about scanning on data sets, each of one preset, or those "
+        "about detection on a folder of results. The folder gets TIER_claims.csv and TIER_paper.csv"
+        " (how AP agrees with the paper's).",
+        epilog="examples: python -m reproduction claims data/highway_paper "
+        "data/highway_paper_instant; python -m reproduction claims out/results",
+    )
+    parser.add_argument("folders", nargs="+", type=Path, help="data sets, or one of results")
+    parser.add_argument("--tier", help="of results; by default the most complete")
+    usual = Path("results/claims.csv")
+    parser.add_argument("--out", type=Path, default=usual, help="of data sets: %(default)s")
+    args = parser.parse_args()
+    if any((folder / "dataset.yaml").is_file() for folder in args.folders):
+        table = of_data_sets(args.folders, args.out)
+    elif len(args.folders) == 1:
+        table = of_results(args.folders[0], args.tier)
+    else:
+        raise ValueError("folders: expected data sets or one folder of results, got several")
+    print(table[SHOWN].to_string(index=False, float_format=lambda v: f"{v:.3g}", max_colwidth=90))
+
+
+def of_data_sets(folders: Sequence[Path], out: Path) -> pd.DataFrame:
+    """Writes the claims about scanning to `out`."""
+    table = scanning.claims_table(folders)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as beside:
+        table.to_csv(beside, index=False, float_format="%.4g")
+    return table
+
+
+def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
+    """Writes the claims about detection and the agreement with the paper beside their tables.
+
+    Raises ValueError for the smoke tier, whose networks have hardly learnt.
+    """
+    chosen = read_results(folder, tier).tier
+    if chosen == "smoke":
+        raise ValueError(f"{folder}: tier: expected quick or full, got smoke, which tests no claim")
+    files = {name: folder / f"{chosen}_{name}.csv" for name in ("draws", "value")}
+    files |= {"cells": folder / f"{chosen}.csv", "stress_draws": folder / "stress_draws.csv"}
+    tables = {name: store.read(file) for name, file in files.items()}
+    outputs = {"claims": detection.claims_table(tables), "paper": paper_table(tables["cells"])}
+    for name, rows in outputs.items():
+        if len(rows):
+            store.write(folder / f"{chosen}_{name}.csv", rows)
+    return outputs["claims"]

@@ -1,0 +1,21 @@
+"""The study's data set: three scenes, four LiDARs, split, data card, SHA-256 (`make dataset`)."""
+
+import argparse
+from functools import partial
+from pathlib import Path
+
+from reproduction.data_release import CARD, FRAMES, SUMS, spread, write
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description="Simulates three scenes with four LiDARs and writes the split, a data card "
+        "(DATASET.md) and the SHA-256 of every file (SHA256SUMS, for `sha256sum -c`). Resumes.",
+        epilog="example: python -m reproduction dataset --frames 500 --out data/paper",
+    )
+    parser.add_argument("--frames", type=int, default=FRAMES, help="of a scene, at most")
+    parser.add_argument("--preset", default="paper", help="of the LiDARs (default: %(default)s)")
+    parser.add_argument("--out", type=Path, required=True, help="a folder for each scene goes here")
+    args = parser.parse_args()
+    write(args.out, spread(args.frames), args.preset, partial(print, flush=True))
+    print(f"card {args.out / CARD}\nsums {args.out / SUMS}")

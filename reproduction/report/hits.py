@@ -1,0 +1,105 @@
+"""Hit points per frame beside the paper's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.experiments.result_tables import TableFile
+from pyinfra.viz.report import svg
+from pyinfra.viz.report.blocks import (
+    Block,
+    Column,
+    Figure,
+    LegendEntry,
+    Panel,
+    Section,
+    Table,
+    number,
+)
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections import hits
+from pyinfra.viz.report.style import FAINT, drawing, log_ticks, panel
+from reproduction.paper_tables import paper_hits
+
+
+def section(material: Material) -> Section | None:
+    """As pyinfra has it, with the paper's hits and the difference where it has any."""
+    base = hits.section(material)
+    if base is None:
+        return None
+    rows, remark = hits.measured(material)
+    rows = rows.merge(paper_hits().rename(columns={"hits": "paper_hits"}), on=hits.KEY, how="left")
+    rows["difference_percent"] = 100 * (rows.hits_per_frame / rows.paper_hits - 1)
+    source = TableFile("report_hits.csv", rows)
+    (table,) = base.blocks
+    assert isinstance(table, Table)
+    if rows.paper_hits.isna().all():
+        return replace(base, blocks=[replace(table, source=source)])
+    blocks: list[Block] = [_table(material, table, rows, remark, source)]
+    same = rows[rows.paper_hits.notna() & (rows.preset == "paper")]
+    blocks += [_figure(material, same, source)] if len(same) else []
+    return replace(base, lead=_lead(rows), blocks=blocks)
+
+
+def _table(
+    material: Material, table: Table, rows: pd.DataFrame, remark: str, source: TableFile
+) -> Table:
+    """The table of pyinfra with two columns more."""
+    first, second, *presets = table.columns
+    columns = [first, second, Column("The paper", number=True), *presets]
+    cells = []
+    for row, (_, group) in zip(table.rows, hits.by_lidar(material, rows), strict=True):
+        change = group[group.preset == "paper"].difference_percent
+        paper = number(float(group.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
+        difference = number(float(change.iloc[0]) if len(change) else np.nan, "+.1f")
+        cells.append([*row[:2], paper, *row[2:], difference])
+    caption = (
+        "Mean hit points of a frame. Difference: preset paper against the paper's table. " + remark
+    )
+    return Table(caption, [*columns, Column("Difference, %", number=True)], cells, source)
+
+
+def _lead(rows: pd.DataFrame) -> str:
+    change = rows[(rows.preset == "paper") & rows.paper_hits.notna()].difference_percent.abs()
+    if change.empty:
+        return "The paper prints no hit points for these scenes and LiDARs under preset paper."
+    return (
+        f"With the paper's settings (preset paper) the hits of a frame are on average "
+        f"{change.mean():.1f} % from the paper's, {change.max():.1f} % at most."
+    )
+
+
+def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure:
+    """Simulated against printed, a panel for each scene, on logarithmic axes."""
+    panels = [_panel(material, group) for _, group in rows.groupby("scene", sort=False)]
+    lidars = material.names.sorted(rows.lidar)
+    legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]
+    caption = (
+        "Hit points of a frame, simulated (preset paper) against the paper's; equal on the line."
+    )
+    return Figure("figure-hits", caption, panels, source, legend)
+
+
+def _swatch(material: Material, lidar: str) -> str:
+    look = material.names.look(lidar)
+    return svg.line_swatch(look.colour, "none", look.marker)
+
+
+def _panel(material: Material, rows: pd.DataFrame) -> Panel:
+    scene = str(rows.scene.iloc[0])
+    with drawing():
+        figure, ax = panel(left=0.75)
+        ends = (0.8 * rows.paper_hits.min(), 1.25 * rows.paper_hits.max())
+        ax.plot(ends, ends, color=FAINT, linewidth=0.8)
+        for row in rows.itertuples():
+            style: dict[str, Any] = material.names.look(str(row.lidar)).style()
+            ax.plot(row.paper_hits, row.hits_per_frame, **style)
+        ax.set(xscale="log", yscale="log", xlabel="the paper", ylabel="simulated")
+        log_ticks(ax.xaxis)
+        log_ticks(ax.yaxis)
+        label = f"Hit points simulated against the paper's, {scene}"
+        return Panel(scene, svg.inline(figure, svg.identifier("hits", scene), label))

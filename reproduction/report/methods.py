@@ -1,0 +1,54 @@
+"""The report's methods, with the rules of the claims and where the paper's figures are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pyinfra.viz.report.blocks import Entry, Index, Section
+from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections import methods
+from reproduction.report.scenes import are_of_the_paper
+
+LEAD = (
+    "Definitions and rules are in docs/conventions.md of the project; those of the claims "
+    "about scanning were written before the run, those about detection before all cells were "
+    "measured. Everything is simulated: no vegetation, one pole for each scene."
+)
+# What the paper shows, where it is here (the start of an anchor), and what it needs.
+ENTRIES = (
+    Entry("Figure: scanning patterns", "figure-patterns", "a data set and the compiled extension"),
+    Entry("Figure: framework", "methods", ""),
+    Entry("Figure: speeds in the scenes", "figure-speeds", "a data set"),
+    Entry("Figure: position and orientation", "figure-plans", "a data set"),
+    Entry("Figure: clouds of the LiDARs in the scenes", "figure-sheet", "a data set"),
+    Entry(
+        "Figure: aggregation, one vehicle",
+        "figure-aggregation",
+        "data sets of one scene under several aggregations",
+    ),
+    Entry("Table: LiDARs and prices", "value", "lidars.csv"),
+    Entry("Table: hit points", "hits", "the table of hits, or a data set"),
+    Entry("Figure: boxes by number of points", "figure-sheet", "a data set"),
+    Entry("Figure: points per vehicle", "points", "the table of points per vehicle, or a data set"),
+    Entry("Figure: its cut-outs of vehicles", "figure-cutouts", "a data set"),
+    Entry("Table: features of the detectors", "methods", ""),
+    Entry(
+        "Figure: detection areas on the road",
+        "figure-plan-",
+        "a data set and the table of distance",
+    ),
+    Entry("Tables: AP in the three scenes", "accuracy", "the table of cells"),
+    Entry("Figure: predicted boxes", "figure-boxes", "a data set and runs"),
+    Entry("Figure: AP by distance", "distance", "the table of distance"),
+    Entry("Figures: high-quality areas", "areas", "the table of areas"),
+)
+
+
+def section(material: Material) -> Section:
+    """With the index of the paper's figures before the provenance."""
+    base = methods.section(material)
+    if not are_of_the_paper(material):
+        return base
+    *blocks, provenance = base.blocks
+    index = Index(("In the paper", "On this page"), ENTRIES)
+    return replace(base, lead=LEAD, blocks=[*blocks, index, provenance])

@@ -1,0 +1,43 @@
+"""The study's own tables in a folder of results, beside those of pyinfra."""
+
+from __future__ import annotations
+
+from pyinfra.experiments.result_tables import FINITE, SHARE, kind
+
+TABLES = {
+    "claims": kind("claims.csv", "claim preset statement verdict", "value low high"),
+    "ap_claims": kind(
+        "{tier}_claims.csv",
+        "scene preset claim statement verdict",
+        "value low high",
+        "scene preset claim statement",
+    ),
+    "paper": kind(
+        "{tier}_paper.csv",
+        "scene preset",
+        "cells rank_correlation mean_difference",
+        "scene preset",
+        rank_correlation=(-1.0, 1.0),
+        mean_difference=(-100.0, 100.0),
+    ),
+    "fidelity": kind(
+        "fidelity.csv",
+        "detail lidar distance_m",
+        "points_per_vehicle change_percent relative_time",
+        change_percent=FINITE,
+    ),
+    "aggregation": kind(
+        "aggregation.csv",
+        "aggregation lidar",
+        "points_per_vehicle outside_box_percent ms_per_frame_set",
+        outside_box_percent=SHARE,
+    ),
+    "ladder": kind(
+        "ladder.csv",
+        "detail aggregation frames lidar",
+        "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
+        later="ap_fine ap_fine_low ap_fine_high value blocks block_s draws draws_seed",
+    ),
+    "beam": kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
+    "speed": kind("speed.csv", "what unit", "value"),
+}

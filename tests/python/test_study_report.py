@@ -1,0 +1,172 @@
+"""The study's report: what it says beside the paper, and of the models of a scene."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import report_data
+from report_data import Read
+
+from pyinfra.cli import main
+from pyinfra.metrics.row_selection import with_fine
+from pyinfra.viz.report.report_data import Material, read_material
+from reproduction.paper_tables import paper_ap
+from reproduction.report import TABLES, ladder
+from reproduction.report.claims import thing_tested
+from reproduction.report.fidelity import section as fidelity_section
+
+
+def report(results: Path) -> Path:
+    """Writes the page of a folder beside it."""
+    out = results.parent / "report.html"
+    words = ["report", str(results), "--sections", "reproduction.report", "--out", str(out)]
+    assert main.main(words) == 0
+    return out
+
+
+def read(folder: Path) -> Material:
+    return read_material(folder, [], [], None, more=TABLES)
+
+
+def custom_site(folder: Path) -> Path:
+    """The tables of a benchmark of a site that is not of the paper."""
+    names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
+    more = ("quick_value.csv", "lidars.csv", "quick_claims.csv")
+    every = report_data.study_tables()
+    return report_data.write(
+        folder, {name: every[name].replace("highway", "bridge") for name in (*names, *more)}
+    )
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of all tables."""
+    folder = tmp_path_factory.mktemp("report") / "results"
+    return report(report_data.write(folder, report_data.study_tables()))
+
+
+def test_claims_follow_the_answer(whole: Path) -> None:
+    text = Read(whole).text
+    assert text.index("Most accurate where it looks") < text.index("undecided 1.49")
+
+
+def test_nothing_that_is_missing_is_shown_as_nan(whole: Path) -> None:
+    assert not re.search(r"\bnan\b|\bNone\b", Read(whole).text)
+
+
+def test_links_lead_somewhere_and_ids_are_unique(whole: Path) -> None:
+    page = Read(whole)
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
+
+
+@pytest.mark.parametrize("name", list(report_data.study_tables())[-5:])
+def test_one_table_alone_makes_a_page(name: str, tmp_path: Path) -> None:
+    tables = {name: report_data.study_tables()[name]}
+    page = Read(report(report_data.write(tmp_path / "results", tables)))
+    assert "Methods and provenance" in page.text
+    assert not re.search(r"\bnan\b", page.text)
+
+
+def test_ap_stands_beside_the_papers(whole: Path) -> None:
+    assert re.search(r"92\.5 \[90\.5, 93\.5\] R40 92\.5, paper 92\.4 ", Read(whole).text)
+
+
+def test_hits_stand_beside_the_papers(whole: Path) -> None:
+    text = Read(whole).text
+    assert "10,529 11,582 +10.0" in text
+    assert "on average 10.0 % from the paper's, 10.0 % at most" in text
+
+
+def test_what_the_paper_shows_and_this_page_does_not_is_said(tmp_path: Path) -> None:
+    results = report_data.write(tmp_path / "results", {"quick.csv": report_data.cells()})
+    assert "Figure: scanning patterns not here: needs a data set" in Read(report(results)).text
+
+
+def test_a_claim_is_one_row_whatever_its_counts() -> None:
+    statements = set(report_data.claims().statement)
+    assert len(statements) == 3
+    (one,) = {thing_tested(statement) for statement in statements}
+    assert one == "APV of livox_avia over the best of the others is 1.5 to 2.5; common, 90 to 120 m"
+
+
+def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) -> None:
+    tables = {"fidelity.csv": report_data.fidelity(), "aggregation.csv": report_data.aggregation()}
+    report_data.write(tmp_path, tables)
+    made = fidelity_section(read(tmp_path))
+    assert made is not None
+    assert made.lead.startswith("Recommended: detail low, ")
+    assert "(0.50 % at most), in 0.90 of their time" in made.lead
+    assert "slices:100 takes 40.9 ms" in made.lead
+
+
+def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> None:
+    report_data.write(tmp_path, {"ladder.csv": report_data.ladder()})
+    material = read(tmp_path)
+    words, made = ladder.blocks(material)
+    assert "detail low (1.00 of the time of fine)" in words
+    assert "aggregation instant (1.00 of the time of exact)" in words
+    assert "frames 500 (0.50 of the time of 1000)" in words
+    assert [block.kind for block in made] == ["figure", "table"]
+    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    assert not same["detail", "box"]
+    assert not same["frames", "50"]
+
+
+def test_a_ladder_without_draws_recommends_nothing(tmp_path: Path) -> None:
+    table = report_data.ladder()
+    kept = table[[name for name in table if not name.startswith("draw")]]
+    report_data.write(tmp_path, {"ladder.csv": kept})
+    words, _ = ladder.blocks(read(tmp_path))
+    assert words == ladder.UNTOLD
+
+
+def test_the_parts_of_vehicles_are_a_dial_where_the_ladder_has_them(tmp_path: Path) -> None:
+    usual = report_data.ladder().assign(parts="glass+gap+coat")
+    turned = usual[:2].assign(
+        parts="none", ap=[70.0, 60.0], ap_low=[68.0, 58.0], ap_high=[72.0, 62.0]
+    )
+    drawn = [name for name in turned if name.startswith("draw_")]
+    turned = report_data.draws(turned.drop(columns=drawn), "ap", 1)
+    every = usual[:2].assign(parts="all")
+    report_data.write(tmp_path, {"ladder.csv": pd.concat([usual, turned, every])})
+    material = read(tmp_path)
+    words, _ = ladder.blocks(material)
+    assert "parts glass+gap+coat (1.00 of the time of all)" in words
+    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    assert same["parts", "glass+gap+coat"]
+    assert not same["parts", "none"]
+    assert not same["detail", "box"]
+    assert {value for dial, value in same if dial == "label_time"} == {"frame"}
+
+
+def with_seconds(material: Material) -> pd.DataFrame:
+    return with_fine(material.results.table("ladder")).assign(seconds=1.0)
+
+
+def test_the_papers_ap_is_complete() -> None:
+    table = paper_ap()
+    assert len(table) == 3 * 4 * 4
+    value = table.set_index(["scene", "lidar", "detector"]).ap
+    assert value["highway", "ruby_plus", "pv-rcnn"] == 93.29
+    assert value["crossroad", "livox_avia", "pointpillars"] == 84.03
+    assert value["curve", "helios_16", "pointrcnn"] == 16.40
+
+
+def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
+    page = Read(report(custom_site(tmp_path / "results")))
+    assert not {"claims", "figure-hits"} & set(page.ids)
+    assert {"hits", "methods"} <= set(page.ids)
+    assert "the paper" not in page.text
+
+
+def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path) -> None:
+    results = custom_site(tmp_path / "results")
+    for name, table in report_data.study_tables().items():
+        if (results / name).is_file() and "scene" in table:
+            both = pd.concat([pd.read_csv(results / name), table])
+            both.to_csv(results / name, index=False)
+    text = Read(report(results)).text
+    assert text.index("Bridge, preset paper") < text.index("Most accurate where it looks")
+    assert {"claims", "figure-hits"} <= set(Read(results.parent / "report.html").ids)
