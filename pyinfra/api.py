@@ -19,8 +19,8 @@ from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.dataset.loading import load_dataset, one_lidar
 
 if TYPE_CHECKING:
+    from pyinfra.core.vocabulary import Tier
     from pyinfra.models.inference.boxes_table import TrainedDetector
-    from pyinfra.models.training.sources import Tier
 
 StrPath = str | os.PathLike[str]
 Progress = Callable[[str], None]

@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from pyinfra.core.config import Rule, as_plain
+from pyinfra.core.vocabulary import TIERS
 from pyinfra.dataset.launch import binary
 from pyinfra.experiments.benchmark.matrix import Benchmark
 from pyinfra.models.detectors.catalogue import DETECTORS
 from pyinfra.models.training.recipe import Learning
 from pyinfra.models.training.samples import Augmentation
-from pyinfra.models.training.sources import TIERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs/reference.md"
 UNITS = {  # of a number, by the end of its key; the first that fits

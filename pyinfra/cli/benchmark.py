@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.dry_run import outlook
 from pyinfra.experiments.benchmark.latency import time_again
@@ -14,7 +15,6 @@ from pyinfra.experiments.benchmark.matrix import read_plan
 from pyinfra.experiments.benchmark.runner import benchmark
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import BACKENDS, Pool
-from pyinfra.models.training.sources import TIERS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

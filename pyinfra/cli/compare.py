@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from pyinfra.core.files import replacing
-from pyinfra.metrics.ground_truth import SETS
+from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.metrics.places import compare_places
 
 SHOWN = {"ap_r1000": "AP (R1000)", "found_percent": "found %", "hidden_percent": "hidden %"}
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("places", nargs="+", type=Path, metavar="PLACE", help="two or more folders")
     parser.add_argument(
         "--ground-truth",
-        choices=SETS,
+        choices=SUBSETS,
         default="present",
         help="default: present, every vehicle of the region, seen or not, the same for all places",
     )

@@ -8,12 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
-from pyinfra.formats.kitti import VEHICLE_TYPES
 from pyinfra.metrics.evaluate import class_settings, default_settings, evaluate, write
 from pyinfra.metrics.evaluation_summary import summary
-from pyinfra.metrics.ground_truth import SETS
-from pyinfra.metrics.match_results import OBJECT_CLASSES, PROTOCOLS, Settings
+from pyinfra.metrics.match_results import PROTOCOLS, Settings
 from pyinfra.metrics.matching import CENTRE_M, PERSON_IOU, Metric
 
 METRICS: tuple[Metric, ...] = get_args(Metric)
@@ -38,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ground-truth",
         nargs="+",
-        choices=SETS,
+        choices=SUBSETS,
         help="captured: with points of this LiDAR; common: in view of every LiDAR of the data set, "
         "visible; all: visible from the mount; present: every one in the region, seen or not, to "
         "compare mounts. Default: captured all, without objects captured",

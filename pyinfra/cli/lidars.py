@@ -9,16 +9,17 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.lidars import LidarSheet, catalogue_files, read_catalogue, read_sheet
 
 NOTHING = "-"
 HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
 LEFT = (0, 1, 7, 8)  # columns of text
-LETTERS = {"paper": "p", "equal": "e", "datasheet": "d"}
 ASSUMED = "*"
 ASSUMPTION = f"{ASSUMED} the only range known: how it goes with reflectance and light is assumed"
-PRESETS = "presets: p paper, e equal, d datasheet; in capitals that of the figures"
+LETTERS: dict[str, str] = {name: name[0] for name in PRESETS}
+LEGEND = ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +80,8 @@ def lines(sheets: Sequence[LidarSheet]) -> list[str]:
     notes = [f"[{index}] {text}" for index, text in enumerate(sources, 1)]
     problems = [f"{sheet.name}: {sheet.problem}" for sheet in sheets if sheet.problem]
     assumption = [ASSUMPTION] if any(sheet.published_ranges == 1 for sheet in sheets) else []
-    return [*table, "", PRESETS, *assumption, *notes, *problems]
+    legend = f"presets: {LEGEND}; in capitals that of the figures"
+    return [*table, "", legend, *assumption, *notes, *problems]
 
 
 def row(sheet: LidarSheet, sources: Sequence[str]) -> tuple[str, ...]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.options import Wish, checked_wish, read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
 from pyinfra.metrics.row_selection import COUNTED
-from pyinfra.models.training.sources import TIERS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

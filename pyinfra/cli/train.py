@@ -9,11 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.core.vocabulary import TIERS
 from pyinfra.dataset.regions import outline_region
 from pyinfra.models.detectors.catalogue import DETECTORS
 from pyinfra.models.training.accumulation import Accumulation, LabelAt
 from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
-from pyinfra.models.training.sources import TIERS, Source, Stream, read_source, simulated_source
+from pyinfra.models.training.sources import Source, Stream, read_source, simulated_source
 from pyinfra.models.training.train import OF_NETWORKS, train
 
 

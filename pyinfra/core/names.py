@@ -9,16 +9,6 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 
-OBJECT_NAMES = {  # class_id of the simulator: type as in KITTI's label files
-    10: "Car",
-    11: "Van",
-    12: "Truck",
-    13: "Bus",
-    14: "Motorcycle",
-    15: "Pedestrian",
-    16: "Cyclist",
-}
-
 
 def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument: str) -> Path:
     """The file of a name that comes with the package, or the file itself.

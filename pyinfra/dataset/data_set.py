@@ -8,6 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import FormatError
+from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frames import data_set_of, lidars_in
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.dataset.regions import read_roads
@@ -37,7 +38,7 @@ class DataSet:
         return tuple(lidar.name for lidar in self.lidars)
 
     @property
-    def label_time(self) -> kitti.LabelTime:
+    def label_time(self) -> LabelTime:
         return self.lidars[0].label_time
 
     @property

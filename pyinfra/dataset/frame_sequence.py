@@ -20,8 +20,8 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray
-from pyinfra.core.names import OBJECT_NAMES
 from pyinfra.core.version import __version__
+from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
 from pyinfra.dataset.frame_tables import (
     Vehicles,
     concatenated,
@@ -231,7 +231,7 @@ class SimulatedFrames(FrameSequence):
         )
 
     @property
-    def label_time(self) -> kitti.LabelTime:
+    def label_time(self) -> LabelTime:
         from pyinfra.dataset import simulation
 
         return simulation.label_time(self.world, self.unit)
@@ -290,7 +290,7 @@ class RecordedFrames(FrameSequence):
         return read_vehicles(self.folder, self.numbers)
 
 
-def vehicles_of(rows: AnyArray, frame: int, label_time: kitti.LabelTime) -> Vehicles:
+def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
     """The structured rows of one simulated frame; frame: its index."""
     at = "scan_" if label_time == "scan" else ""
     labelled = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]

@@ -17,6 +17,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.core.errors import FormatError
+from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES, LabelTime
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.read import (
     LABEL_RULES,
@@ -115,7 +116,7 @@ def other_types(
 
     Vehicles of such a name count nowhere: `car` is no `Car`. None if there is none.
     """
-    other = ~np.isin(vehicles.names, [*types, *kitti.VEHICLE_TYPES, *kitti.OTHER_TYPES])
+    other = ~np.isin(vehicles.names, [*types, *VEHICLE_TYPES, *OTHER_TYPES])
     if not other.any():
         return None
     names, counts = np.unique(vehicles.names[other], return_counts=True)
@@ -190,7 +191,7 @@ def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: Floa
     )
 
 
-def _objects(files: Sequence[Path], frames: IntArray, label_time: kitti.LabelTime) -> Vehicles:
+def _objects(files: Sequence[Path], frames: IntArray, label_time: LabelTime) -> Vehicles:
     texts = _texts(files, whole=True)
     cells = [object_rows(text[0], text[1:]) if text else None for text in texts]
     # The class to the front, so that numbers follow each other.

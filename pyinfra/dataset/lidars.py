@@ -11,11 +11,10 @@ from typing import Any
 
 import yaml
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset import catalogue
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.formats import kitti
-
-NEAREST_TO_BUY = ("datasheet", "equal", "paper")  # of the presets, the first that a LiDAR has
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def _plain(file: Path) -> dict[str, Any]:
 
 
 def _preset_of(presets: Sequence[str]) -> str:
-    return next((name for name in NEAREST_TO_BUY if name in presets), "".join(presets[:1]))
+    return next((name for name in reversed(PRESETS) if name in presets), "".join(presets[:1]))
 
 
 def _field_of_view(file: Path, preset: str) -> tuple[kitti.FieldOfView, ...]:

@@ -32,7 +32,7 @@ from pyinfra._core import (
     warnings,
 )
 from pyinfra.core.arrays import Float32Array, FloatArray, Points
-from pyinfra.formats.kitti import LabelTime
+from pyinfra.core.vocabulary import LabelTime
 
 __all__ = [
     "BackgroundModel",

@@ -21,12 +21,13 @@ from pyinfra.core.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.files import write
 from pyinfra.core.version import __version__
+from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frames import PERIOD_S, lidars_in
 from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.formats import kitti
-from pyinfra.formats.kitti import RECORDED, VEHICLE_TYPES, Labels, Objects, RoadShape, WorldPose
+from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
 SEEN = 1.0  # visibility of an object that somebody labelled
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from pyinfra.core.files import new_folder, write
+from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
 from pyinfra.dataset.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import ImportSummary, LidarFacts, write_description, write_lidar
 from pyinfra.exchange.formats import FORMATS, reader
@@ -16,7 +17,6 @@ from pyinfra.exchange.object_types import with_public_types
 from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
-from pyinfra.formats.kitti import OTHER_TYPES, VEHICLE_TYPES
 
 # Whether the road is looked for and points turned upright to it, or taken as they are.
 Upright = Literal["auto", "road", "as-is"]

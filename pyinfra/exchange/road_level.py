@@ -14,10 +14,11 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, NameArray, Points
 from pyinfra.core.files import write
+from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frame_tables import read_cameras
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.formats import kitti
-from pyinfra.formats.kitti import VEHICLE_TYPES, Labels
+from pyinfra.formats.kitti import Labels
 
 # Both toolboxes' names; what is not among them has no class there and is left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")

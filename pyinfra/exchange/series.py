@@ -13,6 +13,7 @@ from pyinfra.core.arrays import Points, Records
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import write
+from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_tables import read_cameras
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.formats import kitti
@@ -31,7 +32,7 @@ class FrameSeries:
     provenance: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
     ids_are_tracks: bool  # an object's id is the same in all frames
     period_s: float
-    label_time: kitti.LabelTime
+    label_time: LabelTime
     T_world_lidar: kitti.WorldPose  # nothing moved or turned without lidar.yaml
 
 

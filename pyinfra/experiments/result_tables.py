@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import FormatError
+from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.formats.csv_table import numbers, read_words
 from pyinfra.metrics.row_selection import AP_COLUMNS, CELL, first_seed, with_fine, with_whole
-from pyinfra.models.training.sources import TIERS
 
 Ends = tuple[float, float]
 

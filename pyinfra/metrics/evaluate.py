@@ -18,6 +18,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import suggestion
+from pyinfra.core.vocabulary import OBJECT_CLASSES
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frame_tables import Cameras, Predictions, read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
@@ -26,14 +27,7 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluation_result import Evaluation, evaluate_tables
 from pyinfra.metrics.ground_truth import ground_truth_of, read_ground_truth
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings
-from pyinfra.metrics.match_results import (
-    OBJECT_CLASSES,
-    Judgement,
-    Settings,
-    are_people,
-    contest,
-    judge,
-)
+from pyinfra.metrics.match_results import Judgement, Settings, are_people, contest, judge
 from pyinfra.metrics.matching import PERSON_IOU
 from pyinfra.metrics.prediction_checks import PredictionFiles, check_predictions, find_files
 from pyinfra.metrics.prediction_table import predictions_of

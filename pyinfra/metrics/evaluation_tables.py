@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
+from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.regions import EVERY_ROAD, Window
 from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
-from pyinfra.metrics.ground_truth import Set
 from pyinfra.metrics.label_free_quality import CUTS
 from pyinfra.metrics.match_results import (
     CAUSES,
@@ -151,7 +151,7 @@ def _ap_of(
 
 
 def cut_first_ap(
-    contest: Contest, which: Set, iou: float, min_points: int, windows: Sequence[Window]
+    contest: Contest, which: Subset, iou: float, min_points: int, windows: Sequence[Window]
 ) -> list[float]:
     """AP (R1000) of each window when what lies outside is cut away before matching."""
     values = []

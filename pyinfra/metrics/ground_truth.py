@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import MIN_VISIBILITY, field_of_view_mask, is_of_lanes, read_lidars
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
@@ -20,12 +20,6 @@ from pyinfra.dataset.outlines import read_outlines
 from pyinfra.dataset.regions import GridCell, Places, Road, Window
 from pyinfra.dataset.trajectories import read_objects_at
 from pyinfra.formats import kitti
-
-# captured: at least some points of this LiDAR. common: inside the field of view and
-# range of every LiDAR of the data set, and visible. all: visible. present: everyone, seen or not,
-# the same for all LiDARs and mounts that share a region. Each inside the region.
-Set = Literal["captured", "common", "all", "present"]
-SETS: tuple[Set, ...] = get_args(Set)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +65,9 @@ class GroundTruth:
         """The areas where no road has an axis, as of lanes; none where windows are the areas."""
         return regions.region_cells(self.roads, self.outlines) if self.of_lanes else []
 
-    def counted(self, which: Set, vehicles: Vehicles, places: Places, min_points: int) -> BoolArray:
+    def counted(
+        self, which: Subset, vehicles: Vehicles, places: Places, min_points: int
+    ) -> BoolArray:
         """Which of some vehicles (n,), with their places, are to be found.
 
         Raises ValueError for a set that this folder cannot tell.

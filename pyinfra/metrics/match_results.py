@@ -23,12 +23,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, NameArray
+from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, Subset
 from pyinfra.dataset.data_set import MIN_VISIBILITY
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
 from pyinfra.dataset.regions import FOOTWAYS_M, Places, Window
-from pyinfra.formats.kitti import PERSON_TYPES, VEHICLE_TYPES
 from pyinfra.metrics import ap, intervals
-from pyinfra.metrics.ground_truth import GroundTruth, Set
+from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks
 from pyinfra.metrics.matching import (
     IOU,
@@ -48,12 +48,6 @@ from pyinfra.metrics.matching import (
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 CAUSES = ("ghost", "duplicate", "localisation")
-# By name: the KITTI types that make up a class.
-OBJECT_CLASSES = {
-    "vehicle": VEHICLE_TYPES,
-    "pedestrian": ("Pedestrian",),
-    "cyclist": ("Cyclist",),
-}
 LABELS_BLOCK_S = 20.0  # as on a motorway: without objects no one knows how long a vehicle stays
 
 
@@ -64,7 +58,7 @@ class Settings:
     classes: Mapping[str, tuple[str, ...]] = field(
         default_factory=lambda: {"vehicle": OBJECT_CLASSES["vehicle"]}
     )  # by name: the KITTI types that count
-    ground_truths: tuple[Set, ...] = ("captured", "all")
+    ground_truths: tuple[Subset, ...] = ("captured", "all")
     ious: tuple[float, ...] = (IOU,)
     protocols: tuple[Protocol, ...] = ("definition",)
     metrics: tuple[Metric, ...] = ("bev",)
@@ -294,7 +288,7 @@ def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = F
     return intervals.block_seconds(there.frame, there.ids, apart * truth.period_s)
 
 
-def judge(contest: Contest, which: Set, matches: IntArray, min_points: int) -> Judgement:
+def judge(contest: Contest, which: Subset, matches: IntArray, min_points: int) -> Judgement:
     """Counts under a ground truth what Contest.match() found."""
     counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
     matched = matches >= 0

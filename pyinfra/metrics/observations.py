@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.data_set import (
     MIN_VISIBILITY,
     DataSet,
@@ -169,7 +170,7 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
     keys, values, points = [], [], []
     for frame in data.frames:
         k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
-        vehicle = np.isin(k.names, kitti.VEHICLE_TYPES)
+        vehicle = np.isin(k.names, VEHICLE_TYPES)
         on_vehicle = k.points if level is None else _points_above(folder, frame, k.ids, level)
         keys.append(np.stack([np.full(len(k), frame), k.ids], axis=1)[vehicle])
         columns = np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility])

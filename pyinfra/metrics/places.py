@@ -15,9 +15,9 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import Subset
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.comparison import over_seeds
-from pyinfra.metrics.ground_truth import Set
 from pyinfra.metrics.replicates import check_pair, drawn
 
 MEASURES = {"ap_r1000": "ap_fine", "found_percent": "recall"}  # by column: in draws.csv
@@ -33,7 +33,7 @@ class Place:
     hidden_percent: float  # of the region's vehicles; NaN if `all` was not evaluated
 
 
-def compare_places(folders: Sequence[Path], which: Set = "present") -> pd.DataFrame:
+def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.DataFrame:
     """AP and share found of each place, and of each less every earlier one, paired.
 
     Parameters
@@ -66,7 +66,7 @@ def compare_places(folders: Sequence[Path], which: Set = "present") -> pd.DataFr
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def read_place(folder: Path, which: Set) -> Place:
+def read_place(folder: Path, which: Subset) -> Place:
     """Raises Error with the file, and FileNotFoundError for a folder without an evaluation."""
     files = [folder / "draws.csv"]
     if not files[0].is_file():

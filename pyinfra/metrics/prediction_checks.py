@@ -15,9 +15,9 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import FormatError
+from pyinfra.core.vocabulary import PERSON_TYPES, VEHICLE_TYPES
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
 from pyinfra.dataset.prediction_origin import ORIGIN_FILE, check_origin
-from pyinfra.formats import kitti
 from pyinfra.metrics.matching import pairs_of_frames
 
 NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
@@ -149,7 +149,7 @@ def _names(
     other = ~np.isin(predictions.names, types)
     if not other.any():
         return
-    known = np.isin(predictions.names, (*kitti.VEHICLE_TYPES, *kitti.PERSON_TYPES))
+    known = np.isin(predictions.names, (*VEHICLE_TYPES, *PERSON_TYPES))
     if (other & ~known).any() and not other.all():
         other &= ~known  # people beside vehicles need no word where something else does
     names, counts = np.unique(predictions.names[other], return_counts=True)

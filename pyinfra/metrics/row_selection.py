@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
+
 CELL = ("scene", "lidar", "preset", "detector", "tier")  # and the seed
 CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
 # Columns of AP of each ground truth, at 40 recalls and at 1,000, with the ends of their intervals.
@@ -12,7 +14,6 @@ AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "a
 AP_ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
 AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # what these are called wherever one is shown
-PRESETS = ("paper", "equal", "datasheet")  # of the catalogue; the last is nearest to what one buys
 
 
 def with_fine(cells: pd.DataFrame) -> pd.DataFrame:

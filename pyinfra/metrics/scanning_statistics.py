@@ -15,9 +15,9 @@ import pandas as pd
 
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import replacing
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.dataset.trajectories import read_rows
-from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RECORDED
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
@@ -65,7 +65,7 @@ def speed_table(data: DataSet) -> pd.DataFrame:
     """
     rows = _speeds(data.folder / "trajectories.csv")
     number = np.round(rows.t / data.period_s).astype(np.int64)
-    rows = rows[np.isin(number, data.frames) & ~rows["class"].isin(kitti.PERSON_TYPES)]
+    rows = rows[np.isin(number, data.frames) & ~rows["class"].isin(PERSON_TYPES)]
     return statistics_tables.speed_distribution(rows.id.to_numpy(), rows.speed.to_numpy())
 
 

@@ -25,6 +25,7 @@ from PIL import Image
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, Points
 from pyinfra.core.boxes import footprints
 from pyinfra.core.files import replacing
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import FULL_CIRCLE_DEG
 from pyinfra.dataset.frames import PERIOD_S
@@ -97,7 +98,7 @@ class Snapshot:
     @property
     def are_people(self) -> BoolArray:
         """(k,) which of the objects are no vehicles."""
-        return np.isin(self.objects.names, kitti.PERSON_TYPES)
+        return np.isin(self.objects.names, PERSON_TYPES)
 
 
 def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:

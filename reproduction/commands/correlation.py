@@ -16,6 +16,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.version import __version__, machine
+from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_tables import read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
@@ -24,7 +25,7 @@ from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics import ap
-from pyinfra.metrics.ground_truth import SETS, read_ground_truth
+from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_results import Settings, contest, judge
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.models.inference import detect
@@ -67,7 +68,7 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
     detections = read_predictions(files, read_cameras(folder, frames))
     one = contest(truth, detections, "vehicle", Settings(), "bev")
     matches = one.match(Settings().ious[0], strict=False)
-    for which in SETS:
+    for which in SUBSETS:
         judged = judge(one, which, matches, 1)
         use = np.flatnonzero(judged.hit | judged.wrong)
         counts = np.bincount(one.vehicles.frame[judged.counted], minlength=len(frames))

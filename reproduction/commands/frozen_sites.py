@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import yaml
 
+from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file
-from pyinfra.models.detectors.classes import ObjectClass
 from pyinfra.models.training.generated_sites import samples_of
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.scenes.generator import lidar_catalogue

@@ -24,6 +24,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.version import __version__, machine
+from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_tables import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
@@ -39,7 +40,7 @@ from pyinfra.metrics.replicates import draw_rows, same_of
 from pyinfra.models.inference import detect
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.recipe import Recipe, read_recipe
-from pyinfra.models.training.sources import Tier, read_source
+from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.random_stream import VERSION

@@ -22,10 +22,11 @@ from torch import Tensor
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.version import __version__
+from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.metrics import matching
 from pyinfra.models.detectors import Detections, calibration
-from pyinfra.models.detectors.classes import METRICS, TYPES, VEHICLES, ObjectClass
+from pyinfra.models.detectors.classes import METRICS, TYPES
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.inference.detect import MODELS, model_file

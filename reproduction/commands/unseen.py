@@ -22,12 +22,13 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
+from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.experiments.stress import clouds
 from pyinfra.metrics import intervals, matching
 from pyinfra.metrics.ap import average_precision, rank
 from pyinfra.models.detectors import Detections
-from pyinfra.models.detectors.classes import TYPES, VEHICLES, ObjectClass
+from pyinfra.models.detectors.classes import TYPES
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.inference.detect import model_file

@@ -6,9 +6,10 @@ import re
 
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.report.blocks import NOTHING, Column, Section, Table, TableCell, Text, shown, span
-from pyinfra.viz.report.names import PRESETS, Names, in_order
+from pyinfra.viz.report.names import Names, in_order
 from pyinfra.viz.report.report_data import Material
 from reproduction.report.scenes import are_of_the_paper
 

@@ -11,7 +11,6 @@ import pandas as pd
 from reproduction import ROOT
 
 LEAST_BOXES = 10  # of a site, for its own precision
-PRESETS = ("paper", "equal", "datasheet")
 DETECTORS = {
     "background": "Background",
     "pointpillars": "PointPillars",

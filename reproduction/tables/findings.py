@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.metrics.row_selection import ap_name, with_fine
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
-    PRESETS,
     ends,
     markdown,
     number,

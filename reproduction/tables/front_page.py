@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from reproduction.tables.common import PRESETS, markdown, number, results
+from pyinfra.core.vocabulary import PRESETS
+from reproduction.tables.common import markdown, number, results
 from reproduction.tables.findings import rows_of
 
 YAW_DEG = 0.25

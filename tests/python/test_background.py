@@ -12,6 +12,7 @@ from evaluation_data import write_lidar, write_roads
 from pyinfra.cli import main
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.boxes import bev_iou, iou_3d
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import ground_of_roads
 from pyinfra.dataset.regions import Region, Road, outline_region, roads_region
 from pyinfra.formats import kitti
@@ -109,7 +110,7 @@ def test_small_clusters_are_people_if_that_is_asked_for(
     busy_road: Background, name: str, size: tuple[float, float, float], tmp_path: Path
 ) -> None:
     points = cast(box(14, 9, 0.0, size), seed=99)
-    assert not set(busy_road.predict(points).names) & set(kitti.PERSON_TYPES)
+    assert not set(busy_road.predict(points).names) & set(PERSON_TYPES)
     asked = replace(busy_road, settings=replace(busy_road.settings, people=True))
     detections = asked.predict(points)
     assert detections.names.tolist() == [name]

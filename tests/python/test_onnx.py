@@ -13,10 +13,10 @@ from detector_data import SITE, road_sample  # noqa: E402
 
 from pyinfra.cli import main  # noqa: E402
 from pyinfra.core.config import as_plain  # noqa: E402
+from pyinfra.core.vocabulary import Tier  # noqa: E402
 from pyinfra.models.detectors.batch import make_batch  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
-from pyinfra.models.training.sources import Tier  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -21,13 +21,14 @@ from evaluation_data import (
 import pyinfra
 from pyinfra.cli import main
 from pyinfra.cli.evaluate import class_types
+from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.ground_truth import SETS, read_ground_truth
-from pyinfra.metrics.match_results import OBJECT_CLASSES, Settings, block_seconds, contest, judge
+from pyinfra.metrics.ground_truth import read_ground_truth
+from pyinfra.metrics.match_results import Settings, block_seconds, contest, judge
 from pyinfra.metrics.matching import Metric
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.scanning_statistics import speed_table
@@ -217,7 +218,7 @@ def test_frames_without_people_are_judged_as_before_there_were_rules_for_people(
     matches = one.match(0.5, strict=False)
     wrong = (matches < 0) & one.prediction_places.inside
     assert 0 < np.count_nonzero(wrong) < np.count_nonzero(matches < 0)
-    for which in SETS:
+    for which in SUBSETS:
         seen = truth.in_common_view(predictions.boxes) if which == "common" else True
         assert np.array_equal(judge(one, which, matches, 1).wrong, wrong & seen)
 
@@ -259,7 +260,7 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
         assert np.array_equal(inside, selected.visibility >= 0)
         assert name == "cyclist" or (selected.points > 0).any()
 
-    vehicles = ~np.isin(v.names, kitti.PERSON_TYPES)
+    vehicles = ~np.isin(v.names, PERSON_TYPES)
     objects = [len(v.frame[vehicles]) / 3, v.points[vehicles].sum() / 3]
     assert len(v.frame) / 3 > objects[0]
     for frames in ("0:3", "1:2"):  # the second counts what is on disk
@@ -270,7 +271,7 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
         assert again.returncode == 0
         assert counts == pytest.approx(objects, rel=1e-4)
     selected = kitti.read_objects(kitti.frame_file(tmp_path / "ruby_plus", "objects", 0))
-    people = np.isin(selected.names, kitti.PERSON_TYPES)
+    people = np.isin(selected.names, PERSON_TYPES)
     assert selected.points[people].sum() > 0
     view = clouds.read_snapshot(tmp_path / "ruby_plus", 0)
     assert view.counts().endswith(f" points, {selected.points[~people].sum():,} on vehicles")
@@ -284,7 +285,7 @@ def vehicles_of(trajectories: Path, frames: range) -> int:
     """Rows of vehicles at the starts of some frames."""
     rows = pd.read_csv(trajectories)
     at = np.isin(np.round(rows.t * 10), frames)
-    return int((at & ~rows["class"].isin(kitti.PERSON_TYPES)).sum())
+    return int((at & ~rows["class"].isin(PERSON_TYPES)).sum())
 
 
 def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -320,4 +321,4 @@ def test_types_of_classes() -> None:
     }
     assert class_settings(class_types(["Pedestrian"])).ious == (0.25,)
     assert class_settings(class_types(["Car"])) == Settings(classes={"Car": ("Car",)})
-    assert set(kitti.PERSON_TYPES).isdisjoint(kitti.VEHICLE_TYPES)
+    assert set(PERSON_TYPES).isdisjoint(VEHICLE_TYPES)

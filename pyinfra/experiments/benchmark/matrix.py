@@ -9,18 +9,17 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pyinfra.core.config import checked, read_config, ruled
 from pyinfra.core.errors import ConfigError
+from pyinfra.core.vocabulary import Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.value import Costs
-from pyinfra.models.training.sources import Tier
 from pyinfra.scenes.maps.site_folder import MAP, SCENE
 
-Preset = Literal["paper", "equal", "datasheet"]
 # Of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
 MOST_FRAMES = 360_000  # of a scene: 36,000 s

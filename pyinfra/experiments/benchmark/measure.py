@@ -13,6 +13,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.version import __version__, machine
+from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.prediction_origin import origin_of, write_origin
 from pyinfra.experiments.benchmark.matrix import Cell
@@ -20,7 +21,6 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.ground_truth import SETS
 from pyinfra.metrics.match_results import Settings
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF
 from pyinfra.models.inference import detect
@@ -29,7 +29,7 @@ from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 
 Tables = dict[str, pd.DataFrame]
-SETTINGS = Settings(ground_truths=SETS)
+SETTINGS = Settings(ground_truths=SUBSETS)
 TIMED_FRAMES = 100
 LATENCY = tuple(f"latency_{w}" for w in "p50_ms p95_ms other_cores frames version machine".split())
 MEASURED = (

@@ -13,19 +13,19 @@ import pandas as pd
 from pyinfra.core.config import canonical
 from pyinfra.core.errors import ConfigError
 from pyinfra.core.files import replacing
+from pyinfra.core.vocabulary import Subset
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.inputs import FRAMES_OF, digests
 from pyinfra.experiments.benchmark.matrix import Cell, Plan
 from pyinfra.experiments.benchmark.measure import SETTINGS
 from pyinfra.experiments.pool import Say, silent
 from pyinfra.experiments.value import KEY
-from pyinfra.metrics.ground_truth import Set
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.recipe import Recipe, read_recipe
 
 SHOWN = 5  # cells that a message names
 # What version 0.3 measured: those added since change none of its figures.
-FIRST_TRUTHS: tuple[Set, ...] = ("captured", "common", "all")
+FIRST_TRUTHS: tuple[Subset, ...] = ("captured", "common", "all")
 
 
 def recipe_digest(recipe: Recipe) -> str:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import yaml
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
-from pyinfra.metrics.row_selection import PRESETS
 
 CLOUDS_ALONE = "allowed --stressors of clouds alone"
 

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frame_tables import Predictions
-from pyinfra.formats.kitti import VEHICLE_TYPES
 from pyinfra.metrics import ap
 from pyinfra.metrics.evaluation_tables import ap_row, fine_ap
 from pyinfra.metrics.ground_truth import GroundTruth

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import Points
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import LIDARS, SCENES
 from pyinfra.experiments.stress import altered_scenes, clouds, limits
 from pyinfra.experiments.stress.altered_scenes import Base, World
-from pyinfra.metrics.row_selection import PRESETS
 from pyinfra.models.training import sensor_faults
 
 Dial = float | str

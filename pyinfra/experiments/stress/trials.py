@@ -13,13 +13,13 @@ import pandas as pd
 
 from pyinfra.core.files import held
 from pyinfra.core.version import __version__, machine
+from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import altered_scenes, score
 from pyinfra.experiments.stress.altered_scenes import Base
 from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Dial, Stressor
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import WORDS, read_csv
-from pyinfra.formats.kitti import VEHICLE_TYPES
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file

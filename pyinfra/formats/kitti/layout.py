@@ -9,10 +9,9 @@ from typing import Literal
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, NameArray
+from pyinfra.core.vocabulary import LabelTime
 
 Part = Literal["velodyne", "fields", "objects", "label_2", "calib"]
-# The pose of a label: that of the middle of the frame, or of the mean time of its returns.
-LabelTime = Literal["frame", "scan"]
 
 SUFFIXES: dict[Part, str] = {
     "velodyne": ".bin",
@@ -31,11 +30,6 @@ OBJECT_COLUMNS = [
 ]
 PITCH_COLUMN = "pitch"  # the last, of runs whose vehicles lean
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
-# What is a vehicle; the last one is of unknown type.
-VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
-PERSON_TYPES = ("Pedestrian", "Cyclist")
-# What is known to be none.
-OTHER_TYPES = ("Cyclist", "Pedestrian", "Person_sitting", "Tram", "Misc", "DontCare")
 FARTHEST_M = 10_000.0  # of a coordinate in a LiDAR's frame; the farthest range is 5,000 m
 
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import get_args
 
-from pyinfra.formats.kitti.layout import FARTHEST_M, LabelTime
+from pyinfra.core.vocabulary import LabelTime
+from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_yaml
 
 RECORDED = "recorded"  # preset of a LiDAR that was not simulated

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from torch import Tensor
 
 from pyinfra.core.config import ruled
+from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.batch import Batch
 from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
 from pyinfra.models.detectors.centre_head import AxisHead, CentreHead
-from pyinfra.models.detectors.classes import VEHICLES, ObjectClass
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.detectors.network import Losses, Network
 from pyinfra.models.detectors.pillars import PillarEncoder

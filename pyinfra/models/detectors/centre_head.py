@@ -15,10 +15,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.anchors import in_half_turn, is_backwards
 from pyinfra.models.detectors.bev import conv
-from pyinfra.models.detectors.classes import ALONG_ROADS, VEHICLES, ObjectClass
+from pyinfra.models.detectors.classes import ALONG_ROADS
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.detectors.distributed import of_all
 from pyinfra.models.detectors.losses import heat_map_focal, start_rare

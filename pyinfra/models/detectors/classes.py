@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
 from pyinfra.core.arrays import IntArray, NameArray
-from pyinfra.metrics.match_results import OBJECT_CLASSES
+from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, ObjectClass
 from pyinfra.metrics.matching import Metric
 
-ObjectClass = Literal["vehicle", "pedestrian", "cyclist"]
-VEHICLES: tuple[ObjectClass, ...] = ("vehicle",)
 # What a network writes, as it knows no more of a vehicle.
 TYPES: dict[ObjectClass, str] = {
     "vehicle": "vehicle",

@@ -14,11 +14,12 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.core.arrays import Points
+from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.batch import Batch, Sample, make_batch
 from pyinfra.models.detectors.calibration import calibrated
-from pyinfra.models.detectors.classes import TYPES, VEHICLES, ObjectClass
+from pyinfra.models.detectors.classes import TYPES
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.ops.boxes import nms
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frame_tables import Predictions, read_cameras, read_predictions
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import ground_of
@@ -41,7 +42,7 @@ def trust_of(
         allow_missing=allow_missing,
     )
     predictions = read_predictions(files.files, read_cameras(folder, frames))
-    predictions = predictions.select(~np.isin(predictions.names, kitti.PERSON_TYPES))
+    predictions = predictions.select(~np.isin(predictions.names, PERSON_TYPES))
     lidar = kitti.read_lidar(folder) if (folder / "lidar.yaml").is_file() else None
     region = region_of(folder, lidar.T_world_levelled) if lidar else None
     clouds = [kitti.frame_file(folder, "velodyne", k) for k in frames]

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
 from pyinfra.formats import kitti
@@ -90,7 +91,7 @@ def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
 
 def _are_vehicles(detections: Detections) -> BoolArray:
     likely = detections.scores >= LEAST_SCORE
-    return np.asarray(likely & ~np.isin(detections.names, kitti.PERSON_TYPES))
+    return np.asarray(likely & ~np.isin(detections.names, PERSON_TYPES))
 
 
 def _only(detections: Detections, keep: BoolArray) -> Detections:

@@ -21,9 +21,10 @@ from pyinfra.core.config import as_plain, from_plain
 from pyinfra.core.errors import ConfigError
 from pyinfra.core.files import replacing
 from pyinfra.core.version import __version__
+from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.catalogue import DETECTORS
-from pyinfra.models.detectors.classes import ObjectClass, classes_of
+from pyinfra.models.detectors.classes import classes_of
 from pyinfra.models.detectors.detection_area import Site, around
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.training.accumulation import LabelAt

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pyinfra.core.config import Part, checked, read_config, ruled
+from pyinfra.core.vocabulary import TIERS, ObjectClass, Tier
 from pyinfra.models.detectors.catalogue import DETECTORS
-from pyinfra.models.detectors.classes import ObjectClass, classes_of
+from pyinfra.models.detectors.classes import classes_of
 from pyinfra.models.inference.detect import model_file, shipped
 from pyinfra.models.training.samples import Augmentation
-from pyinfra.models.training.sources import TIERS, Tier
 
 # Of the layers; in which cell a point lies, searches, losses and boxes always have 32 bits.
 Precision = Literal["float32", "bfloat16"]

@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points
+from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, LabelTime, ObjectClass, Tier
 from pyinfra.dataset import regions, split
 from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
 from pyinfra.dataset.frame_tables import Vehicles, other_types, read_vehicles
@@ -24,8 +25,7 @@ from pyinfra.dataset.frames import (
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
-from pyinfra.metrics.match_results import OBJECT_CLASSES
-from pyinfra.models.detectors.classes import VEHICLES, ObjectClass, numbers_of
+from pyinfra.models.detectors.classes import numbers_of
 from pyinfra.models.training.accumulation import Accumulation
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from pyinfra.models.detectors.detection_area import Site
     from pyinfra.models.training.samples import Samples
 
-Tier = Literal["smoke", "quick", "full"]
-TIERS: tuple[Tier, ...] = get_args(Tier)
 # Of the train frames of 500 s, at most so many, evenly spread.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
 ONE_FRAME = Accumulation()
@@ -47,7 +45,7 @@ class Source:
     lidar: str
     preset: str
     scene: str
-    label_time: kitti.LabelTime
+    label_time: LabelTime
     clouds: tuple[Callable[[], Points], ...]
     # (k, 7) of each frame's vehicles with a point, or of whatever the classes are
     read_boxes: Callable[[], tuple[FloatArray, ...]]
@@ -231,7 +229,7 @@ def cast(world: simulation.World, lidar: simulation.Lidar, frame: int) -> Points
 
 def labels_of_frame(
     frame: simulation.Frame,
-    label_time: kitti.LabelTime,
+    label_time: LabelTime,
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> tuple[FloatArray, IntArray]:
     """(k, 7) of what of the classes has a point in a simulated frame, and the numbers (k,)."""

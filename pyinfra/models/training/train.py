@@ -17,7 +17,7 @@ from tqdm import tqdm
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError
 from pyinfra.core.files import replacing
-from pyinfra.formats.kitti import LabelTime
+from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.accumulation import Accumulation

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from pyinfra.dataset.catalogue import LIDARS, configs
 from pyinfra.formats.kitti import read_keys
-from pyinfra.metrics import row_selection
 from pyinfra.viz.report.style import Look, look
 
 KINDS = {
@@ -27,7 +26,6 @@ DETECTORS = {
     "centerpoint-pillar": "CenterPoint-Pillar",
     "background": "Background",
 }
-PRESETS = row_selection.PRESETS
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.experiments.options import Wish
 from pyinfra.experiments.result_tables import KINDS, Kind, Results, read_results
 from pyinfra.formats import kitti
 from pyinfra.metrics.row_selection import preset_of_answers
-from pyinfra.viz.report.names import PRESETS, Names, in_order, read_names
+from pyinfra.viz.report.names import Names, in_order, read_names
 
 ANY_PRICE = Wish()
 

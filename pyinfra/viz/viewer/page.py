@@ -19,8 +19,8 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import replacing
 from pyinfra.core.version import __version__
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.surroundings import Surroundings, road_lines
-from pyinfra.formats import kitti
 from pyinfra.viz.viewer.encoding import STEP_M, pack_points
 from pyinfra.viz.viewer.frames import ViewFrame
 
@@ -171,7 +171,7 @@ def _view(views: Views, most_points: int | None, around: Surroundings | None) ->
 
 def _boxes_of(views: Views) -> str:
     names = np.concatenate([view.names for frame_views in views.values() for view in frame_views])
-    return "vehicles and people" if np.isin(names, kitti.PERSON_TYPES).any() else "vehicles"
+    return "vehicles and people" if np.isin(names, PERSON_TYPES).any() else "vehicles"
 
 
 def _around(around: Surroundings | None) -> dict[str, Any]:

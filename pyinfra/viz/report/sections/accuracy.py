@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.metrics.row_selection import ap_name, hidden_share
 from pyinfra.viz.report.blocks import (
@@ -21,7 +22,7 @@ from pyinfra.viz.report.blocks import (
     shown,
     span,
 )
-from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.speed import timing_load
 

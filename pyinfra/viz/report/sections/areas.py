@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Patch
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset import regions
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
@@ -28,7 +29,7 @@ from pyinfra.viz.report.blocks import (
     shown,
     span,
 )
-from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import MEANING
 from pyinfra.viz.report.style import INK, drawing, panel

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.regions import WINDOW_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.row_selection import ap_name, first_seed
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, LegendEntry, Panel, Section
-from pyinfra.viz.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, Names, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, drawing, panel
 

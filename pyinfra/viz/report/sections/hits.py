@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.viz.report.blocks import Column, Section, Table, TableCell, number
-from pyinfra.viz.report.names import PRESETS, in_order
+from pyinfra.viz.report.names import in_order
 from pyinfra.viz.report.report_data import Material
 
 KEY = ["scene", "lidar"]

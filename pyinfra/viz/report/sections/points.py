@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.experiments.result_tables import TableFile
@@ -14,7 +15,7 @@ from pyinfra.metrics.observations import blocks_of, read_sightings
 from pyinfra.metrics.scanning_statistics import sets_of
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, Panel, Section
-from pyinfra.viz.report.names import PRESETS, in_order
+from pyinfra.viz.report.names import in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, log_ticks, panel

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.machine_load import load_text
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.options import FRAME_MS
 from pyinfra.experiments.result_tables import TableFile
@@ -15,7 +16,7 @@ from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
 from pyinfra.viz.report.blocks import number as number_cell
-from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.viz.scanning_plots import MARKERS

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.experiments.stress.stressors import NONE
@@ -23,7 +24,7 @@ from pyinfra.viz.report.blocks import (
     Table,
     TableCell,
 )
-from pyinfra.viz.report.names import DETECTORS, PRESETS, Names, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, Names, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, drawing, panel
 from pyinfra.viz.scanning_plots import LINES, MARKERS

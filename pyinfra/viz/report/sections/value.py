@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.value import mounts_of
 from pyinfra.metrics.row_selection import ap_name, first_seed, with_fine
@@ -22,7 +23,7 @@ from pyinfra.viz.report.blocks import (
     TableCell,
     number,
 )
-from pyinfra.viz.report.names import DETECTORS, PRESETS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
