@@ -13,7 +13,6 @@ from tqdm import tqdm
 
 from pyinfra.cli.main import message_of
 from pyinfra.experiments.stress import altered_scenes, trials
-from pyinfra.experiments.stress.results import write
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
 from pyinfra.viz import stress_plots
 
@@ -75,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         _list(todo, base, len(every))
     else:
         failed += _fill(todo, base, args.out, args.seed)
-        files = write(args.out)
+        files = trials.write_summary(args.out)
         files += stress_plots.draw_all(trials.read(args.out / "stress.csv"), args.out)
         print(*files, sep="\n")
     if failed:

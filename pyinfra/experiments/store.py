@@ -1,8 +1,11 @@
-"""The tables of a benchmark: rows that are added whole, by several processes."""
+"""Tables of experiments that resume: rows are added whole, by several processes.
+
+The benchmark and the stress test stand on it: an experiment with a row is done (`fill`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -38,10 +41,10 @@ def lock(file: Path) -> Path:
     return file.parent / "locks/tables"
 
 
-def write(file: Path, table: pd.DataFrame) -> None:
+def write(file: Path, table: pd.DataFrame, digits: int = 6) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as beside:
-        table.to_csv(beside, index=False, float_format="%.6g")
+        table.to_csv(beside, index=False, float_format=f"%.{digits}g")
 
 
 def without(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.DataFrame:
@@ -53,6 +56,15 @@ def among(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.Ser
     wanted = pd.MultiIndex.from_frame(rows[list(key)].astype(str))
     mask = pd.MultiIndex.from_frame(table[list(key)].astype(str)).isin(wanted)
     return pd.Series(mask, index=table.index)
+
+
+def fill(lock: Path, is_done: Callable[[], bool], run: Callable[[], None]) -> bool:
+    """Runs an experiment that is not done, unless another process is at it; whether it ran."""
+    with held(lock, wait=False) as ours:
+        if not ours or is_done():
+            return False
+        run()
+    return True
 
 
 def has(table: pd.DataFrame, key: Mapping[str, object]) -> bool:

@@ -134,17 +134,13 @@ def fill(
 ) -> None:
     """The rows of one cell, unless another process is at it; an exception becomes its reason."""
     run = workspace.work / "runs" / cell.name
-    with held(run.with_name(f"{run.name}.lock"), wait=False) as ours:
-        if not ours or not workspace.without_row([cell]):
-            return
-        file, folder = (
-            plan.files["detectors", cell.detector],
-            workspace.data(cell.world) / cell.lidar,
-        )
+
+    def measured() -> None:
         try:
-            recipe = read_recipe(file, cell.tier)
+            recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
             cell_inputs = inputs_of(cell, recipe, digests)
             claim_run(run, cell_inputs)
+            folder = workspace.data(cell.world) / cell.lidar
             with exclusive_gpu(device, workspace.work) as gpu:
                 tables = measure.tables(cell, recipe, folder, run, device=gpu)
             tables["cells"] = tables["cells"].assign(**cell_inputs)
@@ -152,7 +148,10 @@ def fill(
             tables = measure.failed(cell, error)
         workspace.put(tables)
         conclude(workspace, plan)
-    say(progress(cell, tables["cells"].iloc[0]))
+        say(progress(cell, tables["cells"].iloc[0]))
+
+    lock = run.with_name(f"{run.name}.lock")
+    store.fill(lock, lambda: not workspace.without_row([cell]), measured)
 
 
 def progress(cell: Cell, row: pd.Series) -> str:

@@ -15,7 +15,7 @@ from pyinfra.core.files import held
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.experiments import store
-from pyinfra.experiments.stress import altered_scenes, score
+from pyinfra.experiments.stress import altered_scenes, score, summary
 from pyinfra.experiments.stress.altered_scenes import Base
 from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Dial, Stressor
 from pyinfra.formats import kitti
@@ -195,13 +195,14 @@ def read(file: Path) -> pd.DataFrame:
 def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
     """The row of a trial that has none, unless another process is at it; whether one was added."""
     file, key = out / "stress.csv", key_of(trial, base, seed)
-    with held(out / "locks" / "_".join(key.values()), wait=False) as ours:
-        if not ours or store.has(read(file), key):
-            return False
+
+    def measured() -> None:
         row, draws = row_of(trial, base, out / "worlds", seed)
         store.put(out / "stress_draws.csv", draws, KEY)
         store.put(file, pd.DataFrame([row], columns=list(COLUMNS)), KEY)
-    return True
+
+    lock = out / "locks" / "_".join(key.values())
+    return store.fill(lock, lambda: store.has(read(file), key), measured)
 
 
 def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
@@ -232,6 +233,17 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
                 f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
                 "another data set of these names, allowed the same, or another --out"
             )
+
+
+def write_summary(out: Path) -> list[Path]:
+    """Writes the summary and the ranking of the rows that are there; returns all tables' files."""
+    table = read(out / "stress.csv")
+    made = {"summary": summary.summary(table), "ranking": summary.ranking(table)}
+    files = {name: out / f"stress_{name}.csv" for name in made}
+    with held(out / "locks" / "summary", wait=True):
+        for name, rows in made.items():
+            store.write(files[name], rows, digits=4)
+    return [out / "stress.csv", *files.values()]
 
 
 def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
