@@ -23,7 +23,7 @@ CLASS, LEAST_VISIBILITY = "Car", 0.8
 MARGIN_M = 0.3  # around a box: what lies in it is the vehicle's where nothing says whose it is
 ROAD_M = 0.1  # from the bottom of a box: what lies below is the road
 AROUND, ABOVE = np.radians([40.0, 30.0])  # where a cut-out is seen from, behind and to the right
-EDGE_M = 0.25  # of empty paper around a cut-out
+EDGE_M = 0.25  # of margin around a cut-out
 _EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
 _HIDDEN = 0b011  # the corner in front, on the left, at the bottom: behind the box
 

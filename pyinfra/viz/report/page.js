@@ -28,7 +28,7 @@ const sizes = new ResizeObserver((entries) => {
 });
 for (const scroller of scrollers) sizes.observe(scroller);
 
-/* Everything is on paper: what is folded opens for the printer. */
+/* What is folded opens for the printer. */
 addEventListener("beforeprint", () => {
   for (const part of document.querySelectorAll("details:not([open])")) {
     part.open = true;
