@@ -7,7 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyinfra.cli.main import exit_code_of, message_of
+from pyinfra.cli.messages import message_of
+from pyinfra.core.errors import Error
 from reproduction import ROOT, commands
 
 PROGRAM = "python -m reproduction"
@@ -38,9 +39,9 @@ def main(words: Sequence[str] | None = None) -> int:
     sys.argv = [f"{PROGRAM} {name}", *words[1:]]
     try:
         return int(importlib.import_module(f"reproduction.commands.{name}").main() or 0)
-    except (OSError, ValueError, RuntimeError, ImportError) as error:
+    except (Error, OSError) as error:
         print(f"{PROGRAM} {name}: {message_of(error)}", file=sys.stderr)
-        return exit_code_of(error)
+        return error.exit_code if isinstance(error, Error) else 1
 
 
 if __name__ == "__main__":

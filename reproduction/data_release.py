@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.dataset import catalogue, runs, split
 from pyinfra.dataset.data_set import DataSet, read_data_set
@@ -25,21 +26,21 @@ TIMES = "summary.csv"  # differs from run to run
 def spread(count: int) -> range:
     """At most `count` frames, evenly spread from the first to about the last of a scene.
 
-    Raises ValueError for less than 2 or more than there are.
+    Raises Error for less than 2 or more than there are.
     """
     if not 2 <= count <= FRAMES:
-        raise ValueError(f"--frames: found {count}, allowed 2 to {FRAMES}")
+        raise Error(f"--frames: found {count}, allowed 2 to {FRAMES}")
     last = FRAMES - 1
     gaps = last // (last // count + 1)
     return range(0, FRAMES, last // gaps)
 
 
 def check_folder(folder: Path, frames: range) -> None:
-    """Raises ValueError if a LiDAR of a scene's folder has a frame that is not among `frames`."""
+    """Raises Error if a LiDAR of a scene's folder has a frame that is not among `frames`."""
     for velodyne in sorted(folder.glob("[!.]*/training/velodyne")):
         lidar = velodyne.parents[1]
         if others := set(kitti.frames(lidar)) - set(frames):
-            raise ValueError(
+            raise Error(
                 f"{lidar}: found frame {min(others)} of another --frames, "
                 f"allowed every {frames.step}th; choose another --out"
             )
@@ -71,7 +72,7 @@ def checksums(out: Path) -> Iterator[str]:
 def write(out: Path, frames: range, preset: str, say: Callable[[str], None] | None = None) -> None:
     """Scenes, card and list of sums in `out`, which is created.
 
-    say: is told of each scene that is there. Raises SimulatorError, and ValueError if `out` has
+    say: is told of each scene that is there. Raises SimulatorError, and Error if `out` has
     frames of another choice.
     """
     for scene in catalogue.SCENES:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.dataset import launch
 from pyinfra.dataset.catalogue import FLAT, scene_file
@@ -90,14 +91,14 @@ def hits_per_frame(
 def read_hits(summary: Path) -> pd.Series:
     """Hits per frame by LiDAR name, from the summary of a run.
 
-    Raises ValueError if it has other columns, no LiDAR or no frames.
+    Raises Error if it has other columns, no LiDAR or no frames.
     """
     table = read_csv(summary)
     missing = [column for column in SUMMARY_COLUMNS if column not in table.columns]
     if missing:
-        raise ValueError(f"{summary}:1: found no column {missing[0]}, needed {SUMMARY_COLUMNS}")
+        raise Error(f"{summary}:1: found no column {missing[0]}, needed {SUMMARY_COLUMNS}")
     if len(table) == 0 or (table["frames"] < 1).any():
-        raise ValueError(f"{summary}: found a summary without frames")
+        raise Error(f"{summary}: found a summary without frames")
     hits = table.set_index("lidar")["hits_per_frame"].astype(float)
     return hits.rename("hits")
 

@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.dry_run import outlook
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
-        raise ValueError(f"--jobs: found {args.jobs}, allowed 1 or more")
+        raise Error(f"--jobs: found {args.jobs}, allowed 1 or more")
     plan = read_plan(args.config, args.tier, args.scene)
     workspace = Workspace(args.work, args.out, args.tier)
     if args.dry_run:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.metrics.places import compare_places
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if len(args.places) < 2:
-        raise ValueError(f"PLACE: expected two folders or more, got {len(args.places)}")
+        raise Error(f"PLACE: expected two folders or more, got {len(args.places)}")
     if len(set(args.places)) < len(args.places):
-        raise ValueError("PLACE: expected every folder once, got one twice")
+        raise Error("PLACE: expected every folder once, got one twice")
     table = compare_places(args.places, args.ground_truth)
     if args.out:
         args.out.parent.mkdir(parents=True, exist_ok=True)

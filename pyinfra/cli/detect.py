@@ -12,6 +12,7 @@ from typing import TextIO
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.dataset.frames import frame_numbers, has_labels, period_of
 from pyinfra.dataset.ground import MOST_HEIGHT_M, Ground, level_ground
@@ -132,31 +133,31 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises ValueError for words that do not go together."""
+    """Raises Error for words that do not go together."""
     if args.frames < 0:
-        raise ValueError(f"--frames: found {args.frames}, allowed 0 or more")
+        raise Error(f"--frames: found {args.frames}, allowed 0 or more")
     if args.model is not None and args.trained is not None:  # it is the first cloud
         args.trained, args.cloud = None, [args.trained, *args.cloud]
     if args.model is None and args.trained is None:
-        raise ValueError("detect: found no detector, allowed RUN or --model")
+        raise Error("detect: found no detector, allowed RUN or --model")
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
-        raise ValueError("detect: found no or two inputs, allowed --data with --out, or clouds")
+        raise Error("detect: found no or two inputs, allowed --data with --out, or clouds")
     if args.drop_standing and args.data is None:
-        raise ValueError("--drop-standing: found clouds alone, allowed with --data")
+        raise Error("--drop-standing: found clouds alone, allowed with --data")
     if args.data is not None and not (args.data / "training/velodyne").is_dir():
-        raise ValueError(f"--data: found {args.data} without training/velodyne, allowed a LiDAR's")
+        raise Error(f"--data: found {args.data} without training/velodyne, allowed a LiDAR's")
     if args.out is not None and args.out.name == "label_2":
-        raise ValueError(f"--out: found {args.out}, allowed another folder: labels are there")
+        raise Error(f"--out: found {args.out}, allowed another folder: labels are there")
 
 
 def _clouds(args: argparse.Namespace, accumulation: Accumulation) -> tuple[list[Path], Read]:
-    """The files of the clouds, and what reads one. Raises ValueError if there is none."""
+    """The files of the clouds, and what reads one. Raises Error if there is none."""
     if args.data is None:
         return args.cloud, _lone(args.cloud)
     numbers = frame_numbers(args.data, args.split)
     chosen = spread(numbers, args.frames) if args.frames else numbers
     if not chosen:
-        raise ValueError(f"{args.data}: found no frame in the split, allowed one or more")
+        raise Error(f"{args.data}: found no frame in the split, allowed one or more")
     files = [kitti.frame_file(args.data, "velodyne", k) for k in chosen]
     return files, stacking(args.data, chosen, accumulation)
 
@@ -168,13 +169,13 @@ def _detector(model: Path, args: argparse.Namespace) -> Detector:
         for option in ("height_m", "region"):
             if getattr(args, option) is not None:
                 name = option.replace("_", "-")
-                raise ValueError(f"--{name}: found one for background, allowed where it learnt")
+                raise Error(f"--{name}: found one for background, allowed where it learnt")
     return load_detector(model, ground=ground, region=region, device=args.device, stacks=True)
 
 
 def _ground_and_region(args: argparse.Namespace) -> tuple[Ground | None, Region | None]:
     if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
-        raise ValueError(
+        raise Error(
             f"--height-m: found {args.height_m:g}, allowed more than 0 to {MOST_HEIGHT_M:g}"
         )
     ground, region = ground_and_region_of(args.data) if args.data is not None else (None, None)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
 from pyinfra.metrics.evaluate import class_settings, default_settings, evaluate, write
@@ -147,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
 def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """`vehicle`, `pedestrian`, `Car` or `large=Truck,Bus` as classes with their types.
 
-    Raises ValueError for a class without types.
+    Raises Error for a class without types.
     """
     classes = {}
     for word in words:
@@ -156,6 +157,6 @@ def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
         if not equals:
             listed = OBJECT_CLASSES.get(name, listed)
         if not name or not all(listed):
-            raise ValueError(f"--class: found '{word}', allowed NAME or NAME=TYPE,TYPE")
+            raise Error(f"--class: found '{word}', allowed NAME or NAME=TYPE,TYPE")
         classes[name] = listed
     return classes

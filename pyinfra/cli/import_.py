@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import IMPORTS
@@ -96,22 +97,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def facts_of(args: argparse.Namespace) -> LidarFacts:
-    """Raises ValueError for a number that is none."""
+    """Raises Error for a number that is none."""
     out = args.out.resolve()
     price, tilt = args.price_usd, args.tilt_deg
     if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
-        raise ValueError(f"--out: found LIDAR '{out.name}', allowed letters, digits and _ . -")
+        raise Error(f"--out: found LIDAR '{out.name}', allowed letters, digits and _ . -")
     if price and not 0 <= price[0] <= price[1] < math.inf:
-        raise ValueError(f"--price-usd: found {price}, allowed LOW from 0 and HIGH from LOW on")
+        raise Error(f"--price-usd: found {price}, allowed LOW from 0 and HIGH from LOW on")
     least, most = PERIOD_S
     if args.period_s is not None and not least <= args.period_s <= most:
-        raise ValueError(f"--period-s: found {args.period_s:g}, allowed {least:g} to {most:g}")
+        raise Error(f"--period-s: found {args.period_s:g}, allowed {least:g} to {most:g}")
     if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
-        raise ValueError(
-            f"--height-m: found {args.height_m:g}, allowed above 0 to {MOST_HEIGHT_M:g}"
-        )
+        raise Error(f"--height-m: found {args.height_m:g}, allowed above 0 to {MOST_HEIGHT_M:g}")
     if tilt and not all(abs(angle) <= 90 for angle in tilt):
-        raise ValueError(f"--tilt-deg: found {tilt}, allowed -90 to 90")
+        raise Error(f"--tilt-deg: found {tilt}, allowed -90 to 90")
     return LidarFacts(
         name=out.name,
         scene=args.scene or out.parent.name,

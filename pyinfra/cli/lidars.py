@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.lidars import LidarSheet, catalogue_files, read_catalogue, read_sheet
@@ -48,11 +49,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def file_of(word: str) -> Path:
-    """Raises ValueError with the names for a word that is neither a name nor a file."""
+    """Raises Error with the names for a word that is neither a name nor a file."""
     file = Path(word) if word.endswith(".yaml") else lidar_file(word)
     if not file.is_file():
         names = ", ".join(file.stem for file in catalogue_files())
-        raise ValueError(f"LIDAR: found '{word}', allowed a file or {names}")
+        raise Error(f"LIDAR: found '{word}', allowed a file or {names}")
     return file
 
 

@@ -1,9 +1,10 @@
 """The `pyinfra` command: one subcommand for each row of COMMANDS.
 
 A command is a module with `add_arguments(parser)`, whose epilog is an example, and
-`run(args) -> exit code`, a thin shell over functions that a notebook can call. It prints its
-results; messages go to stderr. What it raises becomes one line and an exit code here:
-0 done, 1 failed, 2 wrong usage or configuration.
+`run(args) -> exit code`: parsing, a call of what a notebook can call too, printing. Messages go to
+stderr. What it raises becomes one line and an exit code here: 0 done; 2 what the user can mend
+(`pyinfra.Error`, wrong usage); 1 a file that the system cannot read or write, an experiment that
+failed, or a bug, whose traceback is kept in a file.
 """
 
 import argparse
@@ -15,7 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from pyinfra.core.errors import FormatError
+from pyinfra.cli.messages import message_of, options_of, report_bug
+from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 
 FAILED = 1
@@ -84,7 +86,7 @@ def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
         if command.name == asked:
             module = importlib.import_module(command.module)
             module.add_arguments(sub)
-            sub.set_defaults(run=module.run)
+            sub.set_defaults(run=module.run, options=options_of(sub))
     return parser
 
 
@@ -94,8 +96,9 @@ def main(words: Sequence[str] | None = None) -> int:
     Raises SystemExit for --help, --version and wrong usage.
     """
     words = sys.argv[1:] if words is None else words
+    args = argparse.Namespace(options={})
     try:
-        args = make_parser(words).parse_args(words)
+        make_parser(words).parse_args(words, args)
         code = int(args.run(args))
         sys.stdout.flush()  # a closed pipe shows here
         return code
@@ -105,27 +108,24 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("pyinfra: interrupted; the same command goes on, or begins anew", file=sys.stderr)
         return 130
-    except (OSError, ValueError, RuntimeError, ImportError) as error:
+    except Exception as error:
         if "--traceback" in words:
             raise
-        print(f"pyinfra: {message_of(error)}", file=sys.stderr)
-        return exit_code_of(error)
-
-
-def exit_code_of(error: Exception) -> int:
-    """2 for a wrong argument or configuration, 1 for anything else; an error may bring its own."""
-    code = getattr(error, "exit_code", None)
-    if isinstance(code, int):
+        text, code = _ended_by(error, words, args)
+        print(f"pyinfra: {text}", file=sys.stderr)
         return code
-    if isinstance(error, ValueError) and not isinstance(error, FormatError):
-        return WRONG
-    return FAILED
 
 
-def message_of(error: Exception) -> str:
-    """One line that a terminal shows and does not obey; of a system's error, the path first."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    if isinstance(error, OSError) and error.filename is not None:
-        text = f"{error.filename}: {error.strerror}"
-    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return "".join(escaped)
+def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) -> tuple[str, int]:
+    """What is said of an error, and the exit code."""
+    if isinstance(error, Error):
+        return message_of(error, args.options), error.exit_code
+    if isinstance(error, OSError) or is_missing_package(error):
+        return message_of(error), FAILED
+    return report_bug(error, words), FAILED
+
+
+def is_missing_package(error: Exception) -> bool:
+    """Whether a package of others is not installed."""
+    name = error.name if isinstance(error, ImportError) else None
+    return isinstance(error, ModuleNotFoundError) and not str(name).startswith("pyinfra")

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import lidar_folders
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
         there = kitti.frames(folders[0])
         if args.frame not in there:
             problem = f"{folders[0]}: --frame: found {args.frame}"
-            raise ValueError(f"{problem}, allowed {kitti.extent(there)}")
+            raise Error(f"{problem}, allowed {kitti.extent(there)}")
     files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)
     for file in files:

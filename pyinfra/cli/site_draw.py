@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.core.errors import Error
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra site draw sites/town --out plan.svg"
@@ -15,7 +17,7 @@ def run(args: argparse.Namespace) -> int:
     from pyinfra.viz.site_plan import save_plan
 
     if args.radius is not None and not 10 <= args.radius <= 100_000:
-        raise ValueError(f"--radius: found {args.radius:g}, allowed 10 to 100000")
+        raise Error(f"--radius: found {args.radius:g}, allowed 10 to 100000")
     save_plan(args.site, args.out, args.radius)
     print(args.out)
     return 0

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import numbers
+from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.map_import import RADIUS_M, ImportOptions, import_map
 
 
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 10 <= args.radius <= 100_000:
-        raise ValueError(f"--radius: found {args.radius:g}, allowed 10 to 100000")
+        raise Error(f"--radius: found {args.radius:g}, allowed 10 to 100000")
     options = ImportOptions(centre=args.centre, radius_m=args.radius, mount=args.mount)
     made = import_map(args.file, args.out, options)
     pole = made.pole

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import numbers
+from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlacement, import_mesh
 
 
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 1e-6 <= args.scale <= 1e6:
-        raise ValueError(f"--scale: found {args.scale:g}, allowed 1e-6 to 1e6")
+        raise Error(f"--scale: found {args.scale:g}, allowed 1e-6 to 1e6")
     placement = MeshPlacement(args.scale, args.up, args.offset)
     mesh = import_mesh(args.file, args.out, args.material, placement)
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)

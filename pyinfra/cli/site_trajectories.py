@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.core.errors import Error
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -43,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from pyinfra.scenes.maps.trajectory_import import import_boxes, import_fcd
 
     if args.rate_hz is not None and not 0.1 <= args.rate_hz <= 10_000:
-        raise ValueError(f"--rate-hz: found {args.rate_hz:g}, allowed 0.1 to 10000")
+        raise Error(f"--rate-hz: found {args.rate_hz:g}, allowed 0.1 to 10000")
     if not args.out.is_dir():
         raise FileNotFoundError(f"{args.out}: found no folder, allowed that of a site")
     offset = np.zeros(3) if args.world else site_folder.offset(args.out)

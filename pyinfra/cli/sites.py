@@ -5,6 +5,7 @@ from pathlib import Path
 
 import yaml
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.scenes.generator.generate import make_site
 
@@ -26,9 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.count < 1:
-        raise ValueError(f"--count: found {args.count}, allowed 1 or more")
+        raise Error(f"--count: found {args.count}, allowed 1 or more")
     if args.seed < 0:
-        raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
+        raise Error(f"--seed: found {args.seed}, allowed 0 or more")
     from pyinfra.viz.site_sheet import sheet
 
     args.out.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.split import TRAIN_UNTIL_S, VAL_FROM_S, by_random, by_seed, by_time, write
 
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if (args.by == "seed") != (args.val_data is not None):
-        raise ValueError("--by seed and --val-data go together")
+        raise Error("--by seed and --val-data go together")
     data = read_data_set(args.data)
     if args.by == "seed":
         other = read_data_set(args.val_data)

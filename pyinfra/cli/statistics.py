@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.metrics.scanning_statistics import statistics, write
 from pyinfra.viz import scanning_plots
 
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 1 <= args.accumulate <= MOST_FRAMES:
-        raise ValueError(f"--accumulate: found {args.accumulate}, allowed 1 to {MOST_FRAMES}")
+        raise Error(f"--accumulate: found {args.accumulate}, allowed 1 to {MOST_FRAMES}")
     patterns = _extension_is_there()
     if not patterns:
         print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)

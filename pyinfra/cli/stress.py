@@ -11,7 +11,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pyinfra.cli.main import message_of
+from pyinfra.cli.messages import message_of
+from pyinfra.core.errors import Error
 from pyinfra.experiments.stress import altered_scenes, trials
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
 from pyinfra.viz import stress_plots
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.frames < 1:
-        raise ValueError(f"--frames: found {args.frames}, allowed 1 or more")
+        raise Error(f"--frames: found {args.frames}, allowed 1 or more")
     stressors = chosen(args.stressors, args.dials)
     base = altered_scenes.read_base(args.data, args.frames)
     runs = [trials.read_run(folder, base) for folder in args.runs]

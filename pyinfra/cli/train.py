@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.dataset.regions import outline_region
 from pyinfra.models.detectors.catalogue import DETECTORS
@@ -80,9 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 0 < args.budget <= 100:
-        raise ValueError(f"--budget: found {args.budget:g}, allowed above 0 to 100")
+        raise Error(f"--budget: found {args.budget:g}, allowed above 0 to 100")
     if args.seed < 0:
-        raise ValueError(f"--seed: found {args.seed}, allowed 0 or more")
+        raise Error(f"--seed: found {args.seed}, allowed 0 or more")
     recipe = read_recipe(args.config, args.tier)
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
@@ -106,9 +107,7 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     """The sources with the region that was asked for; says if one that needs it has none."""
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
-            raise ValueError(
-                "--region: found a file, allowed for background with network.within_region"
-            )
+            raise Error("--region: found a file, allowed for background with network.within_region")
         return sources
     if args.region is not None:
         region = outline_region(args.region)
@@ -124,11 +123,11 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
 
 
 def check_mount(mount: str, scene: Path | None) -> None:
-    """Raises ValueError for one that cannot be streamed."""
+    """Raises Error for one that cannot be streamed."""
     if mount and scene is None:
-        raise ValueError(f"--mount: found '{mount}' without --scene, allowed with it")
+        raise Error(f"--mount: found '{mount}' without --scene, allowed with it")
     if mount == "fused":
-        raise ValueError(
+        raise Error(
             "--mount: found 'fused', allowed one mount's name: fused frames are learnt from disk, "
             "`infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
         )
@@ -137,14 +136,12 @@ def check_mount(mount: str, scene: Path | None) -> None:
 def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
-        raise ValueError(
-            "found no or two sources, allowed --data, or --scene with --lidar, or --sites"
-        )
+        raise Error("found no or two sources, allowed --data, or --scene with --lidar, or --sites")
     check_mount(args.mount, args.scene)
     accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
         if accumulation.frames > 1:
-            raise ValueError(
+            raise Error(
                 f"--accumulate: found {accumulation.frames} with --sites, allowed 1: streams give "
                 "single frames"
             )

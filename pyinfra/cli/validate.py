@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.dataset.frames import has_labels
 from pyinfra.metrics.frame_checks import folders_with_frames, validate
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     folders = folders_with_frames(args.data)
     if args.pred is not None and len(folders) > 1:
         names = ", ".join(folder.name for folder in folders)
-        raise ValueError(f"{args.data}: found several LiDARs with --pred, allowed one of {names}")
+        raise Error(f"{args.data}: found several LiDARs with --pred, allowed one of {names}")
     findings = [
         finding
         for folder in folders
@@ -45,9 +46,7 @@ def run(args: argparse.Namespace) -> int:
     if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
         _trust(folders[0], args)
     elif args.unlabelled or args.out is not None:
-        raise ValueError(
-            "--unlabelled, --out: found no --pred or labels, allowed with --pred alone"
-        )
+        raise Error("--unlabelled, --out: found no --pred or labels, allowed with --pred alone")
     errors = sum(finding.level == "error" for finding in findings)
     warnings = sum(finding.level == "warning" for finding in findings)
     print(f"{args.data}: {errors} errors, {warnings} warnings")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.surroundings import read_surroundings
 from pyinfra.viz.viewer.page import check_file, write_page
 from pyinfra.viz.viewer.selection import (
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.most_points is not None and args.most_points < 1:
-        raise ValueError(f"--most-points: found {args.most_points}, allowed 1 or more")
+        raise Error(f"--most-points: found {args.most_points}, allowed 1 or more")
     check_file(args.out)
     folders = chosen_folders(args.data, args.lidar)
     predictions = prediction_folders(args.pred, folders)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
+from pyinfra.core.errors import Error
 
 # Of an overlap, relative to the size of the boxes: what is below it counts as nothing.
 _ROUNDING = 1e-14
@@ -181,6 +182,6 @@ def _all_pairs(
 
 def _check(boxes: FloatArray) -> None:
     if boxes.ndim != 2 or boxes.shape[1] != 7:
-        raise ValueError(f"boxes: found shape {boxes.shape}, allowed (n, 7)")
+        raise Error(f"boxes: found shape {boxes.shape}, allowed (n, 7)")
     if not np.isfinite(boxes).all() or (boxes[:, 3:6] < 0).any():
-        raise ValueError("boxes: found a value that is not finite or a negative size")
+        raise Error("boxes: found a value that is not finite or a negative size")

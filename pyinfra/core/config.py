@@ -48,7 +48,7 @@ class Rule:
 
     low: float = -math.inf
     high: float = math.inf
-    check: Callable[[Path, str], object] | None = None  # of the file and a text; raises ValueError
+    check: Callable[[Path, str], object] | None = None  # of the file and a text; raises Error
     once: bool = False  # no value of a list may come again
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frames import data_set_of, lidars_in
 from pyinfra.dataset.outlines import OUTLINES_FILE
@@ -52,7 +52,7 @@ class DataSet:
 def read_data_set(folder: Path) -> DataSet:
     """What a data set holds, without its frames' contents.
 
-    Raises FileNotFoundError if it is none, FormatError for a wrong file, and ValueError if
+    Raises FileNotFoundError if it is none, FormatError for a wrong file, and Error if
     it has no LiDAR or no frame, or if the LiDARs have different frames.
     """
     if not (folder / "dataset.yaml").is_file():
@@ -60,17 +60,17 @@ def read_data_set(folder: Path) -> DataSet:
     top = kitti.read_yaml(folder / "dataset.yaml")
     folders = lidars_in(folder)
     if not folders:
-        raise ValueError(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
+        raise Error(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
     lidars, tilts = zip(*read_lidars(folder), strict=True)
     frames = [tuple(kitti.frames(path)) for path in folders]
     for lidar, numbers in zip(folders, frames, strict=True):
         if numbers != frames[0]:
-            raise ValueError(
+            raise Error(
                 f"{folder}: {lidar.name} has {len(numbers)} frames and {folders[0].name} "
                 f"has {len(frames[0])}, or others; allowed the same frames for every LiDAR"
             )
     if not frames[0]:
-        raise ValueError(f"{folder}: found no frame, allowed one or more")
+        raise Error(f"{folder}: found no frame, allowed one or more")
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
@@ -186,11 +186,11 @@ def field_of_view_mask(
 
 
 def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
-    """z of the roads in the levelled frame, metres. Raises ValueError if they are not level."""
+    """z of the roads in the levelled frame, metres. Raises Error if they are not level."""
     file = data.folder / "roads.csv"
     z = np.concatenate([road.z for road in read_roads(file)])
     if np.ptp(z) > 0.01:
-        raise ValueError(f"{file}: found roads from z = {z.min():g} to {z.max():g}, allowed level")
+        raise Error(f"{file}: found roads from z = {z.min():g} to {z.max():g}, allowed level")
     return float(z.mean()) - lidar.T_world_levelled.z
 
 

@@ -6,7 +6,7 @@ import errno
 import re
 from pathlib import Path
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
@@ -20,14 +20,14 @@ def period_of(lidar_folder: Path) -> float:
 
 
 def frame_range(word: str, gt: Path) -> list[int]:
-    """The frames of a folder in A:B[:STEP]. Raises ValueError if there is none."""
+    """The frames of a folder in A:B[:STEP]. Raises Error if there is none."""
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
-        raise ValueError(f"--frames: found '{word}', allowed A:B[:STEP]")
+        raise Error(f"--frames: found '{word}', allowed A:B[:STEP]")
     wanted = range(*(int(part) for part in parts)) if "0" not in parts[2:] else range(0)
     frames = [frame for frame in frame_numbers(gt, "all") if frame in wanted]
     if not frames:
-        raise ValueError(f"--frames: found '{word}', allowed a range with frames of {gt}")
+        raise Error(f"--frames: found '{word}', allowed a range with frames of {gt}")
     return frames
 
 
@@ -94,6 +94,6 @@ def has_labels(lidar_folder: Path) -> bool:
 
 
 def check_no_data_set(folder: Path) -> None:
-    """Raises ValueError for a data set where the folder of one LiDAR is needed."""
+    """Raises Error for a data set where the folder of one LiDAR is needed."""
     if inside := ", ".join(lidar.name for lidar in lidars_in(folder)):
-        raise ValueError(f"{folder}: found a data set, allowed a LiDAR of it: {inside}")
+        raise Error(f"{folder}: found a data set, allowed a LiDAR of it: {inside}")

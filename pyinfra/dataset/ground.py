@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.regions import Road, read_roads, to_levelled
 from pyinfra.formats import kitti
@@ -139,11 +140,11 @@ def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:
 def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
     """The plane on which vehicles (k, 7) stand, no steeper than their spread can tell.
 
-    Raises ValueError if there is none.
+    Raises Error if there is none.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
-        raise ValueError("found no vehicle in the training frames, allowed one or more")
+        raise Error("found no vehicle in the training frames, allowed one or more")
     xy, z = every[:, :2], every[:, 2] - every[:, 5] / 2
     off = np.abs(z - np.median(z))
     for _ in range(3):

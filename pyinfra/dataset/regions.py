@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.core.config import read_config, ruled
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.outlines import first_crossing, in_any, in_outline, read_outlines
 from pyinfra.formats.kitti import WorldPose
@@ -87,13 +87,13 @@ class Outline:
 
     def __post_init__(self) -> None:
         if len(self.outline_m) < 3:
-            raise ValueError(f"outline_m: found {len(self.outline_m)} corners, allowed 3 or more")
+            raise Error(f"outline_m: found {len(self.outline_m)} corners, allowed 3 or more")
         x, y = np.transpose(self.outline_m)
         if abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) == 0:
-            raise ValueError("outline_m: found no area, allowed an outline with one")
+            raise Error("outline_m: found no area, allowed an outline with one")
         if (crossing := first_crossing(np.array(self.outline_m))) is not None:
             a, b = crossing
-            raise ValueError(f"outline_m: found side {a + 1} across side {b + 1}, allowed none")
+            raise Error(f"outline_m: found side {a + 1} across side {b + 1}, allowed none")
 
 
 @dataclass(frozen=True)

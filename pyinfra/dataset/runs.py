@@ -3,10 +3,11 @@
 import subprocess
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset import launch
 
 
-class SimulatorError(RuntimeError):
+class SimulatorError(Error):
     """The binary is missing or failed; `exit_code` is 2 for a wrong configuration, else 1."""
 
     def __init__(self, message: str, exit_code: int) -> None:

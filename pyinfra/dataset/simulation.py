@@ -32,6 +32,7 @@ from pyinfra._core import (
     warnings,
 )
 from pyinfra.core.arrays import Float32Array, FloatArray, Points
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import LabelTime
 
 __all__ = [
@@ -143,7 +144,7 @@ def simulate(
     """
     if isinstance(scene, World):
         if seed is not None or set or mount:
-            raise ValueError(
+            raise Error(
                 "seed, set and mount need a scene file, found a World that is already built"
             )
         world = scene
@@ -169,7 +170,7 @@ def points(frame: Frame) -> Float32Array:
 def filtered(points: Points, *steps: Filter) -> Float32Array:
     """The rows of points (n, 3 or 4), levelled LiDAR frame, that every step keeps, in their order.
 
-    Each step sees what those before it kept, as in `infrasim filter`. Raises ValueError for
+    Each step sees what those before it kept, as in `infrasim filter`. Raises Error for
     another shape or type of points and for a parameter out of its range.
     """
     rows: Float32Array = points[kept_rows(points, list(steps))]

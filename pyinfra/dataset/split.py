@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.dataset.data_set import DataSet
 
@@ -37,10 +38,10 @@ def by_time(
 ) -> Split:
     """Frames that start before train_until_s, and those that start at val_from_s or later.
 
-    Raises ValueError if the two overlap or one is empty.
+    Raises Error if the two overlap or one is empty.
     """
     if val_from_s < train_until_s:
-        raise ValueError(f"found val from {val_from_s:g} s, allowed {train_until_s:g} s or later")
+        raise Error(f"found val from {val_from_s:g} s, allowed {train_until_s:g} s or later")
     starts = [round(frame * period_s, 6) for frame in frames]
     pairs = list(zip(frames, starts, strict=True))
     split = Split(
@@ -48,7 +49,7 @@ def by_time(
         val=tuple(frame for frame, start in pairs if start >= val_from_s),
     )
     if not split.train or not split.val:
-        raise ValueError(
+        raise Error(
             f"found frames from {min(starts, default=0):g} to {max(starts, default=0):g} s, "
             f"allowed some before {train_until_s:g} s and some from {val_from_s:g} s on "
             "(`pyinfra split` sets both)"
@@ -59,10 +60,10 @@ def by_time(
 def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) -> Split:
     """A seeded share of the frames as val, the rest as train; rounded, at least one of each.
 
-    Raises ValueError for fewer than two frames or a share outside (0, 1).
+    Raises Error for fewer than two frames or a share outside (0, 1).
     """
     if len(frames) < 2 or not 0 < val_share < 1:
-        raise ValueError(f"found {len(frames)} frames and a share of {val_share:g}, allowed 2, 0-1")
+        raise Error(f"found {len(frames)} frames and a share of {val_share:g}, allowed 2, 0-1")
     count = min(max(round(val_share * len(frames)), 1), len(frames) - 1)
     val = np.random.default_rng(seed).choice(np.array(frames), count, replace=False)
     chosen = set(val.tolist())
@@ -75,15 +76,15 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
 def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
     """All frames of one data set train, all of the other are val; one split for each.
 
-    Raises ValueError if they are not the same scene, preset, label time and LiDARs with another
+    Raises Error if they are not the same scene, preset, label time and LiDARs with another
     seed.
     """
     for key in ("scene", "preset", "label_time", "names"):
         a, b = getattr(train, key), getattr(val, key)
         if a != b:
-            raise ValueError(f"{val.folder}: {key}: found {b}, allowed {a} as in {train.folder}")
+            raise Error(f"{val.folder}: {key}: found {b}, allowed {a} as in {train.folder}")
     if train.seed == val.seed:
-        raise ValueError(f"{val.folder}: found seed {val.seed} in both, allowed another seed")
+        raise Error(f"{val.folder}: found seed {val.seed} in both, allowed another seed")
     return Split(train.frames, ()), Split((), val.frames)
 
 

@@ -17,7 +17,7 @@ from pyinfra.exchange.recording import (
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Raises FileNotFoundError, ValueError without a cloud, and on reading one FormatError."""
+    """Raises FileNotFoundError, Error without a cloud, and on reading one FormatError."""
     clouds = sorted_files(source, [".bin"])
     columns, note = columns_of(clouds, options)
 

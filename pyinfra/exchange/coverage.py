@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pyinfra.core.arrays import IntArray, Points
+from pyinfra.core.errors import Error
 from pyinfra.formats.kitti import FieldOfView
 
 MOST_POINTS = 20_000  # looked at in a frame, evenly spread
@@ -36,10 +37,10 @@ class Coverage:
         self.farthest_m = max(self.farthest_m, float(slant.max(initial=0)))
 
     def measured(self) -> FieldOfView:
-        """Raises ValueError if there was no return."""
+        """Raises Error if there was no return."""
         rows = np.flatnonzero(self.elevation)
         if len(rows) == 0:
-            raise ValueError("found no return in any frame, allowed one or more")
+            raise Error("found no return in any frame, allowed one or more")
         low, high = float(rows[0] - 90), float(rows[-1] + 1 - 90)
         return FieldOfView(
             yaw=0.0,

@@ -32,7 +32,7 @@ LABELS = ("label/virtuallidar", "label/lidar")
 def read(source: Path, options: Options) -> Recording:
     """The folder with `velodyne` in it, or one that has it as a side of the road.
 
-    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
     frame FormatError.
     """
     side = next((source / n for n in SIDES if (source / n / "velodyne").is_dir()), source)

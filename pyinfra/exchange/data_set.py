@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import VEHICLE_TYPES
@@ -75,11 +76,11 @@ def write_lidar(
 ) -> ImportSummary:
     """Frames, lists and lidar.yaml into the folder `out`; returns what was there.
 
-    indices: in the recording, all by default. Raises what reading the frames raises, and ValueError
+    indices: in the recording, all by default. Raises what reading the frames raises, and Error
     if the tilt is given twice or there is no return at all.
     """
     if facts.tilt and recording.tilt:
-        raise ValueError("found a tilt in the recording and in the options, allowed one of them")
+        raise Error("found a tilt in the recording and in the options, allowed one of them")
     tilt = recording.tilt or facts.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
@@ -108,7 +109,7 @@ def write_lidar(
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
     """dataset.yaml, unless it is there for the same scene; one without a LiDAR is written anew.
 
-    Raises ValueError for a data set that the LiDAR cannot join: of a simulation, or one whose
+    Raises Error for a data set that the LiDAR cannot join: of a simulation, or one whose
     objects have no common numbers.
     """
     file = data / "dataset.yaml"
@@ -117,7 +118,7 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
         top = kitti.read_yaml(file)
         joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
         if not joined:
-            raise ValueError(
+            raise Error(
                 f"{data}: found a data set, allowed a new folder: its vehicles and those of "
                 "this recording have no numbers in common"
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import new_folder
 from pyinfra.exchange.formats import exporter
 from pyinfra.exchange.road_level import train_and_val
@@ -31,10 +32,10 @@ def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
 def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> None:
     """Writes the frames in a format of EXPORTS into a new folder, whole or not at all.
 
-    Raises what the format raises, ValueError without a frame, and FileExistsError.
+    Raises what the format raises, Error without a frame, and FileExistsError.
     """
     write = exporter(name)
     if not frames:
-        raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
+        raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
     with new_folder(out) as beside:
         write(lidar_folder, frames, beside)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import new_folder, write
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
 from pyinfra.dataset.regions import REGION_FILE, outline_region
@@ -42,7 +43,7 @@ def import_recording(
     """
     read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
-        raise ValueError(
+        raise Error(
             f"{source}: found a file, allowed a folder: archives are not unpacked, and pickles "
             "never read because reading one can run what is in it"
         )
@@ -109,12 +110,12 @@ def _some(names: list[str]) -> str:
 
 
 def checked(options: Options) -> Options:
-    """Raises ValueError for a number out of range."""
+    """Raises Error for a number out of range."""
     highest, columns = options.intensity_max, options.columns
     if highest is not None and not 0 < highest < math.inf:
-        raise ValueError(f"--intensity-max: found {highest:g}, allowed above 0")
+        raise Error(f"--intensity-max: found {highest:g}, allowed above 0")
     if columns is not None and not 3 <= columns <= 64:
-        raise ValueError(f"--columns: found {columns}, allowed 3 to 64")
+        raise Error(f"--columns: found {columns}, allowed 3 to 64")
     if not 1e-6 <= options.unit_m <= 1000:
-        raise ValueError(f"--unit-m: found {options.unit_m:g}, allowed 1e-06 to 1000")
+        raise Error(f"--unit-m: found {options.unit_m:g}, allowed 1e-06 to 1000")
     return options

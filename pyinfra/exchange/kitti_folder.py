@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Records
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -39,7 +39,7 @@ def read(source: Path, options: Options) -> Recording:
     """A folder with `training` in it, or `training` itself; without label_2 nothing is labelled.
 
     Of the tracking benchmark's folders one sequence is read, see _read_sequence.
-    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
     frame FormatError. A frame without calib has the camera of a simulated LiDAR.
     """
     training = source / "training" if (source / "training").is_dir() else source
@@ -73,7 +73,7 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     chosen = [path for path in sequences if options.channel in (None, path.name)]
     if len(chosen) != 1:
         got = ", ".join(path.name for path in sequences)
-        raise ValueError(
+        raise Error(
             f"{training / 'velodyne'}: expected one of the sequences by --channel, got {got}"
         )
     clouds = sorted_files(chosen[0], [".bin"])

@@ -36,7 +36,7 @@ METAINFO = {
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """At road level, see road_level. Raises ValueError if the frames have no vehicle."""
+    """At road level, see road_level. Raises Error if the frames have no vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     lists = train_and_val(lidar_folder, frames)

@@ -33,7 +33,7 @@ import matplotlib.image
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import replacing, write
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_frames, read_series
@@ -78,10 +78,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes the tables, clouds and the mask into the folder `out`.
 
     Memory holds one frame, and of each object of a scene its last annotation.
-    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError without any.
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and Error without any.
     """
     if not frames:
-        raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
+        raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
     series = read_series(lidar_folder)
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
@@ -35,7 +35,7 @@ Row = dict[str, Any]
 def read(source: Path, options: Options) -> Recording:
     """A folder with the tables, or one whose only sub-folder with tables has them.
 
-    Raises FileNotFoundError, FormatError that names table and row, and ValueError if one of
+    Raises FileNotFoundError, FormatError that names table and row, and Error if one of
     several LiDARs must be chosen. Frames come in order of time.
     """
     tables = Tables(_table_folder(source))
@@ -141,9 +141,7 @@ def _table_folder(source: Path) -> Path:
     ]
     if len(folders) != 1:
         names = ", ".join(folder.name for folder in folders) or "none"
-        raise ValueError(
-            f"{source}: found {names} with a sample.json, allowed one folder of tables"
-        )
+        raise Error(f"{source}: found {names} with a sample.json, allowed one folder of tables")
     return folders[0]
 
 
@@ -153,7 +151,7 @@ def _sensor(tables: Tables, channel: str | None) -> str:
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
         names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
-        raise ValueError(f"{tables.folder}: found LiDARs {names}, allowed one of them: --channel")
+        raise Error(f"{tables.folder}: found LiDARs {names}, allowed one of them: --channel")
     return str(chosen[0]["token"])
 
 
@@ -166,7 +164,7 @@ def _key_frames(tables: Tables, sensor: str) -> list[Row]:
         if row.get("is_key_frame") and mount.get("sensor_token") == sensor:
             rows.append(row)
     if not rows:
-        raise ValueError(f"{tables.folder}: found no key frame of the LiDAR, allowed one or more")
+        raise Error(f"{tables.folder}: found no key frame of the LiDAR, allowed one or more")
     for row in rows:
         name = Path(tables.cell("sample_data", row, "filename"))
         if name.is_absolute() or ".." in name.parts or "\0" in str(name):

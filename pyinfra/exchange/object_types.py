@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pyinfra.core.arrays import NameArray
+from pyinfra.core.errors import Error
 
 # By any part of a name such as `vehicle.bus.rigid`, the last one first.
 TYPES = {
@@ -58,12 +59,12 @@ def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
 
 
 def parse_types(words: Sequence[str]) -> dict[str, str]:
-    """`NAME=TYPE` as names with their types. Raises ValueError for another form."""
+    """`NAME=TYPE` as names with their types. Raises Error for another form."""
     types = {}
     for word in words:
         name, equals, kind = word.rpartition("=")
         if not equals or not name or not kind or len(kind.split()) != 1:
-            raise ValueError(f"--type: found '{word}', allowed NAME=TYPE")
+            raise Error(f"--type: found '{word}', allowed NAME=TYPE")
         types[name] = kind
     return types
 

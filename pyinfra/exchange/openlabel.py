@@ -19,6 +19,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.exchange.series import (
     FrameSeries,
@@ -42,10 +43,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes NAME.json and the clouds into the folder `out`.
 
     Memory holds one frame, and of each object when it was there.
-    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError without any.
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and Error without any.
     """
     if not frames:
-        raise ValueError(f"{lidar_folder}: found no frame to export, allowed one or more")
+        raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
     series, presence = read_series(lidar_folder), Presence()
     (out / "points").mkdir()
     parts: dict[str, Json | Iterable[Item]] = {

@@ -51,7 +51,7 @@ _UNREADABLE = (
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """At road level, see road_level. Raises ValueError if the frames have no vehicle."""
+    """At road level, see road_level. Raises Error if the frames have no vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     # Its info maker stops at a frame without a label, so such frames are written but not listed.
@@ -70,7 +70,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 def read(source: Path, options: Options) -> Recording:
     """A folder in that layout, also with points/*.bin; without labels/ nothing is labelled.
 
-    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
     frame FormatError. `sensor.yaml`, if there, takes the frames back from road level.
     """
     clouds = sorted_files(source / "points", [".npy", ".bin"])

@@ -62,7 +62,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 def read(source: Path, options: Options) -> Recording:
     """Clouds in the folder or in points/ of it, and boxes in labels/; without it no labels.
 
-    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
     frame FormatError.
     """
     inside = source / "points"

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray, Floats, Points
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.dataset.ground import SHAPE_REACH_M
 from pyinfra.dataset.regions import Region
 from pyinfra.exchange.data_set import LidarFacts, levelled
@@ -66,7 +66,7 @@ class Survey:
 def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, road: bool) -> Survey:
     """Looks at some frames. road: units, axes and the road are looked for, else intensities alone.
 
-    Raises ValueError for clouds whose unit or height cannot be told, with what the user can say.
+    Raises Error for clouds whose unit or height cannot be told, with what the user can say.
     """
     recording = read(source, _wide(options))
     clouds = _clouds(recording)
@@ -123,7 +123,7 @@ def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
 
 
 def check_region(file: Path, region: Region, recording: Recording, estimate: Survey) -> None:
-    """Raises ValueError if no looked-at frame has a return inside an outline."""
+    """Raises Error if no looked-at frame has a return inside an outline."""
     tilt = Rotation.from_euler("ZYX", [0, *(estimate.facts.tilt or (0.0, 0.0))]).as_matrix()
     chosen = _spread(recording)
     reach = 0.0
@@ -133,7 +133,7 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
         if region.holds(xyz, 0.0).any():
             return
         reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
-    raise ValueError(
+    raise Error(
         f"{file}: outline_m: found no return inside in {len(chosen)} frames, allowed a place that "
         f"the sensor sees: metres from the sensor, x and y within {reach:.0f}"
     )
@@ -173,7 +173,7 @@ def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
         return 1.0
     if middle >= NEAREST_MEDIAN_MM:
         return 1e-3
-    raise ValueError(
+    raise Error(
         f"{source}: found returns {middle:.0f} from the sensor (median), allowed up to "
         f"{FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} on (millimetres): --unit-m "
         "says what one is"
@@ -275,7 +275,7 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
     below = f"the road lies {plane.height_m:.2f} m below the origin"
     _check_millimetres(source, estimate, below)
     if height is None or height < LOWEST_M:
-        raise ValueError(
+        raise Error(
             f"{source}: found the road {plane.height_m:.2f} m below the origin, allowed "
             f"{LOWEST_M:g} m or more: are points in the road's frame? --height-m says how high "
             "above it the sensor stands, and moves them down"
@@ -290,9 +290,9 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
 
 
 def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
-    """Raises ValueError if a unit was guessed, and what follows is no sensor above a road."""
+    """Raises Error if a unit was guessed, and what follows is no sensor above a road."""
     if MILLIMETRES in estimate.assumed:
-        raise ValueError(
+        raise Error(
             f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
             "around the sensor: --unit-m says what one is"
         )
@@ -301,7 +301,7 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
 def _as_given(
     source: Path, facts: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
 ) -> RoadPlane:
-    """The plane about the height that the user says. Raises ValueError if there is none."""
+    """The plane about the height that the user says. Raises Error if there is none."""
     if facts.height_m is None:
         return plane
     off = max(AS_GIVEN_M, AS_GIVEN_SHARE * facts.height_m)
@@ -310,7 +310,7 @@ def _as_given(
         return plane
     other = find_plane(clouds, near) if not facts.tilt else None
     if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
-        raise ValueError(
+        raise Error(
             f"{source}: --height-m: found {facts.height_m:g}, allowed {plane.height_m:.2f} within "
             f"{off:.2g} m: there the road lies; leave the option out to take it"
         )

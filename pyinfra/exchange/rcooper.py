@@ -34,7 +34,7 @@ LABELS = ("label", "labels")
 def read(source: Path, options: Options) -> Recording:
     """The folder of a sequence in data/SCENE/POLE.
 
-    Raises FileNotFoundError, ValueError for labels that do not pair with clouds, and on reading a
+    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
     frame FormatError.
     """
     clouds = sorted_files(source / "lidar", [".pcd"])

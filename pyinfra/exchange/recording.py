@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.text_table import lines_of
@@ -89,12 +89,12 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     """The files of a folder with one of the suffixes, by name; numbers in names count as numbers.
 
     Hidden ones are left out: they are of a system, or being written.
-    Raises FileNotFoundError without the folder, and ValueError if there is no such file.
+    Raises FileNotFoundError without the folder, and Error if there is no such file.
     """
     candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
     files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
     if not files:
-        raise ValueError(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
+        raise Error(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
 
 
@@ -155,14 +155,14 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
 
 
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
-    """Raises ValueError for a label without a cloud, and for a cloud without a label."""
+    """Raises Error for a label without a cloud, and for a cloud without a label."""
     have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}
     for file in labels:
         if stem(file) not in have:
-            raise ValueError(f"{file}: found no cloud of this label, allowed one for each")
+            raise Error(f"{file}: found no cloud of this label, allowed one for each")
     for file in clouds:
         if stem(file) not in want:
-            raise ValueError(
+            raise Error(
                 f"{file}: found no label of this cloud, allowed one for each (empty: nothing there)"
             )
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, NameArray, Points
+from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frame_tables import read_cameras
@@ -58,10 +59,10 @@ def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
 
 
 def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
-    """Raises ValueError if the frames have no vehicle."""
+    """Raises Error if the frames have no vehicle."""
     boxes = np.concatenate([np.empty((0, 7)), *(k.boxes[k.names == "Vehicle"] for k in labels)])
     if len(boxes) == 0:
-        raise ValueError(
+        raise Error(
             f"{folder}: found no vehicle in the labels of these frames, allowed one or more: the "
             "road's level, ranges and anchors are theirs"
         )

@@ -11,7 +11,7 @@ import yaml
 
 from pyinfra.core.arrays import Points, Records
 from pyinfra.core.boxes import points_in_boxes
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_tables import read_cameras
@@ -81,13 +81,13 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
 
     Without `objects` the boxes are the labels: speed is nan, visibility -1. Where ids are no tracks
     every box is an object of its own.
-    Raises FileNotFoundError for a frame that is not whole, FormatError, and ValueError for numbers
+    Raises FileNotFoundError for a frame that is not whole, FormatError, and Error for numbers
     that do not ascend.
     """
     folder, before, named = series.lidar_folder, -1, 0
     for number in numbers:
         if number <= before:
-            raise ValueError(f"found frame {number} after {before}, allowed ascending ones")
+            raise Error(f"found frame {number} after {before}, allowed ascending ones")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
         objects = _boxes(series, number, points)
         if not series.ids_are_tracks:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.json_boxes import checked_box, number, read_json
 from pyinfra.exchange.pcd import Headers, points_of
 from pyinfra.exchange.recording import (
@@ -37,7 +37,7 @@ VISIBILITY = {"NOT_OCCLUDED": 0.9, "PARTIALLY_OCCLUDED": 0.6, "MOSTLY_OCCLUDED":
 def read(source: Path, options: Options) -> Recording:
     """A folder of clouds such as point_clouds/s110_lidar_ouster_south, or the one above both.
 
-    `options.channel` says which LiDAR of several. Raises FileNotFoundError, ValueError for labels
+    `options.channel` says which LiDAR of several. Raises FileNotFoundError, Error for labels
     that do not pair with clouds or several LiDARs, and on reading a frame FormatError.
     """
     folder = _cloud_folder(source, options.channel)
@@ -125,7 +125,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
         return inside
     if len(chosen) != 1:
         names = ", ".join(folder.name for folder in lidars)
-        raise ValueError(f"{inside}: found LiDARs {names}, allowed one of them: --channel")
+        raise Error(f"{inside}: found LiDARs {names}, allowed one of them: --channel")
     return chosen[0]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.regions import REGION_M, WINDOW_M
 from pyinfra.experiments.benchmark.replicates import CellDraws
@@ -44,7 +45,7 @@ class Wish:
 
 
 def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: float) -> Wish:
-    """Raises ValueError for a number that makes no sense, by its option of the command line."""
+    """Raises Error for a number that makes no sense, by its option of the command line."""
     for key, value, least, top in (
         ("--budget", budget_usd, 0, math.inf),
         ("--min-ap", min_ap, 1, 100),
@@ -54,7 +55,7 @@ def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: f
         if not least < value <= top:
             text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
             share = key == "--min-ap" and 0 < value <= 1
-            raise ValueError(f"{text}; AP is 0 to 100, not a share" if share else text)
+            raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
     return Wish(budget_usd, min_ap, range_m, latency_ms)
 
 
@@ -105,7 +106,7 @@ class Option:
     def less(self, other: Option) -> Measured:
         """AP of the whole road, this one less the other, paired.
 
-        Without an interval if one keeps no draws. Raises ValueError for draws that are not of the
+        Without an interval if one keeps no draws. Raises Error for draws that are not of the
         same blocks.
         """
         if self.draws is None or other.draws is None:
@@ -121,14 +122,12 @@ def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -
 def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
     """The finished cells of a scene, lowest seed, by AP of all vehicles, then price.
 
-    preset: by default that of the report's answers. Raises ValueError for a wrong table, a scene or
+    preset: by default that of the report's answers. Raises Error for a wrong table, a scene or
     preset that was not measured, or if a table has not all cells.
     """
     done = results.done()
     if done.empty:
-        raise ValueError(
-            f"{file_of(results, 'cells')}: found no finished cell, allowed one or more"
-        )
+        raise Error(f"{file_of(results, 'cells')}: found no finished cell, allowed one or more")
     scene, preset = chosen(done, scene, preset)
     cells = done[(done.scene == scene) & (done.preset == preset)]
     cells = cells.assign(hardly_learnt=hardly_learnt(cells))
@@ -157,7 +156,7 @@ def read_tables(folder: Path, tier: str) -> Results:
     results = read_results(folder, tier)
     lidars = results.table("lidars")
     if len(lidars) and "preset" not in lidars:
-        raise ValueError(
+        raise Error(
             f"{file_of(results, 'lidars')}: found no column preset, "
             "allowed a table of `pyinfra benchmark`"
         )
@@ -169,17 +168,17 @@ def file_of(results: Results, table: str) -> Path:
 
 
 def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
-    """The scene and preset that are meant. Raises ValueError if they are not in the table."""
+    """The scene and preset that are meant. Raises Error if they are not in the table."""
     scenes = sorted(set(done.scene))
     if scene not in scenes:
         if scene or len(scenes) != 1:
             text = f"found '{scene}', allowed" if scene else "found none, allowed one of"
-            raise ValueError(f"--scene: {text} {', '.join(scenes)}")
+            raise Error(f"--scene: {text} {', '.join(scenes)}")
         (scene,) = scenes
     here = done[done.scene == scene]
     presets = sorted(set(here.preset))
     if preset and preset not in presets:
-        raise ValueError(f"--preset: found '{preset}', allowed {', '.join(presets)}")
+        raise Error(f"--preset: found '{preset}', allowed {', '.join(presets)}")
     return scene, preset or preset_of_answers(here)
 
 
@@ -187,7 +186,7 @@ def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
     """Every cell with its columns of another table, that of a file, which the error names."""
     table = cells.merge(more, on=KEY)
     if len(table) < len(cells):
-        raise ValueError(
+        raise Error(
             f"{file}: found {len(table)} of {len(cells)} cells, allowed all; "
             "`pyinfra benchmark` once more writes it"
         )
@@ -215,7 +214,7 @@ def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFram
     """The cells with AP, recall and counts of the range that is asked, and column range_m.
 
     That is NaN, and AP is of the whole region, where a cell has no rows in the table of ranges, as
-    those of earlier versions. Raises ValueError for a range that was not measured.
+    those of earlier versions. Raises Error for a range that was not measured.
     """
     by_range = ranges.merge(cells[[*KEY, "whole"]], on=KEY)
     if by_range.empty or len(by_range[KEY].drop_duplicates()) < len(cells):
@@ -225,7 +224,7 @@ def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFram
     there = sorted(set(by_range.range_m))
     if wish.range_m not in there:
         allowed = ", ".join(f"{range_m:g}" for range_m in there)
-        raise ValueError(f"--range: expected one of {allowed} m, got {wish.range_m:g}")
+        raise Error(f"--range: expected one of {allowed} m, got {wish.range_m:g}")
     by_range = by_range[by_range.range_m == wish.range_m]
     merged = cells[KEY].assign(range_m=wish.range_m, recalls=1000.0)
     for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):

@@ -12,6 +12,8 @@ from typing import Any, Literal, TypeVar, get_args
 
 import joblib
 
+from pyinfra.core.errors import Error
+
 Task = TypeVar("Task")
 Say = Callable[[str], None]  # is told in a line what is going on, also from the tasks' processes
 Backend = Literal["local", "ray", "dask"]
@@ -23,7 +25,7 @@ def silent(_: str) -> None:
     """Tells nobody."""
 
 
-class NoGpu(ValueError):
+class NoGpu(Error):
     """A cluster was asked for what it does not have."""
 
 

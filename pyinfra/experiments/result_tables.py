@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.formats.csv_table import numbers, read_words
@@ -203,7 +203,7 @@ def read_results(
 
     more: tables beside KINDS.
 
-    Raises FileNotFoundError for a folder that is not there, and ValueError for a wrong table, a
+    Raises FileNotFoundError for a folder that is not there, and Error for a wrong table, a
     tier without cells and a folder without any table.
     """
     if not folder.is_dir():
@@ -212,9 +212,9 @@ def read_results(
     kinds = {**KINDS, **(more or {})}
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
     if tier is not None and tables["cells"].empty:
-        raise ValueError(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
+        raise Error(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
     if all(table.empty for table in tables.values()):
-        raise ValueError(f"{folder}: found no table of results, allowed one or more")
+        raise Error(f"{folder}: found no table of results, allowed one or more")
     tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
     tables |= {name: with_fine(tables[name]) for name in ("stress", "distance")}
     return Results(folder, chosen, tables, kinds)
@@ -242,7 +242,7 @@ def _read(file: Path, kind: Kind) -> pd.DataFrame:
     try:
         return _checked(file, kind)
     except FormatError as error:  # a folder of no results was named
-        raise ValueError(str(error)) from None
+        raise Error(str(error)) from None
 
 
 def _checked(file: Path, kind: Kind) -> pd.DataFrame:
@@ -250,7 +250,7 @@ def _checked(file: Path, kind: Kind) -> pd.DataFrame:
     table = read_words(file)
     missing = [column for column in columns if column not in table]
     if missing:
-        raise ValueError(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
+        raise Error(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
     there = [*kind.numbers, *(name for name in kind.later if name in table)]
     values = {name: _in_range(file, table[name], kind.ranges) for name in there}
@@ -274,7 +274,7 @@ def _in_range(file: Path, column: pd.Series, ranges: Mapping[str, Ends]) -> pd.S
         row = wrong.idxmax()
         allowed = f"{low:g} to {high:g}" if high < _FROM_ZERO[1] else "a finite number"
         allowed = "0 or more" if (low, high) == _FROM_ZERO else allowed
-        raise ValueError(f"{file}:{row + 2}: {column.name}: found {column[row]}, allowed {allowed}")
+        raise Error(f"{file}:{row + 2}: {column.name}: found {column[row]}, allowed {allowed}")
     return values
 
 
@@ -285,24 +285,24 @@ def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
         wrong = values[low] > values[high]
         if wrong.any():
             row = wrong.idxmax()
-            raise ValueError(
+            raise Error(
                 f"{file}:{row + 2}: {low}: found {values[low][row]:g} above {high}, "
                 f"{values[high][row]:g}; allowed up to it"
             )
 
 
 def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
-    """Raises ValueError for a row without a name, and for one that comes twice."""
+    """Raises Error for a row without a name, and for one that comes twice."""
     here = [name for name in key if name in table]  # tables of earlier versions lack some
     for name in here:
         empty = table[name] == ""
         if empty.any():
-            raise ValueError(f"{file}:{empty.idxmax() + 2}: {name}: found nothing, allowed a name")
+            raise Error(f"{file}:{empty.idxmax() + 2}: {name}: found nothing, allowed a name")
     twice = table.duplicated(here) if here else table.index < 0
     if twice.any():
         row = int(np.flatnonzero(twice)[0])
         first = int(np.flatnonzero((table[here] == table.loc[row, here]).all(axis=1))[0])
-        raise ValueError(
+        raise Error(
             f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: found in row {first + 2} too, "
             "allowed once"
         )

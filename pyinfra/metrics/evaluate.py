@@ -186,14 +186,14 @@ def settings_of(object_class: str, *, has_objects: bool) -> Settings:
 def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool = False) -> Settings:
     """Of vehicles or of people, who are found from another IoU on, or by their centres.
 
-    custom_iou: an IoU takes the place of these. Raises ValueError for both together without one.
+    custom_iou: an IoU takes the place of these. Raises Error for both together without one.
     """
     of_people = [are_people(types) for types in classes.values()]
     if not any(of_people) or (custom_iou and not all(of_people)):
         return Settings(classes=classes)
     if not all(of_people):
         names = ", ".join(classes)
-        raise ValueError(f"--class: found {names}, allowed vehicles, or people, or both with --iou")
+        raise Error(f"--class: found {names}, allowed vehicles, or people, or both with --iou")
     return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
 
 

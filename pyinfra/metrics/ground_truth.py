@@ -70,12 +70,12 @@ class GroundTruth:
     ) -> BoolArray:
         """Which of some vehicles (n,), with their places, are to be found.
 
-        Raises ValueError for a set that this folder cannot tell.
+        Raises Error for a set that this folder cannot tell.
         """
         if which == "captured":
             return places.inside & (vehicles.points >= min_points)
         if not self.has_objects:
-            raise ValueError(f"{self.folder}: found no objects, allowed ground truth: captured")
+            raise Error(f"{self.folder}: found no objects, allowed ground truth: captured")
         if which == "present":
             return places.inside
         visible = places.inside & (vehicles.visibility >= MIN_VISIBILITY)
@@ -96,11 +96,11 @@ def read_ground_truth(
 
     frames: those to read, `frame_numbers(folder)` if left out. beyond_range: with the vehicles that
     this LiDAR does not reach: what another one of the data set knows of them, else where they are.
-    Raises FileNotFoundError, FormatError with file and line, and ValueError without any frame.
+    Raises FileNotFoundError, FormatError with file and line, and Error without any frame.
     """
     frames = sorted(frame_numbers(folder) if frames is None else frames)
     if not frames:
-        raise ValueError(f"{folder}: found no frame to evaluate, allowed one or more")
+        raise Error(f"{folder}: found no frame to evaluate, allowed one or more")
     has_lidar = (folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(folder) if has_lidar else None
     data_set = data_set_of(folder)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy import stats
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
+from pyinfra.core.errors import Error
 
 SLOT_S = 1.0  # of time, drawn whole
 BLOCK_STEP_S = 5.0  # lengths of blocks are multiples of it, so that LiDARs of a world agree
@@ -87,11 +88,11 @@ def time_blocks(
 ) -> Blocks:
     """Slots of time that hold a frame or more, and seeded draws of runs of them.
 
-    Of less than MIN_BLOCKS blocks there are no draws. Raises ValueError if the frames do not
+    Of less than MIN_BLOCKS blocks there are no draws. Raises Error if the frames do not
     ascend.
     """
     if np.any(np.diff(frames) <= 0):
-        raise ValueError("frames: found a frame that is not after the one before it")
+        raise Error("frames: found a frame that is not after the one before it")
     # A frame that starts on the border of a slot belongs to the later one.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)

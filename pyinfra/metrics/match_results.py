@@ -23,6 +23,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, NameArray
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, Subset
 from pyinfra.dataset.data_set import MIN_VISIBILITY
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
@@ -73,17 +74,17 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
             if not getattr(self, name):
-                raise ValueError(f"{name}: found none, allowed one or more")
+                raise Error(f"{name}: found none, allowed one or more")
         for iou in self.ious:
             if not 0.1 <= iou < 1:
-                raise ValueError(f"iou: found {iou:g}, allowed 0.1 to below 1")
+                raise Error(f"iou: found {iou:g}, allowed 0.1 to below 1")
         if self.block_s is not None and not 0 < self.block_s <= 1e6:
-            raise ValueError(f"block_s: found {self.block_s:g}, allowed above 0 to 1e6")
+            raise Error(f"block_s: found {self.block_s:g}, allowed above 0 to 1e6")
         if not 0 <= self.min_score <= 1:
-            raise ValueError(f"min_score: found {self.min_score:g}, allowed 0 to 1")
+            raise Error(f"min_score: found {self.min_score:g}, allowed 0 to 1")
         for name, least in (("min_points", 1), ("min_objects", 1), ("draws", 1), ("seed", 0)):
             if (value := getattr(self, name)) < least:
-                raise ValueError(f"{name}: found {value}, allowed {least} or more")
+                raise Error(f"{name}: found {value}, allowed {least} or more")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
         """Of the rows of a metric; one that is not known where centres decide."""

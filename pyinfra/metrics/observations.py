@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.data_set import (
     MIN_VISIBILITY,
@@ -55,7 +56,7 @@ class Sightings:
         return self.visible() & self.in_angles.all(axis=1)
 
     def column(self, lidar: str) -> int:
-        """Which column of points is a LiDAR's. Raises ValueError if there is none."""
+        """Which column of points is a LiDAR's. Raises Error if there is none."""
         return self.lidars.index(lidar)
 
 
@@ -79,7 +80,7 @@ def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None
 def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
     """All vehicles of all frames, joined by frame and id.
 
-    above_road: count only points above the road's level; raises ValueError if the roads are not
+    above_road: count only points above the road's level; raises Error if the roads are not
     level, FileNotFoundError without `fields`. `points_in_box` is not changed by it.
     """
     levels = [road_level(data, lidar) for lidar in data.lidars] if above_road else None
@@ -115,12 +116,12 @@ def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
 
 
 def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
-    """Frames that end so many one after another, ascending. Raises ValueError if none does."""
+    """Frames that end so many one after another, ascending. Raises Error if none does."""
     every = np.array(sorted(frames), dtype=np.int64)
     runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
     ends = runs[runs[:, -1] - runs[:, 0] == count - 1, -1]
     if len(ends) == 0:
-        raise ValueError(f"accumulate: found no {count} frames one after another, allowed some")
+        raise Error(f"accumulate: found no {count} frames one after another, allowed some")
     return np.asarray(ends)
 
 
@@ -128,7 +129,7 @@ def accumulated(vehicles: Sightings, frames: Sequence[int], count: int) -> Sight
     """The vehicles of frames that end so many one after another, with the points of all of them.
 
     Points add up over what the vehicle was hit by in them, wherever it was; the rest is of the
-    last. Raises ValueError as `ends_of_runs`.
+    last. Raises Error as `ends_of_runs`.
     """
     newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))
     keys = np.stack([vehicles.frame, vehicles.ids], axis=1)

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.metrics.comparison import Bootstrapped
@@ -168,18 +169,18 @@ def are_pairs(a: pd.Series, b: pd.Series) -> bool:
 
 
 def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
-    """Raises ValueError with what differs if two rows cannot be compared in pairs."""
+    """Raises Error with what differs if two rows cannot be compared in pairs."""
     for name in (*also, *SAME):
         if _same(a, name) != _same(b, name):
             origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
             where = f"{' and '.join(origins)}: " if origins else ""
-            raise ValueError(
+            raise Error(
                 f"{where}{name}: found {_same(a, name)} and {_same(b, name)}, allowed the same: "
                 "draws of blocks are pairs within one world, number of frames and label time alone"
             )
 
 
 def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstrapped:
-    """The first less the second, draw by draw. Raises ValueError as `check_pair`."""
+    """The first less the second, draw by draw. Raises Error as `check_pair`."""
     check_pair(a, b, also)
     return drawn(a).less(drawn(b))

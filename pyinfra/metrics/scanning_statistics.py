@@ -105,7 +105,7 @@ def data_set_tables(
     """All tables of one data set but those of its patterns, with columns that name it.
 
     accumulate: frames one after another that count as one. A recording, which has no trajectories,
-    has no table of speeds. Raises ValueError without so many frames one after another.
+    has no table of speeds. Raises Error without so many frames one after another.
     """
     ends = ends_of_runs(data.frames, accumulate)
     blocks = blocks_of(data, vehicles, ends)

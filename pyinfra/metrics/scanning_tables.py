@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from pyinfra.core.errors import Error
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
 from pyinfra.metrics.observations import Sightings, moving, same_rows
 
@@ -257,10 +258,10 @@ def aggregation_change(before: Sightings, after: Sightings, blocks: Blocks) -> p
 
     Draws are paired: both tables hold the same frames. Columns: lidar, counted (points or
     points_in_box), vehicles, before, after (per vehicle), change_percent, ci_low, ci_high.
-    Raises ValueError if the LiDARs differ.
+    Raises Error if the LiDARs differ.
     """
     if before.lidars != after.lidars:
-        raise ValueError(f"found LiDARs {before.lidars} and {after.lidars}, allowed the same")
+        raise Error(f"found LiDARs {before.lidars} and {after.lidars}, allowed the same")
     a, b = (t.select(m) for t, m in zip((before, after), same_rows(before, after), strict=True))
     a, b = a.select(moving(a)), b.select(moving(a))
     rows = []

@@ -74,7 +74,7 @@ def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
 
 
 def figures_of(draws: pd.DataFrame) -> Figures:
-    """Raises ValueError when asked, if the rows are not all of the same blocks."""
+    """Raises Error when asked, if the rows are not all of the same blocks."""
     if draws.empty:
         return lambda *_: None
     rows = {

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
 from pyinfra.metrics.observations import Sightings, blocks_of, read_sightings
@@ -67,10 +68,10 @@ def verdict_of_change(low: float, high: float, least: float) -> str:
 def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -> list[Row]:
     """All claims on the vehicles of one data set; `deskew` needs its instant twin.
 
-    Raises ValueError if the LiDARs are not the four of the paper.
+    Raises Error if the LiDARs are not the four of the paper.
     """
     if sorted(exact.lidars) != sorted((AVIA, *SPINNING)):
-        raise ValueError(f"found LiDARs {', '.join(exact.lidars)}, allowed {AVIA} {SPINNING}")
+        raise Error(f"found LiDARs {', '.join(exact.lidars)}, allowed {AVIA} {SPINNING}")
     common, view = exact.select(exact.common()), exact.select(exact.view())
     rows = [
         far_range(common, blocks, "common"),
@@ -136,7 +137,7 @@ def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
 def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
     """Points inside the boxes of moving vehicles, from instant to exact, for each LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
-        raise ValueError("instant and exact: found other frames, allowed the same")
+        raise Error("instant and exact: found other frames, allowed the same")
     change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
     rows = []
     for row in change[change.counted == "points_in_box"].itertuples():
@@ -172,7 +173,7 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
     version.
 
     A data set of aggregation `instant` serves `deskew` of the exact one of its scene, preset and
-    seed. Raises ValueError for an instant data set without its exact one, and for other modes.
+    seed. Raises Error for an instant data set without its exact one, and for other modes.
     """
     data_sets = [read_data_set(folder) for folder in folders]
     command = "python -m reproduction claims " + " ".join(str(folder) for folder in folders)
@@ -182,12 +183,12 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
         if data.aggregation == "instant":
             continue
         if data.aggregation != "exact":
-            raise ValueError(f"{data.folder}: found {data.aggregation}, allowed exact or instant")
+            raise Error(f"{data.folder}: found {data.aggregation}, allowed exact or instant")
         for row in _claims_of(data, instants.pop(_key(data), None)):
             cells = {"command": command, "seed": data.seed, "version": data.version}
             rows.append({**vars(row), "preset": data.preset, **cells})
     for data in instants.values():
-        raise ValueError(f"{data.folder}: found no exact data set of the same scene and preset")
+        raise Error(f"{data.folder}: found no exact data set of the same scene and preset")
     return pd.DataFrame(rows, columns=COLUMNS)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.experiments import store
 from pyinfra.experiments.result_tables import read_results
@@ -33,7 +34,7 @@ def main() -> None:
     elif len(args.folders) == 1:
         table = of_results(args.folders[0], args.tier)
     else:
-        raise ValueError("folders: expected data sets or one folder of results, got several")
+        raise Error("folders: expected data sets or one folder of results, got several")
     print(table[SHOWN].to_string(index=False, float_format=lambda v: f"{v:.3g}", max_colwidth=90))
 
 
@@ -49,11 +50,11 @@ def of_data_sets(folders: Sequence[Path], out: Path) -> pd.DataFrame:
 def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
     """Writes the claims about detection and the agreement with the paper beside their tables.
 
-    Raises ValueError for the smoke tier, whose networks have hardly learnt.
+    Raises Error for the smoke tier, whose networks have hardly learnt.
     """
     chosen = read_results(folder, tier).tier
     if chosen == "smoke":
-        raise ValueError(f"{folder}: tier: expected quick or full, got smoke, which tests no claim")
+        raise Error(f"{folder}: tier: expected quick or full, got smoke, which tests no claim")
     files = {name: folder / f"{chosen}_{name}.csv" for name in ("draws", "value")}
     files |= {"cells": folder / f"{chosen}.csv", "stress_draws": folder / "stress_draws.csv"}
     tables = {name: store.read(file) for name, file in files.items()}

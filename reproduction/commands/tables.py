@@ -13,6 +13,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from reproduction import ROOT
 from reproduction.tables import findings, front_page, measure, networks, simulator, sites
 from reproduction.tables.findings import FOUR, TWO, of_a_scene, of_scenes
@@ -56,12 +57,12 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 def rewritten(page: Path) -> str:
-    """The page with its tables made anew. Raises ValueError for a table of no name here."""
+    """The page with its tables made anew. Raises Error for a table of no name here."""
 
     def table(match: re.Match[str]) -> str:
         begin, name, _, end = match.groups()
         if name not in TABLES:
-            raise ValueError(f"{page}: found table '{name}', allowed {', '.join(TABLES)}")
+            raise Error(f"{page}: found table '{name}', allowed {', '.join(TABLES)}")
         return begin + TABLES[name]() + end
 
     return BLOCK.sub(table, page.read_text(encoding="utf-8"))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pyinfra.cli.main import message_of
+from pyinfra.cli.messages import message_of
 from pyinfra.core.files import new_folder, replacing
 
 DEAD = 2**31 - 2  # beyond the system's process ids

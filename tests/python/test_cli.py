@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pyinfra.cli import main
+from pyinfra.core.errors import Error
 from pyinfra.dataset import catalogue, runs
 
 
@@ -34,6 +35,40 @@ def test_errors_are_one_line_on_stderr(tmp_path: Path, words: list[str], code: i
     messages = [line for line in done.stderr.splitlines() if not line.startswith("[")]
     assert len(messages) == 1
     assert messages[0].startswith("pyinfra")
+
+
+@pytest.mark.parametrize("bug", [ValueError("shapes (3,) (4,)"), KeyError("x"), RuntimeError()])
+def test_a_bug_is_no_wrong_usage(
+    bug: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 1, one line that names a file with the traceback."""
+
+    def run(args: object) -> int:
+        raise bug
+
+    monkeypatch.setattr("pyinfra.cli.lidars.run", run)
+    assert main.main(["lidars"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"pyinfra: internal error: {type(bug).__name__}")
+    file = Path(line.split()[-1])
+    text = file.read_text()
+    file.unlink()
+    assert "Traceback" in text
+    assert "command: pyinfra lidars" in text
+
+
+def test_an_error_of_the_user_names_the_option(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The library knows arguments, the command their options."""
+
+    def run(args: object) -> int:
+        raise Error("height_m: expected 0 to 100, got -3; see `period_s` and `lines`")
+
+    monkeypatch.setattr("pyinfra.cli.import_.run", run)
+    assert main.main(["import", "x", "--from", "pcd", "--out", "y"]) == 2
+    message = "--height-m: expected 0 to 100, got -3; see --period-s and `lines`"
+    assert capsys.readouterr().err == f"pyinfra: {message}\n"
 
 
 @pytest.mark.parametrize("command", [command.name for command in main.COMMANDS])

@@ -550,7 +550,7 @@ def test_a_wrong_line_is_named(
     file = pred / "000001.txt"
     file.write_text(spoiled(file.read_text(), change))
     words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
-    assert main.main(["evaluate", *words]) == 1
+    assert main.main(["evaluate", *words]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1

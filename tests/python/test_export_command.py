@@ -108,7 +108,7 @@ def test_a_missing_or_cut_file_leaves_nothing(
 ) -> None:
     file = kitti.frame_file(pole, part, 6)
     file.write_bytes(b"12345")
-    assert main.main(words(pole, tmp_path / "out", name)) == 1
+    assert main.main(words(pole, tmp_path / "out", name)) == 2
     assert str(file) in capsys.readouterr().err
     if part == "label_2":
         file.unlink()
@@ -136,7 +136,7 @@ def test_a_missing_package_is_one_line_that_names_the_extra(
     monkeypatch.delitem(sys.modules, "pyinfra.exchange.mcap", raising=False)
     monkeypatch.setitem(sys.modules, "mcap_ros2", None)
     monkeypatch.setitem(sys.modules, "mcap_ros2.writer", None)
-    assert main.main(words(pole, tmp_path / "out", "mcap")) == 1
+    assert main.main(words(pole, tmp_path / "out", "mcap")) == 2
     assert "pip install 'infrasim[exchange]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

@@ -334,29 +334,29 @@ def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
 
 
 WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
-    "truncated": (truncated, 1, ["points/000005.npy", "is no whole array"]),
-    "pickle": (with_pickle, 1, ["points/000005.npy", "is no whole array"]),
+    "truncated": (truncated, 2, ["points/000005.npy", "is no whole array"]),
+    "pickle": (with_pickle, 2, ["points/000005.npy", "is no whole array"]),
     "more rows than bytes": (
         header(b"(10, 4), }      ", b"(99999999, 4), }"),
-        1,
+        2,
         ["points/000005.npy", "is no whole"],
     ),
-    "keys of two kinds": (header(b"'shape'", b"1234567"), 1, ["points/000005.npy", "is no whole"]),
-    "open bracket": (header(b"'shape'", b"((((((("), 1, ["points/000005.npy", "is no whole"]),
-    "columns": (narrow, 1, ["found (9, 3) float32, allowed (n, 4 or more)"]),
-    "far": (far, 1, ["000005.npy: point 2: y: found 3e+38, allowed -10000 to 10000"]),
-    "bytes": (odd_bin, 1, ["000005.bin", "found 28 bytes, allowed a multiple of 16"]),
-    "archive": (archive, 1, ["points/000005.npy", "is no whole array"]),
+    "keys of two kinds": (header(b"'shape'", b"1234567"), 2, ["points/000005.npy", "is no whole"]),
+    "open bracket": (header(b"'shape'", b"((((((("), 2, ["points/000005.npy", "is no whole"]),
+    "columns": (narrow, 2, ["found (9, 3) float32, allowed (n, 4 or more)"]),
+    "far": (far, 2, ["000005.npy: point 2: y: found 3e+38, allowed -10000 to 10000"]),
+    "bytes": (odd_bin, 2, ["000005.bin", "found 28 bytes, allowed a multiple of 16"]),
+    "archive": (archive, 2, ["points/000005.npy", "is no whole array"]),
     "label": (
         lambda f: (f / "labels/000005.txt").write_text("1 2 3 Car\n"),
-        1,
+        2,
         ["labels/000005.txt:1: found 4 columns"],
     ),
     "degrees": (
         lambda f: (f / "labels/000005.txt").write_text(
             "9 1 2 4 2 2 6.28 Car\n\n9 1 2 4 2 2 -90 Car\n"
         ),
-        1,
+        2,
         ["labels/000005.txt:3: heading: found -90, allowed -2 pi to 2 pi, in radians"],
     ),
     "label alone": (
@@ -372,7 +372,7 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     "no clouds": (lambda f: shutil.rmtree(f / "points"), 1, ["points: No such file or directory"]),
     "height": (
         lambda f: (f / "sensor.yaml").write_text("T_road_lidar: {z_m: high}\n"),
-        1,
+        2,
         ["sensor.yaml:1: T_road_lidar.z_m: found 'high', allowed a number"],
     ),
 }
@@ -398,7 +398,7 @@ def test_degrees_in_labels_of_kitti_are_named(
     ignored = "DontCare -1 -1 -10 1 1 9 9 -1 -1 -1 -1000 -1000 -1000 -10"
     file.write_text(f"{ignored}\n{' '.join([*words[:14], '85'])}\n")
     command = ["import", source, "--from", "kitti", "--out", tmp_path / "in/pole"]
-    fails(command, capsys, 1, f"{file}:2: rotation_y: found 85, allowed -2 pi to 2 pi, in radians")
+    fails(command, capsys, 2, f"{file}:2: rotation_y: found 85, allowed -2 pi to 2 pi, in radians")
     assert not (tmp_path / "in/pole").exists()
 
 

@@ -2,8 +2,8 @@
 
 Files of a made-up data set are damaged: bytes and lines are taken out, doubled, moved and replaced,
 also by words that numbers and YAML treat in ways of their own. What is read is what the reader
-promises; else there is an OSError, or a ValueError (FormatError and ConfigError are) that names the
-file. Always the same damages here; `make fuzz` tries others for FUZZ_SECONDS a reader.
+promises; else there is an OSError, or a pyinfra.Error (FormatError and ConfigError are) that names
+the file. Always the same damages here; `make fuzz` tries others for FUZZ_SECONDS a reader.
 """
 
 import os
@@ -22,6 +22,7 @@ from exchange_data import FRAMES, write_recording
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.regions import read_roads
@@ -105,7 +106,7 @@ def objects(file: Path) -> None:
     finally:
         try:
             bulk = read_vehicles(file.parents[2], [FRAME])
-        except ValueError:
+        except Error:
             assert alone is None
         assert (alone is None) == (bulk is None)
     sized(alone.boxes)
@@ -259,7 +260,7 @@ def test_a_damaged_file_is_read_or_named(name: str, site: Path) -> None:
             read(file)
         except OSError:
             pass
-        except ValueError as error:
+        except Error as error:
             assert str(site) in str(error), error  # noqa: PT017
 
     try:

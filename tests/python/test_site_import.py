@@ -422,7 +422,7 @@ def test_without_sumo_it_says_what_to_install(
     find: Callable[..., object] = lambda _name: None  # noqa: E731
     monkeypatch.setattr("importlib.util.find_spec", find)
     file = write_map(tmp_path, "a.xodr", site_data.straight())
-    assert main(["site", "import", str(file), "--out", str(tmp_path / "s")]) == 1
+    assert main(["site", "import", str(file), "--out", str(tmp_path / "s")]) == 2
     assert "pip install 'infrasim[site]'" in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
 

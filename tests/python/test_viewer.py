@@ -322,7 +322,7 @@ def test_without_the_extra_a_recording_is_refused_with_its_name(
     folder = lidar_folder(tmp_path / "data/one")
     monkeypatch.setitem(sys.modules, "rerun", None)
     monkeypatch.delitem(sys.modules, "pyinfra.viz.viewer.recording", raising=False)
-    assert main.main(["view", str(folder), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 1
+    assert main.main(["view", str(folder), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 2
     assert "pip install 'infrasim[rerun]'" in capsys.readouterr().err
     assert not (tmp_path / "a.rrd").exists()
 

@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 import pandas as pd
 
+from pyinfra.core.errors import keep_traceback
 from pyinfra.core.files import held
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import inputs, measure
@@ -44,6 +45,7 @@ def time_untimed(
             try:
                 time_cell(cell, plan, workspace, digests, device, say)
             except Exception as error:  # whatever it is, the others are timed
+                keep_traceback(error, workspace.work / "runs" / f"{cell.name}.traceback.txt")
                 say(f"{cell.title}: no latency: {type(error).__name__}: {error}")
 
 

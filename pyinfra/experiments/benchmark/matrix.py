@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pyinfra.core.config import checked, read_config, ruled
-from pyinfra.core.errors import ConfigError
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.vocabulary import Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import configs
@@ -37,27 +37,27 @@ def name_of(path: Path) -> str:
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """`ruby_plus` of configs/lidars, or `own.yaml` beside the benchmark's file.
 
-    Raises ValueError with what is allowed.
+    Raises Error with what is allowed.
     """
     folder = configs() / kind
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
     if not NAME.fullmatch(name_of(path)):
-        raise ValueError(
+        raise Error(
             f"found '{word}', allowed a name of up to 100 letters that begins with a letter, a "
             "digit or _"
         )
     if not path.is_file():
         names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise ValueError(f"found '{word}', allowed a file or {names}")
+        raise Error(f"found '{word}', allowed a file or {names}")
     return path
 
 
 def scene_of(word: str) -> Path:
-    """A scene that a user names. Raises ValueError."""
+    """A scene that a user names. Raises Error."""
     try:
         return config_file("scenes", Path.cwd() / "plan", word)
     except ValueError as error:
-        raise ValueError(f"--scene: {error}") from None
+        raise Error(f"--scene: {error}") from None
 
 
 def files_of(kind: str) -> Any:
@@ -99,7 +99,7 @@ class Benchmark:
     def __post_init__(self) -> None:
         cells = sum(block.cells for block in self.matrix)
         if not 1 <= cells <= MOST_CELLS:
-            raise ValueError(f"matrix: found {cells or 'no'} cells, allowed 1 to {MOST_CELLS}")
+            raise Error(f"matrix: found {cells or 'no'} cells, allowed 1 to {MOST_CELLS}")
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class Plan:
 def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
     """The cells of a file; scene: a file or a name in place of all of its scenes.
 
-    Raises ConfigError with file, key, what was found and what is allowed, and ValueError for the
+    Raises ConfigError with file, key, what was found and what is allowed, and Error for the
     scene.
     """
     benchmark = read_config(file, Benchmark)

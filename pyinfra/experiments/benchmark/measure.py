@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import SUBSETS
@@ -45,7 +46,7 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
 
     folder: the LiDAR's, split; run: where the model goes.
     A training that was stopped goes on. Raises what training, detecting and evaluating raise, and
-    ValueError if no vehicle counts.
+    Error if no vehicle counts.
     """
     seconds = trained(cell, recipe, folder, run, device)
     detected(run, folder, device)
@@ -64,10 +65,10 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
 
 
 def check_counted(evaluation: Evaluation) -> None:
-    """Raises ValueError if no vehicle counts, as then the cell has no AP."""
+    """Raises Error if no vehicle counts, as then the cell has no AP."""
     rows = evaluation.ap[evaluation.ap.ground_truth == "captured"]
     if not rows.objects.sum():
-        raise ValueError(
+        raise Error(
             f"found no vehicle with a point in the {len(evaluation.truth.frames)} test frames, "
             "allowed one or more: AP is undefined"
         )

@@ -34,7 +34,7 @@ class CellDraws:
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
         """Which of the others, by their place, cannot be told from the best by fine AP.
 
-        One without draws is not among them: nothing is known of it. Raises ValueError for cells
+        One without draws is not among them: nothing is known of it. Raises Error for cells
         whose draws are not of the same blocks.
         """
         reference = self.row(best, ground_truth)

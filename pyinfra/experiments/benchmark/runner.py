@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.errors import ConfigError
+from pyinfra.core.errors import ConfigError, keep_traceback
 from pyinfra.core.files import held
 from pyinfra.experiments import pool, store
 from pyinfra.experiments.benchmark import frames, inputs, measure
@@ -132,8 +132,12 @@ def fill(
     device: str,
     say: Say = silent,
 ) -> None:
-    """The rows of one cell, unless another process is at it; an exception becomes its reason."""
+    """The rows of one cell, unless another process is at it.
+
+    An exception becomes its reason; the traceback is kept beside the folder of its training.
+    """
     run = workspace.work / "runs" / cell.name
+    traceback = run.with_name(f"{run.name}.traceback.txt")
 
     def measured() -> None:
         try:
@@ -144,7 +148,9 @@ def fill(
             with exclusive_gpu(device, workspace.work) as gpu:
                 tables = measure.tables(cell, recipe, folder, run, device=gpu)
             tables["cells"] = tables["cells"].assign(**cell_inputs)
+            traceback.unlink(missing_ok=True)
         except Exception as error:  # whatever it is, the other cells go on
+            keep_traceback(error, traceback)
             tables = measure.failed(cell, error)
         workspace.put(tables)
         conclude(workspace, plan)

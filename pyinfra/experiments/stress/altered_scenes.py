@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import held, replacing
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import check_no_data_set, frame_numbers
@@ -84,12 +85,12 @@ class World:
 def read_base(folder: Path, most: int) -> Base:
     """The test frames of a folder, at most so many, evenly spaced.
 
-    Raises FileNotFoundError, FormatError, and ValueError for a folder that is no LiDAR's.
+    Raises FileNotFoundError, FormatError, and Error for a folder that is no LiDAR's.
     """
     check_no_data_set(folder)
     frames = frame_numbers(folder)
     if not frames:
-        raise ValueError(f"{folder}: found no test frame, allowed one or more")
+        raise Error(f"{folder}: found no test frame, allowed one or more")
     description = folder.parent / "dataset.yaml"
     scene = _scene(kitti.read_keys(description), folder) if description.is_file() else {}
     step = math.ceil(len(frames) / most)
@@ -204,7 +205,7 @@ def one_class(_: Base, name: float | str) -> World:
 def check(base: Base, world: World) -> None:
     """Reads all that a world is made of, as its run will, and casts no ray.
 
-    Raises ValueError for frames that its scene is too short for, and SimulatorError.
+    Raises Error for frames that its scene is too short for, and SimulatorError.
     """
     with tempfile.TemporaryDirectory() as folder:
         scene, lidar_yaml = _written(_texts(base, world), world, Path(folder))
@@ -218,7 +219,7 @@ def check(base: Base, world: World) -> None:
 def _check_length(base: Base, scene: Path, duration_s: float) -> None:
     needed = (base.frames[-1] + 1) * base.lidar.period_s
     if needed > duration_s + 1e-6:
-        raise ValueError(
+        raise Error(
             f"{scene}: duration_s: found {duration_s:g}, allowed {needed:g} or more, as frame "
             f"{base.frames[-1]} is tested"
         )
@@ -293,7 +294,7 @@ def frame_words(frames: Sequence[int]) -> str:
 def _times(base: Base, times: float | str, *keys: str) -> str:
     value: Any = base.scene.get("traffic")
     if not isinstance(value, dict):
-        raise ValueError(f"{base.folder.parent}: found no traffic, needed for density and speed")
+        raise Error(f"{base.folder.parent}: found no traffic, needed for density and speed")
     for key in keys:
         value = value[key]
     return f"{float(times) * float(value):g}"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import Points
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import LIDARS, SCENES
 from pyinfra.experiments.stress import altered_scenes, clouds, limits
@@ -57,12 +58,12 @@ class Stressor:
         return self.cloud(points, dial, np.random.default_rng(key))
 
     def parse(self, words: list[str]) -> tuple[Dial, ...]:
-        """Dials from words; the one without stress is left out. Raises ValueError."""
+        """Dials from words; the one without stress is left out. Raises Error."""
         if self.named:
             unknown = [word for word in words if word not in self.dials]
             if unknown:
                 allowed = ", ".join(map(str, self.dials[1:]))
-                raise ValueError(f"--dials: found '{unknown[0]}', allowed {allowed}")
+                raise Error(f"--dials: found '{unknown[0]}', allowed {allowed}")
             return tuple(word for word in words if word != UNSTRESSED)
         return tuple(v for v in map(_dial, words) if v != self.dials[0])
 
@@ -73,7 +74,7 @@ def _dial(word: str) -> float:
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise ValueError(f"--dials: found '{word}', allowed a number from 0 on")
+        raise Error(f"--dials: found '{word}', allowed a number from 0 on")
     return value
 
 
@@ -179,13 +180,13 @@ STRESSORS = {
 
 
 def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:
-    """The stressors by their names, with the dials that stress. Raises ValueError."""
+    """The stressors by their names, with the dials that stress. Raises Error."""
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:
-        raise ValueError(f"--stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
+        raise Error(f"--stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
         return {stressor: stressor.dials[1:] for stressor in selected}
     if len(selected) != 1 or selected[0].acts_on == "training":
-        raise ValueError("--dials: found it without one stressor of clouds or worlds, allowed one")
+        raise Error("--dials: found it without one stressor of clouds or worlds, allowed one")
     return {selected[0]: selected[0].parse(words)}

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.errors import Error, keep_traceback
 from pyinfra.core.files import held
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import VEHICLE_TYPES
@@ -81,14 +82,14 @@ class Trial:
 
 
 def read_run(folder: Path, base: Base) -> TrainedRun:
-    """Raises FileNotFoundError, and ValueError for a model of another LiDAR."""
+    """Raises FileNotFoundError, and Error for a model of another LiDAR."""
     if model_file(folder).suffix == ".npz":
         return TrainedRun(folder, "background", -1, -1)
     from pyinfra.models.training import checkpoint
 
     provenance = checkpoint.load(model_file(folder)).provenance
     if not provenance.anywhere and base.lidar.name not in provenance.lidar.split():
-        raise ValueError(f"{folder}: lidar: found {provenance.lidar}, allowed {base.lidar.name}")
+        raise Error(f"{folder}: lidar: found {provenance.lidar}, allowed {base.lidar.name}")
     description = folder / "run.yaml"
     keys = kitti.read_keys(description) if description.is_file() else {}
     return TrainedRun(folder, provenance.detector, int(keys.get("frames", -1)), provenance.seed)
@@ -100,7 +101,7 @@ def plan(
     """Every trial: first without stress, then stressor by stressor, so that early rows compare.
 
     The first run of a detector is stressed; its others are dials of the training's stressors.
-    Raises ValueError for runs that differ from the first in more than one of them, or in none.
+    Raises Error for runs that differ from the first in more than one of them, or in none.
     """
     first: dict[str, TrainedRun] = {}
     for run in runs:
@@ -123,7 +124,7 @@ def plan(
 def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
     """The stressor of training, and its dial, that leads from run a to run b."""
     if (a.frames == b.frames) == (a.seed == b.seed):
-        raise ValueError(
+        raise Error(
             f"{b.folder}: found {b.frames} frames and seed {b.seed}, allowed another number of "
             f"frames or another seed than {a.folder}, which has {a.frames} and {a.seed}"
         )
@@ -180,7 +181,7 @@ def row_of(
 
 
 def read(file: Path) -> pd.DataFrame:
-    """The rows that are there; keys are text. Raises ValueError for another table."""
+    """The rows that are there; keys are text. Raises Error for another table."""
     if not file.is_file():
         return pd.DataFrame(columns=list(COLUMNS))
     table = read_csv(file, WORDS.union(KEY))
@@ -188,7 +189,7 @@ def read(file: Path) -> pd.DataFrame:
         table["inputs"] = None
     missing = [name for name in COLUMNS if name not in table and "fine" not in name]
     if missing:
-        raise ValueError(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
+        raise Error(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
     return table.fillna({"unit": ""})
 
 
@@ -206,21 +207,24 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
 
 
 def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
-    """Fills a trial; returns what went wrong.
+    """Fills a trial; returns what went wrong, and keeps its traceback in out/tracebacks.
 
     Raises what a trial without stress raises: nothing compares without it.
     """
+    traceback = out / "tracebacks" / f"{'_'.join(key_of(trial, base, seed).values())}.txt"
     try:
         fill(trial, base, out, seed)
-    except (OSError, ValueError, RuntimeError) as error:
+    except Exception as error:  # whatever it is, the other trials go on
         if trial.stressor is NONE:
             raise
+        keep_traceback(error, traceback)
         return error
+    traceback.unlink(missing_ok=True)
     return None
 
 
 def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterator[Trial]:
-    """The trials without a row. Raises ValueError for a row of the same names, and other inputs."""
+    """The trials without a row. Raises Error for a row of the same names, and other inputs."""
     file = out / "stress.csv"
     table = read(file)
     for trial in trials:
@@ -229,7 +233,7 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
         if len(rows) == 0:
             yield trial
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
-            raise ValueError(
+            raise Error(
                 f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
                 "another data set of these names, allowed the same, or another --out"
             )
@@ -258,11 +262,11 @@ def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
 def able(
     stressors: dict[Stressor, tuple[Dial, ...]], base: Base
 ) -> dict[Stressor, tuple[Dial, ...]]:
-    """Those that can act on a base. Raises ValueError if none can."""
+    """Those that can act on a base. Raises Error if none can."""
     reasons = left_out(stressors, base)
     names = {name for each in reasons.values() for name in each}
     if len(names) == len(stressors):
-        raise ValueError("; ".join(reasons))
+        raise Error("; ".join(reasons))
     return {stressor: dials for stressor, dials in stressors.items() if stressor.name not in names}
 
 
@@ -273,7 +277,7 @@ def wrong_worlds(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Dial], 
         assert trial.stressor.world is not None
         try:
             altered_scenes.check(base, trial.stressor.world(base, trial.dial))
-        except (OSError, ValueError, RuntimeError) as error:
+        except (OSError, Error) as error:
             wrong[trial.at] = error
     return wrong
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points, Records
+from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.formats.kitti.camera import Calibration, boxes_to_camera, calibration_text, simulated
 from pyinfra.formats.kitti.layout import (
@@ -28,25 +29,25 @@ _IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in heigh
 
 
 def write_points(file: Path, points: Points) -> None:
-    """points: (n, 4) float32, x y z intensity, within 10 km. Raises ValueError for others."""
+    """points: (n, 4) float32, x y z intensity, within 10 km. Raises Error for others."""
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
-        raise ValueError(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
+        raise Error(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
     if not (np.abs(points) <= FARTHEST_M).all():
-        raise ValueError("points: found values that are not finite or beyond 10 km")
+        raise Error("points: found values that are not finite or beyond 10 km")
     write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
 def write_fields(file: Path, fields: Records) -> None:
-    """fields: (n,) records of FIELDS. Raises ValueError for another type."""
+    """fields: (n,) records of FIELDS. Raises Error for another type."""
     if fields.dtype != FIELDS or fields.ndim != 1:
-        raise ValueError(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
+        raise Error(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
     write(file, fields.tobytes())
 
 
 def write_objects(file: Path, objects: Objects) -> None:
     """With a last column for the pitch if there is one.
 
-    Raises ValueError for numbers that read_objects does not take.
+    Raises Error for numbers that read_objects does not take.
     """
     o = objects
     pitch = o.pitch
@@ -54,11 +55,11 @@ def write_objects(file: Path, objects: Objects) -> None:
     values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [pose, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
-        raise ValueError("objects: found values out of range")
+        raise Error("objects: found values out of range")
     if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
-        raise ValueError("objects: found a pitch beyond a whole turn, or that is no number")
+        raise Error("objects: found a pitch beyond a whole turn, or that is no number")
     if len(np.unique(o.ids)) < len(o):
-        raise ValueError("objects: found an id twice, allowed once a frame")
+        raise Error("objects: found an id twice, allowed once a frame")
     lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
@@ -80,7 +81,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
 
     calibration: that of a simulated LiDAR by default. Truncation, occlusion, alpha and the box in
     the image are those the labels bring, else 0, 0, the angle of the place, and 50 x 50 pixels.
-    Raises ValueError for numbers that are not finite.
+    Raises Error for numbers that are not finite.
     """
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
     image = _image_columns(camera) if labels.image is None else labels.image
@@ -112,7 +113,7 @@ def write_frame(
 ) -> None:
     """All parts of a frame, the cloud last: a frame exists if and only if its .bin does.
 
-    Makes the folders that are missing. Raises ValueError as the writers of the parts do.
+    Makes the folders that are missing. Raises Error as the writers of the parts do.
     """
 
     def path_of(part: Part) -> Path:
@@ -140,9 +141,9 @@ def _image_columns(camera: FloatArray) -> FloatArray:
 
 def _check(values: FloatArray, boxes: FloatArray) -> None:
     if not np.isfinite(values).all():
-        raise ValueError("found values that are not finite")
+        raise Error("found values that are not finite")
     if (boxes[:, 3:6] <= 0).any():
-        raise ValueError("boxes: found a size of 0 or less, allowed more than 0")
+        raise Error("boxes: found a size of 0 or less, allowed more than 0")
 
 
 def _replace_lines(file: Path, lines: Iterable[str]) -> None:

@@ -36,6 +36,7 @@ from scipy.spatial import cKDTree
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, Int32Array, IntArray, Points
 from pyinfra.core.boxes import bev_overlap
 from pyinfra.core.config import ruled
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
@@ -80,7 +81,7 @@ class Config:
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
             clearance, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
-            raise ValueError(f"clearance_m: found {clearance}, allowed below ceiling_m, {top}")
+            raise Error(f"clearance_m: found {clearance}, allowed below ceiling_m, {top}")
 
 
 DEFAULT = Config()
@@ -114,11 +115,11 @@ class Background:
         Its roads, if it knows any, pull the directions of the traffic.
         road: how high it lies; only a relief is used, a level road is taken from the frames.
         Vehicles may stand in the way for most of that time if the road is seen free once.
-        Raises ValueError if no frame has a point in range.
+        Raises Error if no frame has a point in range.
         """
         clouds = [_usable(frame, settings) for frame in frames]
         if sum(map(len, clouds)) == 0:
-            raise ValueError(f"frames: found {len(clouds)} without a point in range, allowed more")
+            raise Error(f"frames: found {len(clouds)} without a point in range, allowed more")
         if not settings.within_region:
             region = None
         ground = _ground(clouds, settings, road, _inside_region(region, settings, 0))
@@ -161,18 +162,18 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """What `save` wrote. Raises ValueError with the file's name for anything else."""
+        """What `save` wrote. Raises Error with the file's name for anything else."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]
             known = cls(_settings(contents[0]), *contents[1:])
             known._check()
         except _UNREADABLE as error:
-            raise ValueError(f"{file}: found no background of this detector: {error}") from error
+            raise Error(f"{file}: found no background of this detector: {error}") from error
         return known
 
     def _check(self) -> None:
-        """Raises ValueError unless the arrays are those of `learn`."""
+        """Raises Error unless the arrays are those of `learn`."""
         s = self.settings
         n, m = _cells(s), _road_cells(s)
         allowed = {
@@ -185,7 +186,7 @@ class Background:
         for name, (shape, kind) in allowed.items():
             array = getattr(self, name)
             if array.shape != shape or array.dtype != kind or not np.isfinite(array).all():
-                raise ValueError(
+                raise Error(
                     f"{name}: found {array.shape} {array.dtype}, "
                     f"allowed {shape} {np.dtype(kind)}, all finite"
                 )
@@ -250,10 +251,10 @@ def _joined(parts: Sequence[_Rectangles]) -> _Rectangles:
 def _usable(points: Points, s: Config) -> Floats:
     """(k, 3) x y z of the points that are finite and in range.
 
-    Raises ValueError for an array of another shape.
+    Raises Error for an array of another shape.
     """
     if points.ndim != 2 or points.shape[1] != 4:
-        raise ValueError(f"points: found {points.shape}, allowed (n, 4)")
+        raise Error(f"points: found {points.shape}, allowed (n, 4)")
     x, y, z = (np.abs(points[:, axis]) < s.range_m for axis in range(3))  # False for nan
     good = x & y & z
     return points[:, :3].take(np.flatnonzero(good), axis=0).astype(np.float32, copy=False)
@@ -280,7 +281,7 @@ def _numbers(settings: Config) -> FloatArray:
 def _settings(values: FloatArray) -> Config:
     most = len(fields(Config))
     if values.shape not in ((most,), (most - 1,)):
-        raise ValueError(f"settings: found {values.shape}, allowed {most - 1} or {most} numbers")
+        raise Error(f"settings: found {values.shape}, allowed {most - 1} or {most} numbers")
     pairs = zip(fields(Config), values, strict=False)
     return Config(**{f.name: type(getattr(DEFAULT, f.name))(value) for f, value in pairs})
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray, Points
+from pyinfra.core.errors import Error
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Area:
 
     def __post_init__(self) -> None:
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
-            raise ValueError(f"area: found {self.low} to {self.high}, allowed low below high")
+            raise Error(f"area: found {self.low} to {self.high}, allowed low below high")
 
     @property
     def size(self) -> tuple[float, float, float]:
@@ -112,11 +113,11 @@ class Batch:
 def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch:
     """The first columns of the points inside the area, and the boxes whose centre is.
 
-    Raises ValueError for a cloud of fewer columns.
+    Raises Error for a cloud of fewer columns.
     """
     for sample in samples:
         if sample.points.shape[1] < columns:
-            raise ValueError(
+            raise Error(
                 f"points: found {sample.points.shape[1]} columns, allowed {columns}: "
                 "the network looks at the ages of stacked frames"
             )

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.core.config import ruled
+from pyinfra.core.errors import Error
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,7 @@ class BevConfig:
 
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
-            raise ValueError(
-                "layers, widths, strides: found none or other lengths, allowed one length"
-            )
+            raise Error("layers, widths, strides: found none or other lengths, allowed one length")
 
 
 class BevNetwork(nn.Module):

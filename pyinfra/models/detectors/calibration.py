@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.errors import Error
 
 STEADY = 1e-3  # pulls the line to scores as they are, where there are next to no boxes
 LEAST = 1e-7  # of a score and of what it lacks to 1
@@ -24,13 +25,11 @@ def logit(scores: FloatArray) -> FloatArray:
 def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     """a and b of logit -> a logit + b, most likely for boxes with these scores (n,).
 
-    right: (n,) whether each overlaps a vehicle enough. Raises ValueError without a right and a
+    right: (n,) whether each overlaps a vehicle enough. Raises Error without a right and a
     wrong one.
     """
     if right.all() or not right.any():
-        raise ValueError(
-            f"found {right.sum()} right boxes of {len(right)}, allowed some and not all"
-        )
+        raise Error(f"found {right.sum()} right boxes of {len(right)}, allowed some and not all")
     logits = logit(scores)
 
     def unlikely(line: FloatArray) -> tuple[float, FloatArray]:

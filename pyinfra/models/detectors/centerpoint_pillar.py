@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from torch import Tensor
 
 from pyinfra.core.config import ruled
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.batch import Batch
@@ -39,7 +40,7 @@ class Config:
 
     def __post_init__(self) -> None:
         if not self.classes:
-            raise ValueError("classes: found none, allowed one or more")
+            raise Error("classes: found none, allowed one or more")
 
 
 class CenterPointPillar(Network):

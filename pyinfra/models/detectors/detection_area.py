@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.batch import Area
 
@@ -27,12 +28,12 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
     """The area that holds the regions with a margin of 8 m, as high as the boxes (k, 7) with 1 m.
 
     boxes: above the road. The area is the same for every LiDAR of a site, however far each of them
-    sees. Without a region: that of the boxes with a margin of 1 m. Raises ValueError if there is no
+    sees. Without a region: that of the boxes with a margin of 1 m. Raises Error if there is no
     box.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
-        raise ValueError("found no vehicle in the training frames, allowed one or more")
+        raise Error("found no vehicle in the training frames, allowed one or more")
     cos, sin = np.abs(np.cos(every[:, 6])), np.abs(np.sin(every[:, 6]))
     half = (
         np.stack(

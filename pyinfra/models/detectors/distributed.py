@@ -19,18 +19,20 @@ from torch import distributed as dist
 from torch.nn import functional
 from torch.nn.modules.batchnorm import _BatchNorm
 
+from pyinfra.core.errors import Error
+
 
 @contextmanager
 def joined(device: torch.device) -> Iterator[torch.device]:
     """Meets the processes that torchrun started, if any; gives this one's device.
 
-    Raises ValueError for a device by number: each process takes its own.
+    Raises Error for a device by number: each process takes its own.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         yield device
         return
     if ":" in str(device):
-        raise ValueError(f"--device: found {device}, allowed {device.type} with several processes")
+        raise Error(f"--device: found {device}, allowed {device.type} with several processes")
     if device.type == "cuda":
         device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
         torch.cuda.set_device(device)
@@ -42,11 +44,9 @@ def joined(device: torch.device) -> Iterator[torch.device]:
 
 
 def check_batch(size: int) -> None:
-    """Raises ValueError unless each process has as many frames of it."""
+    """Raises Error unless each process has as many frames of it."""
     if size % count() != 0:
-        raise ValueError(
-            f"learning.batch: found {size}, allowed multiples of {count()}, the processes"
-        )
+        raise Error(f"learning.batch: found {size}, allowed multiples of {count()}, the processes")
 
 
 def rank() -> int:

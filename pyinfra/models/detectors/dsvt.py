@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pyinfra.core.config import ruled
+from pyinfra.core.errors import Error
 from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.bev import BevConfig, BevNetwork, conv, multiple
 from pyinfra.models.detectors.centre_head import BOX, CentreHead
@@ -55,9 +56,9 @@ class Config:
 
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
-            raise ValueError(f"width: found {self.width}, allowed an even multiple of the heads")
+            raise Error(f"width: found {self.width}, allowed an even multiple of the heads")
         if not 0 < len(self.windows) == len(self.shifts):
-            raise ValueError("windows, shifts: found none or other lengths, allowed one length")
+            raise Error("windows, shifts: found none or other lengths, allowed one length")
 
 
 class Embedding(nn.Module):

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.core.arrays import Points
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
@@ -43,14 +44,14 @@ def one_thread() -> Iterator[None]:
 
 
 def device_of(name: str) -> torch.device:
-    """Raises ValueError if there is no such device here."""
+    """Raises Error if there is no such device here."""
     kind, _, number = name.partition(":")
     gpus = torch.cuda.device_count()
     if kind == "cuda" and gpus > 0 and (not number or (number.isdigit() and int(number) < gpus)):
         return torch.device(name)
     if name != "cpu":
         allowed = f"cpu, cuda, cuda:0 to cuda:{gpus - 1}" if gpus else "cpu: there is no GPU here"
-        raise ValueError(f"--device: found '{name}', allowed {allowed}")
+        raise Error(f"--device: found '{name}', allowed {allowed}")
     return torch.device(name)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.models.detectors.batch import Area, Batch, CanvasPart, Sample
 
 if TYPE_CHECKING:
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def check(network: Network, most_m2: float) -> None:
-    """Raises ValueError if windows are asked of a network that has no canvas to cut."""
+    """Raises Error if windows are asked of a network that has no canvas to cut."""
     if most_m2 > 0 and not network.learns_in_windows:
         name = type(network).__name__
-        raise ValueError(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
+        raise Error(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
 
 
 def centre_of(

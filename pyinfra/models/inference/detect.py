@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
 from pyinfra.dataset.regions import Region, region_of
@@ -37,7 +38,7 @@ def load_detector(
 
     ground, region: of the road where it is to find vehicles; None: those where it learnt, if they
     are known. stacks: whether it will be given what its `accumulation_of` says, not single frames.
-    Raises FileNotFoundError, and ValueError for a file that is no model, without any ground, and
+    Raises FileNotFoundError, and Error for a file that is no model, without any ground, and
     for a model of stacked frames that would be given single ones.
     """
     file = model_file(run)
@@ -55,14 +56,14 @@ def load_detector(
     if ground is None and provenance.ground is not None:
         ground = Ground(provenance.ground)
     if ground is None:
-        raise ValueError(f"{run}: found no height of the road, allowed one: --height-m says it")
+        raise Error(f"{run}: found no height of the road, allowed one: --height-m says it")
     return OnRoad(fused(loaded.network(region)).to(device_of(device)), ground)
 
 
 def check_single(run: Path, frames: int) -> None:
-    """Raises ValueError for a model of more than one frame where each is looked at alone."""
+    """Raises Error for a model of more than one frame where each is looked at alone."""
     if frames > 1:
-        raise ValueError(
+        raise Error(
             f"{run}: found a model of {frames} stacked frames, allowed one of single frames: only "
             "`pyinfra detect --data` stacks them"
         )
@@ -83,7 +84,7 @@ def stacking(
 ) -> Callable[[Path], Points]:
     """What reads the cloud of a frame's file with its neighbours, of whichever split.
 
-    Raises ValueError if no frame has one.
+    Raises Error if no frame has one.
     """
     there, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
     clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, there, period_s)
@@ -175,7 +176,7 @@ def detect(
 
     The results are in the camera of the frame's calib file, if there is one where a data set has
     it, else in that of a simulated LiDAR. Raises FormatError for a cloud that is none, and
-    ValueError for two clouds of one name.
+    Error for two clouds of one name.
     """
     per_frame, times = [], []
     if out is not None:
@@ -198,13 +199,11 @@ def write(out: Path, cloud: Path, detections: Detections) -> None:
 
 
 def once(files: Sequence[Path]) -> None:
-    """Raises ValueError if the results of two clouds would be one file."""
+    """Raises Error if the results of two clouds would be one file."""
     named: dict[str, Path] = {}
     for file in files:
         if file.stem in named:
-            raise ValueError(
-                f"{file}: found the name of {named[file.stem]}, allowed once with --out"
-            )
+            raise Error(f"{file}: found the name of {named[file.stem]}, allowed once with --out")
         named[file.stem] = file
 
 

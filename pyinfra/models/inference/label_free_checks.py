@@ -31,7 +31,7 @@ def trust_of(
     """How far to believe predictions of a folder's vehicles; its labels are not looked at.
 
     split: all frames by default. The background is learnt from the same frames. Raises
-    FileNotFoundError, FormatError for files that are none, and ValueError without a point.
+    FileNotFoundError, FormatError for files that are none, and Error without a point.
     """
     frames = frame_numbers(folder, split or "all")
     files = find_files(

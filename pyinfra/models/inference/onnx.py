@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.core.config import as_plain
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.models.detectors.batch import Batch
 from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar
@@ -52,14 +53,14 @@ def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
 
 
 def export(run: Path, file: Path) -> None:
-    """Raises ValueError for a detector that is not dense or is one of stacked frames, and
+    """Raises Error for a detector that is not dense or is one of stacked frames, and
     ImportError without onnxscript.
     """
     loaded = checkpoint.load(model_file(run))
     check_single(run, loaded.provenance.accumulate)
     network = loaded.network()
     if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
-        raise ValueError(
+        raise Error(
             f"{run}: found {loaded.provenance.detector}, allowed pointpillars, centerpoint-pillar"
         )
     low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))

@@ -36,7 +36,7 @@ def without_standing(
 
     The background is learnt from the same clouds, so they should be of a minute or more: what
     stands for most of it where nothing drives past goes as well. People who wait stay. Raises
-    ValueError without a point.
+    Error without a point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]

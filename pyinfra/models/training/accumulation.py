@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from pyinfra.core.arrays import Points
+from pyinfra.core.errors import Error
 
 LabelAt = Literal["newest", "middle"]
 MOST_FRAMES = 100
@@ -24,12 +25,12 @@ class Accumulation:
 
     def __post_init__(self) -> None:
         if not 1 <= self.frames <= MOST_FRAMES:
-            raise ValueError(f"accumulate: found {self.frames}, allowed 1 to {MOST_FRAMES}")
+            raise Error(f"accumulate: found {self.frames}, allowed 1 to {MOST_FRAMES}")
         if self.label_at not in get_args(LabelAt):
             allowed = ", ".join(get_args(LabelAt))
-            raise ValueError(f"label_at: found '{self.label_at}', allowed {allowed}")
+            raise Error(f"label_at: found '{self.label_at}', allowed {allowed}")
         if self.frames == 1 and self.label_at != "newest":
-            raise ValueError(f"label_at: found {self.label_at} of one frame, allowed newest")
+            raise Error(f"label_at: found {self.label_at} of one frame, allowed newest")
 
     def around(self, frame: int) -> range:
         """The numbers of the frames in the cloud of a labelled one."""
@@ -39,12 +40,12 @@ class Accumulation:
     def stacks(self, labelled: Sequence[int], there: Collection[int]) -> tuple[list[int], ...]:
         """Those that are there, ascending, for each labelled frame; it is one of them.
 
-        Raises ValueError if frames lie so far apart that none has a neighbour.
+        Raises Error if frames lie so far apart that none has a neighbour.
         """
         known = {*there, *labelled}
         groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
         if self.frames > 1 and groups and max(map(len, groups)) == 1:
-            raise ValueError(
+            raise Error(
                 f"accumulate: found no two frames within {self.frames} numbers, allowed a folder "
                 "with frames one after another"
             )
@@ -59,7 +60,7 @@ class Accumulation:
     ) -> tuple[Callable[[], Points], ...]:
         """The cloud of each labelled frame, made when it is asked for: as read if it is one frame.
 
-        Raises ValueError as `stacks`.
+        Raises Error as `stacks`.
         """
         if self.frames == 1:
             return tuple(partial(read, frame) for frame in labelled)

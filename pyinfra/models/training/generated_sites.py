@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.config import read_config, ruled
-from pyinfra.core.errors import ConfigError
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.vocabulary import VEHICLES, LabelTime, ObjectClass
 from pyinfra.dataset import regions, simulation
 from pyinfra.dataset.frame_sequence import roads_of_world
@@ -78,11 +78,9 @@ class SiteSamples:
     def __post_init__(self) -> None:
         for chosen in (self.sensors, *([self.narrow] if self.narrow else [])):
             if self.plan.lidars > len(chosen.files):
-                raise ValueError(
-                    f"lidars: found {self.plan.lidars}, allowed up to {len(chosen.files)}"
-                )
+                raise Error(f"lidars: found {self.plan.lidars}, allowed up to {len(chosen.files)}")
         if (self.plan.narrow > 0) != (self.narrow is not None):
-            raise ValueError(
+            raise Error(
                 "narrow: expected LiDARs with a share above 0, and none with 0, got "
                 f"a share of {self.plan.narrow:g}"
             )
@@ -223,7 +221,7 @@ def site_stream(
 
     narrow: the LiDARs of the plan's narrow visits.
 
-    Raises ValueError for more LiDARs a visit than there are.
+    Raises Error for more LiDARs a visit than there are.
     """
     chosen = sensors or lidar_catalogue.sensors()
     samples = SiteSamples(plan, chosen, classes, narrow=narrow)

@@ -24,7 +24,7 @@ import torch
 from torch import Tensor
 
 from pyinfra.core.config import as_plain, read_config
-from pyinfra.core.errors import ConfigError
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import naming, replacing
 from pyinfra.models.detectors import distributed, windows
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch
@@ -44,8 +44,10 @@ AHEAD = 16  # batches; a stream makes the samples of a dozen at a time
 PASSING = ("step", "version")  # may change while a run goes on
 
 
-class TrainingDiverged(RuntimeError):
+class TrainingDiverged(Error):
     """The loss is no number any more."""
+
+    exit_code = 1
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pyinfra.core.config import Part, checked, read_config, ruled
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS, ObjectClass, Tier
 from pyinfra.models.detectors.catalogue import DETECTORS
 from pyinfra.models.detectors.classes import classes_of
@@ -19,13 +20,13 @@ Precision = Literal["float32", "bfloat16"]
 
 
 def _model(_: Path, word: str) -> None:
-    """Raises ValueError if a network to begin with is named that is not there."""
+    """Raises Error if a network to begin with is named that is not there."""
     try:
         if word:
             model_file(Path(word))
     except FileNotFoundError:
         ours = ", ".join(shipped())
-        raise ValueError(f"found '{word}', allowed a run, a file, or {ours}") from None
+        raise Error(f"found '{word}', allowed a run, a file, or {ours}") from None
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Learning:
 
     def __post_init__(self) -> None:
         if not self.steps and not self.start:
-            raise ValueError("steps: found 0 without start, allowed 1 or more")
+            raise Error("steps: found 0 without start, allowed 1 or more")
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class TierParts:
 
 def _known(_: Path, detector: str) -> None:
     if detector not in DETECTORS:
-        raise ValueError(f"found '{detector}', allowed {', '.join(DETECTORS)}")
+        raise Error(f"found '{detector}', allowed {', '.join(DETECTORS)}")
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def read_source(
     Without a label all frames are train frames. Stacked with them are train frames and those that
     lie between them, never one to test on.
 
-    Raises FileNotFoundError, FormatError and ValueError.
+    Raises FileNotFoundError, FormatError and Error.
     """
     check_no_data_set(folder)
     lidar = kitti.read_lidar(folder)
@@ -142,7 +142,7 @@ def read_frame(folder: Path, frame: int) -> Points:
 def on_road(source: Source) -> Source:
     """With clouds and boxes above the road, as networks are given them.
 
-    Raises ValueError if neither the road's height is known nor a vehicle is there.
+    Raises Error if neither the road's height is known nor a vehicle is there.
     """
     boxes = source.read_boxes()
     ground = source.ground or ground_of_boxes(boxes)

@@ -15,7 +15,7 @@ import yaml
 from tqdm import tqdm
 
 from pyinfra.core.config import as_plain
-from pyinfra.core.errors import ConfigError
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
@@ -77,12 +77,12 @@ def _as_it_comes(start: Path, out: Path) -> Path:
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
     if isinstance(sources, Stream):
-        raise ValueError("background: found a stream of sites, allowed one LiDAR: it stands there")
+        raise Error("background: found a stream of sites, allowed one LiDAR: it stands there")
     if len(sources) != 1:
-        raise ValueError(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
+        raise Error(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
     (source,) = sources
     if source.accumulation.frames > 1:
-        raise ValueError(
+        raise Error(
             f"--accumulate: found {source.accumulation.frames} for background, allowed 1: it "
             "knows what moves by single frames"
         )
@@ -115,13 +115,11 @@ def _train_network(
     windows.check(network, recipe.learning.window_m2)
     if recipe.learning.balance > 0 and not network.balances_frames:
         name = type(network).__name__
-        raise ValueError(
-            f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}"
-        )
+        raise Error(f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}")
     if network.columns > 4 and stream.accumulation.frames == 1:
-        raise ValueError("network.age: found true of single frames, allowed with --accumulate")
+        raise Error("network.age: found true of single frames, allowed with --accumulate")
     if network.classes != stream.classes:
-        raise ValueError(
+        raise Error(
             f"network.classes: found {', '.join(network.classes)}, allowed "
             f"{', '.join(stream.classes)} as the boxes that are learnt from"
         )
@@ -202,11 +200,11 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
-    """Raises ValueError for sources whose labels hold at different times."""
+    """Raises Error for sources whose labels hold at different times."""
     first = sources[0]
     for other in sources:
         if other.label_time != first.label_time:
-            raise ValueError(
+            raise Error(
                 f"{other.lidar} in {other.scene}: label_time: found {other.label_time}, allowed "
                 f"{first.label_time} as of {first.lidar} in {first.scene}"
             )
@@ -214,11 +212,11 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
 
 
 def common_accumulation(sources: Sequence[Source]) -> Accumulation:
-    """Raises ValueError for sources that are stacked in several ways."""
+    """Raises Error for sources that are stacked in several ways."""
     first = sources[0]
     for other in sources:
         if other.accumulation != first.accumulation:
-            raise ValueError(
+            raise Error(
                 f"{other.lidar} in {other.scene}: accumulation: found "
                 f"{other.accumulation.frames} frames, {other.accumulation.label_at}, allowed "
                 f"{first.accumulation.frames}, {first.accumulation.label_at} as of {first.lidar} "
@@ -258,13 +256,13 @@ def _reporting(
 def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Frames | None]:
     """What to learn from, and what is kept to choose the best state by; None for 0.
 
-    Raises ValueError as `_frames` does, and if something is to be kept of a stream.
+    Raises Error as `_frames` does, and if something is to be kept of a stream.
     """
     from pyinfra.models.detectors.detection_area import site_of
 
     if isinstance(sources, Stream):
         if kept > 0:
-            raise ValueError(f"learning.validate_frames: found {kept} of a stream, allowed 0")
+            raise Error(f"learning.validate_frames: found {kept} of a stream, allowed 0")
         return sources, None
     sources = [on_road(source) for source in sources]
     frames, held_out = _frames(sources, kept)
@@ -287,7 +285,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
     """The frames to learn from, and the last `kept` ones of each LiDAR; None for 0.
 
-    Raises ValueError if nothing is left to learn from, or no vehicle stands in what is kept.
+    Raises Error if nothing is left to learn from, or no vehicle stands in what is kept.
     """
     learnt, held_out = Frames((), ()), Frames((), ())
     for source in sources:
@@ -296,12 +294,12 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
         heights_m = (height_m,) * len(source.clouds)
         whole = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
         if 0 < len(whole) <= kept:
-            raise ValueError(
+            raise Error(
                 f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "
                 f"the frames of {source.lidar}"
             )
         learnt += whole.part(slice(0, len(whole) - kept))
         held_out += whole.part(slice(len(whole) - kept, None))
     if kept > 0 and not any(map(len, held_out.boxes)):
-        raise ValueError(f"found no vehicle in the last {kept} frames, allowed one or more")
+        raise Error(f"found no vehicle in the last {kept} frames, allowed one or more")
     return learnt, held_out if kept > 0 else None

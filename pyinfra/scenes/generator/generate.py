@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pyinfra.core.errors import Error
 from pyinfra.scenes.generator.furniture import Furniture
 from pyinfra.scenes.generator.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room, varied
 from pyinfra.scenes.generator.people import Walks
@@ -30,9 +31,9 @@ MEAN_SIZE_M = {
 
 
 def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
-    """The keys of a scene file. Raises ValueError for a seed below 0."""
+    """The keys of a scene file. Raises Error for a seed below 0."""
     if seed < 0:
-        raise ValueError(f"seed: found {seed}, allowed 0 or more")
+        raise Error(f"seed: found {seed}, allowed 0 or more")
     draws = Draws(seed, "roads")
     habitat = HABITATS[draws.one_of(ranges.habitats)]
     layout = LAYOUTS[draws.one_of(habitat.layouts)](draws, habitat, ranges)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.config import ruled
+from pyinfra.core.errors import Error
 from pyinfra.dataset import simulation
 from pyinfra.dataset.lidars import catalogue_files, presets_of
 
@@ -50,22 +51,22 @@ def sensors(
 ) -> Sensors:
     """Those of the catalogue that can be cast, but for some names, and only some presets.
 
-    Raises ValueError for a name that is none, and if none is left.
+    Raises Error for a name that is none, and if none is left.
     """
     files = catalogue_files()
     names = [file.stem for file in files]
     for name in without:
         if name not in names:
-            raise ValueError(f"without: found '{name}', allowed {', '.join(names)}")
+            raise Error(f"without: found '{name}', allowed {', '.join(names)}")
     weights = presets or Sensors(()).presets
     kept = [file for file in files if file.stem not in without and _can_be_cast(file, weights)]
     if not kept:
-        raise ValueError("without: found no LiDAR left, allowed one or more")
+        raise Error("without: found no LiDAR left, allowed one or more")
     return Sensors(tuple(kept), weights)
 
 
 def only(names: Collection[str], presets: Mapping[str, float] | None = None) -> Sensors:
-    """Those of the catalogue with these names. Raises ValueError as `sensors` does."""
+    """Those of the catalogue with these names. Raises Error as `sensors` does."""
     others = [file.stem for file in catalogue_files() if file.stem not in names]
     unknown = set(names) - {file.stem for file in catalogue_files()}
     return sensors(without=[*others, *sorted(unknown)], presets=presets)

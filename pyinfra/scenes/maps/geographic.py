@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
 NEAR_M = 20_000.0  # of a site's origin: what lies farther away belongs to another place
@@ -114,7 +114,7 @@ def _of_location(words: str, offset: str) -> Projection | None:
         return None
     ellipsoid = keys.get("ellps", keys.get("datum", "WGS84"))
     if keys.get("proj") not in ("utm", "tmerc") or ellipsoid not in _ELLIPSOIDS:
-        raise ValueError(f"'{words[:80]}' (utm and tmerc on WGS84 are known)")
+        raise Error(f"'{words[:80]}' (utm and tmerc on WGS84 are known)")
     more = [float(v) for v in offset.split(",")]
     if keys["proj"] == "utm":
         north = 1e7 if "south" in keys else 0.0
@@ -130,5 +130,5 @@ def _checked(
     centre: tuple[float, float], scale: float, offset_m: tuple[float, float]
 ) -> Projection:
     if not np.isfinite([*centre, scale, *offset_m]).all():
-        raise ValueError("a value that is not a number")
+        raise Error("a value that is not a number")
     return Projection(centre, scale, offset_m)

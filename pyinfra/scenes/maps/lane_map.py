@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 
 NARROWEST_M = 1.0  # of a lane that vehicles drive in; it ends where it is narrower
 SHORTEST_M = 0.2  # of a lane
@@ -14,7 +15,7 @@ FARTHEST_M = 1e6  # of a place from a map's origin
 STEEP, STEEPEST = 0.5, 1.2  # grades between two points of a lane: those named, those refused
 
 
-class MapError(ValueError):
+class MapError(Error):
     """A map that can't be read, or not as a site: file, place, what was found, what is allowed."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import FormatError, missing
 from pyinfra.core.files import write
 from pyinfra.formats.ply import Triangles, together, write_ply
 from pyinfra.formats.yaml_file import read_keys
@@ -22,7 +22,6 @@ MATERIALS = ("road", "sidewalk", "terrain", "structure", "vegetation")
 WIDEST_M = 10_000.0
 FARTHEST_M = 1_000.0  # from a mount
 MOST_TRIANGLES = 20_000_000
-INSTALL = "trimesh is not installed: pip install 'infrasim[site]'"
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def _read(file: Path) -> Triangles:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError(f"pyinfra site mesh: {INSTALL}") from error
+        raise missing("trimesh", "site") from error
     try:
         loaded = trimesh.load_scene(file, process=False).to_mesh()
     except Exception as error:  # its readers raise what Python has

@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from pyinfra.scenes.maps.lane_map import MapError
-from pyinfra.scenes.maps.sumo import run_tool
+from pyinfra.scenes.maps.sumo import SumoError, run_tool
 
 LONGEST_S = 600.0
 DETAIL = ["--junctions.internal-link-detail", "20"]
@@ -37,7 +37,7 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
         warnings = run_tool("netconvert", words, longest_s=LONGEST_S)
     except subprocess.TimeoutExpired as error:
         raise MapError(f"{source}: SUMO took more than {LONGEST_S:g} s; cut the map") from error
-    except RuntimeError as error:
+    except SumoError as error:
         raise MapError(f"{source}: SUMO can't read it: {error}") from error
     if not out.exists():
         raise MapError(f"{source}: SUMO can't read it: netconvert wrote no network")

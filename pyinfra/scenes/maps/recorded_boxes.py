@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats.csv_table import numbers, read_words
 from pyinfra.formats.kitti import frame_file, frames, read_labels, read_lidar
 from pyinfra.scenes.maps.box_links import link
@@ -52,7 +52,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     """The objects of a CSV; without a column `id` boxes are linked. Raises FormatError, OSError."""
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
-        raise ValueError(f"--columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
+        raise Error(f"--columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
     words = read_words(file)
     ours = {theirs: our_name for our_name, theirs in how.names.items()}
     words = words.rename(columns=ours)

@@ -6,19 +6,25 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyinfra.core.errors import Error, missing
+
+
+class SumoError(Error):
+    """A program of SUMO's failed; its first line of error."""
+
 
 def sumo_folder() -> Path:
-    """Where SUMO lies. Raises ImportError that says what to install."""
+    """Where SUMO lies. Raises MissingPackage that says what to install."""
     spec = importlib.util.find_spec("sumo")
     if spec is None or not spec.submodule_search_locations:
-        raise ImportError("SUMO is not installed: pip install 'infrasim[site]'")
+        raise missing("eclipse-sumo", "site")
     return Path(spec.submodule_search_locations[0])
 
 
 def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = None) -> list[str]:
     """Runs a program of SUMO's; returns what it warns of.
 
-    Raises RuntimeError with its first line of error, subprocess.TimeoutExpired, and ImportError.
+    Raises SumoError, subprocess.TimeoutExpired, and MissingPackage.
     """
     home = sumo_folder()
     done = subprocess.run(
@@ -34,5 +40,5 @@ def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = N
     if done.returncode:
         errors = [line for line in lines if line.startswith("Error:")] or lines or ["no reason"]
         message = errors[0].removeprefix("Error: ")
-        raise RuntimeError(f"{name}: {message} (exit {done.returncode})")
+        raise SumoError(f"{name}: {message} (exit {done.returncode})")
     return [line.removeprefix("Warning: ") for line in lines if line.startswith("Warning:")]

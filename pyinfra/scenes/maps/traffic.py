@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.fcd import Recorded, read_fcd
 from pyinfra.scenes.maps.netconvert import DETAIL
 from pyinfra.scenes.maps.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
 from pyinfra.scenes.maps.smoothing import smooth
-from pyinfra.scenes.maps.sumo import run_tool
+from pyinfra.scenes.maps.sumo import SumoError, run_tool
 from pyinfra.scenes.maps.tracks import STEP_S, FrontPath, Track, from_zero
 from pyinfra.scenes.maps.traffic_demand import Demand, Trips, trips
 from pyinfra.scenes.maps.traffic_figures import without_overlaps
@@ -58,7 +59,7 @@ def simulate(
 ) -> Traffic:
     """Traffic on a SUMO network in the world's coordinates; feet: (k, 2) of the mounts.
 
-    Raises ValueError, FormatError, OSError, RuntimeError (of SUMO).
+    Raises Error, FormatError, OSError, RuntimeError (of SUMO).
     """
     return cleaned(record(net_file, feet, demand, seconds, seed), feet)
 
@@ -67,7 +68,7 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
     """As simulate, before anything is smoothed or left out."""
     demand.check()
     if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
-        raise ValueError("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
+        raise Error("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
     warm_up = _WALKING_S if demand.pedestrians_per_hour else _WARM_UP_S
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
@@ -131,7 +132,7 @@ def _run_sumo(
         try:
             run_tool("sumo", words)
             break
-        except RuntimeError as error:
+        except SumoError as error:
             xml, gone = without_route(xml, str(error))
             if not gone or len(unrouted) + len(gone) > MOST_UNROUTED * len(asked.sizes):
                 raise

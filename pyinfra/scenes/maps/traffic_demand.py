@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.road_net import Edge, RoadNet
 from pyinfra.scenes.maps.tracks import CLASSES
 from pyinfra.scenes.maps.traffic_figures import REGION_M
@@ -34,14 +35,14 @@ class Demand:
     )
 
     def check(self) -> None:
-        """Raises ValueError for a rate that no map bears."""
+        """Raises Error for a rate that no map bears."""
         for name in ("vehicles_per_hour", "pedestrians_per_hour", "bicycles_per_hour"):
             rate = getattr(self, name)
             if not 0 <= rate <= 20_000:
                 option = name.replace("_", "-")
-                raise ValueError(f"--{option}: found {rate:g}, allowed 0 to 20000")
+                raise Error(f"--{option}: found {rate:g}, allowed 0 to 20000")
         if self.vehicles_per_hour + self.pedestrians_per_hour + self.bicycles_per_hour == 0:
-            raise ValueError("--vehicles-per-hour: found 0 of all, allowed more than 0")
+            raise Error("--vehicles-per-hour: found 0 of all, allowed more than 0")
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Genera
     for starts, goals in (ends, _far_edges(net, feet, sumo_class)):
         routes = routes or _routes(net, feet, sumo_class, rng, (starts, goals))
     if not routes:
-        raise ValueError(_too_small(net, feet, sumo_class))
+        raise Error(_too_small(net, feet, sumo_class))
     weights = np.array([weight for _, weight in routes])
     return _Ways([way for way, _ in routes], weights / weights.sum())
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core import files
+from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, SPEED, STEP_S, Track, table, wrap
 
 NAME = "trajectories.csv"
@@ -24,7 +25,7 @@ def write_trajectories(file: Path, tracks: list[Track]) -> None:
     """
     ordered = sorted(tracks, key=lambda t: (t.first, t.name))
     if not ordered or ordered[0].first != 0:
-        raise ValueError(f"{file}: found no object at t = 0, allowed one or more")
+        raise Error(f"{file}: found no object at t = 0, allowed one or more")
     for track in ordered:
         _check(track)
     files.write(file, _text(ordered))
@@ -65,4 +66,4 @@ def _check(track: Track) -> None:
 
 
 def _refuse(track: Track, actual: str, allowed: str) -> None:
-    raise ValueError(f"track '{track.name}': found {actual}, allowed {allowed}")
+    raise Error(f"track '{track.name}': found {actual}, allowed {allowed}")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
@@ -93,7 +94,7 @@ def read_material(
 def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
     """What a run says of itself, else what its name says: SCENE_LIDAR_PRESET_DETECTOR_...
 
-    Raises FileNotFoundError without predictions, and ValueError if neither says it.
+    Raises FileNotFoundError without predictions, and Error if neither says it.
     """
     if not (folder / "predictions").is_dir():
         raise FileNotFoundError(2, "found no folder predictions", str(folder))
@@ -106,7 +107,7 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
             start = re.escape(f"{one.scene}_{lidar}_{one.preset}_")
             if match := re.match(rf"{start}([^_]+)", folder.name):
                 return Run(folder, one.scene, lidar, one.preset, match[1])
-    raise ValueError(
+    raise Error(
         f"{folder}: found no run.yaml, allowed one, or a name SCENE_LIDAR_PRESET_DETECTOR of a "
         "data set that is given"
     )

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pyinfra.core.arrays import Floats, IntArray
+from pyinfra.core.errors import Error
 from pyinfra.viz.viewer.frames import ViewFrame
 
 STEP_M = 0.01  # of coordinates, unless a frame is wider than 65,535 of them
@@ -28,7 +29,7 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
     """What stands in the page for the points of a frame.
 
     most_points: a frame that has more is thinned to so many, at random, repeatably; `of` is how
-    many it has. Raises ValueError for a frame with more than 65,535 objects.
+    many it has. Raises Error for a frame with more than 65,535 objects.
     """
     keep = _kept(len(view.points), most_points)
     points = view.points[keep].astype(np.float64)
@@ -47,7 +48,7 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
     if view.object_id is not None:
         ids, index = np.unique(view.object_id[keep], return_inverse=True)
         if len(ids) > _LARGEST:
-            raise ValueError(f"frame {view.frame}: found {len(ids)} objects, allowed {_LARGEST}")
+            raise Error(f"frame {view.frame}: found {len(ids)} objects, allowed {_LARGEST}")
         columns.append(_split(index.astype(np.uint16)))
         packed["objects"] = ids.tolist()
     packed["data"] = base64.b64encode(zlib.compress(b"".join(columns), _LEVEL)).decode()

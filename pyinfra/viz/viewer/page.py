@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import PERSON_TYPES
@@ -85,13 +86,11 @@ def fragment(
 
     views: frames by the name that is shown, the same frames for each. element_id: of the figure,
     letters, digits, - and _. most_points: frames with more are thinned to so many, and the page
-    says so. around: roads and buildings to draw. Raises ValueError without a frame and for LiDARs
+    says so. around: roads and buildings to draw. Raises Error without a frame and for LiDARs
     that have different frames.
     """
     if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
-        raise ValueError(
-            f"element_id: found '{element_id}', allowed a letter, then letters, - or _"
-        )
+        raise Error(f"element_id: found '{element_id}', allowed a letter, then letters, - or _")
     data = json.dumps(_view(views, most_points, around), separators=(",", ":"), allow_nan=False)
     safe = data.replace("<", "\\u003c")
     label = html.escape(f"Interactive 3-D view: {', '.join(views)}")
@@ -109,7 +108,7 @@ def page(
     most_points: int | None = None,
     around: Surroundings | None = None,
 ) -> str:
-    """A whole page with one view. Raises ValueError as fragment() does."""
+    """A whole page with one view. Raises Error as fragment() does."""
     return _PAGE.format(
         policy=_POLICY,
         version=__version__,
@@ -128,12 +127,12 @@ def write_page(
 ) -> int:
     """Writes the page and returns its size in bytes.
 
-    Raises ValueError, and writes nothing, above LARGEST_MB and if `out` is a folder.
+    Raises Error, and writes nothing, above LARGEST_MB and if `out` is a folder.
     """
     check_file(out)
     text = page(views, title=title, most_points=most_points, around=around).encode()
     if len(text) > 1e6 * LARGEST_MB:
-        raise ValueError(
+        raise Error(
             f"{out}: found {len(text) / 1e6:.1f} MB, allowed {LARGEST_MB:g} MB: "
             "fewer --frames, one --lidar, or --most-points"
         )
@@ -144,9 +143,9 @@ def write_page(
 
 
 def check_file(out: Path) -> None:
-    """Raises ValueError if a file cannot be written there because a folder has its name."""
+    """Raises Error if a file cannot be written there because a folder has its name."""
     if out.is_dir():
-        raise ValueError(f"--out: found the folder {out}, allowed the name of a file")
+        raise Error(f"--out: found the folder {out}, allowed the name of a file")
 
 
 def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:
@@ -197,13 +196,11 @@ def _parts(xyz: FloatArray) -> list[FloatArray]:
 def _common_frames(views: Views) -> list[int]:
     lists = {name: [view.frame for view in frame_views] for name, frame_views in views.items()}
     if not lists or not all(lists.values()):
-        raise ValueError("view: found no frame, allowed one or more for each LiDAR")
+        raise Error("view: found no frame, allowed one or more for each LiDAR")
     frames = next(iter(lists.values()))
     for name, numbers in lists.items():
         if numbers != frames:
-            raise ValueError(
-                f"view: {name}: found frames {numbers}, allowed {frames} as for the first"
-            )
+            raise Error(f"view: {name}: found frames {numbers}, allowed {frames} as for the first")
     return frames
 
 

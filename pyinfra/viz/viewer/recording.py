@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error, missing
 from pyinfra.core.files import replacing
 from pyinfra.viz.viewer.frames import ViewFrame
 
 try:
     import rerun
 except ModuleNotFoundError as error:
-    raise ImportError("--rerun needs the extra: pip install 'infrasim[rerun]'") from error
+    raise missing("rerun-sdk", "rerun") from error
 
 VEHICLE_COLOUR = (0, 114, 178)
 PREDICTION_COLOUR = (213, 94, 0)
@@ -48,12 +49,12 @@ def write(views: Mapping[str, Sequence[ViewFrame]], out: Path) -> int:
 def open_viewer(recording: Path) -> None:
     """Opens a recording in Rerun's window until it is closed, reachable from this machine only.
 
-    Raises RuntimeError if the viewer fails, as it does without a screen.
+    Raises Error if the viewer fails, as it does without a screen.
     """
     words = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(recording)]
     code = subprocess.run(words, check=False).returncode
     if code != 0:
-        raise RuntimeError(f"{recording}: is written, but Rerun's viewer ended with {code}")
+        raise Error(f"{recording}: is written, but Rerun's viewer ended with {code}")
 
 
 def _log(recording: Any, path: list[str], view: ViewFrame) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import lidar_folders
 from pyinfra.formats import kitti
 from pyinfra.viz.viewer.frames import ViewFrame, read_view_frames
@@ -27,7 +28,7 @@ def read_views(
 def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[Path]:
     """The LiDAR folders of data sets and LiDAR folders, those named in `lidars` if any are.
 
-    Raises FileNotFoundError for a folder that is neither, and ValueError for an unknown LiDAR.
+    Raises FileNotFoundError for a folder that is neither, and Error for an unknown LiDAR.
     """
     folders = []
     for path in data:
@@ -37,7 +38,7 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
     known = [folder.name for folder in folders]
     for name in lidars:
         if name not in known:
-            raise ValueError(f"--lidar: found '{name}', allowed {', '.join(known)}")
+            raise Error(f"--lidar: found '{name}', allowed {', '.join(known)}")
     return [folder for folder in folders if folder.name in lidars]
 
 
@@ -46,7 +47,7 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
 
     predictions: the first frame is then the first that has some.
 
-    Raises ValueError for other words, and for a folder that has none of them.
+    Raises Error for other words, and for a folder that has none of them.
     """
     present = kitti.frames(folder)
     if words is None:
@@ -56,17 +57,17 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
         numbers = [int(word) for word in words.split(":")]
         wanted = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
     except (TypeError, ValueError):
-        raise ValueError(f"--frames: found '{words}', allowed A:B or A:B:STEP") from None
+        raise Error(f"--frames: found '{words}', allowed A:B or A:B:STEP") from None
     chosen = [frame for frame in present if frame in wanted]
     if not chosen:
-        raise ValueError(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
+        raise Error(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
     return chosen
 
 
 def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:
     """Folders of predictions by LiDAR folder, from LIDAR=DIR, or DIR if there is one LiDAR.
 
-    Raises ValueError for an unknown LiDAR, for DIR with several, and for two of one LiDAR.
+    Raises Error for an unknown LiDAR, for DIR with several, and for two of one LiDAR.
     """
     by_name = {folder.name: folder for folder in folders}
     chosen = {}
@@ -75,13 +76,11 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
         if not equals and len(folders) == 1:
             name, folder = folders[0].name, word
         if name not in by_name or not folder:
-            raise ValueError(
+            raise Error(
                 f"--pred: found '{word}', allowed LIDAR=DIR with LIDAR {', '.join(by_name)}"
             )
         if by_name[name] in chosen:
-            raise ValueError(
-                f"--pred: found '{word}' beside another of {name}, allowed one of each"
-            )
+            raise Error(f"--pred: found '{word}' beside another of {name}, allowed one of each")
         chosen[by_name[name]] = Path(folder)
     return chosen
 
@@ -103,5 +102,5 @@ def _names(folders: Sequence[Path]) -> list[str]:
         for model, folder in zip(models, folders, strict=True)
     ]
     if len(set(names)) < len(names):
-        raise ValueError(f"found {', '.join(map(str, folders))}, allowed each LiDAR once")
+        raise Error(f"found {', '.join(map(str, folders))}, allowed each LiDAR once")
     return names

@@ -1,0 +1,79 @@
+"""What a command says beside its results: lines on stderr, which name options where the library
+names arguments."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pyinfra.core.errors import keep_traceback
+from pyinfra.core.version import __version__
+
+Options = Mapping[str, str]  # option of each argument: `--height-m` of `height_m`
+
+
+def options_of(parser: argparse.ArgumentParser) -> dict[str, str]:
+    """The option of each argument of a command, and of its own commands."""
+    names: dict[str, str] = {}
+    for action in parser._actions:  # argparse has no other way to list them
+        if isinstance(action, argparse._SubParsersAction):
+            for sub in action.choices.values():
+                names |= options_of(sub)
+        elif action.option_strings:
+            names[action.dest] = action.option_strings[-1]
+        elif isinstance(action.metavar, str):
+            names[action.dest] = action.metavar
+    return names
+
+
+def with_options(text: str, options: Options) -> str:
+    """A message of the library, with options in place of arguments.
+
+    An argument stands at the beginning, before a colon, or in backquotes: `height_m: expected 0 to
+    100, got -3`, "`columns` says another number".
+    """
+    text = re.sub(r"^(\w+)(?=: )", lambda m: options.get(m[1], m[1]), text)
+    return re.sub(r"`(\w+)`", lambda m: options.get(m[1], m[0]), text)
+
+
+def printable(text: str) -> str:
+    """One line that a terminal shows and does not obey."""
+    line = " ".join(text.split())
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    return "".join(escaped)
+
+
+def message_of(error: BaseException, options: Options | None = None) -> str:
+    """An error in one line; of a system's error, the path first."""
+    text = str(error) if str(error).strip() else type(error).__name__
+    if isinstance(error, OSError) and error.filename is not None:
+        text = f"{error.filename}: {error.strerror}"
+    return printable(with_options(text, options or {}))
+
+
+def warn(text: str, args: argparse.Namespace) -> None:
+    """Prints a warning of the library."""
+    print(f"pyinfra: warning: {with_options(text, args.options)}", file=sys.stderr)
+
+
+def note(text: str, args: argparse.Namespace) -> None:
+    """Prints a note of the library."""
+    print(f"pyinfra: note: {with_options(text, args.options)}", file=sys.stderr)
+
+
+def report_bug(error: Exception, words: Sequence[str]) -> str:
+    """Keeps the traceback of an error that no user can mend; returns what to print."""
+    text = f"internal error: {type(error).__name__}: {message_of(error)}"
+    error.add_note(f"command: pyinfra {shlex.join(words)}")
+    error.add_note(f"version: {__version__}, Python {sys.version.split()[0]}")
+    try:
+        with tempfile.NamedTemporaryFile(prefix="pyinfra_", suffix=".txt", delete=False) as file:
+            keep_traceback(error, Path(file.name))
+    except OSError as no_file:
+        return f"{text}; no traceback was written: {message_of(no_file)}"
+    return f"{text}; please report it with its traceback, which is in {file.name}"
