@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.cli.messages import with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
@@ -134,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
         allow_missing=args.allow_missing,
     )
     for finding in evaluation.findings:
-        print(f"pyinfra: {finding}", file=sys.stderr)
+        print(f"pyinfra: {with_options(str(finding), args.options)}", file=sys.stderr)
     drawn = not args.no_figures and bool((evaluation.ap.objects > 0).any())
     write(evaluation, args.out)
     if drawn:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
+from pyinfra.cli.messages import note
 from pyinfra.dataset.frames import frame_numbers, frame_range
 from pyinfra.exchange.exports import export, split_note
 from pyinfra.exchange.formats import EXPORTS
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         frames = frame_numbers(args.data, args.split)
     export(args.data, Shown(frames), args.to, args.out)
-    if note := split_note(args.data, frames, args.to):
-        print(f"pyinfra: note: {note}", file=sys.stderr)
+    if text := split_note(args.data, frames, args.to):
+        note(text, args)
     print(f"{args.out}: {summary(len(frames), args.out, since)}")
     return 0

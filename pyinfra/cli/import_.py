@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 import re
-import sys
 import time
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.cli.messages import warn, with_options
 from pyinfra.core.errors import Error
 from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.exchange.data_set import LidarFacts
@@ -58,7 +58,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="where vehicles can be, `outline_m: [[x, y], ...]`, kept with the frames",
     )
-    parser.add_argument("--type", nargs="+", default=[], metavar="NAME=TYPE", help="as Lkw=Truck")
+    parser.add_argument(
+        "--type",
+        dest="types",
+        nargs="+",
+        default=[],
+        metavar="NAME=TYPE",
+        help="as Lkw=Truck",
+    )
     parser.add_argument("--labels", type=Path, help="folder of them, in place of the usual one")
     parser.add_argument(
         "--intensity-max", type=float, help="of the source; default: 1, 255 or 65535, as they are"
@@ -88,9 +95,9 @@ def run(args: argparse.Namespace) -> int:
         region=args.region,
     )
     for line in imported.assumed:
-        print(f"assumed: {line}")
+        print(f"assumed: {with_options(line, args.options)}")
     for line in warnings(imported, labelled, args.height_m):
-        print(f"pyinfra: warning: {args.source}: {line}", file=sys.stderr)
+        warn(f"{args.source}: {line}", args)
     kinds = ", ".join(f"{count} {name}" for name, count in imported.types.most_common())
     print(f"{args.out}: {summary(imported.frames, args.out, since)}; {kinds or 'no label'}")
     return 0
@@ -119,5 +126,5 @@ def facts_of(args: argparse.Namespace) -> LidarFacts:
         period_s=args.period_s,
         height_m=args.height_m,
         tilt=(math.radians(tilt[0]), math.radians(tilt[1])) if tilt else None,
-        types=parse_types(args.type),
+        types=parse_types(args.types),
     )

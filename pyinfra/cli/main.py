@@ -121,7 +121,7 @@ def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) 
     if isinstance(error, Error):
         return message_of(error, args.options), error.exit_code
     if isinstance(error, OSError) or is_missing_package(error):
-        return message_of(error), FAILED
+        return message_of(error, args.options), FAILED
     return report_bug(error, words), FAILED
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.messages import with_options
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.options import Wish, checked_wish, read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
@@ -20,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
     parser.add_argument("results", type=Path, help="folder of `pyinfra benchmark`")
-    parser.add_argument("--budget", type=float, required=True, help="USD for LiDAR and site")
+    parser.add_argument(
+        "--budget", dest="budget_usd", type=float, required=True, help="USD for LiDAR and site"
+    )
     parser.add_argument(
         "--min-ap",
         type=float,
@@ -30,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--range",
+        dest="range_m",
         type=float,
         default=Wish.range_m,
         help="10, 20 ... 100 m of road to either side, at a site from a map around the sensor: AP, "
@@ -37,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--latency",
+        dest="latency_ms",
         type=float,
         default=Wish.latency_ms,
         help=f"milliseconds a frame, median, at most; default: {Wish.latency_ms:g}, real time",
@@ -52,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    wish = checked_wish(args.budget, args.min_ap, args.range, args.latency)
+    wish = checked_wish(args.budget_usd, args.min_ap, args.range_m, args.latency_ms)
     options = read_options(args.results, args.tier, args.scene, args.preset, wish)
     first = options[0]
     print(
@@ -63,5 +68,6 @@ def run(args: argparse.Namespace) -> int:
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
         text = "Networks of the smoke tier have hardly learnt: nothing follows from the AP of "
         print(f"{text}{names}.")
-    print(*answer_lines(recommend(options, wish), wish), sep="\n")
+    for line in answer_lines(recommend(options, wish), wish):
+        print(with_options(line, args.options))
     return 0

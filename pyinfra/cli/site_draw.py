@@ -10,14 +10,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra site draw sites/town --out plan.svg"
     parser.add_argument("site", type=Path, help="folder of the site")
     parser.add_argument("--out", type=Path, required=True, help=".svg, .png or .pdf")
-    parser.add_argument("--radius", type=float, help="metres around the pole; default: all")
+    parser.add_argument(
+        "--radius", dest="radius_m", type=float, help="metres around the pole; default: all"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     from pyinfra.viz.site_plan import save_plan
 
-    if args.radius is not None and not 10 <= args.radius <= 100_000:
-        raise Error(f"--radius: found {args.radius:g}, allowed 10 to 100000")
-    save_plan(args.site, args.out, args.radius)
+    if args.radius_m is not None and not 10 <= args.radius_m <= 100_000:
+        raise Error(f"radius_m: found {args.radius_m:g}, allowed 10 to 100000")
+    save_plan(args.site, args.out, args.radius_m)
     print(args.out)
     return 0

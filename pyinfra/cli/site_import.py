@@ -17,7 +17,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--centre", type=numbers("X,Y"), metavar="X,Y", help="of the site in the map; OSM: lon,lat"
     )
     parser.add_argument(
-        "--radius", type=float, default=RADIUS_M, help=f"metres around; default: {RADIUS_M:g}"
+        "--radius",
+        dest="radius_m",
+        type=float,
+        default=RADIUS_M,
+        help=f"metres around; default: {RADIUS_M:g}",
     )
     parser.add_argument(
         "--mount",
@@ -28,9 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if not 10 <= args.radius <= 100_000:
-        raise Error(f"--radius: found {args.radius:g}, allowed 10 to 100000")
-    options = ImportOptions(centre=args.centre, radius_m=args.radius, mount=args.mount)
+    if not 10 <= args.radius_m <= 100_000:
+        raise Error(f"radius_m: found {args.radius_m:g}, allowed 10 to 100000")
+    options = ImportOptions(centre=args.centre, radius_m=args.radius_m, mount=args.mount)
     made = import_map(args.file, args.out, options)
     pole = made.pole
     print(args.out / "site.yaml" if made.anew else f"{args.out}: the same import is there")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pyinfra.cli.messages import message_of
+from pyinfra.cli.messages import message_of, note
 from pyinfra.core.errors import Error
 from pyinfra.experiments.stress import altered_scenes, trials
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     runs = [trials.read_run(folder, base) for folder in args.runs]
     every = trials.plan(runs, trials.able(stressors, base), base)
     for why, names in trials.left_out(stressors, base).items():
-        print(f"pyinfra: note: left out {', '.join(names)}: {why}", file=sys.stderr)
+        note(f"left out {', '.join(names)}: {why}", args)
     todo = list(trials.missing(every, base, args.out, args.seed))
     wrong = trials.wrong_worlds(todo, base)
     for (name, dial), error in wrong.items():

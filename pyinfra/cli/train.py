@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+from pyinfra.cli.messages import note, warn
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.dataset.regions import outline_region
@@ -89,13 +89,13 @@ def run(args: argparse.Namespace) -> int:
         recipe = recipe.for_budget(args.budget)
         recipe = recipe.begun_with(args.start) if args.start is not None else recipe
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
-        words = ", ".join(f"--{key}" for key in given).replace("--start", "--from")
-        print(f"pyinfra: note: {recipe.detector}: no use for {words}", file=sys.stderr)
+        words = ", ".join(f"`{key}`" for key in given)
+        note(f"{recipe.detector}: no use for {words}", args)
     sources = _sources(args, recipe)
     if not isinstance(sources, Stream):
         sources = _with_region(args, recipe, sources)
         for warning in filter(None, (source.read_warning() for source in sources)):
-            print(f"pyinfra: warning: other-types: {warning}", file=sys.stderr)
+            warn(f"other-types: {warning}", args)
     how = {name: getattr(args, name) for name in ("seed", "device", "precision")}
     model = train(recipe, sources, args.out, **how)
     if os.environ.get("RANK", "0") == "0":  # of several processes, the first
@@ -114,10 +114,10 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
         return [replace(source, region=region) for source in sources]
     for source in sources:
         if source.region is None:
-            print(
-                f"pyinfra: note: {recipe.detector}: {source.lidar}: found no roads.csv and no "
-                "--region, so what moves is a vehicle anywhere",
-                file=sys.stderr,
+            note(
+                f"{recipe.detector}: {source.lidar}: found no roads.csv and no `region`, so what "
+                "moves is a vehicle anywhere",
+                args,
             )
     return sources
 

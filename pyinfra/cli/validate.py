@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.cli.messages import with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.dataset.frames import has_labels
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
         for finding in validate(folder, args.pred, args.split, allow_missing=args.allow_missing)
     ]
     for finding in findings:
-        print(finding)
+        print(with_options(str(finding), args.options))
     if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
         _trust(folders[0], args)
     elif args.unlabelled or args.out is not None:

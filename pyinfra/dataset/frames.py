@@ -23,11 +23,11 @@ def frame_range(word: str, gt: Path) -> list[int]:
     """The frames of a folder in A:B[:STEP]. Raises Error if there is none."""
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
-        raise Error(f"--frames: found '{word}', allowed A:B[:STEP]")
+        raise Error(f"frames: found '{word}', allowed A:B[:STEP]")
     wanted = range(*(int(part) for part in parts)) if "0" not in parts[2:] else range(0)
     frames = [frame for frame in frame_numbers(gt, "all") if frame in wanted]
     if not frames:
-        raise Error(f"--frames: found '{word}', allowed a range with frames of {gt}")
+        raise Error(f"frames: found '{word}', allowed a range with frames of {gt}")
     return frames
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, overload
 
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.names import file_or_name
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
@@ -51,7 +52,10 @@ def load_scene(
     from pyinfra.dataset import simulation
 
     file = file_or_name(scene, _shipped("scenes"), "scene")
-    return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
+    try:
+        return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
+    except ConfigError as error:  # the simulator's binary has the arguments as options
+        raise ConfigError(re.sub(r"--(set|mount|preset|seed)\b", r"\1", str(error))) from None
 
 
 def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> simulation.Lidar:

@@ -90,7 +90,7 @@ def load_scene(
     """A scene made ready: its traffic driven, its meshes built.
 
     preset: of the LiDARs; a scene may have a block of keys for it.
-    set: values by dotted path, as `--set` has them: `{"traffic.vehicles_per_km_lane": 20}`.
+    set: values by dotted path: `{"traffic.vehicles_per_km_lane": 20}`.
     mount: which of several; a scene with one needs none.
     Raises ConfigError with `file:line:col: key: found, allowed`, and IoError.
     """

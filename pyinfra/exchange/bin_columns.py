@@ -51,7 +51,7 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
         why = f"as the values rule out {others}" if others else "as no other number fits the sizes"
     zero = "; no intensity, taken as 0" if columns == 3 else ""
     note = f"points of .bin files are {columns} float32, {why}{zero}"
-    return columns, f"{note}; --columns of an import says another number"
+    return columns, f"{note}; `columns` of an import says another number"
 
 
 def _chosen(values: FloatArray, fit: Sequence[int], usual: int) -> int | None:

@@ -1,4 +1,4 @@
-"""`pyinfra export DATA/LIDAR --to FORMAT --out DIR`."""
+"""Frames of a LiDAR's folder as another tool takes them."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     times, notes = _times(recording)
     if times is None:
         if not (period_s or recording.period_s):
-            notes.append(f"frames are {USUAL_S:g} s apart, as no times say it: --period-s does")
+            notes.append(f"frames are {USUAL_S:g} s apart, as no times say it: `period_s` does")
         return recording, notes
     steps = np.diff(times)
     if (steps < 0).any():
@@ -126,7 +126,7 @@ def _by_clock(
         return recording, notes
     if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
         notes.append(
-            f"--period-s says {period_s:g} s, the clock {usual:.4g} s: {period_s:g} is taken"
+            f"`period_s` says {period_s:g} s, the clock {usual:.4g} s: {period_s:g} is taken"
         )
     period = period_s or recording.period_s or round(usual, 4)
     apart = np.maximum(np.round(steps / usual), 1).astype(np.int64)

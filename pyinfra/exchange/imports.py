@@ -1,4 +1,4 @@
-"""`pyinfra import SOURCE --from FORMAT --out DATA/LIDAR`."""
+"""A recording of another tool as a LiDAR's folder."""
 
 from __future__ import annotations
 
@@ -79,10 +79,10 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
         )
     elif not set(summary.types) & set(VEHICLE_TYPES):
         names = ", ".join(summary.types) or "none"
-        out.append(f"found no vehicle among {names}; --type NAME=Car says what is one")
+        out.append(f"found no vehicle among {names}; `types` (NAME=Car) says what is one")
     elif unknown := sorted(set(summary.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
         names = ", ".join(f"{name} ({summary.types[name]})" for name in unknown)
-        out.append(f"not understood, and no vehicle: {names}; --type NAME=TYPE says what it is")
+        out.append(f"not understood, and no vehicle: {names}; `types` (NAME=TYPE) says what it is")
     if summary.without_return:
         out.append(
             f"left out {summary.without_return} points without a return (not finite, or 0 0 0)"
@@ -97,7 +97,7 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
     below = summary.below_m
     if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
         out.append(
-            f"--height-m says {height_m:g} m, but the labelled vehicles stand {below:.2f} m below "
+            f"`height_m` says {height_m:g} m, but the labelled vehicles stand {below:.2f} m below "
             "the sensor"
         )
     return out
@@ -113,9 +113,9 @@ def checked(options: Options) -> Options:
     """Raises Error for a number out of range."""
     highest, columns = options.intensity_max, options.columns
     if highest is not None and not 0 < highest < math.inf:
-        raise Error(f"--intensity-max: found {highest:g}, allowed above 0")
+        raise Error(f"intensity_max: found {highest:g}, allowed above 0")
     if columns is not None and not 3 <= columns <= 64:
-        raise Error(f"--columns: found {columns}, allowed 3 to 64")
+        raise Error(f"columns: found {columns}, allowed 3 to 64")
     if not 1e-6 <= options.unit_m <= 1000:
-        raise Error(f"--unit-m: found {options.unit_m:g}, allowed 1e-06 to 1000")
+        raise Error(f"unit_m: found {options.unit_m:g}, allowed 1e-06 to 1000")
     return options

@@ -74,7 +74,7 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     if len(chosen) != 1:
         got = ", ".join(path.name for path in sequences)
         raise Error(
-            f"{training / 'velodyne'}: expected one of the sequences by --channel, got {got}"
+            f"{training / 'velodyne'}: expected one of the sequences by `channel`, got {got}"
         )
     clouds = sorted_files(chosen[0], [".bin"])
     columns, note = columns_of(clouds, options)

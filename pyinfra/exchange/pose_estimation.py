@@ -175,7 +175,7 @@ def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
         return 1e-3
     raise Error(
         f"{source}: found returns {middle:.0f} from the sensor (median), allowed up to "
-        f"{FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} on (millimetres): --unit-m "
+        f"{FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} on (millimetres): `unit_m` "
         "says what one is"
     )
 
@@ -205,7 +205,7 @@ def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Surv
             return estimate
         _check_millimetres(source, estimate, "no road was found")
         text = (
-            "no road was found: points are turned as --tilt-deg says and no more"
+            "no road was found: points are turned as `tilt_deg` says and no more"
             if facts.tilt
             else "no road was found: points stay as they are, z up; in metres around the sensor?"
         )
@@ -277,12 +277,12 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
     if height is None or height < LOWEST_M:
         raise Error(
             f"{source}: found the road {plane.height_m:.2f} m below the origin, allowed "
-            f"{LOWEST_M:g} m or more: are points in the road's frame? --height-m says how high "
+            f"{LOWEST_M:g} m or more: are points in the road's frame? `height_m` says how high "
             "above it the sensor stands, and moves them down"
         )
     text = (
         f"{below}, points are in the road's frame: "
-        f"moved down by {height - plane.height_m:.2f} m, as --height-m says"
+        f"moved down by {height - plane.height_m:.2f} m, as `height_m` says"
     )
     return replace(
         estimate, lift_m=plane.height_m - height, plane=plane, assumed=(*estimate.assumed, text)
@@ -294,7 +294,7 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     if MILLIMETRES in estimate.assumed:
         raise Error(
             f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
-            "around the sensor: --unit-m says what one is"
+            "around the sensor: `unit_m` says what one is"
         )
 
 
@@ -311,7 +311,7 @@ def _as_given(
     other = find_plane(clouds, near) if not facts.tilt else None
     if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
         raise Error(
-            f"{source}: --height-m: found {facts.height_m:g}, allowed {plane.height_m:.2f} within "
+            f"{source}: height_m: found {facts.height_m:g}, allowed {plane.height_m:.2f} within "
             f"{off:.2g} m: there the road lies; leave the option out to take it"
         )
     return other
@@ -331,7 +331,7 @@ def _level(estimate: Survey, plane: RoadPlane) -> Survey:
         notes.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
     lean = f"pitch {pitch:.2f} and roll {roll:.2f} degrees"
     if given.tilt:
-        notes.append(f"--tilt-deg is taken as it is; the road leans by {lean} there")
+        notes.append(f"`tilt_deg` is taken as it is; the road leans by {lean} there")
     elif math.hypot(pitch, roll) >= WORTH_DEG:
         notes.append(f"the sensor leans by {lean} to the road, which is taken to be level")
     tilt = given.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)

@@ -125,7 +125,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
         return inside
     if len(chosen) != 1:
         names = ", ".join(folder.name for folder in lidars)
-        raise Error(f"{inside}: found LiDARs {names}, allowed one of them: --channel")
+        raise Error(f"{inside}: found LiDARs {names}, allowed one of them: `channel`")
     return chosen[0]
 
 

@@ -45,16 +45,16 @@ class Wish:
 
 
 def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: float) -> Wish:
-    """Raises Error for a number that makes no sense, by its option of the command line."""
+    """Raises Error for a number out of range."""
     for key, value, least, top in (
-        ("--budget", budget_usd, 0, math.inf),
-        ("--min-ap", min_ap, 1, 100),
-        ("--range", range_m, 0, REGION_M),
-        ("--latency", latency_ms, 0, math.inf),
+        ("budget_usd", budget_usd, 0, math.inf),
+        ("min_ap", min_ap, 1, 100),
+        ("range_m", range_m, 0, REGION_M),
+        ("latency_ms", latency_ms, 0, math.inf),
     ):
         if not least < value <= top:
             text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
-            share = key == "--min-ap" and 0 < value <= 1
+            share = key == "min_ap" and 0 < value <= 1
             raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
     return Wish(budget_usd, min_ap, range_m, latency_ms)
 
@@ -173,12 +173,12 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
     if scene not in scenes:
         if scene or len(scenes) != 1:
             text = f"found '{scene}', allowed" if scene else "found none, allowed one of"
-            raise Error(f"--scene: {text} {', '.join(scenes)}")
+            raise Error(f"scene: {text} {', '.join(scenes)}")
         (scene,) = scenes
     here = done[done.scene == scene]
     presets = sorted(set(here.preset))
     if preset and preset not in presets:
-        raise Error(f"--preset: found '{preset}', allowed {', '.join(presets)}")
+        raise Error(f"preset: found '{preset}', allowed {', '.join(presets)}")
     return scene, preset or preset_of_answers(here)
 
 
@@ -224,7 +224,7 @@ def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFram
     there = sorted(set(by_range.range_m))
     if wish.range_m not in there:
         allowed = ", ".join(f"{range_m:g}" for range_m in there)
-        raise Error(f"--range: expected one of {allowed} m, got {wish.range_m:g}")
+        raise Error(f"range_m: expected one of {allowed} m, got {wish.range_m:g}")
     by_range = by_range[by_range.range_m == wish.range_m]
     merged = cells[KEY].assign(range_m=wish.range_m, recalls=1000.0)
     for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):

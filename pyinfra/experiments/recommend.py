@@ -1,4 +1,4 @@
-"""`pyinfra recommend RESULTS --budget 8000 --min-ap 85 --range 100`: an answer in words.
+"""Which LiDAR and detector meet some requirements: an answer in words.
 
 Every figure is of the tables of `pyinfra benchmark` in RESULTS. Options are compared by every
 vehicle of the region, seen or not (ground truth `present`); of tables of version 0.3, which have
@@ -31,7 +31,7 @@ class Shortfall:
 
     of: Literal["price", "ap", "latency"]
     reason: str
-    relax: str  # the words of a command line that would let it in; nothing if none do
+    relax: str  # what would let it in, by the argument of `recommend`; nothing if none does
     share: float  # of the limit, by which it is broken
 
 
@@ -79,16 +79,16 @@ def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
     missed = []
     if option.price_usd > wish.budget_usd:
         over = option.price_usd / wish.budget_usd - 1
-        relax = f"--budget {math.ceil(option.price_usd)}"
+        relax = f"`budget_usd` {math.ceil(option.price_usd)}"
         missed.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
     ap, counted = option.ap_whole.value, COUNTED[option.whole]
     if not ap >= wish.min_ap:
-        relax = f"--min-ap {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
+        relax = f"`min_ap` {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
         reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
         missed.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
     if not option.latency_ms <= wish.latency_ms:
         known = math.isfinite(option.latency_ms)
-        relax = f"--latency {math.ceil(option.latency_ms)}" if known else ""
+        relax = f"`latency_ms` {math.ceil(option.latency_ms)}" if known else ""
         share = option.latency_ms / wish.latency_ms - 1 if known else math.inf
         missed.append(Shortfall("latency", latency(option), relax, share))
     return missed
@@ -121,7 +121,7 @@ def nearest(options: Iterable[Option], wish: Wish) -> list[Option]:
 
 
 def relaxation(option: Option, wish: Wish) -> str:
-    """The words of a command line that would let an option in, and what is to be measured."""
+    """What would let an option in, by the argument of `recommend`, and what is to be measured."""
     missed = shortfalls(option, wish)
     words = " ".join(one.relax for one in missed if one.relax)
     unknown = any(not one.relax for one in missed)
@@ -210,11 +210,11 @@ def latency_note(options: Iterable[Option]) -> str:
     """Where and under which load latencies were measured."""
     timed = [option for option in options if math.isfinite(option.latency_ms)]
     if not timed:
-        return "No latency was measured; `pyinfra benchmark --latency` measures it."
+        return "No latency was measured; a benchmark with `latency` measures it."
     machines = ", ".join(sorted({option.machine for option in timed} - {""}))
     where = f"one core of {machines}" if machines else "one core"
     load = load_text([option.other_cores for option in timed])
-    return f"Latency is of {where} ({load}); `pyinfra benchmark --latency` measures yours."
+    return f"Latency is of {where} ({load}); a benchmark with `latency` measures yours."
 
 
 def too_slow(slow: Iterable[Option], wish: Wish) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Average precision of predictions: `pyinfra evaluate --gt DATA/LIDAR --pred DIR --out DIR`.
+"""Average precision of predictions.
 
 Any detector of any toolbox: predictions are KITTI result files or CSV in the LiDAR frame. What
 counts and what is ignored stands in pyinfra.evaluation, AP in pyinfra.ap, the rest in
@@ -193,7 +193,7 @@ def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool =
         return Settings(classes=classes)
     if not all(of_people):
         names = ", ".join(classes)
-        raise Error(f"--class: found {names}, allowed vehicles, or people, or both with --iou")
+        raise Error(f"classes: expected vehicles, or people, or both with `iou`, got {names}")
     return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
 
 

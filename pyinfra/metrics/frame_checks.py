@@ -1,4 +1,4 @@
-"""Checks of frames and predictions: `pyinfra validate DATA [--pred DIR]`.
+"""Checks of frames and predictions.
 
 Files that can't be read as their format says are errors. What makes most toolboxes show an AP of 0
 on roadside frames is named: heights, ranges, filters by the image, headings, frames of reference.

@@ -19,7 +19,8 @@ def ground_truth_findings(
     """
     if len(vehicles) == 0:
         text = f"{lidar_folder}: found no label in {len(frames)} frames, so there is no AP; "
-        yield Finding("warning", "no-labels", text + "`pyinfra validate --pred` asks what moves")
+        text += "`pyinfra validate` of the predictions asks what moves"
+        yield Finding("warning", "no-labels", text)
     if other := other_types(lidar_folder, frames, vehicles, types):
         yield Finding("warning", "other-types", other)
     if missing := without_region(lidar_folder):

@@ -82,7 +82,7 @@ def read_place(folder: Path, which: Subset) -> Place:
             known = ", ".join(dict.fromkeys(table.ground_truth))
             raise Error(
                 f"{file}: expected ground truth {which} with recall, got {known}; "
-                f"`pyinfra evaluate --ground-truth {which} all` of this version writes it"
+                f"`pyinfra evaluate` of this version writes it, by ground truth {which}"
             )
         world = str(rows.world.iloc[0])
         if world in tables:

@@ -160,7 +160,7 @@ def _names(
     if other.all():
         raise FormatError(text)
     if known[other].all():
-        text = f"not evaluated: {listed}; `pyinfra evaluate --class` evaluates others"
+        text = f"not evaluated: {listed}; `classes` says what is"
         yield Finding("note", "other-classes", text)
     else:
         yield Finding("warning", "other-classes", text)

@@ -1,4 +1,4 @@
-"""Scanning statistics of data sets: `pyinfra statistics DATA... --out DIR`.
+"""Scanning statistics of data sets.
 
 What a LiDAR gets of a scene before any detector: hits, points per vehicle, quality, light. The
 functions are in tables.py (vehicles) and patterns.py (rays); here they are put

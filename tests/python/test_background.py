@@ -490,7 +490,7 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
         outline(tmp_path)
         words = ["--region", str(tmp_path / "region.yaml")]
     y = centres_y(recording, tmp_path / "run", *words)
-    refused = "background: pole: found no roads.csv and no --region" in capsys.readouterr().err
+    refused = "background: pole: found no roads.csv and no --region, so" in capsys.readouterr().err
     assert refused == (known_by == "nothing")
     assert (np.abs(y - 3) < 1).sum() >= 10
     assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")

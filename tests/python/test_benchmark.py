@@ -333,7 +333,7 @@ def test_dask_runs_tasks_where_gpus_are_and_listens_to_this_machine_alone() -> N
 def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     ray_init = ray.init
     monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=0))
-    with pytest.raises(pool.NoGpu, match="--device: found cuda, allowed cpu"):
+    with pytest.raises(pool.NoGpu, match="device: found cuda, allowed cpu"):
         pool.call_all(abs, [1], pool.Pool("ray", 1, gpu=True))
 
 

@@ -120,7 +120,7 @@ def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
 
 def test_folder_with_other_frames_is_refused_and_stays(made: Path) -> None:
     before = (made / "SHA256SUMS").read_text()
-    with pytest.raises(ValueError, match=r"highway/\w+: found frame 4999 of another --frames"):
+    with pytest.raises(ValueError, match=r"highway/\w+: found frame 4999 that `frames`"):
         data_release.write(made, data_release.spread(3), "paper")
     assert (made / "SHA256SUMS").read_text() == before
 

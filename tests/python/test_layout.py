@@ -240,3 +240,36 @@ def test_every_version_of_the_environment_has_a_hash() -> None:
     hashed = re.compile(r"[\w.-]+==[\w.]+(\s+--hash=sha256:[0-9a-f]{64})+")
     assert lines
     assert [line for line in lines if not hashed.fullmatch(line)] == []
+
+
+ANSWERS = {"dataset/card.py", "experiments/stress/trials.py"}  # a command that repeats a result
+PROGRAMS = {"scenes/maps/netconvert.py"}  # options of SUMO
+
+
+def test_no_text_of_the_library_names_an_option_of_a_command() -> None:
+    """A message names the argument; the command puts its option there (cli/messages.py)."""
+    found = []
+    for path in sorted((ROOT / "pyinfra").rglob("*.py")):
+        name = path.relative_to(ROOT / "pyinfra").as_posix()
+        if not name.startswith("cli/") and name not in ANSWERS | PROGRAMS:
+            found += [(name, text) for text in texts(path) if re.search(OPTION, text)]
+    words = [text for _, text in found if re.fullmatch(r"--[a-z][\w.-]*(=\{\})?", text)]
+    assert [(name, text) for name, text in found if text not in words] == []
+
+
+OPTION = r"(?<![\w(-])--[a-z]"  # but var(--ink) of a style sheet
+
+
+def texts(path: Path) -> Iterator[str]:
+    """The string literals of a file; `{}` stands for a value."""
+    parts = set[int]()
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    for node in nodes:
+        if isinstance(node, ast.JoinedStr):
+            parts |= {id(part) for part in node.values}
+            yield "".join(
+                str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values
+            )
+    for node in nodes:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+            yield node.value

@@ -89,7 +89,7 @@ def test_the_road_of_a_leaning_sensor_is_found(site: Path, lidar: str, tmp_path:
     assert kitti.read_lidar(folder).T_world_levelled.z == pytest.approx(HEIGHT_M, abs=0.03)
     assert "the road lies 6.0" in text or "the road lies 5.9" in text
     assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == text.splitlines()[:3]
-    assert text.splitlines()[2] == "frames are 0.1 s apart, as no times say it: --period-s does"
+    assert text.splitlines()[2] == "frames are 0.1 s apart, as no times say it: `period_s` does"
 
 
 def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
@@ -251,7 +251,7 @@ def test_the_plane_near_the_height_that_is_given(site: Path, tmp_path: Path) -> 
 def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     facts = LidarFacts("pole", "junction", height_m=9)
-    with pytest.raises(ValueError, match=r"source: --height-m: found 9, allowed (6\.0|5\.9)"):
+    with pytest.raises(ValueError, match=r"source: height_m: found 9, allowed (6\.0|5\.9)"):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert not (tmp_path / "in/pole").exists()
 
@@ -303,7 +303,7 @@ def test_millimetres_are_metres_afterwards(site: Path, tmp_path: Path) -> None:
 def test_other_units_are_refused_and_can_be_said(site: Path, tmp_path: Path) -> None:
     clouds = with_positions(clouds_of(site, "helios_16"), lambda p: p * 30)
     source = write(tmp_path / "source", clouds)
-    with pytest.raises(ValueError, match=r"returns \d+ from the sensor .* --unit-m"):
+    with pytest.raises(ValueError, match=r"returns \d+ from the sensor .* `unit_m`"):
         taken(source)
     import_recording(source, "bin", tmp_path / "in/pole", FACTS, Options(unit_m=1 / 30))
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
@@ -476,7 +476,7 @@ def test_what_is_no_millimetre_either_is_refused(
     )
     source = write(tmp_path / "source", clouds)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
-    with pytest.raises(ValueError, match=r"source: found coordinates that as mill.* --unit-m says"):
+    with pytest.raises(ValueError, match=r"source: found coordinates that as mill.* `unit_m` says"):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     if unit_m != 1:
         summary, _ = import_recording(

@@ -705,4 +705,4 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     assert main.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
     message = capsys.readouterr().err
     assert message.startswith("pyinfra: note: left out tilt: ")
-    assert "dataset.yaml: found no roads, as of a recording, allowed --stressors of" in message
+    assert "dataset.yaml: found no roads, as of a recording, allowed stressors of" in message

@@ -1,4 +1,4 @@
-"""`pyinfra benchmark configs/benchmarks/NAME.yaml --tier TIER --out RESULTS`."""
+"""What a benchmark would do, without doing it."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
         raise ConfigError(
             f"{hits}: {row.scene} {row.preset} {row.lidar}: found rows of another scene, LiDAR, "
             "range of frames or split of these names, allowed those of this benchmark, or another "
-            "--out"
+            "`out`"
         )
 
 
@@ -137,8 +137,8 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
         if known and known != now:
             raise ConfigError(
                 f"{hits}: {scene} {preset}: found rows measured among the LiDARs "
-                f"{', '.join(sorted(known))}, allowed {', '.join(sorted(now))}, or another --out; "
-                "trainings in the folder of --work are used again"
+                f"{', '.join(sorted(known))}, allowed {', '.join(sorted(now))}, or another `out`; "
+                "trainings in the folder of `work` are used again"
             )
 
 

@@ -57,7 +57,7 @@ def scene_of(word: str) -> Path:
     try:
         return config_file("scenes", Path.cwd() / "plan", word)
     except ValueError as error:
-        raise Error(f"--scene: {error}") from None
+        raise Error(f"scene: {error}") from None
 
 
 def files_of(kind: str) -> Any:

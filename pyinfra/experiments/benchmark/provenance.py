@@ -86,7 +86,7 @@ def check_cells(cells: Path, plan: Plan, say: Say = silent) -> None:
         more = f" and {len(old) - SHOWN} more" if len(old) > SHOWN else ""
         raise ConfigError(
             f"{cells}: {', '.join(names)}{more}: found rows of another recipe or other frames of "
-            "these names, allowed those of this benchmark, no such rows, or another --out"
+            "these names, allowed those of this benchmark, no such rows, or another `out`"
         )
     unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
     if unknown:
@@ -107,7 +107,7 @@ def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
     if begun and file.read_text(encoding="utf-8") != text:
         raise ConfigError(
             f"{run}: found a training of another recipe or other frames, allowed the same, no "
-            "such folder, or another --work"
+            "such folder, or another `work`"
         )
     run.mkdir(parents=True, exist_ok=True)
     with replacing(file) as beside:

@@ -75,7 +75,7 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
         if other:
             raise ConfigError(
                 f"{workspace.table('value')}: found costs of the site of {other[0]:g} USD, allowed "
-                f"{allowed:g} as in this benchmark, or another --out"
+                f"{allowed:g} as in this benchmark, or another `out`"
             )
 
 

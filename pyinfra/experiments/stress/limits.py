@@ -10,7 +10,7 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
 
-CLOUDS_ALONE = "allowed --stressors of clouds alone"
+CLOUDS_ALONE = "allowed stressors of clouds alone"
 
 
 def scene(base: Base) -> str:
@@ -65,7 +65,7 @@ def traffic(base: Base) -> str:
 def several_mounts(base: Base) -> str:
     """Frames of several mounts, fused."""
     if not base.is_fused:
-        return f"{base.folder.parent}: found frames of one mount, allowed those of `--fuse`"
+        return f"{base.folder.parent}: found frames of one mount, allowed fused ones"
     return ""
 
 

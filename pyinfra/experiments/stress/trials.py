@@ -235,7 +235,7 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise Error(
                 f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
-                "another data set of these names, allowed the same, or another --out"
+                "another data set of these names, allowed the same, or another `out`"
             )
 
 

@@ -32,7 +32,7 @@ def joined(device: torch.device) -> Iterator[torch.device]:
         yield device
         return
     if ":" in str(device):
-        raise Error(f"--device: found {device}, allowed {device.type} with several processes")
+        raise Error(f"device: found {device}, allowed {device.type} with several processes")
     if device.type == "cuda":
         device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
         torch.cuda.set_device(device)

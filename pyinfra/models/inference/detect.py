@@ -1,4 +1,4 @@
-"""`pyinfra detect RUN --data DATA/LIDAR --out DIR`, or `pyinfra detect RUN cloud.bin`."""
+"""Boxes of a trained detector in clouds on disk."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def load_detector(
     if ground is None and provenance.ground is not None:
         ground = Ground(provenance.ground)
     if ground is None:
-        raise Error(f"{run}: found no height of the road, allowed one: --height-m says it")
+        raise Error(f"{run}: found no height of the road, allowed one: `height_m` says it")
     return OnRoad(fused(loaded.network(region)).to(device_of(device)), ground)
 
 
@@ -65,7 +65,7 @@ def check_single(run: Path, frames: int) -> None:
     if frames > 1:
         raise Error(
             f"{run}: found a model of {frames} stacked frames, allowed one of single frames: only "
-            "`pyinfra detect --data` stacks them"
+            "frames of a LiDAR's folder are stacked"
         )
 
 
@@ -203,7 +203,7 @@ def once(files: Sequence[Path]) -> None:
     named: dict[str, Path] = {}
     for file in files:
         if file.stem in named:
-            raise Error(f"{file}: found the name of {named[file.stem]}, allowed once with --out")
+            raise Error(f"{file}: found the name of {named[file.stem]}, allowed once with `out`")
         named[file.stem] = file
 
 

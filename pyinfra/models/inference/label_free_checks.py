@@ -1,4 +1,4 @@
-"""`pyinfra validate DATA/LIDAR --pred DIR` where nothing is labelled."""
+"""Checks of predictions where nothing is labelled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`pyinfra onnx RUN --out FILE.onnx`: a dense detector as one graph, from points to boxes.
+"""A dense detector as one ONNX graph, from points to boxes.
 
 Input `points` (n, 4) float32, n >= 1, inside the area that the file's metadata give; outputs
 `boxes` (k, 7) and `scores` (k,), best first, before suppression; of several classes one after the

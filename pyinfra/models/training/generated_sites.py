@@ -187,7 +187,7 @@ def cast(
 
 @dataclass(frozen=True)
 class StreamFile:
-    """`configs/streams/*.yaml`: what `pyinfra train --sites` learns from."""
+    """`configs/streams/*.yaml`: sites to learn from."""
 
     plan: StreamPlan = field(default_factory=StreamPlan)
     without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not learnt from

@@ -1,4 +1,4 @@
-"""`pyinfra train CONFIG --data DATA/LIDAR... --tier TIER --out RUN`."""
+"""A training: from a recipe and LiDAR folders to a model."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(
-            f"--accumulate: found {source.accumulation.frames} for background, allowed 1: it "
+            f"accumulate: found {source.accumulation.frames} for background, allowed 1: it "
             "knows what moves by single frames"
         )
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
@@ -117,7 +117,7 @@ def _train_network(
         name = type(network).__name__
         raise Error(f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}")
     if network.columns > 4 and stream.accumulation.frames == 1:
-        raise Error("network.age: found true of single frames, allowed with --accumulate")
+        raise Error("network.age: found true of single frames, allowed with `accumulate`")
     if network.classes != stream.classes:
         raise Error(
             f"network.classes: found {', '.join(network.classes)}, allowed "

@@ -100,7 +100,9 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         site_map.not_understood += disagreements(site_map.lanes) + steep_lanes(site_map.lanes)
         meshes, terrain = surfaces(site_map, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
-            raise MapError(f"{file}: more than {MOST_TRIANGLES} triangles; use a smaller --radius")
+            raise MapError(
+                f"{file}: more than {MOST_TRIANGLES} triangles; take a smaller `radius_m`"
+            )
         pole, what = _pole(site_map, options)
         site_map.guessed += [what] if what else []
         _write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
@@ -240,7 +242,7 @@ def _from_osm(
     streets = openstreetmap.read_street_map(file)
     centre, turned = streets.place_of(options.centre)
     if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
-        raise MapError(f"{file}: --centre: expected lon,lat in degrees, got {centre}")
+        raise MapError(f"{file}: centre: expected lon,lat in degrees, got {centre}")
     levels = osm_levels.find_levels(streets, centre, options.radius_m)
     source = file
     if levels.heights or streets.deleted or streets.rearranged:
@@ -265,7 +267,7 @@ def _from_osm(
     site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
     if turned:
         site_map.guessed.append(
-            f"--centre is lat,lon: taken as {centre[0]:g} east, {centre[1]:g} north"
+            f"`centre` is lat,lon: taken as {centre[0]:g} east, {centre[1]:g} north"
         )
     site_map.not_understood += levels.flat
     if levels.crossings:

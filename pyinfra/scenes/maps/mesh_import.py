@@ -47,7 +47,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     if away > FARTHEST_M:
         raise FormatError(
             f"{file}: found its nearest point {away:.0f} m from the mount, allowed up to "
-            f"{FARTHEST_M:g} m (--offset moves it)"
+            f"{FARTHEST_M:g} m (`offset` moves it)"
         )
     scene = with_mesh(site / SCENE, {"file": name, "material": material})
     (site / "meshes").mkdir(exist_ok=True)
@@ -92,7 +92,7 @@ def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
     if widest > WIDEST_M:
         raise FormatError(
             f"{file}: found {widest:.4g} m from end to end, allowed up to {WIDEST_M:g} m "
-            f"(millimetres? --scale 0.001 makes it {widest / 1000:.4g} m)"
+            f"(millimetres? `scale` 0.001 makes it {widest / 1000:.4g} m)"
         )
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
@@ -100,7 +100,7 @@ def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
     if not len(made.faces):
         raise FormatError(
             f"{file}: found {len(mesh.faces)} faces without an area, allowed one or more with one "
-            f"(it is {widest:.3g} m from end to end: --scale makes it larger)"
+            f"(it is {widest:.3g} m from end to end: `scale` makes it larger)"
         )
     return made
 

@@ -52,7 +52,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     """The objects of a CSV; without a column `id` boxes are linked. Raises FormatError, OSError."""
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
-        raise Error(f"--columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
+        raise Error(f"columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
     words = read_words(file)
     ours = {theirs: our_name for our_name, theirs in how.names.items()}
     words = words.rename(columns=ours)
@@ -60,7 +60,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     for name in (*_NEEDED, clock):
         if name not in words.columns:
             have = ", ".join(map(str, words.columns))[:200]
-            raise FormatError(f"{file}:1: found columns {have}, allowed with '{name}' (--columns)")
+            raise FormatError(f"{file}:1: found columns {have}, allowed with '{name}' (`columns`)")
     if not len(words):
         raise FormatError(f"{file}: found no row, allowed one or more")
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
@@ -70,7 +70,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
         boxes[:, 6] = np.radians(boxes[:, 6])
     elif (np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3).any():
         row = int(np.argmax(np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3))
-        raise FormatError(f"{file}:{row + 2}: heading: found degrees, allowed --degrees or radians")
+        raise FormatError(f"{file}:{row + 2}: heading: found degrees, allowed `degrees` or radians")
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
     return _tracks(file, times, boxes, classes, ids)
@@ -116,7 +116,7 @@ def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
 def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
     ours = how.classes.get(name, name)
     if ours not in CLASSES:
-        allowed = f"{', '.join(CLASSES)}, or --class-of {shlex.quote(f'{name}=Car')}"
+        allowed = f"{', '.join(CLASSES)}, or `class_of` {shlex.quote(f'{name}=Car')}"
         raise FormatError(f"{file}:{row + 2}: class: found '{name[:40]}', allowed {allowed}")
     return ours
 

@@ -39,10 +39,9 @@ class Demand:
         for name in ("vehicles_per_hour", "pedestrians_per_hour", "bicycles_per_hour"):
             rate = getattr(self, name)
             if not 0 <= rate <= 20_000:
-                option = name.replace("_", "-")
-                raise Error(f"--{option}: found {rate:g}, allowed 0 to 20000")
+                raise Error(f"{name}: found {rate:g}, allowed 0 to 20000")
         if self.vehicles_per_hour + self.pedestrians_per_hour + self.bicycles_per_hour == 0:
-            raise Error("--vehicles-per-hour: found 0 of all, allowed more than 0")
+            raise Error("vehicles_per_hour: found 0 of all, allowed more than 0")
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ def _classes(
         first, name = next(iter(unknown.items()))
         raise FormatError(
             f"object '{name[:40]}': found type '{first[:40]}', allowed {', '.join(_SUMO_TYPES)}, "
-            f"or --class-of {hint}"
+            f"or `class_of` {hint}"
         )
     return class_of
 
@@ -142,7 +142,7 @@ def _to_metres(
     elif has_site:
         raise FormatError(
             "x, y: expected metres, got longitude and latitude, and the site's map has no "
-            "projection: write the file without --fcd-output.geo"
+            "projection: write the file without SUMO's option fcd-output.geo"
         )
     else:
         projection = centred_on(lon_lat)

@@ -134,7 +134,7 @@ def write_page(
     if len(text) > 1e6 * LARGEST_MB:
         raise Error(
             f"{out}: found {len(text) / 1e6:.1f} MB, allowed {LARGEST_MB:g} MB: "
-            "fewer --frames, one --lidar, or --most-points"
+            "fewer `frames`, one `lidar`, or `most_points`"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
@@ -145,7 +145,7 @@ def write_page(
 def check_file(out: Path) -> None:
     """Raises Error if a file cannot be written there because a folder has its name."""
     if out.is_dir():
-        raise Error(f"--out: found the folder {out}, allowed the name of a file")
+        raise Error(f"out: found the folder {out}, allowed the name of a file")
 
 
 def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:

@@ -38,7 +38,7 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
     known = [folder.name for folder in folders]
     for name in lidars:
         if name not in known:
-            raise Error(f"--lidar: found '{name}', allowed {', '.join(known)}")
+            raise Error(f"lidar: found '{name}', allowed {', '.join(known)}")
     return [folder for folder in folders if folder.name in lidars]
 
 
@@ -57,7 +57,7 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
         numbers = [int(word) for word in words.split(":")]
         wanted = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
     except (TypeError, ValueError):
-        raise Error(f"--frames: found '{words}', allowed A:B or A:B:STEP") from None
+        raise Error(f"frames: found '{words}', allowed A:B or A:B:STEP") from None
     chosen = [frame for frame in present if frame in wanted]
     if not chosen:
         raise Error(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
@@ -76,11 +76,9 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
         if not equals and len(folders) == 1:
             name, folder = folders[0].name, word
         if name not in by_name or not folder:
-            raise Error(
-                f"--pred: found '{word}', allowed LIDAR=DIR with LIDAR {', '.join(by_name)}"
-            )
+            raise Error(f"pred: found '{word}', allowed LIDAR=DIR with LIDAR {', '.join(by_name)}")
         if by_name[name] in chosen:
-            raise Error(f"--pred: found '{word}' beside another of {name}, allowed one of each")
+            raise Error(f"pred: found '{word}' beside another of {name}, allowed one of each")
         chosen[by_name[name]] = Path(folder)
     return chosen
 

@@ -44,7 +44,7 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
     )
     if answer.meets:
         return f"{text}{name}. {reach}."
-    relaxed = relaxation(first, material.wish)
+    relaxed = relaxation(first, material.wish).replace("`", "")
     return f"{text}no option meets this. The nearest is {name}: {reach}; it needs {relaxed}."
 
 
@@ -83,7 +83,9 @@ def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
         _covered(option),
         number(option.latency_ms, ".0f"),
     ]
-    return [*cells, TableCell(relaxation(option, material.wish))] if relax else cells
+    return (
+        [*cells, TableCell(relaxation(option, material.wish).replace("`", ""))] if relax else cells
+    )
 
 
 def _covered(option: Option) -> TableCell:
