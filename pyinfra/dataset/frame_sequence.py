@@ -28,6 +28,7 @@ from pyinfra.dataset.frame_tables import (
     read_vehicles,
     without_points,
 )
+from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.outlines import outlines_of
 from pyinfra.dataset.regions import Region, Road, region_of, roads_of, roads_region
@@ -86,6 +87,16 @@ class FrameSequence(Sequence[LidarFrame], ABC):
     @abstractmethod
     def region(self) -> Region | None:
         """Where vehicles can be; None where it is not known."""
+
+    @property
+    @abstractmethod
+    def known(self) -> Sequence[int]:
+        """Numbers of all frames that there are, in this sequence or not."""
+
+    @property
+    def period_s(self) -> float:
+        """Seconds of a frame."""
+        return self.lidar.period_s if self.lidar else PERIOD_S
 
     @abstractmethod
     def vehicles(self) -> Vehicles:
@@ -199,6 +210,10 @@ class SimulatedFrames(FrameSequence):
 
         return str(simulation.frames_version()), __version__
 
+    @property
+    def known(self) -> Sequence[int]:
+        return range(self.world.frames)
+
     def of(self, numbers: Sequence[int]) -> SimulatedFrames:
         beside = {
             name: replace(one, numbers=tuple(numbers), beside={})
@@ -278,6 +293,10 @@ class RecordedFrames(FrameSequence):
     @cached_property
     def region(self) -> Region | None:
         return region_of(self.folder, self.lidar.T_world_levelled) if self.lidar else None
+
+    @property
+    def known(self) -> Sequence[int]:
+        return frame_numbers(self.folder, "all")
 
     def of(self, numbers: Sequence[int]) -> RecordedFrames:
         return RecordedFrames(self.folder, tuple(numbers))

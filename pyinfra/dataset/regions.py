@@ -249,15 +249,16 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
     if (roads := data_set / "roads.csv").is_file():
         return roads_region(read_roads(roads), pose, read_outlines(data_set))
     corners = drawn_outline(lidar_folder)
-    return None if corners is None else _within(corners)
+    return None if corners is None else region_within(corners)
 
 
 def outline_region(file: Path) -> Region:
     """That of an `Outline` file. Raises ConfigError with file, line and key."""
-    return _within(read_outline(file))
+    return region_within(read_outline(file))
 
 
-def _within(corners: FloatArray) -> Region:
+def region_within(corners: FloatArray) -> Region:
+    """That of an outline's corners (m, 2), metres, levelled LiDAR frame."""
     return Region(partial(in_outline, corners), corners)
 
 

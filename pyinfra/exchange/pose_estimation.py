@@ -14,19 +14,25 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pyinfra.core.arrays import FloatArray, Floats, Points
+from pyinfra.core.arrays import FloatArray, Floats
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.dataset.ground import SHAPE_REACH_M
 from pyinfra.dataset.regions import Region
+from pyinfra.dataset.road_plane import (
+    FIT_M,
+    HEIGHTS_M,
+    LEAST_SHARE,
+    MOST_POINTS,
+    RoadPlane,
+    find_plane,
+)
 from pyinfra.exchange.data_set import LidarFacts, levelled
 from pyinfra.exchange.recording import Options, RecordedFrame, Recording
-from pyinfra.exchange.road_plane import FIT_M, HEIGHTS_M, RoadPlane, find_plane
 from pyinfra.exchange.road_shape import shape_of
 
 Read = Callable[[Path, Options], Recording]
 
 FRAMES = 30  # looked at, spread over all
-MOST_POINTS = 40_000  # of each
 # Whatever the unit, these let a cloud pass the reader's ranges.
 WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
 MILLIMETRES = "coordinates are millimetres: divided by 1000"
@@ -42,7 +48,6 @@ UPS: dict[str, list[list[int]]] = {  # rows: x, y and z of the upright frame in 
     "x down": [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
 }
 SURE_SHARE = 0.3  # of the ground near the sensor: z is up without a look at other axes
-LEAST_SHARE = 0.15  # on the best plane; less is no road
 LOWEST_M = 1.0  # of a sensor above the road: below, the clouds stand at road level
 AS_GIVEN_M = 0.5  # a height may be off by so much,
 AS_GIVEN_SHARE = 0.15  # or by this share of it
@@ -114,12 +119,6 @@ def turned(recording: Recording, estimate: Survey) -> Recording:
         return recorded
 
     return replace(recording, read=frame)
-
-
-def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
-    """The road of clouds with z up, but for a tilt; None if little of the ground lies on one."""
-    plane = find_plane([cloud[:: 1 + len(cloud) // MOST_POINTS] for cloud in clouds])
-    return None if plane is None or plane.share < LEAST_SHARE else plane
 
 
 def check_region(file: Path, region: Region, recording: Recording, estimate: Survey) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Floats
 from pyinfra.dataset.ground import SHAPE_REACH_M, shape_heights
-from pyinfra.exchange.road_plane import SOFT_M, lowest_points
+from pyinfra.dataset.road_plane import SOFT_M, lowest_points
 from pyinfra.formats.kitti import RoadShape
 
 LEAST_COLUMNS = 100  # under traffic; of fewer a plane is surer

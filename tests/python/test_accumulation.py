@@ -291,7 +291,7 @@ def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
     ("words", "message"),
     [
         (["--accumulate", "0"], "accumulate: found 0, allowed 1 to 100"),
-        (["--label-at", "middle"], "label_at: found middle of one frame, allowed newest"),
+        (["--label-at", "middle"], "label-at: found middle of one frame, allowed newest"),
         (["--sites", "f.yaml", "--accumulate", "2"], "--accumulate: found 2 with --sites"),
         (["background", "--accumulate", "2"], "--accumulate: found 2 for background, allowed 1"),
     ],

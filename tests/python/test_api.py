@@ -20,6 +20,8 @@ from pyinfra.cli import main
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence, SimulatedFrames
 from pyinfra.dataset.prediction_origin import origin_of
+from pyinfra.models.inference import boxes_table
+from pyinfra.models.training.accumulation import Accumulation
 from pyinfra.viz.report.report_data import Run
 from pyinfra.viz.report.sections import pictures
 
@@ -114,6 +116,46 @@ def test_a_callable_is_a_detector(frames: FrameSequence) -> None:
     assert table.frame.tolist() == list(frames.numbers)
     assert set(table.type) == {"vehicle"}
     assert set(table.score) == {1.0}
+
+
+def test_what_stands_goes(frames: FrameSequence) -> None:
+    """A box that comes back where nothing moves; the short recording is warned of."""
+
+    def rail(points: np.ndarray[Any, Any]) -> pd.DataFrame:
+        return pd.DataFrame([[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0]], columns=BOX)
+
+    assert len(pi.detect(rail, frames)) == len(frames)
+    with pytest.warns(UserWarning, match="drop_standing: found 5.4 s"):
+        assert len(pi.detect(rail, frames, drop_standing=True)) == 0
+
+
+def test_a_height_that_the_road_does_not_have_is_warned_of(written: Path) -> None:
+    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    known = -float(pi.load_dataset(written).ground.height(np.zeros((1, 2)))[0])
+    with pytest.warns(UserWarning, match=f"`height_m` says {known - 1:g} m, the road"):
+        pi.detect("generalist", pi.load_dataset(written)[:1], height_m=known - 1)
+
+
+def test_a_region_is_where_vehicles_are_looked_for(frames: FrameSequence) -> None:
+    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    everywhere = pi.detect("generalist", frames[:2])
+    behind = [[-40.0, -30.0], [0.0, -30.0], [0.0, 30.0], [-40.0, 30.0]]
+    found = pi.detect("generalist", frames[:2], region=behind)
+    assert everywhere.x.max() > 15
+    assert found.x.max() < 10  # but for the margin of half a long vehicle
+    assert len(found) > 0
+
+
+def test_frames_are_stacked_as_the_model_learnt(
+    frames: FrameSequence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The frame before comes from the scene, though it is not in the sequence."""
+    two = Accumulation(2)
+    monkeypatch.setattr("pyinfra.models.inference.detect.accumulation_of", lambda _: two)
+    (cloud,) = boxes_table._stacked(Path("model"), frames[1:2])
+    now, before = frames.frame(6).points, frames.frame(5).points
+    assert cloud.shape == (len(now) + len(before), 5)
+    assert sorted(set(cloud[:, 4].tolist())) == pytest.approx([0, 0.1])
 
 
 def test_several_lidars_share_a_scene() -> None:

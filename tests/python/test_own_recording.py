@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.ground import ground_of, shape_heights
+from pyinfra.dataset.road_plane import find_plane
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.frame_times import seconds_of
 from pyinfra.exchange.imports import import_recording, warnings
 from pyinfra.exchange.pose_estimation import UPS
 from pyinfra.exchange.recording import Options
-from pyinfra.exchange.road_plane import find_plane
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
 

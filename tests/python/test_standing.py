@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +77,7 @@ def test_rails_go_and_vehicles_stay(lidar: Path) -> None:
         boxes = objects.label_boxes("scan")[objects.points >= 10]
         vehicles += len(boxes)
         every = np.concatenate([boxes, rail])
-        files.append(kitti.frame_file(lidar, "velodyne", k))
+        files.append(partial(kitti.read_points, kitti.frame_file(lidar, "velodyne", k)))
         detections.append(
             Detections(every, np.full(len(every), 0.9), np.full(len(every), "vehicle"))
         )
@@ -96,7 +97,10 @@ def test_clouds_alone_say_nothing_of_what_stands(
 
 
 def test_people_who_wait_stay(lidar: Path) -> None:
-    files = [kitti.frame_file(lidar, "velodyne", k) for k in kitti.frames(lidar)]
+    files = [
+        partial(kitti.read_points, kitti.frame_file(lidar, "velodyne", k))
+        for k in kitti.frames(lidar)
+    ]
     boxes = np.array(
         [[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0], [25.0, 14.0, -7.0, 0.7, 0.7, 1.7, 0.0]]
     )

@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence
+from pyinfra.dataset.ground import level_ground
+from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
 from pyinfra.dataset.loading import one_lidar
+from pyinfra.dataset.regions import Outline, read_outline, region_within
 from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.inference import detect as inference
+from pyinfra.models.inference.folder import Place, detector_at_place
+from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
+from pyinfra.models.inference.static_filter import length_warning, without_standing
+from pyinfra.models.training.sources import spread
 
 COLUMNS = ["frame", "type", *BOX, "score"]
-DetectorFunction: TypeAlias = Callable[[Points], pd.DataFrame]
+AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 
 
 @dataclass(frozen=True)
@@ -29,12 +39,6 @@ class TrainedDetector:
 
     file: Path
     device: str = "cpu"
-
-    def at(self, frames: FrameSequence) -> Detector:
-        """The detector with the road and region of some frames."""
-        return inference.load_detector(
-            self.file, ground=frames.ground, region=frames.region, device=self.device
-        )
 
 
 def load_detector(
@@ -47,6 +51,10 @@ def load_detector(
     model : `generalist`, the pretrained detector; the folder of a training; or a file in it
     device : of torch, such as `cpu` or `cuda`
 
+    Returns
+    -------
+    What `detect` takes; the weights are read when it does
+
     Raises
     ------
     Error : for a name, folder or file without a model
@@ -58,17 +66,25 @@ def load_detector(
     'generalist.safetensors'
     """
     try:
-        return TrainedDetector(inference.model_file(Path(model)), device)
+        return TrainedDetector(inference.model_file(path_of(model, "model")), device)
     except FileNotFoundError:
         near = suggestion(os.fspath(model), inference.shipped())
         raise Error(f"model: expected a model or a name, got '{model}'{near}") from None
 
 
 def detect(
-    model: TrainedDetector | Detector | DetectorFunction | str | os.PathLike[str],
+    model: TrainedDetector | Detector | OwnDetector | str | os.PathLike[str],
     frames: FrameSequence | str | os.PathLike[str],
+    *,
+    height_m: float | None = None,
+    region: AnyRegion | None = None,
+    drop_standing: bool = False,
 ) -> pd.DataFrame:
     """Boxes of a detector in each frame.
+
+    A trained detector is given points above the road where the frames were taken, and frames
+    stacked as those that it learnt from. A warning says where the road of the clouds does not lie
+    `height_m` below the sensor, and where frames are too few for `drop_standing`.
 
     Parameters
     ----------
@@ -76,6 +92,13 @@ def detect(
         x y z intensity, and returns a table with the columns type (default `vehicle`), x y z dx dy
         dz heading, score (default 1); metres and radians, levelled LiDAR frame
     frames : of `simulate` or `load_dataset`, or a LiDAR's folder
+    height_m : of the sensor above a level road, for a trained detector; by default that of the
+        frames
+    region : where vehicles can be, for a trained detector: the corners (m, 2) of an outline in the
+        levelled LiDAR frame, metres, or a file with `outline_m: [[x, y], ...]`; by default the
+        roads of the frames
+    drop_standing : leaves out vehicles that come back where nothing ever moves, such as hedges;
+        takes frames of a minute or more
 
     Returns
     -------
@@ -83,7 +106,8 @@ def detect(
 
     Raises
     ------
-    Error : if the model is none, or a callable fails or returns something else
+    Error : if the model is none, a callable fails or returns something else, or a height or region
+        makes no sense
 
     Examples
     --------
@@ -98,51 +122,84 @@ def detect(
     frames = one_lidar(frames, "frames")
     if isinstance(model, (str, os.PathLike)):
         model = load_detector(model)
+    where = _place(frames, height_m, region)
+    if where.height_m is not None:
+        clouds = [frames.frame(k).points for k in spread(frames.numbers, CHECKED)]
+        for text in height_warnings(clouds, where.height_m):
+            warnings.warn(text, stacklevel=2)
+    numbers = frames.numbers
     if isinstance(model, TrainedDetector):
-        model = model.at(frames)
-    if hasattr(model, "predict"):
-        tables = (_of_detections(f.number, model.predict(f.points)) for f in frames)
+        detector = detector_at_place(model.file, where, model.device)
+        per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
+    elif hasattr(model, "predict"):
+        per_frame = [model.predict(frame.points) for frame in frames]
     elif callable(model):
-        tables = (_of_function(f.number, model, f.points) for f in frames)
+        per_frame = [detections_of_own(f.number, model, f.points) for f in frames]
     else:
         raise Error(f"model: expected a detector or a callable, got {type(model).__name__}")
-    return _joined(tables)
+    if drop_standing and numbers:
+        if text := length_warning(numbers, frames.period_s):
+            warnings.warn(text, stacklevel=2)
+        reads = [partial(_points, frames, k) for k in numbers]
+        per_frame = without_standing(reads, per_frame, where.region, where.ground)
+    return _table(numbers, per_frame)
 
 
-def _joined(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    kept = [table for table in tables if len(table) > 0]
-    if not kept:
-        empty = {name: pd.Series(dtype=object if name == "type" else float) for name in COLUMNS}
-        return pd.DataFrame(empty).astype({"frame": int})
-    return pd.concat(kept, ignore_index=True)
+def path_of(value: object, argument: str) -> Path:
+    """A path as a user gives it. Raises Error for another type."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise Error(f"{argument}: expected a name or a path, got {type(value).__name__}")
+    return Path(os.fspath(value))
 
 
-def _of_detections(number: int, detections: Detections) -> pd.DataFrame:
-    table = pd.DataFrame({"frame": number, "type": detections.names.astype(object)})
-    table[BOX] = detections.boxes
-    return table.assign(score=detections.scores)
+def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:
+    """The road of the frames, but for what the user says of it."""
+    ground, inside, given = frames.ground, frames.region, list[str]()
+    if height_m is not None:
+        check_height(height_m)
+        ground, given = level_ground(-height_m), ["height_m"]
+    if region is not None:
+        inside, given = region_within(_corners(region)), [*given, "region"]
+    return Place(ground, inside, height_m, tuple(given))
 
 
-def _of_function(number: int, model: DetectorFunction, points: Points) -> pd.DataFrame:
+def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
+    """(m, 2)"""
+    if isinstance(region, (str, os.PathLike)):
+        return read_outline(Path(region))
     try:
-        table = model(points)
-    except Exception as error:
-        raise Error(f"model: frame {number}: {type(error).__name__}: {error}") from error
-    if not isinstance(table, pd.DataFrame):
-        raise Error(f"model: frame {number}: expected a table of boxes, got {type(table).__name__}")
-    for name in BOX:
-        if name not in table.columns:
-            near = suggestion(name, map(str, table.columns))
-            raise Error(f"model: frame {number}: expected the column '{name}', got none{near}")
-    table = table.assign(
-        frame=number,
-        type=table["type"] if "type" in table.columns else "vehicle",
-        score=table["score"] if "score" in table.columns else 1.0,
-    )
-    try:
-        numbers = table[[*BOX, "score"]].to_numpy(dtype=np.float64)
+        corners = np.asarray(region, dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(f"model: frame {number}: expected numbers in the columns of boxes") from None
-    if not np.isfinite(numbers).all():
-        raise Error(f"model: frame {number}: expected finite numbers, got NaN or inf")
-    return table[COLUMNS].sort_values("score", ascending=False, ignore_index=True)
+        raise Error("region: expected corners (m, 2), got something else") from None
+    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
+        raise Error(f"region: expected finite corners (m, 2), got shape {corners.shape}")
+    try:
+        Outline(tuple((float(x), float(y)) for x, y in corners))
+    except Error as error:
+        raise Error(f"region: {error}") from None
+    return corners
+
+
+def _stacked(model: Path, frames: FrameSequence) -> Iterator[Points]:
+    """The clouds of the frames as the model learnt from them."""
+    accumulation = inference.accumulation_of(model)
+    if accumulation.frames == 1:
+        return (frame.points for frame in frames)
+    read = partial(_points, frames)
+    clouds = accumulation.clouds(read, frames.numbers, frames.known, frames.period_s)
+    return (cloud() for cloud in clouds)
+
+
+def _points(frames: FrameSequence, number: int) -> Points:
+    return frames.frame(number).points
+
+
+def _table(numbers: Sequence[int], found: Sequence[Detections]) -> pd.DataFrame:
+    counts = [len(one) for one in found]
+    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in found)])
+    table = pd.DataFrame({"frame": np.repeat(np.asarray(numbers, np.int64), counts)})
+    names = [name for one in found for name in one.names.tolist()]
+    table["type"] = pd.Series(names, dtype=object)
+    table[BOX] = boxes
+    scores = np.concatenate([np.empty(0), *(one.scores for one in found)])
+    return table.assign(score=scores)[COLUMNS]

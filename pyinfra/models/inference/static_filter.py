@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray, Points
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import Ground
@@ -20,6 +19,7 @@ from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
+LEAST_S = 60.0  # of frames that tell what stands
 SAME_POSITION_M = 0.7  # boxes whose centres are as near are at one place
 COMES_BACK = 3  # boxes at a place, and more
 MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
@@ -27,22 +27,22 @@ LEAST_SCORE = 0.1  # of boxes that tell something, and that may go
 
 
 def without_standing(
-    clouds: Sequence[Path],
+    clouds: Sequence[Callable[[], Points]],
     detections: Sequence[Detections],
     region: Region | None,
     road: Ground | None = None,
 ) -> list[Detections]:
     """The detections of each cloud without vehicles that come back where nothing ever moves.
 
-    The background is learnt from the same clouds, so they should be of a minute or more: what
-    stands for most of it where nothing drives past goes as well. People who wait stay. Raises
-    Error without a point.
+    clouds: each gives (n, 4) points when it is called, which happens once or twice. The background
+    is learnt from them, so they should be of LEAST_S or more: what stands for most of it where
+    nothing drives past goes as well. People who wait stay. Raises Error without a point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
-    learnt = [kitti.read_points(clouds[i]) for i in chosen]
+    learnt = [clouds[i]() for i in chosen]
     background = Background.learn(learnt, DEFAULT, region, road)
     moves = [
-        _moves(background, cloud, d.boxes) for cloud, d in zip(clouds, detections, strict=True)
+        _moves(background, cloud(), d.boxes) for cloud, d in zip(clouds, detections, strict=True)
     ]
     boxes = np.concatenate([np.empty((0, 7)), *(d.boxes for d in detections)])
     vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in detections)])
@@ -52,6 +52,17 @@ def without_standing(
     )
     ends = np.cumsum([len(d) for d in detections])[:-1]
     return [_only(d, mask) for d, mask in zip(detections, np.split(keep, ends), strict=True)]
+
+
+def length_warning(numbers: Sequence[int], period_s: float) -> str:
+    """What to say of frames of these numbers that are few; nothing if they are enough."""
+    seconds = (max(numbers) - min(numbers)) * period_s
+    if seconds >= LEAST_S:
+        return ""
+    return (
+        f"drop_standing: found {seconds:g} s, meant for {LEAST_S:g} s or more: who waits is left "
+        "out as well"
+    )
 
 
 def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
@@ -82,9 +93,8 @@ def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
     return np.asarray(inside | (np.hypot(dx, dy) <= SAME_POSITION_M))
 
 
-def _moves(background: Background, cloud: Path, boxes: FloatArray) -> BoolArray:
+def _moves(background: Background, points: Points, boxes: FloatArray) -> BoolArray:
     """(k,) whether something moves in each box."""
-    points = kitti.read_points(cloud)
     moving = points_in_boxes(background.moving(points), boxes)
     return (moving > 0) & (moving > MOVING_SHARE * points_in_boxes(points, boxes))
 

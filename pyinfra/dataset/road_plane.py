@@ -16,8 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray, Points
 
+MOST_POINTS = 40_000  # of a cloud
+LEAST_SHARE = 0.15  # on the best plane; less is no road
 REACH_M = (2.0, 60.0)  # of the points that are looked at, from the sensor
 COLUMN_M = 1.0  # in which the lowest is ground, and something moves
 LOW_SHARE = 0.05  # of the points of a column that may lie below the ground
@@ -74,6 +76,12 @@ class LowestPoints:
     near: FloatArray  # (n,) weight
     moved: BoolArray  # (n,) something moved above it
     above: float  # share of the points that stand more than MOVED_M above their column's lowest
+
+
+def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
+    """The road of clouds with z up, but for a tilt; None if little of the ground lies on one."""
+    plane = find_plane([cloud[:: 1 + len(cloud) // MOST_POINTS] for cloud in clouds])
+    return None if plane is None or plane.share < LEAST_SHARE else plane
 
 
 def find_plane(

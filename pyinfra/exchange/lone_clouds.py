@@ -1,0 +1,59 @@
+"""Clouds that belong to no data set: what their files leave open is found in their values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import Points
+from pyinfra.exchange import pcd
+from pyinfra.exchange.bin_columns import USUAL, columns_of
+from pyinfra.exchange.data_set import has_return
+from pyinfra.exchange.pose_estimation import WIDE, usual_intensity_max
+from pyinfra.exchange.recording import Options, read_bin
+from pyinfra.formats import kitti, pcd_file
+
+CHECKED = 5  # clouds, for their highest intensity
+
+
+def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list[str]]:
+    """What reads .bin and .pcd files as (n, 4) x y z intensity, and what was assumed for it.
+
+    .pcd files are turned by their VIEWPOINT, and their intensities divided as an import does.
+    Points without a return are left out. Raises OSError, and FormatError for a file that is none.
+    """
+    pcds = [cloud for cloud in clouds if cloud.suffix.lower() == ".pcd"]
+    bins = [cloud for cloud in clouds if cloud not in pcds]
+    columns, assumed = columns_of(bins, Options())
+    notes = [assumed] if columns != USUAL else []
+    notes += pcd.Headers(pcds, labelled=False).notes(shifted=False)
+    chosen = pcds
+    if len(pcds) > CHECKED:  # evenly spread
+        chosen = [pcds[i * len(pcds) // CHECKED] for i in range(CHECKED)]
+    brightest = max(map(_brightest, chosen), default=0.0)
+    highest = usual_intensity_max(brightest)
+    if highest != 1:
+        notes.append(f"intensities reach {brightest:.6g}: divided by {highest:g}")
+
+    def read(cloud: Path) -> Points:
+        if cloud in pcds:
+            points = _points(cloud, Options(intensity_max=highest))
+        elif columns == USUAL:
+            return kitti.read_points(cloud)
+        else:
+            points = read_bin(cloud, columns, Options())
+        return points[has_return(points)]
+
+    return read, notes
+
+
+def _points(file: Path, options: Options) -> Points:
+    return pcd.points_of(file, pcd_file.read_pcd(file), options, shifted=False)
+
+
+def _brightest(file: Path) -> float:
+    """The highest finite intensity of a .pcd file, or 0."""
+    shares = _points(file, Options(intensity_max=WIDE.intensity_max))[:, 3]
+    return float(shares[np.isfinite(shares)].max(initial=0)) * (WIDE.intensity_max or 1)

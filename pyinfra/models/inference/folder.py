@@ -1,0 +1,182 @@
+"""Boxes of a trained detector in the frames of a LiDAR's folder, written as KITTI results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frames import frame_numbers, has_labels, period_of
+from pyinfra.dataset.ground import Ground, level_ground
+from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
+from pyinfra.dataset.prediction_origin import origin_of, read_origin, write_origin
+from pyinfra.dataset.regions import Region, outline_region
+from pyinfra.formats import kitti
+from pyinfra.models.detectors import Detections, Detector
+from pyinfra.models.inference.detect import (
+    accumulation_of,
+    detect,
+    ground_and_region_of,
+    is_of_anywhere,
+    load_detector,
+    once,
+    stacking,
+    transfer,
+    write,
+)
+from pyinfra.models.inference.static_filter import length_warning, without_standing
+from pyinfra.models.training.sources import spread
+
+Warn = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """The road where a detector is to find something; None: not known, or as the detector has it.
+
+    height_m: of the sensor above the road, where the user says it. given: names of what the user
+    says.
+    """
+
+    ground: Ground | None = None
+    region: Region | None = None
+    height_m: float | None = None
+    given: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Detections of each file, and how long each took."""
+
+    files: Sequence[Path]
+    detections: Sequence[Detections]
+    times_ms: FloatArray  # (n,) points to boxes
+    left_out: int | None = None  # boxes of what stands; None: they were not looked for
+
+
+def place(
+    lidar_folder: Path | None, height_m: float | None = None, outline: Path | None = None
+) -> Place:
+    """The road of a folder, but for what the user says of it.
+
+    height_m: of the sensor above a level road. outline: a file, `outline_m: [[x, y], ...]`. Raises
+    Error for a height out of range, FormatError, and ConfigError for an outline.
+    """
+    if height_m is not None:
+        check_height(height_m)
+    ground, region = (
+        ground_and_region_of(lidar_folder) if lidar_folder is not None else (None, None)
+    )
+    if height_m is not None:
+        ground = level_ground(-height_m)
+    region = outline_region(outline) if outline is not None else region
+    said = {"height_m": height_m, "region": outline}
+    return Place(ground, region, height_m, tuple(key for key, v in said.items() if v is not None))
+
+
+def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detector:
+    """A model's detector at a place; it may be one of stacked frames.
+
+    Raises Error for a place beside a background model, which stands where it learnt.
+    """
+    if model.suffix == ".npz" and where.given:
+        name = where.given[0]
+        raise Error(f"{name}: expected none for background, which stands where it learnt")
+    return load_detector(
+        model, ground=where.ground, region=where.region, device=device, stacks=True
+    )
+
+
+def frame_files(lidar_folder: Path, split: str | None, most: int) -> list[Path]:
+    """The clouds of a folder's frames. most: at most so many, evenly spread; 0: all.
+
+    Raises Error for a folder without frames, or a split without one.
+    """
+    if not (lidar_folder / "training/velodyne").is_dir():
+        raise Error(f"data: expected a folder with training/velodyne, got {lidar_folder}")
+    numbers = frame_numbers(lidar_folder, split)
+    chosen = spread(numbers, most) if most else numbers
+    if not chosen:
+        raise Error(f"{lidar_folder}: expected one or more frames in the split, got none")
+    return [kitti.frame_file(lidar_folder, "velodyne", k) for k in chosen]
+
+
+def detect_folder(
+    model: Path,
+    lidar_folder: Path,
+    out: Path,
+    *,
+    files: Sequence[Path],
+    where: Place,
+    drop_standing: bool = False,
+    device: str = "cpu",
+    warn: Warn,
+) -> Found:
+    """Writes the boxes of a model in some frames of a folder, with where they come from.
+
+    drop_standing: without boxes that come back where nothing ever moves. warn: is told what makes
+    boxes worse than a user may think. Frames of a model of several are stacked.
+    """
+    if out.name == "label_2":
+        raise Error(f"out: expected another folder than that of labels, got {out}")
+    numbers = [int(file.stem) for file in files]
+    detector = detector_at_place(model, where, device)
+    read = stacking(lidar_folder, numbers, accumulation_of(model))
+    out.mkdir(parents=True, exist_ok=True)
+    if read_origin(out) is not None or not others(out, files):
+        write_origin(out, origin_of(lidar_folder, model))
+    warn_of_height(files, read, where, warn)
+    if not drop_standing:
+        return Found(files, *detect(detector, files, out, read=read))
+    once(files)
+    every, times = detect(detector, files, None, read=read)
+    clouds = [partial(kitti.read_points, file) for file in files]
+    kept = without_standing(clouds, every, where.region, where.ground)
+    if text := length_warning(numbers, period_of(lidar_folder)):
+        warn(text)
+    for file, detections in zip(files, kept, strict=True):
+        write(out, file, detections)
+    return Found(files, kept, times, sum(map(len, every)) - sum(map(len, kept)))
+
+
+def warn_of_height(
+    files: Sequence[Path], read: Callable[[Path], Points], where: Place, warn: Warn
+) -> None:
+    """Says where the road of some clouds lies elsewhere than the user says."""
+    if where.height_m is not None:
+        clouds = [read(files[i])[:, :4] for i in spread(range(len(files)), CHECKED)]
+        for text in height_warnings(clouds, where.height_m):
+            warn(text)
+
+
+def learnt_warning(
+    model: Path, lidar_folder: Path, split: str | None, *, allow_transfer: bool
+) -> str:
+    """Where a model has seen the frames, or others than these; empty if neither is known."""
+    if other := transfer(model, lidar_folder):
+        return "" if allow_transfer else f"{other}; `allow_transfer` if this is meant"
+    is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
+    if is_split or not has_labels(lidar_folder) or is_of_anywhere(model):
+        return ""
+    return (
+        f"{lidar_folder} is not split, so all frames are taken, also those that were learnt from; "
+        "`pyinfra split` it first, or `split` all if this is meant"
+    )
+
+
+def others(out: Path, files: Sequence[Path]) -> list[Path]:
+    """Results of other frames than those of some clouds, perhaps of another detector."""
+    ours = {f"{file.stem}.txt" for file in files}
+    return [file for file in out.glob("*.txt") if file.name not in ours]
+
+
+def others_warning(out: Path, files: Sequence[Path]) -> str:
+    """What to say of results of other frames; empty without one."""
+    there = others(out, files)
+    if not there:
+        return ""
+    text = f"{out}: {len(there)} files of other frames were there and stay, as {there[0].name}"
+    return text if read_origin(out) else f"{text}; where they come from is not known"
