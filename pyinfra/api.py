@@ -5,7 +5,9 @@ The functions that need none live in their packages; `pyinfra/__init__.py` lists
 
 from __future__ import annotations
 
+import contextlib
 import os
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,9 +15,9 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.names import file_or_name, suggestion
+from pyinfra.core.names import file_or_name, path_of, suggestion
 from pyinfra.dataset.catalogue import configs
-from pyinfra.dataset.frame_sequence import RecordedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.loading import load_dataset, one_lidar
 
 if TYPE_CHECKING:
@@ -99,28 +101,50 @@ def import_recording(
     return loaded
 
 
-def export(frames: RecordedFrames | StrPath, format: str, out: StrPath) -> Path:
-    """Writes frames on disk as another tool takes them.
+def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
+    """Writes frames of one LiDAR as another tool takes them.
 
     Parameters
     ----------
-    frames : of `load_dataset`, or a LiDAR's folder
+    frames : of `simulate` or `load_dataset`, or a LiDAR's folder
     format : openpcdet, mmdet3d, pcd, mcap, nuscenes or openlabel
-    out : new or empty folder
+    out : new or empty folder; simulated frames are kept beside it until they are written
+
+    Returns
+    -------
+    The folder
 
     Raises
     ------
-    Error : for an unknown format, or frames that are not on disk
+    Error : for an unknown format, frames of several LiDARs, or frames that the format cannot hold
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 50, 10))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     out = pi.export(frames, "openpcdet", f"{folder}/openpcdet")
+    ...     sorted(path.name for path in out.iterdir() if path.is_dir())
+    ['ImageSets', 'cfgs', 'labels', 'points']
     """
+    from pyinfra.dataset.sequence_folder import write_folder
     from pyinfra.exchange import exports
     from pyinfra.exchange.formats import EXPORTS
 
     _known("format", format, EXPORTS)
-    recorded = one_lidar(frames, "frames")
-    if not isinstance(recorded, RecordedFrames):
-        raise Error("frames: expected frames of one LiDAR on disk, as load_dataset gives them")
-    exports.export(recorded.folder, recorded.numbers, format, Path(out))
-    return Path(out)
+    sequence, folder = one_lidar(frames, "frames"), path_of(out, "out")
+    with contextlib.ExitStack() as stack:
+        if isinstance(sequence, SimulatedFrames):
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            beside = tempfile.TemporaryDirectory(dir=folder.parent, prefix=".simulated_")
+            lidar_folder = write_folder(sequence, Path(stack.enter_context(beside)))
+        elif isinstance(sequence, RecordedFrames):
+            lidar_folder = sequence.folder
+        else:
+            raise Error("frames: expected frames of simulate or load_dataset, got another sequence")
+        exports.export(lidar_folder, sequence.numbers, format, folder)
+    return folder
 
 
 def train(

@@ -10,6 +10,13 @@ from pathlib import Path
 from pyinfra.core.errors import Error
 
 
+def path_of(value: object, argument: str) -> Path:
+    """A path as a user gives it. Raises Error for another type."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise Error(f"{argument}: expected a name or a path, got {type(value).__name__}")
+    return Path(os.fspath(value))
+
+
 def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument: str) -> Path:
     """The file of a name that comes with the package, or the file itself.
 
@@ -23,7 +30,7 @@ def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument:
     ------
     Error : if it is neither; the message suggests the nearest names
     """
-    text = os.fspath(word)
+    text = str(path_of(word, argument)) if not isinstance(word, str) else word
     if text in files:
         return files[text]
     path = Path(text)

@@ -316,7 +316,7 @@ def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
     return Vehicles(
         frame=np.full(len(rows), frame, dtype=np.int64),
         ids=rows["id"].astype(np.int64),
-        names=_names(rows),
+        names=type_names(rows),
         boxes=np.stack([rows[name] for name in labelled], axis=1).reshape(-1, 7),
         mid_frame=np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7),
         points=rows["points"].astype(np.int64),
@@ -328,10 +328,11 @@ def scene_objects(rows: AnyArray, frame: int) -> Vehicles:
     """What `World.objects` gives of one frame."""
     boxes = np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7)
     index = np.full(len(rows), frame, dtype=np.int64)
-    return without_points(index, rows["id"].astype(np.int64), _names(rows), boxes)
+    return without_points(index, rows["id"].astype(np.int64), type_names(rows), boxes)
 
 
-def _names(rows: AnyArray) -> AnyArray:
+def type_names(rows: AnyArray) -> AnyArray:
+    """(k,) the types of structured rows."""
     return np.array([OBJECT_NAMES[int(c)] for c in rows["class_id"]], dtype="<U12")
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 import pyinfra as pi
 from pyinfra.cli import main
@@ -116,6 +117,27 @@ def test_a_callable_is_a_detector(frames: FrameSequence) -> None:
     assert table.frame.tolist() == list(frames.numbers)
     assert set(table.type) == {"vehicle"}
     assert set(table.score) == {1.0}
+
+
+@pytest.mark.parametrize("name", ["openpcdet", "mmdet3d", "pcd", "nuscenes", "openlabel"])
+def test_an_export_from_memory_is_that_from_disk(
+    frames: FrameSequence,
+    written: Path,
+    tmp_path: Path,
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The same files; a build may have another version than the binary."""
+    about = yaml.safe_load((written.parent / "dataset.yaml").read_text())
+    versions = (str(about["frames_version"]), about["version"])
+    monkeypatch.setattr(SimulatedFrames, "versions", versions)
+    ours, theirs = pi.export(frames, name, tmp_path / "ours"), tmp_path / "theirs"
+    pi.export(written, name, theirs)
+    files = [path.relative_to(theirs) for path in sorted(theirs.rglob("*")) if path.is_file()]
+    assert files == [p.relative_to(ours) for p in sorted(ours.rglob("*")) if p.is_file()]
+    for file in files:
+        assert (ours / file).read_bytes() == (theirs / file).read_bytes(), file
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ours", "theirs"]
 
 
 def test_what_stands_goes(frames: FrameSequence) -> None:

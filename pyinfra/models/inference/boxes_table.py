@@ -16,7 +16,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
-from pyinfra.core.names import suggestion
+from pyinfra.core.names import path_of, suggestion
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence
 from pyinfra.dataset.ground import level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
@@ -143,13 +143,6 @@ def detect(
         reads = [partial(_points, frames, k) for k in numbers]
         per_frame = without_standing(reads, per_frame, where.region, where.ground)
     return _table(numbers, per_frame)
-
-
-def path_of(value: object, argument: str) -> Path:
-    """A path as a user gives it. Raises Error for another type."""
-    if not isinstance(value, (str, os.PathLike)):
-        raise Error(f"{argument}: expected a name or a path, got {type(value).__name__}")
-    return Path(os.fspath(value))
 
 
 def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:

@@ -1,0 +1,59 @@
+"""Simulated frames as a LiDAR's folder, as `infrasim run` writes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import AnyArray
+from pyinfra.core.files import write
+from pyinfra.dataset.frame_sequence import SimulatedFrames, type_names
+from pyinfra.dataset.outlines import OUTLINES_FILE
+from pyinfra.formats import kitti
+
+
+def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
+    """Writes a data set of one LiDAR; returns the LiDAR's folder.
+
+    data_set: an existing folder. Boxes are rounded as the layout has them; clouds keep their bytes.
+    """
+    lidar_folder = data_set / frames.name
+    lidar_folder.mkdir()
+    label_time = frames.label_time
+    version, package = frames.versions
+    about = (
+        f'label_time: {label_time}\npreset: "{frames.unit.preset}"\nversion: "{package}"\n'
+        f"frames_version: {version}\n"
+    )
+    write(data_set / "dataset.yaml", frames.world.dump() + about)
+    write(data_set / "roads.csv", frames.world.roads_csv())
+    if outlines := frames.world.regions_csv():
+        write(data_set / OUTLINES_FILE, outlines)
+    write(lidar_folder / "lidar.yaml", frames.world.lidar_yaml(frames.unit))
+    for frame in frames:
+        objects = objects_of(frames.rows[frame.number])
+        seen = objects.points > 0
+        boxes = objects.label_boxes(label_time)[seen]
+        labels = kitti.Labels(objects.names[seen], boxes, None)
+        kitti.write_frame(lidar_folder, frame.number, frame.points, labels, objects=objects)
+    return lidar_folder
+
+
+def objects_of(rows: AnyArray) -> kitti.Objects:
+    """The structured rows of a simulated frame as the layout's objects."""
+    same = "speed points points_in_box distance visibility scan_time_s points_in_scan_box".split()
+    box = ["x", "y", "z", "dx", "dy", "dz", "heading"]
+    scan = ["scan_x", "scan_y", "scan_z", "dx", "dy", "dz", "scan_heading"]
+    boxes, scan_boxes = (
+        np.stack([rows[name].astype(np.float64) for name in names], axis=1).reshape(-1, 7)
+        for names in (box, scan)
+    )
+    return kitti.Objects(
+        ids=rows["id"].astype(np.int64),
+        names=type_names(rows),
+        boxes=boxes,
+        scan_boxes=scan_boxes,
+        pitch=rows["pitch"] if "pitch" in (rows.dtype.names or ()) else None,
+        **{name: rows[name] for name in same},
+    )
