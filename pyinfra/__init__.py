@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pyinfra.core.errors import Error
     from pyinfra.core.version import __version__
     from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
+    from pyinfra.experiments.option_table import recommend
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.evaluate import evaluate
     from pyinfra.metrics.match_results import Settings
@@ -40,6 +41,7 @@ _MODULES = {
     "load_lidar": "pyinfra.dataset.loading",
     "load_scene": "pyinfra.dataset.loading",
     "plot_frame": "pyinfra.viz.frame_plot",
+    "recommend": "pyinfra.experiments.option_table",
     "simulate": "pyinfra.dataset.loading",
     "train": "pyinfra.api",
 }
@@ -60,6 +62,7 @@ __all__ = [
     "load_lidar",
     "load_scene",
     "plot_frame",
+    "recommend",
     "simulate",
     "train",
 ]

@@ -195,6 +195,7 @@ def benchmark(
     tier: Tier = "quick",
     scene: StrPath = "",
     jobs: int = 1,
+    latency: bool = False,
     device: str = "cpu",
     progress: Progress | None = None,
 ) -> pd.DataFrame:
@@ -208,6 +209,7 @@ def benchmark(
     tier : `smoke`, `quick` or `full`
     scene : a name or file in place of the scenes of the configuration
     jobs : experiments at a time
+    latency : times the finished experiments again, one at a time, and runs no other
     device : of torch
     progress : is told of each step, in one line
 
@@ -219,6 +221,7 @@ def benchmark(
     ------
     Error : for an unknown name or a wrong key
     """
+    from pyinfra.experiments.benchmark.latency import time_again
     from pyinfra.experiments.benchmark.matrix import read_plan
     from pyinfra.experiments.benchmark.runner import benchmark as run
     from pyinfra.experiments.benchmark.workspace import Workspace
@@ -230,8 +233,11 @@ def benchmark(
     file = file_or_name(config, _configs("benchmarks"), "config")
     plan = read_plan(file, tier, os.fspath(scene))
     workspace = Workspace(Path(work), Path(out), tier)
-    pool = Pool("local", jobs, "", gpu=device != "cpu")
-    run(plan, workspace, pool, device=device, say=progress or _quiet)
+    if latency:
+        time_again(plan, workspace, device=device, say=progress or _quiet)
+    else:
+        pool = Pool("local", jobs, "", gpu=device != "cpu")
+        run(plan, workspace, pool, device=device, say=progress or _quiet)
     return read(workspace.table("cells"))
 
 

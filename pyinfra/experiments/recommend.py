@@ -11,10 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+
+import numpy as np
+import pandas as pd
 
 from pyinfra.core.machine_load import load_text
 from pyinfra.dataset.regions import REGION_M
+from pyinfra.experiments.option_table import latency, option_table, price, price_range
 from pyinfra.experiments.options import ROAD, Option, Wish
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Measured
@@ -26,41 +29,37 @@ NEAREST = 3  # of those that fall short, if none meets the wish
 
 
 @dataclass(frozen=True)
-class Shortfall:
-    """A limit that an option breaks."""
-
-    of: Literal["price", "ap", "latency"]
-    reason: str
-    relax: str  # what would let it in, by the argument of `recommend`; nothing if none does
-    share: float  # of the limit, by which it is broken
-
-
-@dataclass(frozen=True)
 class Answer:
     """What to take, or what is nearest to it, best first; and what is to be known about it."""
 
-    meets: bool  # or the options named are the nearest to a wish that none meets
+    meets: bool  # or the options named are the nearest to requirements that none meets
     named: Sequence[Option]
+    relax: Sequence[str]  # what would let each of them in; nothing if it meets
     remarks: Sequence[str]
 
 
 def recommend(options: Sequence[Option], wish: Wish) -> Answer:
-    """options: one or more, of one scene and preset, best first."""
-    good = [option for option in options if not shortfalls(option, wish)]
-    if not good:
-        near = nearest(options, wish)
-        rest = [option for option in options if option not in near]
-        return Answer(False, near, [*general_notes(options, wish), *left_out(rest, wish)])
+    """The answer that the table of the options gives.
+
+    options: one or more, of one scene and preset, best first.
+    """
+    table = option_table(options, wish)
+    good = table[table.meets]
+    if good.empty:
+        near = nearest(table)
+        rest = table.drop(near.index)
+        remarks = [*general_notes(options, wish), *left_out(options, rest)]
+        return Answer(False, [options[i] for i in near.index], [*near.relax], remarks)
     named, more = good[:MOST], good[MOST:]
-    before = options[: options.index(named[0])]  # of a higher AP
-    slow = [option for option in before if misses(option, wish) == ["latency"]]
-    rest = [option for option in options if option not in slow]
-    remarks = [*too_slow(slow, wish), *general_notes(options, wish), *doubts(named, wish)]
-    remarks += left_out(rest, wish)
-    if more:
+    before = table[: named.index[0]]  # of a higher AP
+    slow = before[before.meets_price & before.meets_ap & ~before.meets_latency]
+    remarks = [*too_slow(options, slow, wish), *general_notes(options, wish)]
+    remarks += [*doubts(options, named, wish), *left_out(options, table.drop(slow.index))]
+    if len(more):
         meet = "meets" if len(more) == 1 else "meet"
-        remarks.insert(0, f"And {len(more)} more that {meet} this: {names(more)}.")
-    return Answer(True, named, remarks)
+        others = names(options[i] for i in more.index)
+        remarks.insert(0, f"And {len(more)} more that {meet} this: {others}.")
+    return Answer(True, [options[i] for i in named.index], [*named.relax], remarks)
 
 
 def answer_lines(answer: Answer, wish: Wish) -> Iterator[str]:
@@ -68,65 +67,20 @@ def answer_lines(answer: Answer, wish: Wish) -> Iterator[str]:
     if not answer.meets:
         near = " The nearest, and what to relax:" if answer.named else ""
         yield f"No option meets this.{near}"
-    for rank, option in enumerate(answer.named, 1):
-        relaxed = "" if answer.meets else f"; meets it with {relaxation(option, wish)}"
+    for rank, (option, relax) in enumerate(zip(answer.named, answer.relax, strict=True), 1):
+        relaxed = f"; meets it with {relax}" if relax else ""
         yield f"{rank}. {sentence(option, wish)}{relaxed}"
     yield from answer.remarks
 
 
-def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
-    """Why an option does not meet the wish; nothing if it does. What is not known does not meet."""
-    missed = []
-    if option.price_usd > wish.budget_usd:
-        over = option.price_usd / wish.budget_usd - 1
-        relax = f"`budget_usd` {math.ceil(option.price_usd)}"
-        missed.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
-    ap, counted = option.ap_whole.value, COUNTED[option.whole]
-    if not ap >= wish.min_ap:
-        relax = f"`min_ap` {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
-        reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
-        missed.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
-    if not option.latency_ms <= wish.latency_ms:
-        known = math.isfinite(option.latency_ms)
-        relax = f"`latency_ms` {math.ceil(option.latency_ms)}" if known else ""
-        share = option.latency_ms / wish.latency_ms - 1 if known else math.inf
-        missed.append(Shortfall("latency", latency(option), relax, share))
-    return missed
-
-
-def misses(option: Option, wish: Wish) -> list[str]:
-    """Which limits an option breaks."""
-    return [one.of for one in shortfalls(option, wish)]
-
-
-def nearest(options: Iterable[Option], wish: Wish) -> list[Option]:
-    """Those that break budget and AP by the least share in sum, and among equals the latency.
+def nearest(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows that break budget and AP by the least share in sum, and among equals the latency.
 
     A detector can be made faster, or run on another computer; its AP stays. An option of which no
     AP or price would be enough is not near.
     """
-    broken = [(shortfalls(option, wish), option) for option in options]
-    can = [
-        (missed, option)
-        for missed, option in broken
-        if all(one.relax for one in missed if one.of != "latency")
-    ]
-
-    def away(pair: tuple[list[Shortfall], Option]) -> tuple[float, float]:
-        missed = pair[0]
-        first = sum(one.share for one in missed if one.of != "latency")
-        return first, next((one.share for one in missed if one.of == "latency"), 0.0)
-
-    return [option for _, option in sorted(can, key=away)[:NEAREST]]
-
-
-def relaxation(option: Option, wish: Wish) -> str:
-    """What would let an option in, by the argument of `recommend`, and what is to be measured."""
-    missed = shortfalls(option, wish)
-    words = " ".join(one.relax for one in missed if one.relax)
-    unknown = any(not one.relax for one in missed)
-    measured = f"a measured latency of {wish.latency_ms:g} ms or less" if unknown else ""
-    return " and ".join(text for text in (words, measured) if text)
+    can = table[np.isfinite(table.share_over)]
+    return can.sort_values(["share_over", "latency_over"], kind="stable")[:NEAREST]
 
 
 def sentence(option: Option, wish: Wish) -> str:
@@ -149,12 +103,6 @@ def sentence(option: Option, wish: Wish) -> str:
     )
 
 
-def latency(option: Option) -> str:
-    if math.isnan(option.latency_ms):
-        return "no latency was measured"
-    return f"{option.latency_ms:.0f} ms a frame"
-
-
 def covered_road(option: Option, wish: Wish) -> str:
     """Nothing of a site of lanes in a table of an earlier version."""
     road = option.covered_m
@@ -166,24 +114,6 @@ def covered_road(option: Option, wish: Wish) -> str:
         f"AP above {wish.min_ap:g} of {COUNTED[option.whole]} on {road.value:.0f} "
         f"{span}of {option.road_m:.0f} {option.covered_in}{reason}; "
     )
-
-
-def price(option: Option, wish: Wish) -> str:
-    """With the range of prices, if there is one, and whether a price too high may be within it."""
-    text = f"{option.price_usd:,.0f} USD"
-    noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
-    lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
-    span, may = "", ""
-    if option.price_low_usd != option.price_high_usd:
-        span = price_range(option)
-        within = option.price_low_usd <= wish.budget_usd < option.price_usd
-        may = ": may be within the budget" if within else ""
-    remark = "; ".join(word for word in (f"{span}{may}", lidar) if word)
-    return f"{text} ({remark})" if remark else text
-
-
-def price_range(option: Option) -> str:
-    return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
 
 
 def general_notes(options: Sequence[Option], wish: Wish) -> Iterator[str]:
@@ -217,12 +147,12 @@ def latency_note(options: Iterable[Option]) -> str:
     return f"Latency is of {where} ({load}); a benchmark with `latency` measures yours."
 
 
-def too_slow(slow: Iterable[Option], wish: Wish) -> Iterator[str]:
+def too_slow(options: Sequence[Option], slow: pd.DataFrame, wish: Wish) -> Iterator[str]:
     """Options that meet budget and AP, but not the latency that is asked."""
-    for option in slow:
-        what = "not timed" if math.isnan(option.latency_ms) else "too slow"
-        relaxed = relaxation(option, wish)
-        yield f"More accurate, but {what}: {sentence(option, wish)}; meets it with {relaxed}."
+    for i, row in slow.iterrows():
+        what = "not timed" if math.isnan(row.latency_ms) else "too slow"
+        text = sentence(options[int(i)], wish)
+        yield f"More accurate, but {what}: {text}; meets it with {row.relax}."
 
 
 def cost_notes(option: Option) -> Iterator[str]:
@@ -258,10 +188,11 @@ def names(options: Iterable[Option]) -> str:
     return ", ".join(option.name for option in options)
 
 
-def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+def doubts(options: Sequence[Option], good: pd.DataFrame, wish: Wish) -> Iterator[str]:
     """What the data does not decide about the options that are named."""
-    first, *others = named
-    yield from doubts_of_order(first, others)
+    named = [options[i] for i in good.index]
+    first = named[0]
+    yield from doubts_of_order(first, named[1:], good[1:])
     yield from doubts_of_ap(named, wish)
     yield from doubts_of_price(named, wish)
     yield from doubts_of_latency(named, wish)
@@ -271,9 +202,10 @@ def doubts(named: Sequence[Option], wish: Wish) -> Iterator[str]:
         yield f"The first does not cover the whole of {what}; {more}."
 
 
-def doubts_of_order(first: Option, others: Sequence[Option]) -> Iterator[str]:
+def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
     """Which others may be as good as the first."""
-    apart = [(o, first.less(o)) for o in others]
+    ends = zip(table.difference_low, table.difference_high, strict=True)
+    apart = [(o, Measured(0, *pair)) for o, pair in zip(others, ends, strict=True)]
     equal = [o for o, interval in apart if interval.is_known and not interval.is_significant]
     if equal:
         text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
@@ -320,9 +252,7 @@ def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
         yield f"{text}; the median is below."
 
 
-def left_out(options: Iterable[Option], wish: Wish) -> Iterator[str]:
+def left_out(options: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
     """The options that fall short, with the reasons."""
-    for option in options:
-        missed = shortfalls(option, wish)
-        if missed:
-            yield f"Left out: {option.name}: {', '.join(one.reason for one in missed)}."
+    for i, row in table[~table.meets].iterrows():
+        yield f"Left out: {options[int(i)].name}: {row.reason}."

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from benchmark_data import PRICES, cells, draws_of, values
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.experiments.benchmark import measure
 from pyinfra.experiments.result_tables import AS_THEY_COME, hardly_learnt
@@ -92,6 +93,53 @@ def test_the_highest_ap_of_all_vehicles_comes_first(
     assert "Left out: ruby_plus with pv-rcnn: costs 24,000 USD." in lines
 
 
+def test_a_notebook_has_the_answer_as_a_table(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The rows that meet come as the command names them; the others with its reasons."""
+    table = pi.recommend(results, budget_usd=8000, min_ap=85)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
+    names = [f"{row.lidar} with {row.detector}" for row in table.itertuples()]
+    good = table[table.meets]
+    assert list(good.index) == list(range(len(good)))
+    for place, name in enumerate(names[: len(good)], 1):
+        assert lines[place].startswith(f"{place}. {name}: ")
+    for name, row in list(zip(names, table.itertuples(), strict=True))[len(good) :]:
+        assert any(f"{name}: " in line for line in lines)
+        if row.meets_latency:
+            assert f"Left out: {name}: {row.reason}." in lines
+    assert (table.ap_r1000_low <= table.ap_r1000).all()
+    assert table.difference[0] == 0
+
+
+def test_no_option_is_needed_to_meet_requirements(results: Path) -> None:
+    table = pi.recommend(results, budget_usd=1, min_ap=99)
+    assert not table.meets.any()
+    assert table.reason.str.contains("costs").all()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"min_ap": 0.8}, "min_ap: .*not a share"),
+        ({"budget_usd": float("nan")}, "budget_usd: "),
+        ({"range_m": -5}, "range_m: "),
+        ({"scene": "raod"}, "scene: .*'raod'"),
+        ({"tier": "fast"}, "tier: expected one of"),
+    ],
+)
+def test_a_wrong_requirement_is_named(
+    results: Path, words: dict[str, object], message: str
+) -> None:
+    with pytest.raises(pi.Error, match=message):
+        pi.recommend(results, **words)
+
+
+def test_a_folder_without_results_is_named(tmp_path: Path) -> None:
+    with pytest.raises(pi.Error, match="results: "):
+        pi.recommend(tmp_path)
+
+
 def test_a_lidar_that_looks_one_way_does_not_win_by_what_it_captures(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -124,7 +172,7 @@ def test_the_machine_of_the_latency_is_named(
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_machine="2 x A")
     lines = output_lines(capsys, results, "--budget", 8000)
-    where, hint = "Latency is of one core of 2 x A", "`pyinfra benchmark --latency` measures yours."
+    where, hint = "Latency is of one core of 2 x A", "a benchmark with `latency` measures yours."
     assert f"{where} (the load of the machine was not recorded); {hint}" in lines
 
 
@@ -190,7 +238,7 @@ def test_a_latency_that_is_not_known_is_asked_for_after_ap_and_budget(
     assert lines[2].startswith("1. livox_avia with pointpillars")
     measured = "no latency was measured; meets it with a measured latency of 100 ms or less"
     assert lines[2].endswith(measured)
-    assert "No latency was measured; `pyinfra benchmark --latency` measures it." in lines
+    assert "No latency was measured; a benchmark with `latency` measures it." in lines
 
 
 def test_the_best_by_ap_is_told_with_the_latency_that_it_misses(
@@ -226,7 +274,7 @@ def test_the_load_under_which_latency_was_measured_is_said(
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_other_cores=0.04)
     change(results / "quick.csv", "detector == 'dsvt'", latency_other_cores=1.62)
-    where, hint = "Latency is of one core", "`pyinfra benchmark --latency` measures yours."
+    where, hint = "Latency is of one core", "a benchmark with `latency` measures yours."
     line = f"{where} (other processes used 0.0 to 1.6 cores); {hint}"
     assert line in output_lines(capsys, results, "--budget", 8000)
 

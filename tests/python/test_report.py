@@ -248,7 +248,7 @@ def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path
     text = Read(report(custom_site(tmp_path / "results"))).text
     answer = text[text.index("Bridge, preset paper, any price, AP 85 of the whole") :]
     assert answer.index("no option meets this. The nearest is RoboSense Ruby Plus") < 150
-    assert "it needs --min-ap 46.2" in answer
+    assert "it needs min_ap 46.2" in answer
     assert "Prices are of LiDARs alone: computer, pole, installation, energy are missing" in answer
     assert "Most accurate where it looks" not in text
 

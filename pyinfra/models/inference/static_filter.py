@@ -13,7 +13,6 @@ from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
-from pyinfra.formats import kitti
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from pyinfra.experiments.options import ROAD, Option, Wish, options_of
-from pyinfra.experiments.recommend import Answer, recommend, relaxation, with_interval
+from pyinfra.experiments.recommend import Answer, recommend, with_interval
 from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Table, TableCell, Text, number, span
@@ -44,7 +44,7 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
     )
     if answer.meets:
         return f"{text}{name}. {reach}."
-    relaxed = relaxation(first, material.wish).replace("`", "")
+    relaxed = answer.relax[0].replace("`", "")
     return f"{text}no option meets this. The nearest is {name}: {reach}; it needs {relaxed}."
 
 
@@ -62,7 +62,8 @@ def _table(material: Material, answer: Answer) -> Table:
     titles = (f"{name}, whole road", name, "Price, US$", covered, "Median, ms")
     heads = [Column("LiDAR and detector"), *(Column(title, number=True) for title in titles)]
     heads += [] if answer.meets else [Column("To relax")]
-    rows = [_row(material, option, relax=not answer.meets) for option in answer.named]
+    pairs = zip(answer.named, answer.relax, strict=True)
+    rows = [_row(material, option, relax) for option, relax in pairs]
     caption = (
         f"What pyinfra recommend names, by {name} of {COUNTED[answer.named[0].whole]} (whole "
         "road); the other AP is of those that the LiDAR captures. Road is covered where AP of the "
@@ -73,7 +74,7 @@ def _table(material: Material, answer: Answer) -> Table:
     return Table(caption, heads, rows, material.results.source("cells"))
 
 
-def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
+def _row(material: Material, option: Option, relax: str) -> list[TableCell]:
     prices = Measured(option.price_usd, option.price_low_usd, option.price_high_usd)
     cells = [
         TableCell(_name(material, option)),
@@ -83,9 +84,7 @@ def _row(material: Material, option: Option, *, relax: bool) -> list[TableCell]:
         _covered(option),
         number(option.latency_ms, ".0f"),
     ]
-    return (
-        [*cells, TableCell(relaxation(option, material.wish).replace("`", ""))] if relax else cells
-    )
+    return [*cells, TableCell(relax.replace("`", ""))] if relax else cells
 
 
 def _covered(option: Option) -> TableCell:

@@ -1,0 +1,180 @@
+"""The options of a benchmark as a table: what each reaches, whether it meets some requirements."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.core.names import path_of
+from pyinfra.experiments.options import Option, Wish, checked_wish, read_options
+from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.row_selection import COUNTED
+from pyinfra.models.training.sources import TIERS, Tier
+
+
+@dataclass(frozen=True)
+class Shortfall:
+    """A limit that an option breaks."""
+
+    of: Literal["price", "ap", "latency"]
+    reason: str
+    relax: str  # what would let it in, by the argument of `recommend`; nothing if none does
+    share: float  # of the limit, by which it is broken
+
+
+def recommend(
+    results: str | os.PathLike[str],
+    *,
+    budget_usd: float = math.inf,
+    min_ap: float = Wish.min_ap,
+    range_m: float = Wish.range_m,
+    latency_ms: float = Wish.latency_ms,
+    scene: str = "",
+    preset: str = "",
+    tier: Tier = "quick",
+) -> pd.DataFrame:
+    """Which LiDAR and detector of a benchmark meet some requirements.
+
+    Parameters
+    ----------
+    results : folder of a benchmark's tables
+    budget_usd : for LiDAR and site, at most
+    min_ap : 1 to 100, AP of every vehicle of the region at least
+    range_m : of the road, to either side of the sensor, up to 100
+    latency_ms : of a frame, median, at most
+    scene : which of several
+    preset : of the LiDARs; by default the nearest to what one can buy
+    tier : of the benchmark: `smoke`, `quick` or `full`
+
+    Returns
+    -------
+    DataFrame : a row for each option, those that meet the requirements first, then by AP. lidar,
+        detector, ap_r1000 with ap_r1000_low and ap_r1000_high (95 % interval) of every vehicle,
+        the same of visible and of captured vehicles, prices in USD, latency in ms a frame, road
+        covered in m, `meets`, and for the others `reason` and what to `relax`. `difference` is the
+        AP of the first row less that of this one, paired, with its interval. `share_over` is by
+        which share price and AP miss in sum, inf where no other requirement would help.
+
+    Raises
+    ------
+    Error : for a number out of range, an unknown scene or preset, or a wrong table
+    """
+    if tier not in get_args(Tier):
+        raise Error(f"tier: expected one of {', '.join(TIERS)}, got '{tier}'")
+    wish = checked_wish(budget_usd, min_ap, range_m, latency_ms)
+    folder = path_of(results, "results")
+    try:
+        options = read_options(folder, tier, scene, preset, wish)
+    except FileNotFoundError as error:
+        raise Error(f"results: {error.filename}: {error.strerror}") from None
+    table = option_table(options, wish)
+    order = [*table.index[table.meets], *table.index[~table.meets]]
+    return table.loc[order].reset_index(drop=True)
+
+
+def option_table(options: Sequence[Option], wish: Wish) -> pd.DataFrame:
+    """A row for each option, in their order; `difference` is to the first one that meets."""
+    broken = [shortfalls(option, wish) for option in options]
+    good = [option for option, own in zip(options, broken, strict=True) if not own]
+    first = good[0] if good else options[0]
+    return pd.DataFrame(
+        [_row(option, own, first, wish) for option, own in zip(options, broken, strict=True)]
+    )
+
+
+def _row(
+    option: Option, broken: Sequence[Shortfall], first: Option, wish: Wish
+) -> dict[str, object]:
+    over = {one.of: one for one in broken}
+    hard = [one for one in broken if one.of != "latency"]
+    first_over = sum(one.share for one in hard) if all(one.relax for one in hard) else math.inf
+    return {
+        "lidar": option.lidar,
+        "detector": option.detector,
+        **_ends("ap_r1000", option.ap_whole),
+        "price_usd": option.price_usd,
+        "latency_ms": option.latency_ms,
+        "meets": not broken,
+        "reason": ", ".join(one.reason for one in broken),
+        "relax": relaxation(broken, wish),
+        "meets_price": "price" not in over,
+        "meets_ap": "ap" not in over,
+        "meets_latency": "latency" not in over,
+        "share_over": first_over,
+        "latency_over": over["latency"].share if "latency" in over else 0.0,
+        **_ends("difference", Measured(0, 0, 0) if option is first else first.less(option)),
+        **_ends("ap_visible_r1000", option.ap_visible),
+        **_ends("ap_captured_r1000", option.ap),
+        **_ends("recall", option.recall),
+        **_ends("covered_m", option.covered_m),
+        "road_m": option.road_m,
+        "price_low_usd": option.price_low_usd,
+        "price_high_usd": option.price_high_usd,
+        "site_usd": option.site_usd,
+        "latency_p95_ms": option.latency_p95_ms,
+        "scene": option.scene,
+        "preset": option.preset,
+        "ground_truth": option.whole,
+    }
+
+
+def _ends(name: str, figure: Measured) -> dict[str, float]:
+    return {name: figure.value, f"{name}_low": figure.low, f"{name}_high": figure.high}
+
+
+def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
+    """Why an option does not meet the requirements; nothing if it does."""
+    missed = []
+    if option.price_usd > wish.budget_usd:
+        over = option.price_usd / wish.budget_usd - 1
+        relax = f"`budget_usd` {math.ceil(option.price_usd)}"
+        missed.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
+    ap, counted = option.ap_whole.value, COUNTED[option.whole]
+    if not ap >= wish.min_ap:
+        relax = f"`min_ap` {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
+        reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
+        missed.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
+    if not option.latency_ms <= wish.latency_ms:
+        known = math.isfinite(option.latency_ms)
+        relax = f"`latency_ms` {math.ceil(option.latency_ms)}" if known else ""
+        share = option.latency_ms / wish.latency_ms - 1 if known else math.inf
+        missed.append(Shortfall("latency", latency(option), relax, share))
+    return missed
+
+
+def relaxation(broken: Sequence[Shortfall], wish: Wish) -> str:
+    """What would let an option in, by the argument of `recommend`, and what is to be measured."""
+    words = " ".join(one.relax for one in broken if one.relax)
+    unknown = any(not one.relax for one in broken)
+    measured = f"a measured latency of {wish.latency_ms:g} ms or less" if unknown else ""
+    return " and ".join(text for text in (words, measured) if text)
+
+
+def latency(option: Option) -> str:
+    if math.isnan(option.latency_ms):
+        return "no latency was measured"
+    return f"{option.latency_ms:.0f} ms a frame"
+
+
+def price(option: Option, wish: Wish) -> str:
+    """With the range of prices, if there is one, and whether a price too high may be within it."""
+    text = f"{option.price_usd:,.0f} USD"
+    noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
+    lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
+    span, may = "", ""
+    if option.price_low_usd != option.price_high_usd:
+        span = price_range(option)
+        within = option.price_low_usd <= wish.budget_usd < option.price_usd
+        may = ": may be within the budget" if within else ""
+    remark = "; ".join(word for word in (f"{span}{may}", lidar) if word)
+    return f"{text} ({remark})" if remark else text
+
+
+def price_range(option: Option) -> str:
+    return f"{option.price_low_usd:,.0f} to {option.price_high_usd:,.0f}"
