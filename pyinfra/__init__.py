@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from pyinfra.core.version import __version__
     from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
     from pyinfra.experiments.option_table import recommend
+    from pyinfra.experiments.stress.runner import stress
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.evaluate import evaluate
     from pyinfra.metrics.match_results import Settings
     from pyinfra.models.inference.boxes_table import detect, load_detector
     from pyinfra.viz.frame_plot import plot_frame
+    from pyinfra.viz.plots import plot_ap_by_distance, plot_scene, plot_stress
 
 _MODULES = {
     "Error": "pyinfra.core.errors",
@@ -40,9 +42,13 @@ _MODULES = {
     "load_detector": "pyinfra.models.inference.boxes_table",
     "load_lidar": "pyinfra.dataset.loading",
     "load_scene": "pyinfra.dataset.loading",
+    "plot_ap_by_distance": "pyinfra.viz.plots",
     "plot_frame": "pyinfra.viz.frame_plot",
+    "plot_scene": "pyinfra.viz.plots",
+    "plot_stress": "pyinfra.viz.plots",
     "recommend": "pyinfra.experiments.option_table",
     "simulate": "pyinfra.dataset.loading",
+    "stress": "pyinfra.experiments.stress.runner",
     "train": "pyinfra.api",
 }
 
@@ -61,9 +67,13 @@ __all__ = [
     "load_detector",
     "load_lidar",
     "load_scene",
+    "plot_ap_by_distance",
     "plot_frame",
+    "plot_scene",
+    "plot_stress",
     "recommend",
     "simulate",
+    "stress",
     "train",
 ]
 

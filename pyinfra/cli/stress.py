@@ -12,9 +12,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from pyinfra.cli.messages import message_of, note
-from pyinfra.core.errors import Error
-from pyinfra.experiments.stress import altered_scenes, trials
-from pyinfra.experiments.stress.stressors import STRESSORS, chosen
+from pyinfra.experiments.stress import runner, trials
+from pyinfra.experiments.stress.stressors import STRESSORS
 from pyinfra.viz import stress_plots
 
 
@@ -50,56 +49,53 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--dials", nargs="+", help="with one stressor: these in place of its own")
     parser.add_argument(
-        "--frames", type=int, default=60, help="at most so many, evenly spaced; default 60"
+        "--frames",
+        type=int,
+        default=runner.FRAMES,
+        help="at most so many, evenly spaced; default 60",
     )
     parser.add_argument("--seed", type=int, default=1, help="of the draws; default 1")
     parser.add_argument("--dry-run", action="store_true", help="list the trials, with an estimate")
 
 
 def run(args: argparse.Namespace) -> int:
-    if args.frames < 1:
-        raise Error(f"--frames: found {args.frames}, allowed 1 or more")
-    stressors = chosen(args.stressors, args.dials)
-    base = altered_scenes.read_base(args.data, args.frames)
-    runs = [trials.read_run(folder, base) for folder in args.runs]
-    every = trials.plan(runs, trials.able(stressors, base), base)
-    for why, names in trials.left_out(stressors, base).items():
+    how = (args.stressors, args.dials, args.frames, args.seed)
+    plan = runner.prepare(args.runs, args.data, args.out, *how)
+    for why, names in plan.left_out.items():
         note(f"left out {', '.join(names)}: {why}", args)
-    todo = list(trials.missing(every, base, args.out, args.seed))
-    wrong = trials.wrong_worlds(todo, base)
-    for (name, dial), error in wrong.items():
+    for (name, dial), error in {trial.at: error for trial, error in plan.wrong.items()}.items():
         print(f"pyinfra: {name} {dial} failed: {message_of(error)}", file=sys.stderr)
-    failed = [trial for trial in todo if trial.at in wrong]
-    todo = [trial for trial in todo if trial.at not in wrong]
+    failed = len(plan.wrong)
     if args.dry_run:
-        _list(todo, base, len(every))
+        _list(plan)
     else:
-        failed += _fill(todo, base, args.out, args.seed)
+        failed += _fill(plan, args.out, args.seed)
         files = trials.write_summary(args.out)
         files += stress_plots.draw_all(trials.read(args.out / "stress.csv"), args.out)
         print(*files, sep="\n")
     if failed:
-        text = f"{len(failed)} of {len(every)} trials failed; the same command tries them again"
+        text = f"{failed} of {len(plan.every)} trials failed; the same command tries them again"
         print(f"pyinfra: {text}", file=sys.stderr)
     return 1 if failed else 0
 
 
-def _fill(
-    todo: list[trials.Trial], base: altered_scenes.Base, out: Path, seed: int
-) -> list[trials.Trial]:
-    """Those that failed, each with a line on stderr. Without a terminal there is no bar."""
-    failed = []
-    bar = tqdm(todo, unit="trial", disable=None, file=sys.stderr)
+def _fill(plan: runner.Prepared, out: Path, seed: int) -> int:
+    """How many failed, each with a line on stderr. Without a terminal there is no bar."""
+    failed = 0
+    bar = tqdm(plan.todo, unit="trial", disable=None, file=sys.stderr)
     for trial in bar:
         bar.set_postfix_str(trial.title)
-        if error := trials.attempt(trial, base, out, seed):
+        if error := trials.attempt(trial, plan.base, out, seed):
             tqdm.write(f"pyinfra: {trial.title} failed: {message_of(error)}", file=sys.stderr)
-            failed.append(trial)
+            failed += 1
     return failed
 
 
-def _list(todo: list[trials.Trial], base: altered_scenes.Base, of: int) -> None:
-    for trial in todo:
+def _list(plan: runner.Prepared) -> None:
+    for trial in plan.todo:
         print(trial.title)
-    minutes = trials.seconds_of(todo, base) / 60
-    print(f"{len(todo)} of {of} trials to do, {len(base.frames)} frames each, {minutes:.1f} min")
+    minutes = trials.seconds_of(plan.todo, plan.base) / 60
+    done = (
+        f"{len(plan.todo)} of {len(plan.every)} trials to do, {len(plan.base.frames)} frames each"
+    )
+    print(f"{done}, {minutes:.1f} min")

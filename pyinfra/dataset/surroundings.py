@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -64,13 +64,19 @@ def read_surroundings(data_set: Path) -> Surroundings:
     if not file.is_file():
         return Surroundings((), {}, np.zeros((0, 7)), np.zeros((0, 3)))
     top = kitti.read_yaml(file)
+    known = roads.is_file() or bool(list(top.entries("roads")))
+    return surroundings_of(top, regions.read_roads(roads) if known else [])
+
+
+def surroundings_of(top: YamlNode, roads: Sequence[Road]) -> Surroundings:
+    """Those of a scene's keys and the roads of its evaluation region. Raises FormatError."""
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
-    buildings = np.array([_building(entry) for entry in top.entries("buildings")]).reshape(-1, 7)
+    buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
     mounts = [_position(mount) for mount in top.values("mounts")]
     if (profile := top.maybe("profile")) is not None:
         buildings[:, 2] += profile_of(profile).rise_m(buildings[:, :2])
     return Surroundings(
-        roads=tuple(regions.read_roads(roads)) if lanes or roads.is_file() else (),
+        roads=tuple(roads),
         lanes=lanes,
         buildings=buildings,
         further_mounts=np.array(mounts[1:]).reshape(-1, 3),

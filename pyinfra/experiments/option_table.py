@@ -12,10 +12,11 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of
+from pyinfra.core.public import public
+from pyinfra.core.vocabulary import TIERS, Tier
 from pyinfra.experiments.options import Option, Wish, checked_wish, read_options
 from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.row_selection import COUNTED
-from pyinfra.models.training.sources import TIERS, Tier
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Shortfall:
     share: float  # of the limit, by which it is broken
 
 
+@public
 def recommend(
     results: str | os.PathLike[str],
     *,

@@ -10,6 +10,8 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
 from pyinfra.core.errors import Error
+from pyinfra.core.names import suggestion
+from pyinfra.core.public import public
 from pyinfra.dataset.frame_sequence import BOX, LidarFrame
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 LABEL, DETECTION = "#1b7837", "#d6604d"  # told apart by the colour-blind, and by line style
 
 
+@public
 def plot_frame(
     frame: LidarFrame,
     detections: pd.DataFrame | None = None,
@@ -45,6 +48,10 @@ def plot_frame(
     import matplotlib.pyplot as plt
     from matplotlib.collections import PolyCollection
 
+    if not isinstance(frame, LidarFrame):
+        raise Error(f"frame: expected a frame of a sequence, got {type(frame).__name__}")
+    if detections is not None:
+        _check(detections)
     if not 0 <= min_score <= 1:
         raise Error(f"min_score: expected 0 to 1, got {min_score:g}")
     if ax is None:
@@ -69,3 +76,17 @@ def plot_frame(
     ax.set(xlabel="x, m", ylabel="y, m", title=f"frame {frame.number}", aspect="equal")
     ax.legend(loc="upper right")
     return ax
+
+
+def _check(detections: pd.DataFrame) -> None:
+    """Raises Error for what is no table of detections."""
+    if not isinstance(detections, pd.DataFrame):
+        got = type(detections).__name__
+        raise Error(f"detections: expected a table, got {got}")
+    for name in ("frame", *BOX, "score"):
+        if name not in detections.columns:
+            near = suggestion(name, map(str, detections.columns))
+            raise Error(f"detections: expected the column '{name}', got none{near}")
+        values = pd.to_numeric(detections[name], errors="coerce")
+        if not np.isfinite(values.to_numpy(dtype=np.float64)).all():
+            raise Error(f"detections: {name}: expected finite numbers, got something else")

@@ -45,13 +45,9 @@ def stress(table: pd.DataFrame) -> Figure:
         axes = figure.subplots(down, across, squeeze=False, sharey=True)
         for ax, name in zip(axes.flat, names, strict=False):
             selected = [
-                (key["detector"], curve)
-                for key, stressor, curve in all_curves
-                if stressor.name == name
+                (key["detector"], s, curve) for key, s, curve in all_curves if s.name == name
             ]
-            for detector, curve in selected:
-                _line(ax, curve, STRESSORS[name], looks, detector)
-            _finish(ax, STRESSORS[name], pd.concat([curve for _, curve in selected]))
+            panel(ax, selected, looks)
         for ax in axes[:, 0]:
             ax.set_ylabel(ap_name(with_fine(table)))
         for ax in axes.flat[len(names) :]:
@@ -61,6 +57,21 @@ def stress(table: pd.DataFrame) -> Figure:
         shown = [handles[name] for name in looks]
         figure.legend(shown, looks, loc="outside lower center", ncols=len(looks), frameon=False)
     return figure
+
+
+def panel(
+    ax: Axes,
+    found: Sequence[tuple[str, Stressor, pd.DataFrame]],
+    detectors: Sequence[str] | None = None,
+) -> None:
+    """The curves of one stressor, each with its detector.
+
+    detectors: all that there are, whose place is their colour; by default those of the curves.
+    """
+    names = detectors or list(dict.fromkeys(name for name, _, _ in found))
+    for name, stressor, curve in found:
+        _line(ax, curve, stressor, names, name)
+    _finish(ax, found[0][1], pd.concat([curve for _, _, curve in found]))
 
 
 def _line(

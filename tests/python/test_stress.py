@@ -16,6 +16,7 @@ import pytest
 import yaml
 from detector_data import SITE
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.dataset.runs import SimulatorError
 from pyinfra.experiments.stress import altered_scenes, lidar, trials
@@ -449,6 +450,61 @@ def test_a_world_that_fails_on_the_way_leaves_the_others_their_rows_and_figures(
     assert "curve" in set(rows(tmp_path).dial)
 
 
+def test_a_notebook_stresses_a_detector_as_the_command_does(
+    background: Path, data: Path, tmp_path: Path
+) -> None:
+    """The same rows and summary; what is done is not done again, and a plot has its line."""
+    assert main.main(command(background, data, tmp_path / "a", "--stressors", "drop_out")) == 0
+    lines: list[str] = []
+    how: dict[str, Any] = {"stressors": ["drop_out"], "progress": lines.append}
+    table = pi.stress(background, data, work=tmp_path / "b", **how)
+    written = pd.read_csv(tmp_path / "a/stress_summary.csv")
+    assert table.stressor.tolist() == written.stressor.tolist() == ["drop_out"]
+    assert table.ap_least.tolist() == pytest.approx(written.ap_least.tolist(), rel=1e-3)
+    assert len(lines) == len(rows(tmp_path / "b"))
+    pi.stress(background, data, work=tmp_path / "b", **how)
+    assert len(lines) == len(rows(tmp_path / "b"))
+    assert len(pi.plot_stress(tmp_path / "b", "drop_out").lines) == 1
+    with pytest.raises(pi.Error, match="did you mean 'drop_out'"):
+        pi.plot_stress(tmp_path / "b", "drop_uot")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"stressors": ["rian"]}, "stressors: .*did you mean 'rain'"),
+        ({"frames": 0}, "frames: expected 1 or more"),
+        ({"dials": [1]}, "dials: "),
+        ({"stressors": ["rain"], "dials": [-1]}, "dials: "),
+        ({"models": []}, "models: expected one or more"),
+        ({"models": 3}, "models: "),
+        ({"data": "/no/such"}, "data: "),
+    ],
+)
+def test_a_wrong_stress_test_is_named(
+    background: Path, data: Path, tmp_path: Path, words: dict[str, Any], message: str
+) -> None:
+    usual = {"models": background, "data": data, "work": tmp_path / "work"}
+    with pytest.raises(pi.Error, match=message):
+        pi.stress(**(usual | words))
+
+
+def test_a_bug_in_a_trial_keeps_its_traceback(
+    background: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = trials.row_of
+
+    def failing(trial: trials.Trial, *rest: Any) -> Any:
+        return done(trial, *rest) if trial.stressor.name == "none" else [][0]
+
+    monkeypatch.setattr(trials, "row_of", failing)
+    with pytest.warns(UserWarning, match="trials failed"):
+        pi.stress(background, data, work=tmp_path, stressors=["fog"])
+    texts = [file.read_text() for file in (tmp_path / "tracebacks").iterdir()]
+    assert len(texts) > 0
+    assert all("IndexError" in text for text in texts)
+
+
 def test_a_detector_that_fails_without_stress_ends_the_test(
     background: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -654,13 +710,13 @@ def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--stressors", "snow"], "--stressors: found 'snow', allowed drop_out, rain, "),
+        (["--stressors", "snow"], "--stressors: expected names of stressors, got 'snow'; names: "),
         (["--dials", "1"], "--dials: found it without one stressor of clouds or worlds"),
         (["--stressors", "training_seed", "--dials", "1"], "--dials: found it without one"),
         (["--stressors", "fog", "--dials", "much"], "--dials: found 'much', allowed a number"),
         (["--stressors", "fog", "--dials", "-3"], "--dials: found '-3', allowed a number from 0"),
         (["--stressors", "unseen_scene", "--dials", "moon"], "--dials: found 'moon', allowed"),
-        (["--frames", "0"], "--frames: found 0, allowed 1 or more"),
+        (["--frames", "0"], "--frames: expected 1 or more, got 0"),
     ],
 )
 def test_wrong_words_are_one_line(
@@ -700,7 +756,7 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     out = tmp_path / "out"
     assert main.main(command(background, recorded, out, "--stressors", "fog")) == 0
     assert main.main(command(background, recorded, out, "--stressors", "tilt")) == 2
-    assert "found no dataset.yaml, allowed --stressors of clouds" in capsys.readouterr().err
+    assert "found no dataset.yaml, allowed stressors of clouds" in capsys.readouterr().err
     (recorded.parent / "dataset.yaml").write_text("name: site\npreset: recorded\n")
     assert main.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
     message = capsys.readouterr().err

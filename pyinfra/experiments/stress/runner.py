@@ -1,0 +1,133 @@
+"""A stress test: which trials are to be done, and doing them."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.public import public
+from pyinfra.experiments.stress import altered_scenes, summary, trials
+from pyinfra.experiments.stress.altered_scenes import Base
+from pyinfra.experiments.stress.stressors import STRESSORS, chosen
+from pyinfra.experiments.stress.trials import Trial
+from pyinfra.models.inference.boxes_table import TrainedDetector
+
+FRAMES = 60  # at most so many, evenly spread
+Model = TrainedDetector | str | os.PathLike[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """The trials of a stress test; wrong ones cannot be simulated."""
+
+    base: Base
+    every: Sequence[Trial]
+    todo: Sequence[Trial]
+    wrong: dict[Trial, Exception]
+    left_out: dict[str, list[str]]  # names of stressors that cannot act on the data, by the reason
+
+
+@public
+def stress(
+    models: Model | list[Model] | tuple[Model, ...],
+    data: str | os.PathLike[str],
+    *,
+    work: str | os.PathLike[str],
+    stressors: Sequence[str] | None = None,
+    dials: Sequence[float | str] | None = None,
+    frames: int = FRAMES,
+    seed: int = 1,
+    progress: Callable[[str], None] | None = None,
+) -> pd.DataFrame:
+    """Worsens clouds, scenes and training step by step, and says where each detector fails.
+
+    A trial that was done is not repeated: the same call resumes, and goes on with more stressors.
+
+    Parameters
+    ----------
+    models : of `load_detector`, or folders or files of trainings; of several of one detector the
+        first is stressed, and the others are its smaller trainings and other seeds
+    data : a LiDAR's folder with labels; its test frames are taken
+    work : folder of altered scenes, rows (stress.csv), summary and ranking
+    stressors : names, such as `rain` or `tilt`; by default all
+    dials : of one stressor, in place of its own
+    frames : at most so many, evenly spread
+    seed : of what is random in a stressor
+    progress : is told of each trial, in one line
+
+    Returns
+    -------
+    DataFrame : a row for each detector and stressor: AP without stress, the least AP, the dial at
+        which AP is 10 lower and at which it is half, and what fails first
+
+    Raises
+    ------
+    Error : for an unknown stressor, a folder without test frames, or a model of another LiDAR
+    """
+    several = models if isinstance(models, (list, tuple)) else [models]
+    paths = [_folder(model) for model in several]
+    if not paths:
+        raise Error("models: expected one or more, got none")
+    out, say = path_of(work, "work"), progress or _quiet
+    words = None if dials is None else [str(dial) for dial in dials]
+    names = list(STRESSORS) if stressors is None else list(stressors)
+    plan = prepare(paths, path_of(data, "data"), out, names, words, frames, seed)
+    for why, left in plan.left_out.items():
+        say(f"left out {', '.join(left)}: {why}")
+    failed = dict(plan.wrong)
+    for trial in plan.todo:
+        say(trial.title)
+        if error := trials.attempt(trial, plan.base, out, seed):
+            failed[trial] = error
+    if failed:
+        first, error = next(iter(failed.items()))
+        text = f"{len(failed)} of {len(plan.every)} trials failed, as {first.title}: {error}"
+        warnings.warn(f"{text}; the same call tries them again", stacklevel=2)
+    trials.write_summary(out)
+    return summary.summary(trials.read(out / "stress.csv"))
+
+
+def prepare(
+    models: Iterable[Path],
+    data: Path,
+    out: Path,
+    stressors: Sequence[str],
+    dials: Sequence[str] | None,
+    frames: int,
+    seed: int,
+) -> Prepared:
+    """Which trials are to be done; nothing is simulated. Raises Error, OSError."""
+    if frames < 1:
+        raise Error(f"frames: expected 1 or more, got {frames}")
+    for name in stressors:
+        if name not in STRESSORS:
+            near = suggestion(name, STRESSORS)
+            raise Error(f"stressors: expected names of stressors, got '{name}'{near}")
+    found = chosen(list(stressors), None if dials is None else list(dials))
+    base = altered_scenes.read_base(data, frames)
+    runs = [trials.read_run(folder, base) for folder in models]
+    every = trials.plan(runs, trials.able(found, base), base)
+    todo = list(trials.missing(every, base, out, seed))
+    wrong_at = trials.wrong_worlds(todo, base)
+    wrong = {trial: wrong_at[trial.at] for trial in todo if trial.at in wrong_at}
+    left = [trial for trial in todo if trial.at not in wrong_at]
+    return Prepared(base, every, left, wrong, trials.left_out(found, base))
+
+
+def _folder(model: Model) -> Path:
+    """That of its training, which says what it learnt from, or its file."""
+    if not isinstance(model, TrainedDetector):
+        return path_of(model, "models")
+    folder = model.file.parent
+    return folder if (folder / "run.yaml").is_file() else model.file
+
+
+def _quiet(line: str) -> None:
+    """Says nothing."""

@@ -1,0 +1,186 @@
+"""Plots of what the public API gives: each draws into axes, and writes no file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.boxes import footprints
+from pyinfra.core.errors import Error
+from pyinfra.core.names import suggestion
+from pyinfra.core.public import public
+from pyinfra.dataset import simulation
+from pyinfra.dataset.frame_sequence import SimulatedFrames, roads_of_world
+from pyinfra.dataset.loading import load_scene
+from pyinfra.dataset.surroundings import road_lines, surroundings_of
+from pyinfra.formats.yaml_file import parse_yaml
+from pyinfra.metrics.evaluation_result import Evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ARROW_M = 14.0
+AnyScene: TypeAlias = "simulation.World | SimulatedFrames | str | os.PathLike[str]"
+AnyResult: TypeAlias = "Evaluation | Mapping[str, Evaluation]"
+
+
+@public
+def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
+    """Draws the plan of a scene: evaluation region, roads with lanes, buildings, sensors.
+
+    Parameters
+    ----------
+    scene : of `load_scene`, or what it takes; or frames of `simulate`
+    ax : to draw into; by default a new figure's
+
+    Returns
+    -------
+    Matplotlib axes, metres in the scene's frame: x to the right, y up
+
+    Raises
+    ------
+    Error : for an unknown scene
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> pi.plot_scene("crossroad").get_title()
+    'crossroad'
+    """
+    from matplotlib.patches import Polygon
+
+    from pyinfra.viz import clouds
+    from pyinfra.viz.scene_pictures import BUILDING, ROAD_LINES
+
+    if isinstance(scene, SimulatedFrames):
+        scene = scene.world
+    world = scene if isinstance(scene, simulation.World) else load_scene(scene)
+    top = parse_yaml(world.dump(), "scene")
+    around = surroundings_of(top, roads_of_world(world, "roads.csv"))
+    ax = _axes(ax, (8, 6))
+    outlines = [clouds.strip(r.xy, r.heading, r.half_width) for r in around.roads]
+    for outline in outlines:
+        ax.add_patch(Polygon(outline, color=clouds.REGION_COLOUR, zorder=0))
+    for corners in footprints(around.buildings):
+        ax.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
+    for line in road_lines(around):
+        ax.plot(line.xyz[:, 0], line.xyz[:, 1], zorder=1, **ROAD_LINES[line.kind])
+    for mount in top.values("mounts"):
+        x, y, yaw_deg = (mount.at(key).number() for key in ("x_m", "y_m", "yaw_deg"))
+        yaw = np.radians(yaw_deg)
+        tip = (x + ARROW_M * np.cos(yaw), y + ARROW_M * np.sin(yaw))
+        ax.annotate("", tip, (x, y), arrowprops={"arrowstyle": "-|>", "color": "black"}, zorder=5)
+        ax.plot(x, y, marker="^", color="black", markersize=6, zorder=5)
+    window = clouds.window_around(outlines)
+    ax.set(aspect="equal", xlim=window.x, ylim=window.y, title=top.at("name").text())
+    ax.set(xlabel="x, m", ylabel="y, m")
+    return ax
+
+
+@public
+def plot_ap_by_distance(
+    results: AnyResult, *, ground_truth: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draws AP (R1000) by the distance from the sensor, with its 95 % interval.
+
+    Parameters
+    ----------
+    results : of `evaluate`, or several by the name that the legend shows
+    ground_truth : `captured`, `all`, ...; by default the first of each result
+    ax : to draw into; by default a new figure's
+
+    Returns
+    -------
+    Matplotlib axes: horizontal metres to the right, AP 0 to 100 up
+
+    Raises
+    ------
+    Error : for something else than results, or a ground truth that one does not have
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 500, 100))
+    >>> result = pi.evaluate(frames, frames.labels.assign(score=1.0))
+    >>> len(pi.plot_ap_by_distance(result).lines)
+    1
+    """
+    named = {"": results} if isinstance(results, Evaluation) else results
+    if not isinstance(named, Mapping) or not named:
+        raise Error("results: expected a result of evaluate, or several by name")
+    ax = _axes(ax, (6, 4))
+    for name, result in named.items():
+        if not isinstance(result, Evaluation):
+            raise Error(
+                f"results: {name}: expected a result of evaluate, got {type(result).__name__}"
+            )
+        table = result.by_distance
+        known = list(table.ground_truth.unique())
+        which = ground_truth or known[0]
+        if which not in known:
+            raise Error(f"ground_truth: expected one of {', '.join(known)}, got '{which}'")
+        rows = table[(table.ground_truth == which) & (table.objects > 0)]
+        (line,) = ax.plot(rows.distance_m, rows.ap_r1000, marker="o", label=name or which)
+        ends = (rows.ap_r1000_low, rows.ap_r1000_high)
+        ax.fill_between(rows.distance_m, *ends, color=line.get_color(), alpha=0.2, linewidth=0)
+    ax.set(xlabel="distance, m", ylabel="AP (R1000)", ylim=(0, 102))
+    ax.legend()
+    return ax
+
+
+@public
+def plot_stress(
+    rows: pd.DataFrame | str | os.PathLike[str], stressor: str, *, ax: Axes | None = None
+) -> Axes:
+    """Draws AP over the dial of one stressor, a line with its interval for each detector.
+
+    Parameters
+    ----------
+    rows : stress.csv as a table, or the folder that `stress` worked in; of one LiDAR
+    stressor : a name, such as `rain`
+    ax : to draw into; by default a new figure's
+
+    Returns
+    -------
+    Matplotlib axes: the dial to the right, AP 0 to 100 up
+
+    Raises
+    ------
+    Error : for a stressor without rows, or a folder without the table
+    """
+    from pyinfra.experiments.stress import trials
+    from pyinfra.experiments.stress.summary import curves
+    from pyinfra.viz import stress_plots
+
+    if not isinstance(rows, pd.DataFrame):
+        file = Path(rows) / "stress.csv"
+        if not file.is_file():
+            raise Error(f"rows: expected a folder with stress.csv, got '{rows}'")
+        rows = trials.read(file)
+    missing = [name for name in trials.KEY if name not in rows.columns]
+    if missing:
+        raise Error(f"rows: expected the column '{missing[0]}' of stress.csv, got none")
+    found = [(key["detector"], s, curve) for key, s, curve in curves(rows)]
+    known = [s.name for _, s, _ in found]
+    if stressor not in known:
+        near = suggestion(stressor, known)
+        raise Error(f"stressor: expected one with rows, got '{stressor}'{near}")
+    ax = _axes(ax, (5, 4))
+    stress_plots.panel(ax, [(name, s, curve) for name, s, curve in found if s.name == stressor])
+    ax.set_ylabel("AP (R1000)")
+    ax.legend()
+    return ax
+
+
+def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
+    """Those given, or a new figure's."""
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=size, layout="constrained")[1]
