@@ -16,6 +16,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name, path_of, suggestion
+from pyinfra.core.public import public
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.loading import load_dataset, one_lidar
@@ -28,6 +29,7 @@ StrPath = str | os.PathLike[str]
 Progress = Callable[[str], None]
 
 
+@public
 def import_map(
     file: StrPath,
     out: StrPath,
@@ -63,6 +65,7 @@ def import_map(
     return Path(out) / "site.yaml"
 
 
+@public
 def import_recording(
     source: StrPath,
     format: str,
@@ -101,6 +104,7 @@ def import_recording(
     return loaded
 
 
+@public
 def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     """Writes frames of one LiDAR as another tool takes them.
 
@@ -147,6 +151,7 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     return folder
 
 
+@public
 def train(
     config: StrPath,
     folders: StrPath | Sequence[StrPath],
@@ -176,9 +181,12 @@ def train(
     from pyinfra.models.inference.boxes_table import load_detector
     from pyinfra.models.training import train as training
     from pyinfra.models.training.recipe import read_recipe
-    from pyinfra.models.training.sources import read_source
+    from pyinfra.models.training.sources import TIERS, read_source
 
+    _known("tier", tier, TIERS)
     paths = [folders] if isinstance(folders, (str, os.PathLike)) else folders
+    if not paths:
+        raise Error("folders: expected one or more, got none")
     recipe = read_recipe(file_or_name(config, _configs("detectors"), "config"), tier)
     if start is not None:
         recipe = recipe.begun_with(Path(start))
@@ -187,6 +195,7 @@ def train(
     return load_detector(model, device=device)
 
 
+@public
 def benchmark(
     config: StrPath,
     out: StrPath,
@@ -227,7 +236,9 @@ def benchmark(
     from pyinfra.experiments.benchmark.workspace import Workspace
     from pyinfra.experiments.pool import Pool
     from pyinfra.experiments.store import read
+    from pyinfra.models.training.sources import TIERS
 
+    _known("tier", tier, TIERS)
     if jobs < 1:
         raise Error(f"jobs: expected 1 or more, got {jobs}")
     file = file_or_name(config, _configs("benchmarks"), "config")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -9,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, overload
 
 from pyinfra.core.errors import ConfigError, Error
-from pyinfra.core.names import file_or_name
+from pyinfra.core.names import file_or_name, path_of
+from pyinfra.core.public import public
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.frames import frame_numbers, lidars_in
@@ -21,6 +23,7 @@ AnyLidar: TypeAlias = "simulation.Lidar | str | os.PathLike[str]"
 AnyLidars: TypeAlias = "list[AnyLidar] | tuple[AnyLidar, ...]"
 
 
+@public
 def load_scene(
     scene: str | os.PathLike[str],
     *,
@@ -58,6 +61,7 @@ def load_scene(
         raise ConfigError(re.sub(r"--(set|mount|preset|seed)\b", r"\1", str(error))) from None
 
 
+@public
 def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> simulation.Lidar:
     """One preset of a LiDAR.
 
@@ -98,6 +102,7 @@ def simulate(
     *,
     threads: int | None = ...,
 ) -> dict[str, SimulatedFrames]: ...
+@public
 def simulate(
     scene: simulation.World | str | os.PathLike[str],
     lidar: AnyLidar | AnyLidars,
@@ -139,13 +144,15 @@ def simulate(
         raise Error("lidar: expected one or more LiDARs, got an empty list")
     world = scene if isinstance(scene, simulation.World) else load_scene(scene)
     units = [x if isinstance(x, simulation.Lidar) else load_lidar(x) for x in asked]
-    numbers = tuple(int(k) for k in frames)
+    numbers = _numbers(frames)
     if not numbers:
         raise Error("frames: expected one or more numbers, got none")
     if list(numbers) != sorted(set(numbers)):
         raise Error("frames: expected ascending numbers, each once")
     if numbers[0] < 0 or numbers[-1] >= world.frames:
         raise Error(f"frames: expected 0 to {world.frames - 1}, got {numbers[0]} to {numbers[-1]}")
+    if threads is not None and threads < 1:
+        raise Error(f"threads: expected 1 or more, got {threads}")
     simulation.simulate(world, units, [])  # raises for presets that do not fit the scene
     every = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
     if len(every) < len(units):
@@ -155,6 +162,7 @@ def simulate(
     return every if several else next(iter(every.values()))
 
 
+@public
 def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, RecordedFrames]:
     """Frames on disk: of a LiDAR's folder, or of each LiDAR of a data set.
 
@@ -170,33 +178,48 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
     ------
     Error : if there is no frame in it
     """
-    path = Path(folder)
-    if not path.is_dir():
-        raise Error(f"folder: expected a folder, got '{path}'")
-    if lidars := lidars_in(path):
-        return {one.name: _recorded(one) for one in lidars}
-    return _recorded(path)
+    return _loaded(folder, "folder")
 
 
 def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:
     """A sequence itself, or that of a LiDAR's folder. Raises Error for a data set of several."""
     if isinstance(frames, FrameSequence):
         return frames
-    loaded = load_dataset(frames)
+    loaded = _loaded(frames, argument)
     if isinstance(loaded, dict):
         raise Error(f"{argument}: expected one LiDAR, got a data set of {', '.join(loaded)}")
     return loaded
 
 
-def _recorded(folder: Path) -> RecordedFrames:
+def _loaded(
+    folder: str | os.PathLike[str], argument: str
+) -> RecordedFrames | dict[str, RecordedFrames]:
+    path = path_of(folder, argument)
+    if not path.is_dir():
+        raise Error(f"{argument}: expected a folder, got '{path}'")
+    if lidars := lidars_in(path):
+        return {one.name: _recorded(one, argument) for one in lidars}
+    return _recorded(path, argument)
+
+
+def _numbers(frames: Sequence[int]) -> tuple[int, ...]:
+    """Raises Error for what is no sequence of whole numbers."""
+    try:
+        numbers = tuple(operator.index(k) for k in frames)
+    except TypeError:
+        raise Error("frames: expected whole numbers, got something else") from None
+    return numbers
+
+
+def _recorded(folder: Path, argument: str) -> RecordedFrames:
     try:
         numbers = frame_numbers(folder, "all")
     except FileNotFoundError:
         raise Error(
-            f"folder: expected training/velodyne or a LiDAR's folder in it, got '{folder}'"
+            f"{argument}: expected training/velodyne or a LiDAR's folder in it, got '{folder}'"
         ) from None
     if not numbers:
-        raise Error(f"folder: expected one or more frames, got none in '{folder}'")
+        raise Error(f"{argument}: expected one or more frames, got none in '{folder}'")
     return RecordedFrames(folder, tuple(numbers))
 
 

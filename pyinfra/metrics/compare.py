@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pyinfra.core.errors import Error
+from pyinfra.core.public import public
 from pyinfra.metrics.comparison import Bootstrapped, Measured, over_seeds
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.replicates import difference
 
 
+@public
 def compare(
     a: Evaluation | Sequence[Evaluation],
     b: Evaluation | Sequence[Evaluation],
@@ -34,6 +36,11 @@ def compare(
     ------
     Error : for evaluations of different frames, label times or objects, or lists of two lengths
     """
+    for name, value in (("a", a), ("b", b)):
+        several = value if isinstance(value, (list, tuple)) else [value]
+        for one in several:
+            if not isinstance(one, Evaluation):
+                raise Error(f"{name}: expected results of evaluate, got {type(one).__name__}")
     if isinstance(a, Evaluation) and isinstance(b, Evaluation):
         return over_seeds([_difference(a, b, ground_truth)])
     if isinstance(a, Evaluation) or isinstance(b, Evaluation):

@@ -17,7 +17,8 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
-from pyinfra.core.names import suggestion
+from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.public import public
 from pyinfra.core.vocabulary import OBJECT_CLASSES
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frame_tables import Cameras, Predictions, read_cameras, read_predictions
@@ -33,6 +34,7 @@ from pyinfra.metrics.prediction_checks import PredictionFiles, check_predictions
 from pyinfra.metrics.prediction_table import predictions_of
 
 
+@public
 def evaluate(
     gt: FrameSequence | str | os.PathLike[str],
     pred: pd.DataFrame | str | os.PathLike[str],
@@ -119,7 +121,7 @@ def _chosen(
         if other := sorted(set(frames) - set(gt.numbers)):
             raise Error(f"frames: expected some of the {len(gt)} frames, got {other[0]}")
         return gt.of(sorted(frames))
-    folder = Path(gt)
+    folder = path_of(gt, "gt")
     if isinstance(pred, pd.DataFrame):
         one_lidar(folder, "gt")  # a data set is named as such
     return RecordedFrames(
@@ -140,6 +142,8 @@ def _predictions(
         names = tuple(Path(f"frame {k}") for k in numbers)
         return PredictionFiles(names, ()), predictions_of(pred, numbers)
     known = frame_numbers(folder, "all") if folder else numbers
+    if not isinstance(pred, (str, os.PathLike)):
+        raise Error(f"pred: expected a table or a folder, got {type(pred).__name__}")
     prediction_files = find_files(
         Path(pred), numbers, known, lidar_folder=folder, allow_missing=allow_missing
     )

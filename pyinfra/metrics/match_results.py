@@ -24,7 +24,8 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, NameArray
 from pyinfra.core.errors import Error
-from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, Subset
+from pyinfra.core.names import suggestion
+from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, SUBSETS, Subset
 from pyinfra.dataset.data_set import MIN_VISIBILITY
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
 from pyinfra.dataset.regions import FOOTWAYS_M, Places, Window
@@ -75,6 +76,10 @@ class Settings:
         for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
             if not getattr(self, name):
                 raise Error(f"{name}: found none, allowed one or more")
+        for which in self.ground_truths:
+            if which not in SUBSETS:
+                near = suggestion(which, SUBSETS)
+                raise Error(f"ground_truths: expected names of them, got '{which}'{near}")
         for iou in self.ious:
             if not 0.1 <= iou < 1:
                 raise Error(f"iou: found {iou:g}, allowed 0.1 to below 1")

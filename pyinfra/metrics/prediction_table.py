@@ -33,7 +33,11 @@ def predictions_of(table: pd.DataFrame, frames: Sequence[int]) -> Predictions:
     for name in COLUMNS:
         if name not in table.columns:
             near = suggestion(name, map(str, table.columns))
-            raise Error(f"predictions: expected the column '{name}', got none{near}")
+            raise Error(f"pred: expected the column '{name}', got none{near}")
+    wrong = [i for i, kind in enumerate(table["type"]) if not isinstance(kind, str)]
+    if wrong:
+        got = table["type"].iloc[wrong[0]]
+        raise Error(f"pred: row {wrong[0]}: type: expected a name, got {got!r}")
     numbers = {name: _numbers(table, name) for name in COLUMNS if name != "type"}
     _check(numbers["score"], "score", 0, 1)
     for name in ("x", "y", "z"):
@@ -46,7 +50,7 @@ def predictions_of(table: pd.DataFrame, frames: Sequence[int]) -> Predictions:
     if not is_known.all():
         row = int(np.flatnonzero(~is_known)[0])
         raise Error(
-            f"predictions: row {row}: frame: expected one of the {len(known)} evaluated frames, "
+            f"pred: row {row}: frame: expected one of the {len(known)} evaluated frames, "
             f"got {numbers['frame'][row]:g}"
         )
     order = np.argsort(index, kind="stable")
@@ -64,10 +68,10 @@ def _numbers(table: pd.DataFrame, name: str) -> FloatArray:
     try:
         values: FloatArray = table[name].to_numpy(dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(f"predictions: {name}: expected numbers, got {table[name].dtype}") from None
+        raise Error(f"pred: {name}: expected numbers, got {table[name].dtype}") from None
     if not np.isfinite(values).all():
         row = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise Error(f"predictions: row {row}: {name}: expected a finite number, got {values[row]}")
+        raise Error(f"pred: row {row}: {name}: expected a finite number, got {values[row]}")
     return values
 
 
@@ -75,6 +79,4 @@ def _check(values: FloatArray, name: str, low: float, high: float) -> None:
     outside = (values < low) | (values > high)
     if outside.any():
         row = int(np.flatnonzero(outside)[0])
-        raise Error(
-            f"predictions: row {row}: {name}: expected {low:g} to {high:g}, got {values[row]:g}"
-        )
+        raise Error(f"pred: row {row}: {name}: expected {low:g} to {high:g}, got {values[row]:g}")

@@ -203,65 +203,6 @@ def test_a_slice_is_a_sequence(frames: FrameSequence) -> None:
     np.testing.assert_array_equal(part[0].points, frames[2].points)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda t: t.drop(columns="dx"), "'dx'"),
-        (lambda t: t.rename(columns={"heading": "headng"}), "did you mean 'headng'"),
-        (lambda t: t.assign(score=2.0), "score: expected 0 to 1, got 2"),
-        (lambda t: t.assign(x=np.nan), "x: expected a finite number"),
-        (lambda t: t.assign(dz=0.0), "dz"),
-        (lambda t: t.assign(frame=5), "frame: expected one of the 10 evaluated frames, got 5"),
-        (lambda t: t.assign(y="left"), "y: expected numbers"),
-    ],
-)
-def test_a_wrong_table_is_refused(
-    frames: FrameSequence,
-    noisy: pd.DataFrame,
-    change: Callable[[pd.DataFrame], pd.DataFrame],
-    message: str,
-) -> None:
-    with pytest.raises(pi.Error, match="predictions: ") as raised:
-        pi.evaluate(frames, change(noisy))
-    assert message in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: pi.load_scene("highwy"), "scene: .*did you mean 'highway'"),
-        (lambda: pi.load_lidar("ruby"), "lidar: expected a file or a name, got 'ruby'"),
-        (lambda: pi.load_lidar("ruby_plus", preset="papr"), "papr"),
-        (lambda: pi.load_scene("highway", set={"duraton_s": 3}), "duraton_s"),
-        (lambda: pi.load_detector("generalst"), "model: .*did you mean 'generalist'"),
-        (lambda: pi.load_dataset("/no/such"), "folder: expected a folder"),
-        (lambda: pi.simulate("highway", "helios_16", []), "frames: expected one or more"),
-        (lambda: pi.simulate("highway", "helios_16", [9999]), "frames: expected 0 to 4999"),
-        (lambda: pi.simulate("highway", "helios_16", [3, 1]), "frames: expected ascending"),
-        (lambda: pi.simulate("highway", [], [1]), "lidar: expected one or more"),
-    ],
-)
-def test_wrong_arguments_are_named(call: Callable[[], object], message: str) -> None:
-    with pytest.raises(pi.Error, match=message):
-        call()
-
-
-@pytest.mark.parametrize(
-    ("model", "message"),
-    [
-        (lambda points: None, "expected a table of boxes, got NoneType"),
-        (lambda points: 1 / 0, "ZeroDivisionError"),
-        (lambda points: pd.DataFrame({"x": [1.0]}), "'y'"),
-        (lambda points: pd.DataFrame([[np.nan] * 7], columns=BOX), "finite"),
-        (3, "expected a detector or a callable, got int"),
-    ],
-)
-def test_a_wrong_detector_is_named(frames: FrameSequence, model: Any, message: str) -> None:
-    with pytest.raises(pi.Error, match="model: ") as raised:
-        pi.detect(model, frames[:1])
-    assert message in str(raised.value)
-
-
 def test_results_of_other_frames_are_not_compared(
     frames: FrameSequence, noisy: pd.DataFrame
 ) -> None:

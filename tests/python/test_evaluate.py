@@ -666,9 +666,9 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
 
 def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--gt", str(tmp_path), "--pred", str(tmp_path), "--out", str(tmp_path / "out")]
-    assert main.main(["evaluate", *words]) == 1
+    assert main.main(["evaluate", *words]) == 2
     assert capsys.readouterr().err == (
-        f"pyinfra: {tmp_path}: No training/velodyne or training/label_2 in it\n"
+        f"pyinfra: --gt: {tmp_path}: No training/velodyne or training/label_2 in it\n"
     )
 
 

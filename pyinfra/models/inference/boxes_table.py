@@ -17,6 +17,7 @@ import pandas as pd
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.public import public
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence
 from pyinfra.dataset.ground import level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
@@ -41,6 +42,7 @@ class TrainedDetector:
     device: str = "cpu"
 
 
+@public
 def load_detector(
     model: str | os.PathLike[str] = "generalist", *, device: str = "cpu"
 ) -> TrainedDetector:
@@ -72,6 +74,7 @@ def load_detector(
         raise Error(f"model: expected a model or a name, got '{model}'{near}") from None
 
 
+@public
 def detect(
     model: TrainedDetector | Detector | OwnDetector | str | os.PathLike[str],
     frames: FrameSequence | str | os.PathLike[str],
