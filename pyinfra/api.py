@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,8 +37,13 @@ def import_map(
     centre: tuple[float, float] | None = None,
     radius_m: float = 300.0,
     mount: tuple[float, float, float, float] | None = None,
+    vehicles_per_hour: float = 1000.0,
+    seconds: float = 500.0,
+    seed: int = 1,
 ) -> Path:
     """Makes a site folder of an OpenDRIVE map, an OpenStreetMap file or a SUMO network.
+
+    SUMO drives vehicles through it, unless the folder has trajectories already.
 
     Parameters
     ----------
@@ -47,6 +52,9 @@ def import_map(
     centre : x, y of the map; longitude, latitude of OpenStreetMap; by default the map's middle
     radius_m : of the part that is taken
     mount : x, y, z, yaw_deg of the pole in the site's frame; by default a place is guessed
+    vehicles_per_hour : through the site; 0 writes no trajectories, which `load_scene` needs
+    seconds : of traffic, 1 to 3600
+    seed : of the traffic
 
     Returns
     -------
@@ -55,14 +63,37 @@ def import_map(
     Raises
     ------
     Error : for a map that cannot be read, with file and line where there is one
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pyinfra as pi
+    >>> road = '''<osm version="0.6">
+    ... <node id="1" lon="11.0" lat="48.0"/> <node id="2" lon="11.006" lat="48.0"/>
+    ... <way id="3"> <nd ref="1"/> <nd ref="2"/> <tag k="highway" v="primary"/> </way>
+    ... </osm>'''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     map = Path(folder) / "road.osm"
+    ...     _ = map.write_text(road)
+    ...     site = pi.import_map(map, f"{folder}/road", seconds=10)
+    ...     pi.load_scene(site).frames
+    100
     """
     from pyinfra.scenes.maps.map_import import ImportOptions
     from pyinfra.scenes.maps.map_import import import_map as run
+    from pyinfra.scenes.maps.site_traffic import write_traffic
+    from pyinfra.scenes.maps.traffic_demand import Demand
+    from pyinfra.scenes.maps.trajectory_file import NAME
 
     if not 10 <= radius_m <= 100_000:
         raise Error(f"radius_m: expected 10 to 100000, got {radius_m:g}")
-    run(Path(file), Path(out), ImportOptions(centre=centre, radius_m=radius_m, mount=mount))
-    return Path(out) / "site.yaml"
+    folder = path_of(out, "out")
+    options = ImportOptions(centre=centre, radius_m=radius_m, mount=mount)
+    run(path_of(file, "file"), folder, options)
+    if vehicles_per_hour and not (folder / NAME).is_file():
+        write_traffic(folder, Demand(vehicles_per_hour), seconds, seed)
+    return folder / "site.yaml"
 
 
 @public
@@ -73,8 +104,14 @@ def import_recording(
     *,
     period_s: float | None = None,
     height_m: float | None = None,
+    tilt_deg: tuple[float, float] | None = None,
+    types: Mapping[str, str] | None = None,
+    intensity_max: float | None = None,
+    unit_m: float = 1.0,
+    columns: int | None = None,
+    channel: str | None = None,
 ) -> RecordedFrames:
-    """Frames of another tool as a LiDAR's folder.
+    """Frames of another tool as a LiDAR's folder; what is assumed of them stands in lidar.yaml.
 
     Parameters
     ----------
@@ -83,22 +120,43 @@ def import_recording(
     out : new folder DATA/LIDAR
     period_s : of a frame; by default as the recording says, else 0.1
     height_m : of the sensor above the road; by default found in the points
+    tilt_deg : pitch (down positive) and roll of the sensor: points and boxes are turned upright
+    types : the type (Car, Van, Truck, ...) of the recording's own names
+    intensity_max : of the source; by default found: 1, 255 or 65535
+    unit_m : of a coordinate
+    columns : float32 values of a point in a .bin file; by default found
+    channel : which LiDAR of several
+
+    Returns
+    -------
+    The frames, as `load_dataset` gives them; `folder` is where they are
 
     Raises
     ------
-    Error : for an unknown format or a recording that cannot be read
+    Error : for an unknown format, a number out of range, or a recording that cannot be read
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 30, 10))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     recording = pi.export(frames, "pcd", f"{folder}/recording")
+    ...     recorded = pi.import_recording(recording, "pcd", f"{folder}/highway/pole")
+    ...     len(recorded), recorded[0].points.shape[1]
+    (3, 4)
     """
     from pyinfra.exchange import imports
-    from pyinfra.exchange.data_set import LidarFacts
     from pyinfra.exchange.formats import IMPORTS
     from pyinfra.exchange.recording import Options
 
     _known("format", format, IMPORTS)
-    folder = Path(out).resolve()
-    facts = LidarFacts(
-        name=folder.name, scene=folder.parent.name, period_s=period_s, height_m=height_m
+    folder = path_of(out, "out")
+    facts = imports.facts_of(
+        folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
     )
-    imports.import_recording(Path(source), format, Path(out), facts, Options())
+    options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
+    imports.import_recording(path_of(source, "source"), format, folder, facts, options)
     loaded = load_dataset(out)
     assert isinstance(loaded, RecordedFrames)
     return loaded
@@ -174,9 +232,26 @@ def train(
     seed : of weights and samples
     device : of torch
 
+    Returns
+    -------
+    What `detect` takes
+
     Raises
     ------
     Error : for an unknown name, a wrong key, or folders without vehicles
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 5000, 500))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     recording = pi.export(frames, "pcd", f"{folder}/recording")
+    ...     data = pi.import_recording(recording, "pcd", f"{folder}/data/pole")
+    ...     model = pi.train("background", data.folder, work=f"{folder}/model")
+    ...     detections = pi.detect(model, data)
+    >>> len(detections) > 0
+    True
     """
     from pyinfra.models.inference.boxes_table import load_detector
     from pyinfra.models.training import train as training
@@ -224,19 +299,32 @@ def benchmark(
 
     Returns
     -------
-    A row for each experiment; one that failed has its reason
+    DataFrame : a row for each experiment; one that failed has its reason
 
     Raises
     ------
     Error : for an unknown name or a wrong key
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pyinfra as pi
+    >>> matrix = "scenes: [highway], lidars: [helios_16], presets: [paper], detectors: [background]"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     config = Path(folder) / "small.yaml"
+    ...     _ = config.write_text(f"matrix: [{{{matrix}}}]")
+    ...     table = pi.benchmark(config, f"{folder}/out", work=f"{folder}/work", tier="smoke")
+    >>> table[["lidar", "detector"]].values.tolist()
+    [['helios_16', 'background']]
     """
+    from pyinfra.core.vocabulary import TIERS
     from pyinfra.experiments.benchmark.latency import time_again
     from pyinfra.experiments.benchmark.matrix import read_plan
     from pyinfra.experiments.benchmark.runner import benchmark as run
     from pyinfra.experiments.benchmark.workspace import Workspace
-    from pyinfra.experiments.pool import Pool
+    from pyinfra.experiments.pool import Pool, silent
     from pyinfra.experiments.store import read
-    from pyinfra.models.training.sources import TIERS
 
     _known("tier", tier, TIERS)
     if jobs < 1:
@@ -245,15 +333,11 @@ def benchmark(
     plan = read_plan(file, tier, os.fspath(scene))
     workspace = Workspace(Path(work), Path(out), tier)
     if latency:
-        time_again(plan, workspace, device=device, say=progress or _quiet)
+        time_again(plan, workspace, device=device, say=progress or silent)
     else:
         pool = Pool("local", jobs, "", gpu=device != "cpu")
-        run(plan, workspace, pool, device=device, say=progress or _quiet)
+        run(plan, workspace, pool, device=device, say=progress or silent)
     return read(workspace.table("cells"))
-
-
-def _quiet(line: str) -> None:
-    """Says nothing."""
 
 
 def _known(argument: str, word: str, names: Sequence[str]) -> None:

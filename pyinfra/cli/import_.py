@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import math
-import re
 import time
 from pathlib import Path
 from typing import get_args
 
 from pyinfra.cli.messages import warn, with_options
-from pyinfra.core.errors import Error
-from pyinfra.dataset.ground import MOST_HEIGHT_M
-from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import IMPORTS
-from pyinfra.exchange.imports import Upright, checked, import_recording, warnings
+from pyinfra.exchange.imports import Upright, checked, facts_of, import_recording, warnings
 from pyinfra.exchange.object_types import parse_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
-from pyinfra.formats.kitti.lidar import PERIOD_S
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,11 +79,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     since = time.perf_counter()
     options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
+    facts = facts_of(
+        args.out,
+        scene=args.scene,
+        model=args.model,
+        price_usd=args.price_usd,
+        period_s=args.period_s,
+        height_m=args.height_m,
+        tilt_deg=args.tilt_deg,
+        types=parse_types(args.types),
+    )
     imported, labelled = import_recording(
         args.source,
         args.format,
         args.out,
-        facts_of(args),
+        facts,
         checked(options),
         upright=args.upright,
         region=args.region,
@@ -101,30 +105,3 @@ def run(args: argparse.Namespace) -> int:
     kinds = ", ".join(f"{count} {name}" for name, count in imported.types.most_common())
     print(f"{args.out}: {summary(imported.frames, args.out, since)}; {kinds or 'no label'}")
     return 0
-
-
-def facts_of(args: argparse.Namespace) -> LidarFacts:
-    """Raises Error for a number that is none."""
-    out = args.out.resolve()
-    price, tilt = args.price_usd, args.tilt_deg
-    if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
-        raise Error(f"--out: found LIDAR '{out.name}', allowed letters, digits and _ . -")
-    if price and not 0 <= price[0] <= price[1] < math.inf:
-        raise Error(f"--price-usd: found {price}, allowed LOW from 0 and HIGH from LOW on")
-    least, most = PERIOD_S
-    if args.period_s is not None and not least <= args.period_s <= most:
-        raise Error(f"--period-s: found {args.period_s:g}, allowed {least:g} to {most:g}")
-    if args.height_m is not None and not 0 < args.height_m <= MOST_HEIGHT_M:
-        raise Error(f"--height-m: found {args.height_m:g}, allowed above 0 to {MOST_HEIGHT_M:g}")
-    if tilt and not all(abs(angle) <= 90 for angle in tilt):
-        raise Error(f"--tilt-deg: found {tilt}, allowed -90 to 90")
-    return LidarFacts(
-        name=out.name,
-        scene=args.scene or out.parent.name,
-        model=args.model,
-        price_usd=(price[0], price[1]) if price else None,
-        period_s=args.period_s,
-        height_m=args.height_m,
-        tilt=(math.radians(tilt[0]), math.radians(tilt[1])) if tilt else None,
-        types=parse_types(args.types),
-    )

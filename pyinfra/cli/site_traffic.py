@@ -21,23 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from pyinfra.scenes.maps import site_folder
-    from pyinfra.scenes.maps.tracks import lasts_s
-    from pyinfra.scenes.maps.traffic import NET, simulate
+    from pyinfra.scenes.maps.site_traffic import write_traffic
     from pyinfra.scenes.maps.traffic_demand import Demand
-    from pyinfra.scenes.maps.traffic_figures import report_lines
-    from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
     demand = Demand(args.vehicles_per_hour, args.pedestrians_per_hour, args.bicycles_per_hour)
-    feet = site_folder.feet(args.site)
-    traffic = simulate(args.site / NET, feet, demand, args.seconds, args.seed)
-    write_trajectories(args.site / NAME, traffic.tracks)
-    site_folder.set_duration(args.site, lasts_s(traffic.tracks))
-    notes = [f"{name}: left out: no average makes it smooth" for name in traffic.rough]
-    if traffic.unrouted:
-        notes.insert(
-            0, f"{len(traffic.unrouted)} of {traffic.asked} trips left out: no valid route"
-        )
-    notes += [f"{name}: left out: it stood in another" for name in traffic.overlapping]
-    print(*report_lines(args.site / NAME, traffic.tracks, feet, notes), sep="\n")
+    print(*write_traffic(args.site, demand, args.seconds, args.seed), sep="\n")
     return 0

@@ -42,6 +42,10 @@ def load_scene(
     set : values by dotted key, such as `{"traffic.vehicles_per_km_lane": 20}`
     mount : which of several; a scene with one mount needs none
 
+    Returns
+    -------
+    What `simulate` takes; `frames` says how many frames of 0.1 s it has
+
     Raises
     ------
     Error : for an unknown name, a wrong key or value (file, line and key are in the message)
@@ -69,6 +73,10 @@ def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> s
     ----------
     lidar : a name of the catalogue (`pyinfra lidars` lists them), or a file
     preset : `paper`, `equal` or `datasheet`
+
+    Returns
+    -------
+    What `simulate` takes
 
     Raises
     ------
@@ -177,6 +185,17 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
     Raises
     ------
     Error : if there is no frame in it
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 30, 10))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     recording = pi.export(frames, "pcd", f"{folder}/recording")
+    ...     _ = pi.import_recording(recording, "pcd", f"{folder}/highway/pole")
+    ...     {name: len(one) for name, one in pi.load_dataset(f"{folder}/highway").items()}
+    {'pole': 3}
     """
     return _loaded(folder, "folder")
 

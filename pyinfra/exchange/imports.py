@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -10,6 +12,7 @@ from typing import Literal
 from pyinfra.core.errors import Error
 from pyinfra.core.files import new_folder, write
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
+from pyinfra.dataset.height_checks import check_height
 from pyinfra.dataset.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import ImportSummary, LidarFacts, write_description, write_lidar
 from pyinfra.exchange.formats import FORMATS, reader
@@ -18,6 +21,8 @@ from pyinfra.exchange.object_types import with_public_types
 from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
+from pyinfra.formats.kitti import OTHER_TYPES, VEHICLE_TYPES
+from pyinfra.formats.kitti.lidar import PERIOD_S
 
 # Whether the road is looked for and points turned upright to it, or taken as they are.
 Upright = Literal["auto", "road", "as-is"]
@@ -109,13 +114,49 @@ def _some(names: list[str]) -> str:
     return f"{len(names)} frame{'s'[: len(names) > 1]} ({listed})"
 
 
+def facts_of(
+    out: Path,
+    *,
+    scene: str | None = None,
+    model: str | None = None,
+    price_usd: Sequence[float] | None = None,
+    period_s: float | None = None,
+    height_m: float | None = None,
+    tilt_deg: Sequence[float] | None = None,
+    types: Mapping[str, str] | None = None,
+) -> LidarFacts:
+    """What a user says of a LiDAR, in radians. Raises Error for a number out of range."""
+    out = out.resolve()
+    if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
+        raise Error(f"out: expected a LiDAR of letters, digits and _ . -, got '{out.name}'")
+    if price_usd is not None and not 0 <= price_usd[0] <= price_usd[1] < math.inf:
+        raise Error(f"price_usd: expected low from 0 and high from low on, got {price_usd}")
+    least, most = PERIOD_S
+    if period_s is not None and not least <= period_s <= most:
+        raise Error(f"period_s: expected {least:g} to {most:g}, got {period_s:g}")
+    if height_m is not None:
+        check_height(height_m)
+    if tilt_deg is not None and not all(abs(angle) <= 90 for angle in tilt_deg):
+        raise Error(f"tilt_deg: expected -90 to 90, got {tilt_deg}")
+    return LidarFacts(
+        name=out.name,
+        scene=scene or out.parent.name,
+        model=model,
+        price_usd=(price_usd[0], price_usd[1]) if price_usd else None,
+        period_s=period_s,
+        height_m=height_m,
+        tilt=(math.radians(tilt_deg[0]), math.radians(tilt_deg[1])) if tilt_deg else None,
+        types=dict(types or {}),
+    )
+
+
 def checked(options: Options) -> Options:
     """Raises Error for a number out of range."""
     highest, columns = options.intensity_max, options.columns
     if highest is not None and not 0 < highest < math.inf:
-        raise Error(f"intensity_max: found {highest:g}, allowed above 0")
+        raise Error(f"intensity_max: expected above 0, got {highest:g}")
     if columns is not None and not 3 <= columns <= 64:
-        raise Error(f"columns: found {columns}, allowed 3 to 64")
+        raise Error(f"columns: expected 3 to 64, got {columns}")
     if not 1e-6 <= options.unit_m <= 1000:
-        raise Error(f"unit_m: found {options.unit_m:g}, allowed 1e-06 to 1000")
+        raise Error(f"unit_m: expected 1e-06 to 1000, got {options.unit_m:g}")
     return options

@@ -66,6 +66,20 @@ def recommend(
     Raises
     ------
     Error : for a number out of range, an unknown scene or preset, or a wrong table
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pyinfra as pi
+    >>> matrix = "scenes: [highway], lidars: [helios_16], presets: [paper], detectors: [background]"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     config = Path(folder) / "small.yaml"
+    ...     _ = config.write_text(f"matrix: [{{{matrix}}}]")
+    ...     _ = pi.benchmark(config, f"{folder}/out", work=f"{folder}/work", tier="smoke")
+    ...     table = pi.recommend(f"{folder}/out", tier="smoke", budget_usd=3000, min_ap=20)
+    >>> table[["lidar", "detector", "meets"]].values.tolist()
+    [['helios_16', 'background', True]]
     """
     if tier not in get_args(Tier):
         raise Error(f"tier: expected one of {', '.join(TIERS)}, got '{tier}'")

@@ -35,6 +35,15 @@ def compare(
     Raises
     ------
     Error : for evaluations of different frames, label times or objects, or lists of two lengths
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 500, 100))
+    >>> every = pi.evaluate(frames, frames.labels.assign(score=1.0))
+    >>> some = pi.evaluate(frames, frames.labels[::2].assign(score=1.0))
+    >>> pi.compare(every, some).value > 0
+    True
     """
     for name, value in (("a", a), ("b", b)):
         several = value if isinstance(value, (list, tuple)) else [value]

@@ -43,7 +43,14 @@ def plot_frame(
 
     Raises
     ------
-    Error : for a minimum score out of range
+    Error : for something else than a frame, a table without boxes, or a score out of range
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", [100])
+    >>> pi.plot_frame(frames[0]).get_title()
+    'frame 100'
     """
     import matplotlib.pyplot as plt
     from matplotlib.collections import PolyCollection

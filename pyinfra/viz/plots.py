@@ -152,6 +152,17 @@ def plot_stress(
     Raises
     ------
     Error : for a stressor without rows, or a folder without the table
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> import pyinfra as pi
+    >>> rows = pd.DataFrame({"dial": ["0", "0.5", "0.9"], "stressor": ["none", *["drop_out"] * 2]})
+    >>> rows = rows.assign(ap=[90, 80, 40], ap_low=0, ap_high=100, detector="mine", run="a")
+    >>> rows = rows.assign(ap_fine=rows.ap, ap_fine_low=0, ap_fine_high=100, recalls=1000)
+    >>> rows = rows.assign(lidar="l", preset="p", scene="s", seed="1", frames="60")
+    >>> len(pi.plot_stress(rows, "drop_out").lines)
+    1
     """
     from pyinfra.experiments.stress import trials
     from pyinfra.experiments.stress.summary import curves

@@ -13,6 +13,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, suggestion
 from pyinfra.core.public import public
+from pyinfra.experiments.pool import silent
 from pyinfra.experiments.stress import altered_scenes, summary, trials
 from pyinfra.experiments.stress.altered_scenes import Base
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
@@ -70,12 +71,25 @@ def stress(
     Raises
     ------
     Error : for an unknown stressor, a folder without test frames, or a model of another LiDAR
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 5000, 500))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     recording = pi.export(frames, "pcd", f"{folder}/recording")
+    ...     data = pi.import_recording(recording, "pcd", f"{folder}/data/pole").folder
+    ...     model = pi.train("background", data, work=f"{folder}/model")
+    ...     table = pi.stress(model, data, work=f"{folder}/work", stressors=["drop_out"])
+    >>> bool(table.ap_least[0] < table.ap_none[0])
+    True
     """
     several = models if isinstance(models, (list, tuple)) else [models]
     paths = [_folder(model) for model in several]
     if not paths:
         raise Error("models: expected one or more, got none")
-    out, say = path_of(work, "work"), progress or _quiet
+    out, say = path_of(work, "work"), progress or silent
     words = None if dials is None else [str(dial) for dial in dials]
     names = list(STRESSORS) if stressors is None else list(stressors)
     plan = prepare(paths, path_of(data, "data"), out, names, words, frames, seed)
@@ -125,9 +139,5 @@ def _folder(model: Model) -> Path:
     """That of its training, which says what it learnt from, or its file."""
     if not isinstance(model, TrainedDetector):
         return path_of(model, "models")
-    folder = model.file.parent
-    return folder if (folder / "run.yaml").is_file() else model.file
-
-
-def _quiet(line: str) -> None:
-    """Says nothing."""
+    of_training = model.file.name in ("last.safetensors", "background.npz")
+    return model.file.parent if of_training else model.file
