@@ -502,7 +502,7 @@ def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
     (tmp_path / "background.npz").touch()
     words = ["detect", str(tmp_path), str(tmp_path / "cloud.bin"), "--height-m", "6"]
     assert main.main(words) == 2
-    assert "--height-m: found one for background" in capsys.readouterr().err
+    assert "--height-m: expected none for background" in capsys.readouterr().err
 
 
 def test_a_region_for_another_detector_is_an_error(

@@ -470,11 +470,11 @@ def test_a_file_is_refused_with_the_reason(
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["--price-usd", "5", "4"], "--price-usd: found [5.0, 4.0]"),
-        (["--period-s", "0"], "--period-s: found 0"),
-        (["--tilt-deg", "100", "0"], "--tilt-deg: found [100.0, 0.0]"),
-        (["--columns", "2"], "--columns: found 2, allowed 3 to 64"),
-        (["--intensity-max", "-1"], "--intensity-max: found -1"),
+        (["--price-usd", "5", "4"], "--price-usd: expected low from 0"),
+        (["--period-s", "0"], "--period-s: expected 0.001 to 60"),
+        (["--tilt-deg", "100", "0"], "--tilt-deg: expected -90 to 90"),
+        (["--columns", "2"], "--columns: expected 3 to 64, got 2"),
+        (["--intensity-max", "-1"], "--intensity-max: expected above 0, got -1"),
         (["--type", "Lkw"], "--type: found 'Lkw', allowed NAME=TYPE"),
     ],
 )

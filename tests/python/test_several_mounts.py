@@ -11,7 +11,6 @@ import yaml
 from conftest import ROOT, Infrasim
 
 from pyinfra.core.boxes import points_in_box
-from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import field_of_view_mask, read_data_set
 from pyinfra.dataset.frame_tables import read_vehicles
 from pyinfra.experiments.benchmark.frames import hit_row, lidar_row
@@ -120,7 +119,7 @@ def test_some_mounts_have_the_bytes_of_a_scene_of_these_alone(runs: Runs, digest
 @pytest.mark.parametrize("words", ["left,middle", "left,left"])
 def test_mounts_that_cannot_be_chosen_are_named(runs: Runs, words: str) -> None:
     wrong = words.partition(",")[2]
-    with pytest.raises(Error, match=f"--mount: expected some of .*got '{wrong}'"):
+    with pytest.raises(RuntimeError, match=f"--mount: expected some of .*got '{wrong}'"):
         runs("wrong", "--mount", words)
 
 

@@ -119,7 +119,7 @@ def test_a_broken_mesh_gives_one_line_and_leaves_the_site(
 ) -> None:
     name, data, expected = BROKEN[what]
     file = _written(tmp_path / name, data)
-    assert main(["site", "mesh", str(file), "--out", str(site)]) == 1
+    assert main(["site", "mesh", str(file), "--out", str(site)]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith(f"pyinfra: {file}: ")
@@ -138,7 +138,7 @@ def test_what_is_there_stays(
     shutil.rmtree(site / "meshes")
     flow = "meshes: [{file: meshes/sheet.ply, material: road}]\n"
     (site / "site.yaml").write_text(SCENE.partition("# surfaces")[0] + flow)
-    assert main(words) == 1
+    assert main(words) == 2
     assert "write there: - {file: meshes/road.ply, material: structure}" in capsys.readouterr().err
     assert not (site / "meshes").exists()
 

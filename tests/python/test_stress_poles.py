@@ -94,7 +94,7 @@ def test_recorded_vehicles_are_told_by_the_clock_of_the_first(data: Path, tmp_pa
 
 def test_poles_of_one_mount_cannot_come_apart(data: Path) -> None:
     one = altered_scenes.read_base(data / "west/helios_16", 60)
-    with pytest.raises(ValueError, match="found frames of one mount, allowed those of `--fuse`"):
+    with pytest.raises(ValueError, match="found frames of one mount, allowed fused ones"):
         trials.able(chosen(["pole_clock", "pole_yaw"], None), one)
 
 

@@ -635,7 +635,7 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
     lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
     assert lower != rows
     assert main.main(["detect", str(sure), str(cloud), "--height-m", "-6"]) == 2
-    assert "--height-m: found -6, allowed more than 0" in capsys.readouterr().err
+    assert "--height-m: expected more than 0 to 100, got -6" in capsys.readouterr().err
 
 
 def test_a_pcd_file_gives_the_boxes_of_the_bin(
@@ -665,7 +665,7 @@ def test_results_of_other_frames_and_labels_in_their_place_are_said(
 ) -> None:
     words = ["detect", str(trained), "--data", str(lidar_folder), "--split", "all", "--out"]
     assert main.main([*words, str(lidar_folder / "training/label_2")]) == 2
-    assert "allowed another folder: labels are there" in capsys.readouterr().err
+    assert "--out: expected another folder than that of labels" in capsys.readouterr().err
     assert main.main([*words, str(tmp_path), "--frames", "1"]) == 0
     error = capsys.readouterr().err
     assert "no box in any frame: are the sensor's height, its frame" in error
@@ -675,7 +675,7 @@ def test_results_of_other_frames_and_labels_in_their_place_are_said(
     assert "1 files of other frames were there and stay, as 000099" in capsys.readouterr().err
     words[3] = str(lidar_folder.parent)
     assert main.main([*words, str(tmp_path)]) == 2
-    assert "without training/velodyne, allowed a LiDAR's" in capsys.readouterr().err
+    assert "--data: expected a folder with training/velodyne" in capsys.readouterr().err
 
 
 def test_vehicles_are_looked_for_in_the_region(
