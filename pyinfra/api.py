@@ -253,10 +253,11 @@ def train(
     >>> len(detections) > 0
     True
     """
+    from pyinfra.core.vocabulary import TIERS
     from pyinfra.models.inference.boxes_table import load_detector
     from pyinfra.models.training import train as training
     from pyinfra.models.training.recipe import read_recipe
-    from pyinfra.models.training.sources import TIERS, read_source
+    from pyinfra.models.training.sources import read_source
 
     _known("tier", tier, TIERS)
     paths = [folders] if isinstance(folders, (str, os.PathLike)) else folders

@@ -21,7 +21,6 @@ from pyinfra.exchange.object_types import with_public_types
 from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
-from pyinfra.formats.kitti import OTHER_TYPES, VEHICLE_TYPES
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
 # Whether the road is looked for and points turned upright to it, or taken as they are.
