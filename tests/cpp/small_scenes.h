@@ -18,6 +18,8 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/point_cloud.h"
+#include "infrasim/scene/region.h"
+#include "infrasim/scene/site.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim::testing {
@@ -90,6 +92,11 @@ inline SceneConfig empty_road() {
   traffic.class_shares["Car"] = 1;
   scene.traffic = traffic;
   return scene;
+}
+
+/// The region around the scene's first mount.
+inline EvaluationRegion region_of(const SceneConfig& scene) {
+  return EvaluationRegion(build_site(scene), scene.mounts.begin()->second);
 }
 
 /// Level ground of 400 x 400 m around the origin.

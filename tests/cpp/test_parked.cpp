@@ -31,14 +31,14 @@ constexpr char kKerbs[] =
 
 TEST(parked, vehicles_stand_apart_and_beside_the_traffic) {
   const SceneConfig scene = with_parked(kKerbs);
-  EXPECT_GT(parked_vehicles(scene).size(), 80U);
+  EXPECT_GT(build_site(scene).parked.size(), 80U);
   EXPECT_TRUE(traffic_overlaps(scene).empty());
 }
 
 TEST(parked, vehicles_stand_for_the_whole_run_and_change_nothing_of_the_traffic) {
   const SceneConfig scene = with_parked(kKerbs);
-  const std::vector<ParkedVehicle> parked = parked_vehicles(scene);
-  const Trajectories traffic = simulate_traffic(scene);
+  const std::vector<ParkedVehicle> parked = build_site(scene).parked;
+  const Trajectories traffic = simulate_traffic(build_site(scene));
   const World world = build_world(scene);
   ASSERT_EQ(world.trajectories->rows.size(), traffic.rows.size());
   for (std::size_t k = 0; k < traffic.rows.size(); ++k) {
@@ -54,15 +54,15 @@ TEST(parked, vehicles_stand_for_the_whole_run_and_change_nothing_of_the_traffic)
 
 TEST(parked, vehicles_are_a_draw_of_the_seed) {
   SceneConfig scene = with_parked(kKerbs);
-  const double x = parked_vehicles(scene).front().state.box.x;
-  EXPECT_EQ(parked_vehicles(scene).front().state.box.x, x);
+  const double x = build_site(scene).parked.front().state.box.x;
+  EXPECT_EQ(build_site(scene).parked.front().state.box.x, x);
   scene.seed = 2;
-  EXPECT_NE(parked_vehicles(scene).front().state.box.x, x);
+  EXPECT_NE(build_site(scene).parked.front().state.box.x, x);
 }
 
 TEST(parked, vehicles_at_a_kerb_face_as_the_traffic_beside_them) {
   const SceneConfig scene = with_parked(kKerbs);
-  for (const auto& [vehicle, place] : parked_vehicles(scene)) {
+  for (const auto& [vehicle, place] : build_site(scene).parked) {
     if (vehicle.box.x > -50) continue;  // the bend
     const double ahead = std::cos(vehicle.box.heading);
     const double y = vehicle.box.y;
@@ -72,9 +72,9 @@ TEST(parked, vehicles_at_a_kerb_face_as_the_traffic_beside_them) {
 }
 
 TEST(parked, no_place_is_taken_of_a_row_that_is_not_occupied) {
-  EXPECT_TRUE(parked_vehicles(with_parked("[{road: bend, offset_m: -8.6, occupied: 0, "
-                                          "class_shares: {Car: 1}}]"))
-                  .empty());
+  EXPECT_TRUE(build_site(with_parked("[{road: bend, offset_m: -8.6, occupied: 0, "
+                                     "class_shares: {Car: 1}}]"))
+                  .parked.empty());
 }
 
 TEST(parked, rows_in_one_place_are_refused) {
@@ -91,7 +91,7 @@ TEST(parked, more_vehicles_than_are_looked_at_are_refused) {
   const std::string message = error_of([] {
     SceneConfig scene = with_parked("[{road: bend, offset_m: -9, class_shares: {Motorcycle: 1}}]");
     scene.roads[0].centreline[0].line_m = 9000;
-    parked_vehicles(scene);
+    build_site(scene);
   });
   EXPECT_NE(message.find("allowed 2000"), std::string::npos) << message;
 }

@@ -23,6 +23,8 @@ SceneConfig with_people(const std::string& rows, const std::string& duration_s =
   return read_scene(configs() / "scenes/curve.yaml", assignments);
 }
 
+People people_of(const SceneConfig& scene) { return {scene, centrelines(scene)}; }
+
 /// Walkers on one side, riders on the other.
 constexpr char kBothSides[] =
     "[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
@@ -34,7 +36,7 @@ bool is_person(const ObjectState& s) { return s.id >= kFirstPersonId; }
 
 TEST(people, go_both_ways_at_their_own_speeds_beside_the_road) {
   const SceneConfig scene = with_people(kBothSides);
-  const std::vector<ObjectState> there = People(scene).at(0);
+  const std::vector<ObjectState> there = people_of(scene).at(0);
   std::map<std::string_view, std::pair<int, double>> found;  // how many, sum of speeds
   int along = 0;
   const Curve line = centreline(scene.roads[0]);
@@ -58,7 +60,7 @@ TEST(people, go_both_ways_at_their_own_speeds_beside_the_road) {
 
 TEST(people, come_and_go_at_the_ends_of_their_line_alone) {
   const SceneConfig scene = with_people(kBothSides);
-  const People people(scene);
+  const People people = people_of(scene);
   Trajectories rows;
   for (int k = 0; k <= 3000; ++k) rows.rows.push_back(people.at(k * kFramePeriod));
   const Curve line = centreline(scene.roads[0]);
@@ -102,7 +104,7 @@ TEST(people, share_no_place) {
   for (const std::uint64_t seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U, 9U, 10U, 11U, 12U}) {
     SceneConfig scene = with_people(rows);
     scene.seed = seed;
-    const People people(scene);
+    const People people = people_of(scene);
     OverlapSearch search;
     double farthest = 0;
     for (int k = 0; k <= 3000; ++k) {
@@ -119,7 +121,7 @@ TEST(people, share_no_place) {
 }
 
 TEST(people, are_as_many_at_all_times) {
-  const People people(with_people(kBothSides));
+  const People people = people_of(with_people(kBothSides));
   const auto first = static_cast<double>(people.at(0).size());
   for (int k = 0; k <= 5000; k += 100)
     EXPECT_NEAR(static_cast<double>(people.at(k * kFramePeriod).size()), first, 0.15 * first);
@@ -144,15 +146,15 @@ TEST(people, change_nothing_of_the_traffic_and_stand_behind_it_in_the_rows) {
 
 TEST(people, are_a_draw_of_the_seed) {
   SceneConfig scene = with_people(kBothSides);
-  const double x = People(scene).at(0).front().box.x;
-  EXPECT_EQ(People(scene).at(0).front().box.x, x);
+  const double x = people_of(scene).at(0).front().box.x;
+  EXPECT_EQ(people_of(scene).at(0).front().box.x, x);
   scene.seed = 2;
-  EXPECT_NE(People(scene).at(0).front().box.x, x);
+  EXPECT_NE(people_of(scene).at(0).front().box.x, x);
 }
 
 TEST(people, count_within_six_metres_of_the_carriageway) {
   const SceneConfig scene = with_people(kBothSides);
-  const EvaluationRegion region(scene);
+  const EvaluationRegion region = testing::region_of(scene);
   const Curve line = centreline(scene.roads[0]);
   const MountConfig& mount = scene.mounts.begin()->second;
   const CurvePoint p = line.at(line.project({mount.x_m, mount.y_m}));

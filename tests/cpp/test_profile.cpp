@@ -73,7 +73,7 @@ struct Draped {
 
 Draped draped(const SceneConfig& scene, Class material, double base_m) {
   const Profile profile(scene);
-  const TriangleMesh mesh = build_static_mesh(scene, {});
+  const TriangleMesh mesh = to_level(build_static_surface(build_site(scene)), {});
   Draped out;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     if (mesh.class_id[i] != static_cast<std::uint16_t>(material)) continue;
@@ -101,7 +101,7 @@ TEST(profile, surfaces_are_cut_and_lie_on_it) {
     EXPECT_NEAR(lifted.area_m2, level.area_m2, 1e-3 * level.area_m2);
     EXPECT_LT(lifted.off_m, 0.0101);  // a centimetre, and what single precision rounds
   }
-  EXPECT_LT(build_static_mesh(crest(), {}).triangles.size(), 15000);
+  EXPECT_LT(to_level(build_static_surface(build_site(crest())), {}).triangles.size(), 15000);
 }
 
 TEST(profile, cutting_ends_where_curves_touch_are_short_or_lie_aslant) {
@@ -112,7 +112,8 @@ TEST(profile, cutting_ends_where_curves_touch_are_short_or_lie_aslant) {
           "profile: {heading_deg: " + std::to_string(heading_deg) + ", " + shape + "}\n";
       SceneConfig scene = parse_scene(std::string(kPlain) + profile, "slanted");
       scene.ground[0].outline_m = {{-200, -200}, {200, -200}, {200, 200}, {-200, 200}};
-      EXPECT_LT(build_static_mesh(scene, {}).triangles.size(), 100000) << profile;
+      EXPECT_LT(to_level(build_static_surface(build_site(scene)), {}).triangles.size(), 100000)
+          << profile;
       EXPECT_LT(draped(scene, Class::kTerrain, -0.1).off_m, 0.0101) << profile;
     }
 }
@@ -153,7 +154,8 @@ TEST(profile, a_height_above_the_road_is_that_above_the_road_there) {
   scene.mounts["pole"].z_m = 2;
   scene.filters = {{GroundPlane{}}};
   const auto none = [](int) { return std::vector<float>{}; };
-  const FilterStep step = make_filters(scene, none).front();
+  const FilterStep step =
+      make_filters(build_site(scene), scene.mounts.begin()->second, none).front();
   EXPECT_NEAR(std::get<GroundPlane>(step).sensor_height_m, 7.8, 1e-9);
 }
 
@@ -173,7 +175,7 @@ TEST(profile, a_sensor_beside_a_vehicle_that_leans_is_not_in_it) {
 }
 
 TEST(profile, neighbours_are_cut_alike_so_that_no_ray_falls_through) {
-  const TriangleMesh mesh = build_static_mesh(crest(), {});
+  const TriangleMesh mesh = to_level(build_static_surface(build_site(crest())), {});
   std::map<std::pair<std::array<float, 3>, std::array<float, 3>>, int> sides;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     if (mesh.class_id[i] != static_cast<std::uint16_t>(Class::kTerrain)) continue;
@@ -249,7 +251,7 @@ TEST(profile, points_of_vehicles_lie_in_their_boxes_and_those_of_the_road_on_it)
 }
 
 TEST(profile, the_regions_roads_have_its_heights) {
-  std::istringstream rows(EvaluationRegion(crest()).roads_csv());
+  std::istringstream rows(testing::region_of(crest()).roads_csv());
   const Profile profile(crest());
   std::string line;
   std::getline(rows, line);

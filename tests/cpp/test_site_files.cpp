@@ -142,7 +142,7 @@ SceneConfig site(const testing::TestFolder& folder, const std::string& more = ""
 
 TEST_F(SiteFiles, TheRegionOfLanesHasTheirHeightsAndEndsAroundTheFoot) {
   write("lanes.csv", kLanes);
-  const EvaluationRegion region(site(folder_));
+  const EvaluationRegion region = testing::region_of(site(folder_));
   EXPECT_TRUE(region.contains({90, -2}, Class::kCar));
   EXPECT_TRUE(region.contains({90, -3.7}, Class::kCar));
   EXPECT_FALSE(region.contains({90, -3.8}, Class::kCar));
@@ -159,7 +159,7 @@ TEST_F(SiteFiles, TheRegionOfLanesHasTheirHeightsAndEndsAroundTheFoot) {
 
 TEST_F(SiteFiles, ALaneThatComesBackIsSeveralPartsEachWithItsOwnZero) {
   write("lanes.csv", "lane,x,y,z,width\nu,0,0,0,3\nu,200,0,0,3\nu,200,20,0,3\nu,0,20,0,3\n");
-  const std::string rows = EvaluationRegion(site(folder_)).roads_csv();
+  const std::string rows = testing::region_of(site(folder_)).roads_csv();
   expect_within(rows, "\nu,0,0.0000,0.0000,");
   expect_within(rows, "\nu_2,0,0.0000,20.0000,");
   EXPECT_EQ(rows.find("u_3"), std::string::npos);
@@ -167,14 +167,14 @@ TEST_F(SiteFiles, ALaneThatComesBackIsSeveralPartsEachWithItsOwnZero) {
 
 TEST_F(SiteFiles, ALaneThatTurnsBackOnItselfHasNoTwoRowsInOnePlaceAfterAnother) {
   write("lanes.csv", "lane,x,y,z,width\nu,0,0,0,3\nu,20.5,0,0,3\nu,0,0.001,0,3\n");
-  const EvaluationRegion region(site(folder_));
+  const EvaluationRegion region = testing::region_of(site(folder_));
   EXPECT_TRUE(region.contains({15, 1}, Class::kCar));
   EXPECT_FALSE(region.contains({25, 0}, Class::kCar));
 }
 
 TEST_F(SiteFiles, ShortLanesHaveBothTheirEnds) {
   write("lanes.csv", "lane,x,y,z,width\na,3.2,0,0,3\na,3.7,0,0,3\n");
-  EXPECT_EQ(EvaluationRegion(site(folder_)).roads_csv(),
+  EXPECT_EQ(testing::region_of(site(folder_)).roads_csv(),
             "road,s,x,y,z,heading,half_width\na,0,3.2000,0.0000,0.0000,0.000000,1.5000\n"
             "a,0.5,3.7000,0.0000,0.0000,0.000000,1.5000\n");
 }
@@ -184,16 +184,16 @@ TEST_F(SiteFiles, RegionsNarrowIt) {
   const std::string ell =
       "regions: [{name: ell, outline_m: "
       "[[-50, -10], [50, -10], [50, 0], [0, 0], [0, 9], [-50, 9]]}]\n";
-  const EvaluationRegion region(site(folder_, ell));
+  const EvaluationRegion region = testing::region_of(site(folder_, ell));
   EXPECT_TRUE(region.contains({-40, 2}, Class::kCar));
   EXPECT_FALSE(region.contains({40, 2}, Class::kCar));  // where the outline is hollow
   EXPECT_TRUE(region.contains({40, -2}, Class::kCar));
   EXPECT_FALSE(region.contains({60, -2}, Class::kCar));
   EXPECT_FALSE(region.contains({40, -9}, Class::kCar));  // off the lanes
   EXPECT_TRUE(region.regions_csv().starts_with("region,x,y\nell,-50,-10\nell,50,-10\n"));
-  EXPECT_EQ(EvaluationRegion(site(folder_)).regions_csv(), "");
+  EXPECT_EQ(testing::region_of(site(folder_)).regions_csv(), "");
   const auto error = [&](const std::string& more) {
-    return error_of([&] { EvaluationRegion{site(folder_, more)}; });
+    return error_of([&] { testing::region_of(site(folder_, more)); });
   };
   expect_within(error("regions: [{name: far, outline_m: [[0, 50], [9, 50], [9, 60]]}]\n"),
                 "site.yaml:7:11: regions.0.outline_m: found no middle of a road or lane");
@@ -222,7 +222,7 @@ TEST_F(SiteFiles, WrongLanesAreNamedWithTheirLine) {
   };
   for (const auto& [text, expected] : wrong) {
     write("lanes.csv", text);
-    expect_within(error_of([&] { EvaluationRegion{site(folder_)}; }), expected);
+    expect_within(error_of([&] { testing::region_of(site(folder_)); }), expected);
   }
 }
 
@@ -258,6 +258,7 @@ TEST_F(SiteFiles, RaysMeetTheSurfaceOfAFileAndItsMaterial) {
 }
 
 TEST_F(SiteFiles, MillimetresStayFarFromTheOrigin) {
+  write("lanes.csv", kLanes);
   SceneConfig scene = site(folder_);
   MountConfig& mount = scene.mounts.begin()->second;
   mount.x_m = 700'000;
@@ -265,7 +266,7 @@ TEST_F(SiteFiles, MillimetresStayFarFromTheOrigin) {
   write("road.ply",
         square("700000.123 -900000 1 0\n700009 -900000 1 0\n700009 -899991 1 0\n700000 -899991 1 "
                "0\n"));
-  const TriangleMesh mesh = build_static_mesh(scene, level_pose(mount));
+  const TriangleMesh mesh = to_level(build_static_surface(build_site(scene)), level_pose(mount));
   EXPECT_NEAR(mesh.vertices[0][0], 0.123, 1e-5);
 }
 
@@ -284,7 +285,7 @@ TEST_F(SiteFiles, ASensorBelowASurfaceOrInALanesWayIsRefused) {
   SceneConfig scene = site(folder_);
   scene.mounts.begin()->second.y_m = -2;
   scene.mounts.begin()->second.z_m = 3;
-  expect_within(error_of([&] { check_site(scene); }),
+  expect_within(error_of([&] { checked_site(scene); }),
                 "found 3 in the way of the vehicles of a lane at 0, allowed from 4.5 on");
 }
 
@@ -292,10 +293,10 @@ TEST_F(SiteFiles, NothingStandsOnALaneOfAFile) {
   write("lanes.csv", kLanes);
   const std::string house =
       "buildings: [{x_m: 50, y_m: -2, length_m: 5, width_m: 5, height_m: 9, base_m: ";
-  expect_within(error_of([&] { check_site(site(folder_, house + "0}]\n")); }), "on a lane");
-  EXPECT_NO_THROW(check_site(site(folder_, house + "7.8}]\n")));  // 4.5 m over the lane
+  expect_within(error_of([&] { checked_site(site(folder_, house + "0}]\n")); }), "on a lane");
+  EXPECT_NO_THROW(checked_site(site(folder_, house + "7.8}]\n")));  // 4.5 m over the lane
   expect_within(
-      error_of([&] { check_site(site(folder_, "barriers: [{road: up, offset_m: 3}]\n")); }),
+      error_of([&] { checked_site(site(folder_, "barriers: [{road: up, offset_m: 3}]\n")); }),
       "found unknown road 'up', allowed none: the scene has no roads");
 }
 

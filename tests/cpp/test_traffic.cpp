@@ -32,7 +32,7 @@ SceneConfig committed(const std::string& name, double duration_s) {
 class committed_traffic : public ::testing::TestWithParam<const char*> {
  protected:
   const SceneConfig scene = committed(GetParam(), 500);
-  const Trajectories trajectories = simulate_traffic(scene);
+  const Trajectories trajectories = simulate_traffic(build_site(scene));
 };
 
 INSTANTIATE_TEST_SUITE_P(scenes, committed_traffic,
@@ -62,7 +62,7 @@ Flow flow(const Trajectories& t, int from_s, int to_s) {
 
 void expect_no_overlaps(const SceneConfig& scene) {
   OverlapSearch search;
-  simulate_traffic(scene, [&](const auto& states) { search.take(states); });
+  simulate_traffic(build_site(scene), [&](const auto& states) { search.take(states); });
   for (const Overlap& o : search.found())
     ADD_FAILURE() << "vehicles " << o.first_id << " and " << o.second_id << " at " << o.time_s
                   << " s, x " << o.place.x << ", y " << o.place.y;
@@ -189,21 +189,22 @@ TEST_P(committed_traffic, has_the_configured_mix_of_classes) {
 
 TEST(traffic, of_equal_seeds_is_equal_and_of_others_is_not) {
   SceneConfig scene = committed("crossroad", 20);
-  const std::string once = trajectories_csv(simulate_traffic(scene));
-  EXPECT_EQ(trajectories_csv(simulate_traffic(scene)), once);
+  const std::string once = trajectories_csv(simulate_traffic(build_site(scene)));
+  EXPECT_EQ(trajectories_csv(simulate_traffic(build_site(scene))), once);
   scene.seed = 2;
-  EXPECT_NE(trajectories_csv(simulate_traffic(scene)), once);
+  EXPECT_NE(trajectories_csv(simulate_traffic(build_site(scene))), once);
 }
 
 TEST(traffic, of_a_shorter_run_is_the_start_of_a_longer_one) {
-  const std::string longer = trajectories_csv(simulate_traffic(committed("curve", 20)));
-  EXPECT_TRUE(longer.starts_with(trajectories_csv(simulate_traffic(committed("curve", 10)))));
+  const std::string longer = trajectories_csv(simulate_traffic(build_site(committed("curve", 20))));
+  EXPECT_TRUE(
+      longer.starts_with(trajectories_csv(simulate_traffic(build_site(committed("curve", 10))))));
 }
 
 TEST(traffic, drives_on_the_right) {
   SceneConfig scene = empty_road();
   scene.traffic->vehicles_per_km_lane = 20;
-  for (const auto& row : simulate_traffic(scene).rows)
+  for (const auto& row : simulate_traffic(build_site(scene)).rows)
     for (const ObjectState& s : row) EXPECT_LT(s.box.y * std::cos(s.box.heading), 0);
 }
 
@@ -211,7 +212,7 @@ TEST(traffic, stands_on_the_road) {
   SceneConfig scene = empty_road();
   scene.roads.front().elevation_m = 3;
   scene.traffic->vehicles_per_km_lane = 20;
-  const Trajectories t = simulate_traffic(scene);
+  const Trajectories t = simulate_traffic(build_site(scene));
   for (const ObjectState& s : t.rows.front()) EXPECT_NEAR(s.box.z - s.box.dz / 2, 3, 1e-4);
 }
 
@@ -223,14 +224,14 @@ TEST(traffic, passes_between_the_legs_of_a_gantry_and_beside_a_house) {
   scene.buildings.emplace_back().y_m = 8.6;  // 0.1 m from the lane
   const auto standing = standing_footprints(scene);
   ASSERT_EQ(standing.size(), 3U);
-  for (const auto& row : simulate_traffic(scene).rows)
+  for (const auto& row : simulate_traffic(build_site(scene)).rows)
     for (const ObjectState& s : row)
       for (const auto& obstacle : standing)
         EXPECT_FALSE(footprints_overlap(footprint(s.box), obstacle)) << s.id;
 }
 
 TEST(crossroad, has_queues_before_its_signals) {
-  const Trajectories t = simulate_traffic(committed("crossroad", 200));
+  const Trajectories t = simulate_traffic(build_site(committed("crossroad", 200)));
   double standing = 0, all = 0;
   for (const auto& row : t.rows)
     for (const ObjectState& s : row) {
@@ -277,7 +278,7 @@ TEST(traffic, that_is_fast_sees_a_queue_from_far_enough_to_stop) {
 }
 
 TEST(crossroad, no_vehicle_stands_on_the_junction) {
-  const Trajectories t = simulate_traffic(committed("crossroad", 200));
+  const Trajectories t = simulate_traffic(build_site(committed("crossroad", 200)));
   for (const auto& row : t.rows)
     for (const ObjectState& s : row) {
       const bool inside = std::abs(s.box.x) < 7 && std::abs(s.box.y) < 7;
@@ -287,7 +288,7 @@ TEST(crossroad, no_vehicle_stands_on_the_junction) {
 
 TEST(crossroad, has_vehicles_that_turn_left_and_right_and_go_straight_on) {
   std::map<int, double> first, last;
-  for (const auto& row : simulate_traffic(committed("crossroad", 300)).rows)
+  for (const auto& row : simulate_traffic(build_site(committed("crossroad", 300))).rows)
     for (const ObjectState& s : row) {
       first.try_emplace(s.id, s.box.heading);
       last[s.id] = s.box.heading;
@@ -339,7 +340,7 @@ SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
 std::map<std::string, int> ways(const SceneConfig& scene) {
   const auto arm = [](const Box3d& box) { return box.y < -15 ? 's' : box.x < 0 ? 'w' : 'e'; };
   std::map<int, std::string> way;
-  simulate_traffic(scene, [&](const auto& states) {
+  simulate_traffic(build_site(scene), [&](const auto& states) {
     for (const ObjectState& s : states) {
       std::string& own = way.try_emplace(s.id, 2, arm(s.box)).first->second;
       if (std::hypot(s.box.x, s.box.y) > 30) own[1] = arm(s.box);
@@ -399,7 +400,7 @@ std::map<bool, double> flows(const std::vector<bool>& with_ring) {
   for (std::size_t i = 0; i < with_ring.size(); ++i) add_crossing(scene, place(i), with_ring[i]);
   std::map<bool, double> sum, count;
   for (scene.seed = 1; scene.seed <= 3; ++scene.seed) {
-    const Trajectories trajectories = simulate_traffic(scene);
+    const Trajectories trajectories = simulate_traffic(build_site(scene));
     for (std::size_t i = 0; i < with_ring.size(); ++i) {
       sum[with_ring[i]] += static_cast<double>(passing(trajectories, place(i)));
       ++count[with_ring[i]];
@@ -431,11 +432,12 @@ TEST(t_junction, is_also_where_a_road_begins_or_stops_short_of_the_middle) {
   scene.roads[1].centreline[0].line_m = 200;
   EXPECT_GE(ways(scene)["sw"], 3);
   scene.roads[1].start = {0, -10, -90};
-  EXPECT_NE(error_of([&] { simulate_traffic(scene); }).find("do not meet"), std::string::npos);
+  EXPECT_NE(error_of([&] { simulate_traffic(build_site(scene)); }).find("do not meet"),
+            std::string::npos);
 }
 
 TEST(t_junction, has_a_turn_for_each_lane_of_the_road_that_ends) {
-  const std::string message = error_of([] { simulate_traffic(t_junction(3, 90)); });
+  const std::string message = error_of([] { simulate_traffic(build_site(t_junction(3, 90))); });
   EXPECT_NE(message.find("found 1 lanes of a road that ends there"), std::string::npos) << message;
 }
 
@@ -450,7 +452,7 @@ TEST(roundabout, every_way_is_driven_around_the_island_and_no_two_vehicles_are_i
         for (const char* way : {"we", "ew", "ws", "es", "sw", "se"})
           EXPECT_GE(count[way], 3) << way;
         double nearest = kInf;
-        simulate_traffic(scene, [&](const auto& states) {
+        simulate_traffic(build_site(scene), [&](const auto& states) {
           for (const ObjectState& s : states)
             nearest = std::min(nearest, std::hypot(s.box.x, s.box.y) - s.box.dy / 2);
         });
@@ -461,7 +463,7 @@ TEST(roundabout, every_way_is_driven_around_the_island_and_no_two_vehicles_are_i
 TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
   const SceneConfig scene = roundabout(15, 90, false);
   std::set<std::string> classes;
-  simulate_traffic(scene, [&](const auto& states) {
+  simulate_traffic(build_site(scene), [&](const auto& states) {
     for (const ObjectState& s : states) {
       const double away = std::hypot(s.box.x, s.box.y);
       if (std::abs(away - 15) > 1) continue;
@@ -476,14 +478,14 @@ TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
 TEST(roundabout, is_in_the_region_and_its_island_in_the_mesh) {
   SceneConfig scene = roundabout(20, 90, false);
   scene.region_half_length_m = 100;
-  const EvaluationRegion region(scene);
+  const EvaluationRegion region = testing::region_of(scene);
   const Vec2 away = heading_vector(kPi / 4);
   for (int degrees = 0; degrees < 360; degrees += 5)
     EXPECT_TRUE(region.contains(22.9 * heading_vector(rad(degrees)), Class::kCar)) << degrees;
   EXPECT_FALSE(region.contains(23.1 * away, Class::kCar));
   EXPECT_FALSE(region.contains(16.9 * away, Class::kCar));
   EXPECT_NE(region.roads_csv().find("\nroad_side_ring,"), std::string::npos);
-  const TriangleMesh mesh = build_static_mesh(scene, {});
+  const TriangleMesh mesh = to_level(build_static_surface(build_site(scene)), {});
   std::map<std::string, double> top;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
     for (const std::uint32_t corner : mesh.triangles[i]) {
@@ -498,8 +500,10 @@ TEST(roundabout, is_in_the_region_and_its_island_in_the_mesh) {
 TEST(roundabout, needs_one_lane_each_way_and_arms_that_are_apart) {
   SceneConfig wide = roundabout(15, 90, false);
   wide.roads[0].lanes.each_way = 2;
-  EXPECT_NE(error_of([&] { simulate_traffic(wide); }).find("one lane each way"), std::string::npos);
-  const std::string message = error_of([] { simulate_traffic(roundabout(15, 50, false)); });
+  EXPECT_NE(error_of([&] { simulate_traffic(build_site(wide)); }).find("one lane each way"),
+            std::string::npos);
+  const std::string message =
+      error_of([] { simulate_traffic(build_site(roundabout(15, 50, false))); });
   EXPECT_NE(message.find("found arms at 50 degrees"), std::string::npos) << message;
 }
 
@@ -511,7 +515,7 @@ TEST(one_way_road, is_driven_along_its_centreline_alone) {
   EXPECT_GE(count["se"], 3);
   EXPECT_EQ(count["ws"] + count["es"], 0);
   expect_no_overlaps(scene);
-  for (const auto& row : simulate_traffic(scene).rows)
+  for (const auto& row : simulate_traffic(build_site(scene)).rows)
     for (const ObjectState& s : row)
       if (s.box.y < -30) {
         EXPECT_LT(std::abs(s.box.x), scene.roads[1].lanes.width_m);
@@ -531,7 +535,7 @@ TEST(one_way_road, joins_one_that_is_one_way_and_leads_away_from_another) {
 TEST(one_way_road, needs_a_turn_for_each_lane_that_joins_it) {
   SceneConfig scene = t_junction(2, 90);
   scene.roads[0].lanes.one_way = true;
-  const std::string message = error_of([&] { simulate_traffic(scene); });
+  const std::string message = error_of([&] { simulate_traffic(build_site(scene)); });
   EXPECT_NE(message.find("found 1 lanes of a road that ends there"), std::string::npos) << message;
 }
 

@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "infrasim/pipeline/simulate.h"
+#include "infrasim/scene/instants.h"
+#include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
 #include "small_scenes.h"
@@ -53,7 +55,7 @@ SceneConfig road_with_traffic(double vehicles_per_km_lane) {
 // --- the file ---------------------------------------------------------------------------------
 
 TEST(trajectories, written_and_read_are_the_same) {
-  const Trajectories written = simulate_traffic(road_with_traffic(15));
+  const Trajectories written = simulate_traffic(build_site(road_with_traffic(15)));
   const std::string text = trajectories_csv(written);
   const Trajectories back = read(text);
   ASSERT_EQ(back.rows.size(), written.rows.size());
@@ -165,7 +167,7 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   const SceneConfig scene = road_with_traffic(15);
   TrajectoryText lines;
   std::string text = lines.header();
-  Instants(scene).each([&](const auto& states) { text += lines.rows(states); });
+  Instants(checked_site(scene)).each([&](const auto& states) { text += lines.rows(states); });
   text += lines.end();
   EXPECT_EQ(text, trajectories_csv(*build_world(scene).trajectories));
   EXPECT_EQ(lines.instants(), 31);
@@ -174,8 +176,9 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
 TEST(trajectories, handed_over_one_by_one_need_a_scene_that_is_right_as_a_whole) {
   SceneConfig scene = road_with_traffic(15);
   scene.gantries.push_back({.road = "other", .s_m = 1, .place = {}});
-  EXPECT_NE(error_of([&] { Instants(scene).each([](const auto&) {}); }).find("'other'"),
-            std::string::npos);
+  EXPECT_NE(
+      error_of([&] { Instants(checked_site(scene)).each([](const auto&) {}); }).find("'other'"),
+      std::string::npos);
 }
 
 TEST(trajectories, shorter_than_the_scene_are_an_error) {

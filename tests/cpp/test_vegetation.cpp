@@ -278,10 +278,10 @@ TEST(vegetation, of_a_row_stands_along_its_road) {
                                        .density_per_m = 2,
                                        .place = {}};
   scene.vegetation = {hedge, trees};
-  ASSERT_EQ(trunks(scene).size(), 5U);
-  EXPECT_NEAR(trunks(scene)[4].box.x, -60, 1e-9);
-  EXPECT_NEAR(trunks(scene)[4].box.y, 8, 1e-9);
-  const std::vector<LeafVolume> volumes = leaf_volumes(scene);
+  ASSERT_EQ(trunks(scene, centrelines(scene)).size(), 5U);
+  EXPECT_NEAR(trunks(scene, centrelines(scene))[4].box.x, -60, 1e-9);
+  EXPECT_NEAR(trunks(scene, centrelines(scene))[4].box.y, 8, 1e-9);
+  const std::vector<LeafVolume> volumes = leaf_volumes(scene, centrelines(scene));
   ASSERT_EQ(volumes.size(), 7U);
   EXPECT_NEAR(volumes[1].box.x, -127.5, 1e-9);
   EXPECT_NEAR(volumes[1].box.dx, 5, 1e-9);
@@ -357,7 +357,7 @@ TEST(vegetation, on_a_lane_is_refused) {
   const auto error = [](const VegetationConfig& v) {
     SceneConfig scene = empty_road();
     scene.vegetation = {v};
-    return error_of([&] { check_site(scene); });
+    return error_of([&] { checked_site(scene); });
   };
   VegetationConfig hedge = hedge_across(0);
   hedge.hedge->y_m = 4;
@@ -368,17 +368,17 @@ TEST(vegetation, on_a_lane_is_refused) {
   high.tree->shape.trunk_m = 4.5;
   SceneConfig scene = empty_road();
   scene.vegetation = {high};
-  check_site(scene);
+  checked_site(scene);
 }
 
 TEST(vegetation, around_a_sensor_is_refused) {
   SceneConfig scene = empty_road();
   scene.mounts["pole"].y_m = 10;
   scene.vegetation = {tree_at(1, 10)};
-  EXPECT_NE(error_of([&] { check_site(scene); }).find("inside a crown"), std::string::npos);
+  EXPECT_NE(error_of([&] { checked_site(scene); }).find("inside a crown"), std::string::npos);
   scene.vegetation = {hedge_across(0)};
   scene.vegetation[0].hedge->y_m = 10;
-  EXPECT_NE(error_of([&] { check_site(scene); }).find("inside a hedge"), std::string::npos);
+  EXPECT_NE(error_of([&] { checked_site(scene); }).find("inside a hedge"), std::string::npos);
 }
 
 // --- presets ----------------------------------------------------------------------------------

@@ -20,7 +20,9 @@
 #include "infrasim/io/npy.h"
 #include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/pipeline/world.h"
+#include "infrasim/scene/instants.h"
 #include "infrasim/scene/mesh_file.h"
+#include "infrasim/scene/site_rules.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/range_law.h"
 
@@ -192,7 +194,8 @@ void trajectories_command(const TrajectoriesOptions& o) {
   const std::filesystem::path file = o.out;
   remove_leftovers(file.parent_path().empty() ? "." : file.parent_path());
   AtomicFile out(file);
-  const Instants instants(scene);
+  const Site site = checked_site(scene);
+  const Instants instants(site);
   TrajectoryText lines(instants.pitched());
   out.write(lines.header());
   instants.each([&](const auto& states) { out.write(lines.rows(states)); });

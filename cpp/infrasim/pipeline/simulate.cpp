@@ -192,8 +192,8 @@ LidarFilters FrameSimulator::learn_filters(const World& world, std::span<const L
   for (std::size_t i = 0; i < lidars.size(); ++i) {
     // A background is learnt from frames with noise of their own, not from those it is held to.
     std::optional<Lidar> learning;
-    out.push_back(
-        std::make_shared<const std::vector<FilterStep>>(make_filters(world.scene, [&](int k) {
+    out.push_back(std::make_shared<const std::vector<FilterStep>>(
+        make_filters(*world.site, world.scene.mounts.begin()->second, [&](int k) {
           if (!impl) impl.emplace(world, std::span<const LidarConfig>{}, StaticLayers{}, out);
           if (!learning)
             learning = make_lidar(world.scene, lidars[i], layers_of(layers, i), "background ");

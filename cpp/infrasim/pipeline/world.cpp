@@ -4,12 +4,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "infrasim/scene/parked.h"
-#include "infrasim/scene/people.h"
-#include "infrasim/scene/profile.h"
+#include "infrasim/scene/instants.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
-#include "infrasim/scene/traffic.h"
 #include "infrasim/scene/vehicle_body.h"
 
 namespace infrasim {
@@ -17,57 +14,6 @@ namespace infrasim {
 namespace {
 
 constexpr double kChecked_s = 60;  // of simulated traffic
-
-Trajectories load_recorded(const SceneConfig& scene) {
-  const std::filesystem::path file = scene.folder / scene.trajectories;
-  if (!std::filesystem::exists(file))
-    throw IoError(file.string() +
-                  ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
-                  "trajectories` writes the file of a site");
-  Trajectories trajectories = read_trajectories(file);
-  const int frames = frame_count(scene.duration_s);
-  if (!trajectories.rows.empty() && trajectories.frames() < frames)
-    throw ConfigError(
-        file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
-        " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
-  trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
-  const bool people = scene.people || scene.standing_people;
-  if (!scene.parked && !people) return trajectories;
-  const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
-  for (const auto& states : trajectories.rows)
-    if (!states.empty() && states.back().id >= first)
-      throw ConfigError(file.string() + ": id: found " + std::to_string(states.back().id) +
-                        ", allowed below " + std::to_string(first) + ", where those of " +
-                        (scene.parked ? "parked vehicles" : "people") + " begin");
-  return trajectories;
-}
-
-/// Hands over every instant with the vehicles that stand for the whole of it.
-TakeInstant with_parked(const SceneConfig& scene, const TakeInstant& take) {
-  std::vector<ObjectState> parked;
-  for (const ParkedVehicle& vehicle : parked_vehicles(scene)) parked.push_back(vehicle.state);
-  if (parked.empty()) return take;
-  Profile(scene).lift(parked);
-  return [parked = std::move(parked), take](std::vector<ObjectState> states) {
-    states.insert(states.end(), parked.begin(), parked.end());
-    take(states);
-  };
-}
-
-/// Hands over every instant with the people who are there then.
-TakeInstant with_people(const SceneConfig& scene, const TakeInstant& take) {
-  People people(scene);
-  std::vector<ObjectState> standing = standing_people(scene);
-  if (people.empty() && standing.empty()) return take;
-  return [people = std::move(people), standing = std::move(standing), profile = Profile(scene),
-          take, instant = 0](std::vector<ObjectState> states) mutable {
-    auto there = people.at(instant++ * kFramePeriod);
-    there.insert(there.end(), standing.begin(), standing.end());
-    profile.lift(there);
-    states.insert(states.end(), there.begin(), there.end());
-    take(states);
-  };
-}
 
 std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& scene) {
   std::map<std::string, StaticLayerFile> layers;
@@ -113,27 +59,31 @@ TakeInstant looked_at(const SceneConfig& scene, const TakeInstant& take) {
   };
 }
 
-/// @param scene        at one mount, checked
+/// @param scene        at one mount
+/// @param site         of the scene, checked
+/// @param surface      of the site
 /// @param trajectories of the scene
-World world_of(const SceneConfig& scene, std::shared_ptr<const Trajectories> trajectories) {
+World world_of(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
+               const Surface& surface, std::shared_ptr<const Trajectories> trajectories) {
   if (const double late_s = clock_offset_s(scene); late_s != 0)
     trajectories = std::make_shared<const Trajectories>(seen_late(*trajectories, late_s));
-  const LevelPose level = level_pose(scene.mounts.begin()->second);
-  TriangleMesh background = build_static_mesh(scene, level);
+  const MountConfig& mount = scene.mounts.begin()->second;
+  const LevelPose level = level_pose(mount);
+  TriangleMesh background = to_level(surface, level);
   check_sensor_above(scene, background);
   std::vector<TriangleMesh> bodies;
   for (const ObjectClass& row : kObjectClasses)
     bodies.push_back(build_vehicle_body(row.id, scene.detail));
   auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
-  const Profile profile(scene);
-  std::vector<LeafVolume> leaves = leaf_volumes(scene);
+  std::vector<LeafVolume> leaves = site->leaves;
   for (LeafVolume& volume : leaves) {
-    volume.box.z += profile.rise({volume.box.x, volume.box.y});
+    volume.box.z += site->profile.rise({volume.box.x, volume.box.y});
     volume.box = level.to_level(volume.box);
   }
   return {scene,
+          site,
           level,
-          EvaluationRegion(scene),
+          EvaluationRegion(*site, mount),
           std::move(trajectories),
           std::move(background),
           std::move(bodies),
@@ -154,25 +104,27 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
                                 std::span<const int> frames, bool to_end) {
   std::vector<SceneConfig> views;
   for (const std::string& mount : mounts) views.push_back(seen_from(scene, mount));
-  const Instants instants(scene);
+  const auto site = std::make_shared<const Site>(checked_site(scene));
+  const Instants instants(*site);
   const std::vector<bool> asked = rows_of(frames, views);
   const auto last = std::find(asked.rbegin(), asked.rend(), true);
   TrajectoryKeeper keeper(asked, instants.pitched());
   instants.each(looked_at(scene, [&](const auto& states) { keeper.take(states); }),
                 static_cast<int>(to_end ? asked.size() : asked.rend() - last));
   const auto trajectories = std::make_shared<const Trajectories>(keeper.finish());
+  const Surface surface = build_static_surface(*site);
   std::vector<World> worlds;
-  for (const SceneConfig& view : views) worlds.push_back(world_of(view, trajectories));
+  for (const SceneConfig& view : views)
+    worlds.push_back(world_of(view, site, surface, trajectories));
   return worlds;
 }
 
 void check_worlds(const SceneConfig& scene, bool drive) {
-  if (drive)
-    Instants(scene).each(looked_at(scene, [](const auto&) {}));
-  else
-    check_site(scene);
+  const auto site = std::make_shared<const Site>(checked_site(scene));
+  if (drive) Instants(*site).each(looked_at(scene, [](const auto&) {}));
+  const Surface surface = build_static_surface(*site);
   for (const std::string& mount : mount_names(scene))
-    world_of(seen_from(scene, mount), std::make_shared<const Trajectories>());
+    world_of(seen_from(scene, mount), site, surface, std::make_shared<const Trajectories>());
 }
 
 bool move_alike(const SceneConfig& a, const SceneConfig& b) {
@@ -205,7 +157,7 @@ void each_instant(const World& world, const TakeInstant& take) {
   }
   const double late_s = clock_offset_s(world.scene);
   const int frames = world.trajectories->frames();
-  Instants(world.scene).each(late_s == 0 ? take : seen_late(late_s, frames, take));
+  Instants(*world.site).each(late_s == 0 ? take : seen_late(late_s, frames, take));
 }
 
 World build_world(const SceneConfig& scene, const std::string& mount) {
@@ -218,33 +170,11 @@ std::vector<std::string> mount_names(const SceneConfig& scene) {
   return names;
 }
 
-Instants::Instants(const SceneConfig& scene) : scene_(scene) {
-  // What stands still is no part of the rows, but a scene is right as a whole or not at all.
-  check_site(scene);
-  if (!scene.traffic) recorded_ = load_recorded(scene);
-}
-
-void Instants::each(const TakeInstant& take) const {
-  each(take, frame_count(scene_.duration_s) + 1);
-}
-
-void Instants::each(const TakeInstant& take, int instants) const {
-  const TakeInstant all = with_parked(scene_, with_people(scene_, take));
-  if (scene_.traffic)
-    return simulate_traffic(
-        scene_,
-        [&, profile = Profile(scene_)](std::vector<ObjectState> states) {
-          profile.lift(states);
-          all(states);
-        },
-        instants);
-  for (int k = 0; k < instants; ++k) all(recorded_->rows[static_cast<std::size_t>(k)]);
-}
-
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   if (scene.traffic) scene.duration_s = kChecked_s;
+  const Site site = checked_site(scene);
   OverlapSearch search;
-  Instants(scene).each([&](const auto& states) { search.take(states); });
+  Instants(site).each([&](const auto& states) { search.take(states); });
   return search.found();
 }
 

@@ -2,7 +2,6 @@
 
 #include <map>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,6 +13,7 @@
 #include "infrasim/raycast/volumes.h"
 #include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/region.h"
+#include "infrasim/scene/site.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/trajectories.h"
 
@@ -22,7 +22,8 @@ namespace infrasim {
 /// A scene at one mount made ready: its trajectories and its meshes. Built once, shared by all
 /// threads.
 struct World {
-  SceneConfig scene;  ///< seen_from the mount
+  SceneConfig scene;                 ///< seen_from the mount
+  std::shared_ptr<const Site> site;  ///< of the scene with all its mounts
   LevelPose level;
   EvaluationRegion region;
   std::shared_ptr<const Trajectories> trajectories;  ///< by the mount's clock
@@ -58,25 +59,6 @@ void each_instant(const World& world, const TakeInstant& take);
 
 /// In the order of the file.
 std::vector<std::string> mount_names(const SceneConfig& scene);
-
-/// The vehicles and people of a scene, one instant after the other; simulated ones are not kept,
-/// those of a file are read once.
-class Instants {
- public:
-  /// @param scene outlives this
-  /// @throws what build_world does
-  explicit Instants(const SceneConfig& scene);
-
-  /// Whether vehicles may lean forwards or backwards: tables have the column.
-  bool pitched() const { return scene_.profile || (recorded_ && recorded_->pitched); }
-  void each(const TakeInstant& take) const;
-  /// The same up to a number of instants.
-  void each(const TakeInstant& take, int instants) const;
-
- private:
-  const SceneConfig& scene_;
-  std::optional<Trajectories> recorded_;
-};
 
 /// Vehicles that are in one place within a minute of a scene's traffic, or at any time of its
 /// recorded trajectories.

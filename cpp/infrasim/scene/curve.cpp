@@ -70,41 +70,6 @@ double Curve::tightest_radius() const {
   return radius;
 }
 
-namespace {
-
-/// Length of an arc's chords, at most 0.8 mm off it: 0.5 m at a radius of 40 m or less.
-double arc_step(double radius) { return 0.5 * std::sqrt(std::max(1.0, radius / 40)); }
-
-void append_line(std::vector<CurvePoint>& samples, double length) {
-  const CurvePoint from = samples.back();
-  samples.push_back({from.position + length * heading_vector(from.heading), from.heading});
-}
-
-void append_arc(std::vector<CurvePoint>& samples, double radius, double angle) {
-  const CurvePoint from = samples.back();
-  const double side = angle > 0 ? 1 : -1;
-  const Vec2 centre = from.position + side * radius * heading_vector(from.heading + kPi / 2);
-  const int steps =
-      std::max(1, static_cast<int>(std::ceil(std::abs(angle) * radius / arc_step(radius))));
-  for (int i = 1; i <= steps; ++i) {
-    const double heading = from.heading + angle * i / steps;
-    samples.push_back({centre - side * radius * heading_vector(heading + kPi / 2), heading});
-  }
-}
-
-}  // namespace
-
-Curve centreline(const RoadConfig& road) {
-  std::vector<CurvePoint> samples{{{road.start.x_m, road.start.y_m}, rad(road.start.heading_deg)}};
-  for (const CentrelinePiece& piece : road.centreline) {
-    if (piece.line_m > 0)
-      append_line(samples, piece.line_m);
-    else
-      append_arc(samples, piece.radius_m, rad(piece.turn_deg));
-  }
-  return Curve(std::move(samples));
-}
-
 Curve turn(const CurvePoint& from, const CurvePoint& to) {
   // Handles of 0.39 chords make a quarter turn a circle within 0.03 % of its radius.
   constexpr int kSteps = 40;

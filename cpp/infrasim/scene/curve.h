@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "infrasim/config/scene_config.h"
 #include "infrasim/core/geometry.h"
 
 namespace infrasim {
@@ -42,9 +41,6 @@ class Curve {
   std::vector<CurvePoint> samples_;
   std::vector<double> s_;
 };
-
-/// Centreline of a road; arcs are sampled every 0.5 m, wide ones less often.
-Curve centreline(const RoadConfig& road);
 
 /// Smooth turn from one directed point to another (cubic Bezier, near a circle for a right angle).
 Curve turn(const CurvePoint& from, const CurvePoint& to);

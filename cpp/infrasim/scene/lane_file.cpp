@@ -105,9 +105,9 @@ std::vector<LanePath> lanes_of(const SceneConfig& scene) {
   return scene.lanes ? read_lanes(scene.folder / *scene.lanes) : std::vector<LanePath>{};
 }
 
-std::vector<LaneLevel> lane_levels(const SceneConfig& scene, Vec2 place) {
+std::vector<LaneLevel> lane_levels(std::span<const LanePath> lanes, Vec2 place) {
   std::vector<LaneLevel> out;
-  for (const LanePath& lane : lanes_of(scene)) {
+  for (const LanePath& lane : lanes) {
     const double s = lane.line.project(place);
     const CurvePoint p = lane.line.at(s);
     const Vec2 off = place - p.position;

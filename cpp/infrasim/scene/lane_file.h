@@ -1,9 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "infrasim/config/scene_config.h"
 #include "infrasim/scene/curve.h"
 
 namespace infrasim {
@@ -34,7 +36,7 @@ struct LaneLevel {
   double z = 0;
 };
 
-/// Of each of the scene's lanes.
-std::vector<LaneLevel> lane_levels(const SceneConfig& scene, Vec2 place);
+/// Of each of some lanes.
+std::vector<LaneLevel> lane_levels(std::span<const LanePath> lanes, Vec2 place);
 
 }  // namespace infrasim

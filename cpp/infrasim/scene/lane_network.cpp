@@ -6,14 +6,6 @@
 
 namespace infrasim {
 
-double carriageway_half_width(const LanesConfig& lanes) {
-  return lanes_half_width(lanes) + lanes.shoulder_m;
-}
-
-double outer_half_width(const LanesConfig& lanes) {
-  return carriageway_half_width(lanes) + lanes.sidewalk_m;
-}
-
 namespace {
 
 constexpr double kStopLineGap = 3;             // between the crossing road's edge and the stop line
@@ -35,7 +27,7 @@ struct Arm {
 
 struct RoadLine {
   const RoadConfig* config = nullptr;
-  Curve curve;
+  const Curve& curve;
   std::optional<JunctionCut> cut;
 };
 
@@ -284,13 +276,14 @@ void connect_arms(LaneNetwork& network, int index, const std::vector<Arm>& arms)
 
 }  // namespace
 
-LaneNetwork build_lane_network(const SceneConfig& scene) {
+LaneNetwork build_lane_network(const SceneConfig& scene, std::span<const Curve> centrelines) {
   std::vector<RoadLine> roads;
-  for (const RoadConfig& road : scene.roads) {
+  for (std::size_t i = 0; i < scene.roads.size(); ++i) {
+    const RoadConfig& road = scene.roads[i];
     for (const RoadLine& other : roads)
       if (other.config->name == road.name)
         config::fail(road.place, "name", "found a second road '" + road.name + "', allowed one");
-    roads.push_back({&road, centreline(road), {}});
+    roads.push_back({&road, centrelines[i], {}});
   }
   LaneNetwork network;
   for (std::size_t i = 0; i < scene.junctions.size(); ++i)
@@ -305,17 +298,6 @@ LaneNetwork build_lane_network(const SceneConfig& scene) {
   }
   for (std::size_t i = 0; i < arms.size(); ++i) connect_arms(network, static_cast<int>(i), arms[i]);
   return network;
-}
-
-std::vector<Ring> rings_of(const SceneConfig& scene) {
-  std::vector<Ring> out;
-  const auto has_ring = [](const JunctionConfig& junction) {
-    return junction.roundabout.has_value();
-  };
-  if (std::ranges::none_of(scene.junctions, has_ring)) return out;
-  for (const std::optional<Ring>& ring : build_lane_network(scene).rings)
-    if (ring) out.push_back(*ring);
-  return out;
 }
 
 }  // namespace infrasim

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "infrasim/scene/curve.h"
+#include "infrasim/scene/roads.h"
 #include "infrasim/scene/roundabout.h"
 
 namespace infrasim {
@@ -40,15 +40,10 @@ struct LaneNetwork {
   std::vector<std::optional<Ring>> rings;  ///< of each junction
 };
 
-/// Distance from the centreline to the outer edge of the shoulder, or of the footway.
-double carriageway_half_width(const LanesConfig& lanes);
-double outer_half_width(const LanesConfig& lanes);
-
 /// Two roads make a junction where they cross, or where one ends on the other (a T).
+/// @param centrelines of the scene's roads
 /// @throws ConfigError if a junction names an unknown road, or joins roads that do not meet, lie
 /// at different heights, or meet at an angle that traffic can't drive
-LaneNetwork build_lane_network(const SceneConfig& scene);
-/// The roundabouts of a scene. @throws ConfigError as build_lane_network does
-std::vector<Ring> rings_of(const SceneConfig& scene);
+LaneNetwork build_lane_network(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 }  // namespace infrasim

@@ -4,8 +4,8 @@
 
 #include "infrasim/config/fields.h"
 #include "infrasim/core/rng.h"
-#include "infrasim/scene/curve.h"
 #include "infrasim/scene/fleet.h"
+#include "infrasim/scene/roads.h"
 
 namespace infrasim {
 
@@ -17,8 +17,7 @@ constexpr std::size_t kMost = 2'000;    // in a scene: each is looked at in ever
 constexpr unsigned kDrawsOfOthers = 7;  // class and size
 
 /// The line that the middles of a row's vehicles stand on.
-Curve line_of(const RoadConfig& road, const ParkedConfig& row) {
-  const Curve whole = centreline(road);
+Curve line_of(const Curve& whole, const ParkedConfig& row) {
   const double to = std::min(row.to_m, whole.length());
   if (row.from_m >= to)
     config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
@@ -27,8 +26,8 @@ Curve line_of(const RoadConfig& road, const ParkedConfig& row) {
 
 class Row {
  public:
-  Row(const RoadConfig& road, const ParkedConfig& config, Rng rng)
-      : config_(config), rng_(rng), line_(line_of(road, config)), road_(road) {}
+  Row(const Road& road, const ParkedConfig& config, Rng rng)
+      : config_(config), rng_(rng), line_(line_of(road.centreline, config)), road_(road.config) {}
 
   void append_to(std::vector<ParkedVehicle>& out) const {
     double s = 0;
@@ -73,14 +72,14 @@ class Row {
 
 }  // namespace
 
-std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene) {
+std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene,
+                                           std::span<const Curve> centrelines) {
   std::vector<ParkedVehicle> out;
   if (!scene.parked) return out;
   const Rng rng = Rng::of(scene.seed, "parked");
   for (std::size_t i = 0; i < scene.parked->size(); ++i) {
     const ParkedConfig& row = (*scene.parked)[i];
-    const RoadConfig& road = scene.roads[road_index(scene, row.road, row.place, "road")];
-    Row(road, row, rng.at(i + 1)).append_to(out);
+    Row(road_named(scene, centrelines, row.road, row.place), row, rng.at(i + 1)).append_to(out);
   }
   return out;
 }

@@ -38,19 +38,17 @@ struct PeopleRow::Walk {
   double left = 0;      ///< to the left of it
 };
 
-Curve people_line(const SceneConfig& scene, const PeopleConfig& row) {
-  const RoadConfig& road = scene.roads[road_index(scene, row.road, row.place, "road")];
-  const Curve whole = centreline(road);
-  const double to = std::min(row.to_m, whole.length());
+Curve people_line(const Curve& centreline, const PeopleConfig& row) {
+  const double to = std::min(row.to_m, centreline.length());
   if (row.from_m >= to)
     config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
-  return whole.part(row.from_m, to).offset(row.offset_m);
+  return centreline.part(row.from_m, to).offset(row.offset_m);
 }
 
-PeopleRow::PeopleRow(const SceneConfig& scene, const PeopleConfig& row, const Rng& rng)
+PeopleRow::PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng)
     : object_class_(&object_class_of(row.kind)),
-      elevation_m_(scene.roads[road_index(scene, row.road, row.place, "road")].elevation_m),
-      line_(people_line(scene, row)) {
+      elevation_m_(road.config.elevation_m),
+      line_(people_line(road.centreline, row)) {
   const double way = std::max(2 * kShortestWay * object_class_->length_m.mean,
                               2 * kMakesWay_s * fastest_of(row.speed));
   beyond_m_ = way + 2 * object_class_->length_m.mean + kAhead_m;
@@ -171,12 +169,12 @@ void PeopleRow::append_at(double time_s, int first_id, int step,
   }
 }
 
-People::People(const SceneConfig& scene) {
+People::People(const SceneConfig& scene, std::span<const Curve> centrelines) {
   if (!scene.people) return;
   const Rng rng = Rng::of(scene.seed, "people");
   for (std::size_t i = 0; i < scene.people->size(); ++i) {
     const PeopleConfig& row = (*scene.people)[i];
-    rows_.emplace_back(scene, row, rng.at(i + 1));
+    rows_.emplace_back(road_named(scene, centrelines, row.road, row.place), row, rng.at(i + 1));
     step_ += static_cast<int>(rows_.back().size());
     if (step_ > kMostPeople)
       config::fail(row.place, "per_km",

@@ -1,11 +1,12 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/rng.h"
-#include "infrasim/scene/curve.h"
 #include "infrasim/scene/fleet.h"
+#include "infrasim/scene/roads.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
@@ -14,8 +15,9 @@ inline constexpr int kFirstPersonId = 1'500'000'000;          ///< beyond those 
 inline constexpr int kFirstStandingPersonId = 2'000'000'000;  ///< beyond those of people who walk
 
 /// The line of a row of people, from one end to the other.
-/// @throws ConfigError for an unknown road, or a row that begins beyond its end
-Curve people_line(const SceneConfig& scene, const PeopleConfig& row);
+/// @param centreline of the road that the row names
+/// @throws ConfigError for a row that begins beyond the road's end
+Curve people_line(const Curve& centreline, const PeopleConfig& row);
 
 /// The radius of the circle that the people of a group stand in, their bodies included.
 double radius_of(const StandingPeopleConfig& group);
@@ -39,7 +41,7 @@ struct Person {
 class PeopleRow {
  public:
   /// @throws ConfigError as people_line
-  PeopleRow(const SceneConfig& scene, const PeopleConfig& row, const Rng& rng);
+  PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng);
 
   std::size_t size() const { return people_.size(); }
 
@@ -68,8 +70,10 @@ class PeopleRow {
 /// All people of a scene, drawn from its seed, in steady state from t = 0 on.
 class People {
  public:
-  /// @throws ConfigError as people_line, and for more people than a scene may have
-  explicit People(const SceneConfig& scene);
+  /// @param centrelines of the scene's roads
+  /// @throws ConfigError as people_line, for an unknown road, and for more people than a scene may
+  /// have
+  People(const SceneConfig& scene, std::span<const Curve> centrelines);
 
   bool empty() const { return step_ == 0; }
 

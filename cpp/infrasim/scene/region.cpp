@@ -8,31 +8,32 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/numbers.h"
-#include "infrasim/scene/lane_network.h"
 
 namespace infrasim {
 
-EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
-    : outlines_(scene.regions.value_or(std::vector<RegionConfig>{})),
-      half_length_(scene.region_half_length_m),
-      profile_(scene) {
-  const MountConfig& mount = scene.mounts.begin()->second;
+EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
+    : outlines_(site.scene.regions.value_or(std::vector<RegionConfig>{})),
+      half_length_(site.scene.region_half_length_m),
+      profile_(site.profile) {
+  const SceneConfig& scene = site.scene;
   const Vec2 foot{mount.x_m, mount.y_m};
-  for (const RoadConfig& road : scene.roads) {
-    Curve along = centreline(road);
+  for (std::size_t i = 0; i < scene.roads.size(); ++i) {
+    const RoadConfig& road = scene.roads[i];
+    Curve along = site.centrelines[i];
     const double heading = along.at(along.project(foot)).heading;
     if (std::cos(heading - rad(mount.yaw_deg)) < 0) along = along.reversed();
     const double station = along.project(foot);
     roads_.push_back({road.name, std::move(along), station, road.elevation_m,
                       carriageway_half_width(road.lanes)});
   }
-  for (const Ring& ring : rings_of(scene)) {
-    Curve along = ring.line(foot);
+  for (const std::optional<Ring>& ring : site.network.rings) {
+    if (!ring) continue;
+    Curve along = ring->line(foot);
     const double station = along.length() / 2;  // nearest to the foot
     roads_.push_back(
-        {ring.name, std::move(along), station, ring.elevation_m, ring.config.width_m / 2});
+        {ring->name, std::move(along), station, ring->elevation_m, ring->config.width_m / 2});
   }
-  for (const LanePath& lane : lanes_of(scene)) {
+  for (const LanePath& lane : site.lanes) {
     std::vector<LanePart> parts = parts_within(lane, foot, half_length_);
     std::ranges::move(parts, std::back_inserter(parts_));
   }
@@ -45,7 +46,7 @@ EvaluationRegion::EvaluationRegion(const SceneConfig& scene)
 
 template <class Take>
 void EvaluationRegion::for_each_row(const Take& take) const {
-  for (const Road& road : roads_) {
+  for (const RoadPart& road : roads_) {
     const double first = std::ceil(std::max(-half_length_, -road.foot)) + 0.0;  // not -0
     const double last = std::min(half_length_, road.along.length() - road.foot);
     for (double s = first; s <= last; s += 1) {
@@ -89,7 +90,7 @@ bool EvaluationRegion::contains(Vec2 point, Class object_class) const {
   if (std::ranges::any_of(parts_,
                           [&](const LanePart& part) { return part.contains(point, beside); }))
     return true;
-  return std::ranges::any_of(roads_, [&](const Road& road) {
+  return std::ranges::any_of(roads_, [&](const RoadPart& road) {
     const double station = road.along.project(point);
     return std::abs(station - road.foot) <= half_length_ &&
            norm(point - road.along.at(station).position) <= road.half_width + beside;

@@ -5,8 +5,7 @@
 
 #include "infrasim/core/classes.h"
 #include "infrasim/scene/lane_part.h"
-#include "infrasim/scene/profile.h"
-#include "infrasim/scene/static_world.h"
+#include "infrasim/scene/site.h"
 
 namespace infrasim {
 
@@ -19,8 +18,9 @@ inline constexpr double kFootways_m = 6;  ///< beside a carriageway, where peopl
 /// kFootways_m more on both sides. With `regions`, only what lies in one of them.
 class EvaluationRegion {
  public:
+  /// @param mount whose foot the region lies around
   /// @throws ConfigError if no lane is near, or none of the roads or lanes meets `regions`
-  explicit EvaluationRegion(const SceneConfig& scene);
+  EvaluationRegion(const Site& site, const MountConfig& mount);
 
   /// @param point world frame, the centre of what is of the class
   bool contains(Vec2 point, Class object_class) const;
@@ -32,7 +32,7 @@ class EvaluationRegion {
   std::string regions_csv() const;
 
  private:
-  struct Road {
+  struct RoadPart {
     std::string name;
     Curve along;  ///< runs with the view
     double foot;  ///< station of the sensor's foot on `along`
@@ -46,7 +46,7 @@ class EvaluationRegion {
   template <class Take>
   void for_each_row(const Take& take) const;
 
-  std::vector<Road> roads_;
+  std::vector<RoadPart> roads_;
   std::vector<LanePart> parts_;
   std::vector<RegionConfig> outlines_;  ///< none: everywhere
   double half_length_;

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "infrasim/config/scene_config.h"
 #include "infrasim/scene/curve.h"
 
 namespace infrasim {

@@ -8,12 +8,6 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/classes.h"
-#include "infrasim/scene/lane_file.h"
-#include "infrasim/scene/lane_network.h"
-#include "infrasim/scene/parked.h"
-#include "infrasim/scene/profile.h"
-#include "infrasim/scene/static_world.h"
-#include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
 
@@ -49,19 +43,20 @@ double distance_beside(const Curve& line, Vec2 point) {
   return beyond ? kInf : norm(away);
 }
 
-double distance_to_surfaces(const SceneConfig& scene, const Sensor& sensor) {
+double distance_to_surfaces(const Site& site, const Sensor& sensor) {
   double nearest = kInf;
   const auto meet = [&](double beside, double z) {
     nearest = std::min(nearest, std::hypot(std::max(0.0, beside), sensor.z - z));
   };
-  for (const RoadConfig& road : scene.roads) {
-    const Curve line = centreline(road);
+  for (std::size_t i = 0; i < site.centrelines.size(); ++i) {
+    const RoadConfig& road = site.scene.roads[i];
+    const Curve& line = site.centrelines[i];
     const double from_line = norm(sensor.foot - line.at(line.project(sensor.foot)).position);
     meet(from_line - outer_half_width(road.lanes), road.elevation_m);
   }
-  for (const LaneLevel& lane : lane_levels(scene, sensor.foot))
+  for (const LaneLevel& lane : lane_levels(site.lanes, sensor.foot))
     meet(lane.away - lane.half_width, lane.z);
-  for (const GroundConfig& ground : scene.ground)
+  for (const GroundConfig& ground : site.scene.ground)
     meet(distance(ground.outline_m, sensor.foot), ground.elevation_m);
   return nearest;
 }
@@ -79,22 +74,23 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
 
 /// Height of what the sensor is below; nothing if that is a bridge, or if it stands beside all of
 /// it and higher than the lowest.
-std::optional<double> ground_over(const SceneConfig& scene, const Sensor& sensor) {
+std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {
     lowest = std::min(lowest, z);
     if (here && z < sensor.z) under = std::max(under, z);
     if (here && z >= sensor.z) over = std::min(over, z);
   };
-  for (const RoadConfig& road : scene.roads) {
+  for (std::size_t i = 0; i < site.centrelines.size(); ++i) {
+    const RoadConfig& road = site.scene.roads[i];
     const double beside =
-        distance_beside(centreline(road), sensor.foot) - outer_half_width(road.lanes);
+        distance_beside(site.centrelines[i], sensor.foot) - outer_half_width(road.lanes);
     meet(beside <= 0, road.elevation_m);
     if (const auto slope = slope_over(road, beside, sensor.z)) return slope;
   }
-  for (const LaneLevel& lane : lane_levels(scene, sensor.foot))
+  for (const LaneLevel& lane : lane_levels(site.lanes, sensor.foot))
     meet(!lane.beyond && lane.away <= lane.half_width, lane.z);
-  for (const GroundConfig& ground : scene.ground)
+  for (const GroundConfig& ground : site.scene.ground)
     meet(covers(ground.outline_m, sensor.foot), ground.elevation_m);
   const bool bridge = std::isfinite(under) && over - under >= kClearance_m;
   if (std::isfinite(over) && !bridge) return over;
@@ -106,26 +102,26 @@ bool holds(const Box3d& box, const Sensor& sensor) {
 }
 
 /// In words; empty if nothing does.
-std::string what_holds(const SceneConfig& scene, const Sensor& sensor) {
-  for (const Upright& upright : uprights(scene))
-    if (holds(upright.box, sensor)) return upright.kind;
-  for (const BarrierConfig& barrier : scene.barriers)
-    for (const Box3d& piece : barrier_pieces(scene, barrier))
-      if (holds(piece, sensor)) return "a barrier of '" + barrier.road + "'";
-  for (const LeafVolume& leaves : leaf_volumes(scene))
+std::string what_holds(const Site& site, const Sensor& sensor) {
+  for (const StaticBox& solid : site.boxes)
+    if (holds(solid.box, sensor)) return solid.kind;
+  for (std::size_t i = 0; i < site.barriers.size(); ++i)
+    for (const Box3d& piece : site.barriers[i])
+      if (holds(piece, sensor)) return "a barrier of '" + site.scene.barriers[i].road + "'";
+  for (const LeafVolume& leaves : site.leaves)
     if (holds(leaves, {sensor.foot.x, sensor.foot.y, sensor.z})) return leaves.kind;
-  for (const ParkedVehicle& vehicle : parked_vehicles(scene))
+  for (const ParkedVehicle& vehicle : site.parked)
     if (holds(vehicle.state.box, sensor)) return "a parked vehicle";
   return "";
 }
 
 /// z of the lane whose vehicles need the space; the line between two lanes is in neither's way.
-std::optional<double> lane_around(const SceneConfig& scene, const Sensor& sensor) {
+std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   const auto in_height = [&](double z) { return sensor.z > z && sensor.z < z + kClearance_m; };
-  for (const Lane& lane : build_lane_network(scene).lanes)
+  for (const Lane& lane : site.network.lanes)
     if (in_height(lane.elevation_m) && distance_beside(lane.curve, sensor.foot) < lane.width_m / 2)
       return lane.elevation_m;
-  for (const LaneLevel& lane : lane_levels(scene, sensor.foot))
+  for (const LaneLevel& lane : lane_levels(site.lanes, sensor.foot))
     if (in_height(lane.z) && !lane.beyond && lane.away < lane.half_width) return lane.z;
   return std::nullopt;
 }
@@ -165,26 +161,26 @@ SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
 
 }  // namespace
 
-void check_sensor(const SceneConfig& scene) {
-  const Profile profile(scene);  // what scenes say is as if they were level
-  for (const auto& [name, mount] : scene.mounts) {
-    const double rise = profile.rise({mount.x_m, mount.y_m});
+void check_sensor(const Site& site) {
+  for (const auto& [name, mount] : site.scene.mounts) {
+    // Heights of a scene are as if it were level.
+    const double rise = site.profile.rise({mount.x_m, mount.y_m});
     const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m - rise};
     const auto fail = [&](const char* key, const std::string& what) {
       config::fail(mount.place, "mounts." + name + "." + key, what);
     };
     const std::string found = "found " + number_text(mount.z_m);
-    if (const double away = distance_to_surfaces(scene, sensor); away > kLongestRange_m)
+    if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
       fail("x_m", "found it " + number_text(std::round(away)) +
                       " m from every road and ground, allowed up to " +
                       number_text(kLongestRange_m) + ", where rays end");
-    if (const auto over = ground_over(scene, sensor))
+    if (const auto over = ground_over(site, sensor))
       fail("z_m", found + " below the ground or a road at " + metres(*over + rise) +
                       " m, allowed above, or under a bridge of " + number_text(kClearance_m) +
                       " m");
-    if (const std::string what = what_holds(scene, sensor); !what.empty())
+    if (const std::string what = what_holds(site, sensor); !what.empty())
       fail("x_m", "found it inside " + what + ", allowed outside");
-    if (const auto lane = lane_around(scene, sensor))
+    if (const auto lane = lane_around(site, sensor))
       fail("z_m", found + " in the way of the vehicles of a lane at " + metres(*lane + rise) +
                       ", allowed from " + metres(*lane + rise + kClearance_m) +
                       " on, or beside the lanes");

@@ -1,14 +1,14 @@
 #pragma once
 
-#include "infrasim/config/scene_config.h"
 #include "infrasim/core/triangle_mesh.h"
+#include "infrasim/scene/site.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
 
 /// @throws ConfigError for a sensor in the ground, in what stands there, in the way of the vehicles
 /// of a lane, or out of reach of everything
-void check_sensor(const SceneConfig& scene);
+void check_sensor(const Site& site);
 
 /// @param background in the levelled frame of the scene's mount
 /// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is no bridge

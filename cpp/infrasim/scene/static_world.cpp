@@ -4,18 +4,12 @@
 
 #include "infrasim/core/classes.h"
 #include "infrasim/io/ply_file.h"
-#include "infrasim/scene/lane_network.h"
-#include "infrasim/scene/profile.h"
-#include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
 
 namespace {
 
-constexpr double kLegWidth = 0.4;    // m, of a gantry
-constexpr double kBeamHeight = 1.0;  // m, of a gantry
-constexpr double kKerbRun = 0.15;    // m, from the foot of a roundabout's island to its top
-constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's leg
+constexpr double kKerbRun = 0.15;  // m, from the foot of a roundabout's island to its top
 
 class MeshBuilder {
  public:
@@ -62,17 +56,10 @@ class MeshBuilder {
       triangle(first + t[0], first + t[1], first + t[2], material);
   }
 
-  /// All of it, lifted by the profile, in the levelled frame.
-  TriangleMesh take(const Profile& profile, const LevelPose& level) {
+  /// All of it, lifted by the profile.
+  Surface take(const Profile& profile) {
     profile.lift(surface_);
-    TriangleMesh mesh{{}, std::move(surface_.triangles), std::move(surface_.class_id)};
-    mesh.vertices.reserve(surface_.vertices.size());
-    for (const Vec3& world : surface_.vertices) {
-      const Vec3 p = level.to_level(world);
-      mesh.vertices.push_back(
-          {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
-    }
-    return mesh;
+    return std::move(surface_);
   }
 
  private:
@@ -85,13 +72,7 @@ class MeshBuilder {
   Surface surface_;
 };
 
-const RoadConfig& road_named(const SceneConfig& scene, const std::string& name,
-                             const config::Place& place) {
-  return scene.roads[road_index(scene, name, place, "road")];
-}
-
-void add_road(MeshBuilder& mesh, const RoadConfig& road) {
-  const Curve curve = centreline(road);
+void add_road(MeshBuilder& mesh, const RoadConfig& road, const Curve& curve) {
   const double z = road.elevation_m;
   const double edge = carriageway_half_width(road.lanes), outer = outer_half_width(road.lanes);
   mesh.strip(curve, edge, z, -edge, z, Class::kRoad);
@@ -118,9 +99,8 @@ void add_ring(MeshBuilder& mesh, const Ring& ring) {
   mesh.fan(island, top, Class::kTerrain);
 }
 
-void add_barrier(MeshBuilder& mesh, const SceneConfig& scene, const BarrierConfig& barrier) {
-  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
-  const Curve full = centreline(road);
+void add_barrier(MeshBuilder& mesh, const Site& site, const BarrierConfig& barrier) {
+  const auto [road, full] = road_named(site.scene, site.centrelines, barrier.road, barrier.place);
   const Curve curve = full.part(barrier.from_m, std::min(barrier.to_m, full.length()));
   const double low = road.elevation_m, high = low + barrier.height_m;
   const double left = barrier.offset_m + barrier.width_m / 2, right = left - barrier.width_m;
@@ -147,67 +127,32 @@ LevelPose level_pose(const MountConfig& mount) {
   return {{mount.x_m, mount.y_m, mount.z_m}, rad(mount.yaw_deg)};
 }
 
-std::vector<Upright> uprights(const SceneConfig& scene) {
-  std::vector<Upright> out;
-  for (const BuildingConfig& b : scene.buildings)
-    out.push_back({{b.x_m, b.y_m, b.base_m + b.height_m / 2, b.length_m, b.width_m, b.height_m,
-                    rad(b.heading_deg)},
-                   b.place,
-                   "x_m",
-                   "a building"});
-  for (const GantryConfig& g : scene.gantries) {
-    const RoadConfig& road = road_named(scene, g.road, g.place);
-    const Curve curve = centreline(road);
-    if (g.s_m > curve.length())
-      config::fail(g.place, "s_m", "found it beyond the road's end, allowed up to it");
-    const CurvePoint foot = curve.at(g.s_m);
-    const double leg = carriageway_half_width(road.lanes) + kLegGap;
-    const double z = road.elevation_m;
-    const auto add = [&](double left, double base, double width, double height) {
-      const Vec2 p = foot.position + left * heading_vector(foot.heading + kPi / 2);
-      out.push_back({{p.x, p.y, base + height / 2, kLegWidth, width, height, foot.heading},
-                     g.place,
-                     "s_m",
-                     "a gantry"});
-    };
-    for (const double side : {leg, -leg}) add(side, z, kLegWidth, g.clearance_m);
-    add(0, z + g.clearance_m, 2 * leg + kLegWidth, kBeamHeight);
-  }
-  const std::vector<Upright> trees = trunks(scene);
-  out.insert(out.end(), trees.begin(), trees.end());
-  return out;
-}
-
-std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier,
-                                  double longest_m) {
-  const RoadConfig& road = road_named(scene, barrier.road, barrier.place);
-  const Curve line = centreline(road);
-  const double to = std::min(barrier.to_m, line.length());
-  if (barrier.from_m >= to)
-    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end, allowed before");
-  std::vector<Box3d> out;
-  for (double s = barrier.from_m; s < to; s += longest_m) {
-    const double length = std::min(longest_m, to - s);
-    const CurvePoint p = line.at(s + length / 2);
-    const Vec2 centre = p.position + barrier.offset_m * heading_vector(p.heading + kPi / 2);
-    out.push_back({centre.x, centre.y, road.elevation_m + barrier.height_m / 2, length,
-                   barrier.width_m, barrier.height_m, p.heading});
-  }
-  return out;
-}
-
-TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level) {
+Surface build_static_surface(const Site& site) {
+  const SceneConfig& scene = site.scene;
   MeshBuilder mesh;
-  for (const RoadConfig& road : scene.roads) add_road(mesh, road);
-  for (const Ring& ring : rings_of(scene)) add_ring(mesh, ring);
+  for (std::size_t i = 0; i < scene.roads.size(); ++i)
+    add_road(mesh, scene.roads[i], site.centrelines[i]);
+  for (const std::optional<Ring>& ring : site.network.rings)
+    if (ring) add_ring(mesh, *ring);
   for (const GroundConfig& ground : scene.ground)
     mesh.fan(ground.outline_m, ground.elevation_m, Class::kTerrain);
-  for (const BarrierConfig& barrier : scene.barriers) add_barrier(mesh, scene, barrier);
+  for (const BarrierConfig& barrier : scene.barriers) add_barrier(mesh, site, barrier);
   if (scene.meshes)
     for (const MeshConfig& row : *scene.meshes)
       mesh.surface(read_ply(scene.folder / row.file), static_cast<Class>(row.material));
-  for (const Upright& upright : uprights(scene)) mesh.box(upright.box, Class::kStructure);
-  return mesh.take(Profile(scene), level);
+  for (const StaticBox& solid : site.boxes) mesh.box(solid.box, Class::kStructure);
+  return mesh.take(site.profile);
+}
+
+TriangleMesh to_level(const Surface& surface, const LevelPose& level) {
+  TriangleMesh mesh{{}, surface.triangles, surface.class_id};
+  mesh.vertices.reserve(surface.vertices.size());
+  for (const Vec3& world : surface.vertices) {
+    const Vec3 p = level.to_level(world);
+    mesh.vertices.push_back(
+        {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+  }
+  return mesh;
 }
 
 }  // namespace infrasim

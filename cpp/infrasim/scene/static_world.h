@@ -1,7 +1,7 @@
 #pragma once
 
 #include "infrasim/core/triangle_mesh.h"
-#include "infrasim/scene/curve.h"
+#include "infrasim/scene/site.h"
 
 namespace infrasim {
 
@@ -19,25 +19,11 @@ LevelPose level_pose(const MountConfig& mount);
 inline constexpr double kSidewalkDrop =
     0.01;  ///< m below the road, so that crossing roads are on top
 
-/// A box that stands on the ground or hangs over it.
-struct Upright {
-  Box3d box;
-  config::Place place;
-  const char* key;   ///< that says where along its road or in the world it is
-  const char* kind;  ///< in words
-};
+/// Everything that stands still, lifted by the profile; world frame.
+/// @throws IoError, ConfigError for a file of `meshes`
+Surface build_static_surface(const Site& site);
 
-/// Buildings, the legs and beams of gantries, and trunks of trees.
-/// @throws ConfigError for a gantry or trees of an unknown road or beyond its end
-std::vector<Upright> uprights(const SceneConfig& scene);
-
-/// A barrier as boxes of up to `longest_m`.
-/// @throws ConfigError for an unknown road, or a start beyond its end
-std::vector<Box3d> barrier_pieces(const SceneConfig& scene, const BarrierConfig& barrier,
-                                  double longest_m = 2);
-
-/// Everything that stands still, as triangles in the levelled frame.
-/// @throws ConfigError if something names an unknown road
-TriangleMesh build_static_mesh(const SceneConfig& scene, const LevelPose& level);
+/// The same triangles in the levelled frame.
+TriangleMesh to_level(const Surface& surface, const LevelPose& level);
 
 }  // namespace infrasim

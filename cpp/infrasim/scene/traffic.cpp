@@ -81,10 +81,10 @@ struct Signal {
 
 class Traffic {
  public:
-  explicit Traffic(const SceneConfig& scene)
-      : config_(*scene.traffic),
-        network_(build_lane_network(scene)),
-        rng_(Rng::of(scene.seed, "traffic")),
+  explicit Traffic(const Site& site)
+      : config_(*site.scene.traffic),
+        network_(site.network),
+        rng_(Rng::of(site.scene.seed, "traffic")),
         lanes_(network_.lanes.size()),
         signals_(network_.junctions.size()),
         arms_(network_.approach_junctions.size()),
@@ -488,7 +488,7 @@ class Traffic {
   }
 
   const TrafficConfig& config_;
-  LaneNetwork network_;
+  const LaneNetwork& network_;
   Rng rng_;
   std::vector<Queue> lanes_;
   std::vector<Signal> signals_;
@@ -505,22 +505,22 @@ class Traffic {
 
 }  // namespace
 
-void simulate_traffic(const SceneConfig& scene, const TakeInstant& take, int instants) {
-  Traffic traffic(scene);
-  for (double t = 0; t < scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
+void simulate_traffic(const Site& site, const TakeInstant& take, int instants) {
+  Traffic traffic(site);
+  for (double t = 0; t < site.scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
   for (int k = 0; k < instants; ++k) {
     if (k > 0) traffic.step();
     take(traffic.states());
   }
 }
 
-void simulate_traffic(const SceneConfig& scene, const TakeInstant& take) {
-  simulate_traffic(scene, take, frame_count(scene.duration_s) + 1);
+void simulate_traffic(const Site& site, const TakeInstant& take) {
+  simulate_traffic(site, take, frame_count(site.scene.duration_s) + 1);
 }
 
-Trajectories simulate_traffic(const SceneConfig& scene) {
+Trajectories simulate_traffic(const Site& site) {
   Trajectories out;
-  simulate_traffic(scene, [&](const auto& states) { out.rows.push_back(states); });
+  simulate_traffic(site, [&](const auto& states) { out.rows.push_back(states); });
   return out;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/scene/lane_network.h"
+#include "infrasim/scene/site.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
@@ -12,11 +12,11 @@ namespace infrasim {
 /// round a bend, and those that would not stay within a turn go straight on.
 /// @param take     is given the vehicles every 0.1 s, rounded to the digits of the trajectory file
 /// @param instants of the scene's that are wanted: no more are simulated
-/// @throws ConfigError if the junctions do not fit the roads, or vehicles of a class the lanes
-void simulate_traffic(const SceneConfig& scene, const TakeInstant& take, int instants);
+/// @throws ConfigError if vehicles of a class do not fit the lanes
+void simulate_traffic(const Site& site, const TakeInstant& take, int instants);
 /// The same for the scene's duration.
-void simulate_traffic(const SceneConfig& scene, const TakeInstant& take);
+void simulate_traffic(const Site& site, const TakeInstant& take);
 /// The same, all rows at once.
-Trajectories simulate_traffic(const SceneConfig& scene);
+Trajectories simulate_traffic(const Site& site);
 
 }  // namespace infrasim

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/config/fields.h"
+
 namespace infrasim {
 
 namespace {
@@ -20,9 +22,8 @@ struct Tree {
   const char* key;
 };
 
-std::vector<Tree> trees_along(const SceneConfig& scene, const TreesAlongConfig& row) {
-  const RoadConfig& road = scene.roads[road_index(scene, row.road, row.place, "road")];
-  const Curve line = centreline(road);
+std::vector<Tree> trees_along(const Road& road, const TreesAlongConfig& row) {
+  const Curve& line = road.centreline;
   const double to = std::min(row.to_m, line.length());
   if (row.from_m > to)
     config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
@@ -30,13 +31,13 @@ std::vector<Tree> trees_along(const SceneConfig& scene, const TreesAlongConfig& 
   for (int i = 0; row.from_m + i * row.every_m <= to; ++i) {
     const CurvePoint p = line.at(row.from_m + i * row.every_m);
     out.push_back({p.position + row.offset_m * heading_vector(p.heading + kPi / 2),
-                   road.elevation_m + row.shape.base_m, p.heading, row.shape, row.place,
+                   road.config.elevation_m + row.shape.base_m, p.heading, row.shape, row.place,
                    "offset_m"});
   }
   return out;
 }
 
-std::vector<Tree> trees(const SceneConfig& scene) {
+std::vector<Tree> trees(const SceneConfig& scene, std::span<const Curve> centrelines) {
   std::vector<Tree> out;
   for (const VegetationConfig& v : scene.vegetation) {
     if (v.tree)
@@ -47,28 +48,28 @@ std::vector<Tree> trees(const SceneConfig& scene) {
                      v.tree->place,
                      "x_m"});
     if (!v.trees_along) continue;
-    const std::vector<Tree> row = trees_along(scene, *v.trees_along);
+    const std::vector<Tree> row = trees_along(
+        road_named(scene, centrelines, v.trees_along->road, v.trees_along->place), *v.trees_along);
     out.insert(out.end(), row.begin(), row.end());
   }
   return out;
 }
 
-void add_hedge_along(const SceneConfig& scene, const HedgeAlongConfig& hedge,
+/// @param level whether the scene has no profile
+void add_hedge_along(const Road& road, const HedgeAlongConfig& hedge, bool level,
                      std::vector<LeafVolume>& out) {
   const BarrierConfig line{hedge.road,   hedge.offset_m, hedge.height_m, hedge.width_m,
                            hedge.from_m, hedge.to_m,     hedge.place};
-  const RoadConfig& road = scene.roads[road_index(scene, hedge.road, hedge.place, "road")];
-  const bool straight = std::isinf(centreline(road).tightest_radius());
-  const bool plain = straight && !scene.profile;
-  for (Box3d piece : barrier_pieces(scene, line, plain ? kPiece_m : kBentPiece_m)) {
+  const bool straight = std::isinf(road.centreline.tightest_radius());
+  for (Box3d piece : barrier_pieces(road, line, straight && level ? kPiece_m : kBentPiece_m)) {
     piece.z += hedge.base_m;
     out.push_back({piece, false, hedge.density_per_m, hedge.place, "offset_m", "a hedge"});
   }
 }
 
 /// A hedge by its centre; in pieces that are lifted one by one, where the scene has a profile.
-void add_hedge(const SceneConfig& scene, const HedgeConfig& h, std::vector<LeafVolume>& out) {
-  const auto cut = [&](double m) { return scene.profile ? std::ceil(m / kBentPiece_m) : 1.0; };
+void add_hedge(const HedgeConfig& h, bool level, std::vector<LeafVolume>& out) {
+  const auto cut = [&](double m) { return level ? 1.0 : std::ceil(m / kBentPiece_m); };
   const double along = cut(h.length_m), across = cut(h.width_m), heading = rad(h.heading_deg);
   const double dx = h.length_m / along, dy = h.width_m / across;
   for (double i = 0; i < along; ++i)
@@ -97,13 +98,16 @@ bool holds(const LeafVolume& volume, Vec3 point) {
   return std::max({std::abs(unit.x), std::abs(unit.y), std::abs(unit.z)}) <= 1;
 }
 
-std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene) {
+std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene, std::span<const Curve> centrelines) {
+  const bool level = !scene.profile;
   std::vector<LeafVolume> out;
   for (const VegetationConfig& v : scene.vegetation) {
-    if (v.hedge) add_hedge(scene, *v.hedge, out);
-    if (v.hedge_along) add_hedge_along(scene, *v.hedge_along, out);
+    if (v.hedge) add_hedge(*v.hedge, level, out);
+    if (v.hedge_along)
+      add_hedge_along(road_named(scene, centrelines, v.hedge_along->road, v.hedge_along->place),
+                      *v.hedge_along, level, out);
   }
-  for (const Tree& tree : trees(scene)) {
+  for (const Tree& tree : trees(scene, centrelines)) {
     const TreeShape& s = tree.shape;
     out.push_back({{tree.foot.x, tree.foot.y, tree.base + (s.trunk_m + s.height_m) / 2, s.crown_m,
                     s.crown_m, s.height_m - s.trunk_m, tree.heading},
@@ -116,9 +120,9 @@ std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene) {
   return out;
 }
 
-std::vector<Upright> trunks(const SceneConfig& scene) {
-  std::vector<Upright> out;
-  for (const Tree& tree : trees(scene)) {
+std::vector<StaticBox> trunks(const SceneConfig& scene, std::span<const Curve> centrelines) {
+  std::vector<StaticBox> out;
+  for (const Tree& tree : trees(scene, centrelines)) {
     const TreeShape& s = tree.shape;
     const double height = (s.trunk_m + s.height_m) / 2;
     out.push_back({{tree.foot.x, tree.foot.y, tree.base + height / 2, s.trunk_width_m,

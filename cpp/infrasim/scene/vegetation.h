@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "infrasim/scene/static_world.h"
+#include "infrasim/scene/static_boxes.h"
 
 namespace infrasim {
 
@@ -20,11 +20,13 @@ struct LeafVolume {
 bool holds(const LeafVolume& volume, Vec3 point);
 
 /// Hedges and crowns, world frame.
+/// @param centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond its end
-std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene);
+std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 /// The solid part of trees.
+/// @param centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond its end
-std::vector<Upright> trunks(const SceneConfig& scene);
+std::vector<StaticBox> trunks(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 }  // namespace infrasim

@@ -1,0 +1,87 @@
+#include "infrasim/scene/instants.h"
+
+#include <utility>
+
+#include "infrasim/core/errors.h"
+#include "infrasim/scene/people.h"
+#include "infrasim/scene/traffic.h"
+
+namespace infrasim {
+
+namespace {
+
+Trajectories load_recorded(const SceneConfig& scene) {
+  const std::filesystem::path file = scene.folder / scene.trajectories;
+  if (!std::filesystem::exists(file))
+    throw IoError(file.string() +
+                  ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
+                  "trajectories` writes the file of a site");
+  Trajectories trajectories = read_trajectories(file);
+  const int frames = frame_count(scene.duration_s);
+  if (!trajectories.rows.empty() && trajectories.frames() < frames)
+    throw ConfigError(
+        file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
+        " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
+  trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
+  const bool people = scene.people || scene.standing_people;
+  if (!scene.parked && !people) return trajectories;
+  const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
+  for (const auto& states : trajectories.rows)
+    if (!states.empty() && states.back().id >= first)
+      throw ConfigError(file.string() + ": id: found " + std::to_string(states.back().id) +
+                        ", allowed below " + std::to_string(first) + ", where those of " +
+                        (scene.parked ? "parked vehicles" : "people") + " begin");
+  return trajectories;
+}
+
+/// Hands over every instant with the vehicles that stand for the whole of it.
+TakeInstant with_parked(const Site& site, const TakeInstant& take) {
+  std::vector<ObjectState> parked;
+  for (const ParkedVehicle& vehicle : site.parked) parked.push_back(vehicle.state);
+  if (parked.empty()) return take;
+  site.profile.lift(parked);
+  return [parked = std::move(parked), take](std::vector<ObjectState> states) {
+    states.insert(states.end(), parked.begin(), parked.end());
+    take(states);
+  };
+}
+
+/// Hands over every instant with the people who are there then.
+TakeInstant with_people(const Site& site, const TakeInstant& take) {
+  People people(site.scene, site.centrelines);
+  std::vector<ObjectState> standing = standing_people(site.scene);
+  if (people.empty() && standing.empty()) return take;
+  return [people = std::move(people), standing = std::move(standing), &profile = site.profile, take,
+          instant = 0](std::vector<ObjectState> states) mutable {
+    auto there = people.at(instant++ * kFramePeriod);
+    there.insert(there.end(), standing.begin(), standing.end());
+    profile.lift(there);
+    states.insert(states.end(), there.begin(), there.end());
+    take(states);
+  };
+}
+
+}  // namespace
+
+Instants::Instants(const Site& site) : site_(site) {
+  if (!site.scene.traffic) recorded_ = load_recorded(site.scene);
+}
+
+void Instants::each(const TakeInstant& take) const {
+  each(take, frame_count(site_.scene.duration_s) + 1);
+}
+
+void Instants::each(const TakeInstant& take, int instants) const {
+  const TakeInstant all = with_parked(site_, with_people(site_, take));
+  if (site_.scene.traffic)
+    return simulate_traffic(
+        site_,
+        [&](std::vector<ObjectState> states) {
+          site_.profile.lift(states);
+          all(states);
+        },
+        instants);
+  for (int k = 0; k < instants; ++k) all(recorded_->rows[static_cast<std::size_t>(k)]);
+}
+
+}  // namespace infrasim

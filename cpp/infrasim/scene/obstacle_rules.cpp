@@ -1,0 +1,181 @@
+#include "infrasim/scene/obstacle_rules.h"
+
+#include <algorithm>
+#include <string>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/scene/people.h"
+#include "infrasim/scene/strips.h"
+
+namespace infrasim {
+
+namespace {
+
+using config::number_text;
+
+constexpr double kPeopleBeside_m = 1.2;  // to each side of their line, that they need to pass
+constexpr double kPeopleHeight_m = 2.5;  // that is free over their line
+constexpr double kPeopleStep_m = 2;      // of the boxes that their line is checked in
+
+class ObstacleRules {
+ public:
+  explicit ObstacleRules(const Site& site) : site_(site) {
+    const std::vector<Lane>& lanes = site.network.lanes;
+    for (std::size_t i = 0; i < lanes.size(); ++i) {
+      const double half = lanes[i].width_m / 2;
+      lanes_.add(cut_into_strips(lanes[i].curve, half, -half, i));
+    }
+    for (std::size_t i = 0; i < site.lanes.size(); ++i) {
+      const double half = std::ranges::max(site.lanes[i].width_m) / 2;
+      paths_.add(cut_into_strips(site.lanes[i].line, half, -half, i));
+    }
+  }
+
+  void check() const {
+    for (std::size_t i = 0; i < site_.barriers.size(); ++i)
+      check_barrier(site_.scene.barriers[i], site_.barriers[i]);
+    for (const StaticBox& solid : site_.boxes)
+      check_beside_lanes(solid.box, solid.place, solid.key, "");
+    for (const LeafVolume& leaves : site_.leaves)
+      check_beside_lanes(leaves.box, leaves.place, leaves.key, leaves.kind);
+    check_parked();
+    check_people();
+  }
+
+ private:
+  /// True if the box is in the space over a lane that vehicles need.
+  bool stands_on_lane(const Box3d& box) const {
+    const double low = box.z - box.dz / 2, high = box.z + box.dz / 2;
+    const auto in_way = [&](double level) { return high > level && low < level + kClearance_m; };
+    const auto on_lane = [&](const Strip& strip) {
+      return in_way(site_.network.lanes[strip.of].elevation_m);
+    };
+    const auto on_path = [&](const Strip& strip) {
+      const LanePath& path = site_.lanes[strip.of];
+      return in_way(path.at(path.z, (strip.from + strip.to) / 2));
+    };
+    const auto outline = footprint(box);
+    return lanes_.first_met(outline, on_lane) != nullptr ||
+           paths_.first_met(outline, on_path) != nullptr;
+  }
+
+  void check_barrier(const BarrierConfig& barrier, const std::vector<Box3d>& pieces) const {
+    for (const Box3d& piece : pieces)
+      if (stands_on_lane(piece))
+        config::fail(barrier.place, "offset_m",
+                     "found a barrier on a lane, allowed the median or outside the lanes");
+  }
+
+  void check_beside_lanes(const Box3d& box, const config::Place& place, const char* key,
+                          const std::string& kind) const {
+    if (stands_on_lane(box))
+      config::fail(place, key,
+                   "found " + (kind.empty() ? "it" : kind) +
+                       " on a lane, allowed beside the lanes or " + number_text(kClearance_m) +
+                       " m above them");
+  }
+
+  /// What rays and vehicles do not pass, plants but for their trunks left out.
+  std::vector<Box3d> solids() const {
+    std::vector<Box3d> solid;
+    for (const StaticBox& box : site_.boxes) solid.push_back(box.box);
+    for (const std::vector<Box3d>& pieces : site_.barriers)
+      solid.insert(solid.end(), pieces.begin(), pieces.end());
+    return solid;
+  }
+
+  /// Parked vehicles stand beside the lanes, and where nothing else does.
+  void check_parked() const {
+    if (site_.parked.empty()) return;
+    std::vector<Box3d> solid = solids();
+    OutlineIndex index;
+    for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
+    for (const auto& [vehicle, place] : site_.parked) {
+      const Box3d& box = vehicle.box;
+      check_beside_lanes(box, place, "offset_m", "a parked vehicle");
+      const auto outline = footprint(box);
+      const auto shares_place = [&](std::size_t i) {
+        const Box3d& other = solid[i];
+        return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
+               footprints_overlap(outline, footprint(other));
+      };
+      if (index.any_near(outline, shares_place))
+        config::fail(place, "offset_m",
+                     "found a parked vehicle in another, or in what stands there, near " +
+                         at_text({box.x, box.y}) + ", allowed where nothing is");
+      index.add(outline, solid.size());
+      solid.push_back(box);
+    }
+  }
+
+  /// People go beside the lanes of traffic, and where nothing stands and no other row goes.
+  void check_people() const {
+    const SceneConfig& scene = site_.scene;
+    if (!scene.people && !scene.standing_people) return;
+    std::vector<Box3d> solid = solids();
+    for (const ParkedVehicle& vehicle : site_.parked) solid.push_back(vehicle.state.box);
+    OutlineIndex index;
+    for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
+    const auto is_taken = [&](const Box3d& box) {
+      const auto outline = footprint(box);
+      return index.any_near(outline, [&](std::size_t i) {
+        const Box3d& other = solid[i];
+        return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
+               footprints_overlap(outline, footprint(other));
+      });
+    };
+    const auto take = [&](const Box3d& box) {
+      index.add(footprint(box), solid.size());
+      solid.push_back(box);
+    };
+    for (const PeopleConfig& row : scene.people.value_or(std::vector<PeopleConfig>{})) {
+      const std::vector<Box3d> way = free_way(row);
+      for (const Box3d& box : way) {
+        if (scene.traffic) check_beside_lanes(box, row.place, "offset_m", "people");
+        if (is_taken(box))
+          config::fail(row.place, "offset_m",
+                       "found something in the way of people, near " + at_text({box.x, box.y}) +
+                           ", allowed " + number_text(kPeopleBeside_m) +
+                           " m free to both sides of their line");
+      }
+      for (const Box3d& box : way) take(box);
+    }
+    for (const StandingPeopleConfig& group :
+         scene.standing_people.value_or(std::vector<StandingPeopleConfig>{})) {
+      const double side = 2 * radius_of(group);
+      const Box3d box{group.x_m,       group.y_m, group.base_m + kPeopleHeight_m / 2, side, side,
+                      kPeopleHeight_m, 0};
+      if (scene.traffic) check_beside_lanes(box, group.place, "x_m", "standing people");
+      if (is_taken(box))
+        config::fail(group.place, "x_m",
+                     "expected free ground within " + number_text(radius_of(group)) +
+                         " m of the group's middle, got something that stands or walks there");
+      take(box);
+    }
+  }
+
+  /// What a row of people needs for itself, in pieces of 2 m.
+  std::vector<Box3d> free_way(const PeopleConfig& row) const {
+    const Road road = road_named(site_.scene, site_.centrelines, row.road, row.place);
+    const Curve line = people_line(road.centreline, row);
+    const double z = road.config.elevation_m;
+    std::vector<Box3d> boxes;
+    for (double s = 0; s < line.length(); s += kPeopleStep_m) {
+      const double length = std::min(kPeopleStep_m, line.length() - s);
+      const CurvePoint p = line.at(s + length / 2);
+      boxes.push_back({p.position.x, p.position.y, z + kPeopleHeight_m / 2, length,
+                       2 * kPeopleBeside_m, kPeopleHeight_m, p.heading});
+    }
+    return boxes;
+  }
+
+  const Site& site_;
+  StripIndex lanes_;  ///< of the network
+  StripIndex paths_;  ///< of the file of lanes
+};
+
+}  // namespace
+
+void check_obstacles(const Site& site) { ObstacleRules(site).check(); }
+
+}  // namespace infrasim

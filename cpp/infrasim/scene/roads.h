@@ -1,0 +1,35 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "infrasim/config/scene_config.h"
+#include "infrasim/scene/curve.h"
+
+namespace infrasim {
+
+/// Distance from the centreline to the outer edge of the shoulder, or of the footway.
+double carriageway_half_width(const LanesConfig& lanes);
+double outer_half_width(const LanesConfig& lanes);
+
+/// Centreline of a road; arcs are sampled every 0.5 m, wide ones less often.
+Curve centreline(const RoadConfig& road);
+
+/// Those of a scene's roads, in their order.
+/// @throws ConfigError for more metres of roads than rays can reach
+std::vector<Curve> centrelines(const SceneConfig& scene);
+
+/// A road of a scene.
+struct Road {
+  const RoadConfig& config;
+  const Curve& centreline;
+};
+
+/// @param centrelines of the scene's roads
+/// @param place       of the entry that names the road
+/// @throws ConfigError if there is none of the name
+Road road_named(const SceneConfig& scene, std::span<const Curve> centrelines,
+                const std::string& name, const config::Place& place);
+
+}  // namespace infrasim

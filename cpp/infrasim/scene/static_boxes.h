@@ -1,0 +1,30 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "infrasim/config/scene_config.h"
+#include "infrasim/scene/roads.h"
+
+namespace infrasim {
+
+/// A box that stands on the ground or hangs over it.
+struct StaticBox {
+  Box3d box;
+  config::Place place;
+  const char* key;   ///< that says where along its road or in the world it is
+  const char* kind;  ///< in words
+};
+
+/// Buildings, the legs and beams of gantries, and trunks of trees.
+/// @param centrelines of the scene's roads
+/// @throws ConfigError for a gantry or trees of an unknown road or beyond its end
+std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Curve> centrelines);
+
+/// A barrier as boxes of up to `longest_m`.
+/// @param road that the barrier names
+/// @throws ConfigError for a start beyond the road's end
+std::vector<Box3d> barrier_pieces(const Road& road, const BarrierConfig& barrier,
+                                  double longest_m = 2);
+
+}  // namespace infrasim
