@@ -145,20 +145,20 @@ TEST(static_layer, is_left_out_where_memory_is_not_enough) {
   // Units of 96 MB each: two of them are within the limit, a third is not.
   LidarConfig bundle = in_columns("bundle", 8, {1'000'001, 10'000});
   bundle.units.resize(3, bundle.units[0]);
-  const std::vector<Emitter> emitters = make_emitters(world.scene, bundle);
-  EXPECT_LT(2 * layer_bytes(emitters[0].pattern), kMostLayerBytes);
+  const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, bundle);
+  EXPECT_LT(2 * layer_bytes(scanners[0].pattern), kMostLayerBytes);
   const auto layers = make_static_layers(world, std::array{bundle})[0];
   EXPECT_NE(layers[1], nullptr);
   EXPECT_EQ(layers[2], nullptr);
-  EXPECT_LE(layers[0]->bytes(), layer_bytes(emitters[0].pattern));
+  EXPECT_LE(layers[0]->bytes(), layer_bytes(scanners[0].pattern));
 }
 
 TEST(static_layer, takes_no_more_than_was_reckoned_for_it) {
   const World world = shipped_world("flat");
   for (const int lasers : {1, 2, 3, 5, 7, 11, 17, 33, 129}) {
     const std::array lidars{in_columns("odd", lasers, {1001, 3})};
-    const std::vector<Emitter> emitters = make_emitters(world.scene, lidars[0]);
-    EXPECT_LE(make_static_layers(world, lidars)[0][0]->bytes(), layer_bytes(emitters[0].pattern))
+    const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, lidars[0]);
+    EXPECT_LE(make_static_layers(world, lidars)[0][0]->bytes(), layer_bytes(scanners[0].pattern))
         << lasers;
   }
 }

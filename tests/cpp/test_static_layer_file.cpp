@@ -106,8 +106,8 @@ class LayerOnDisk {
     const World world = crossroad({}, "datasheet");
     LayerOrigin origin = layer_origin(world.scene, world.background);
     if (recording) origin.scene = 0;
-    const std::vector<Emitter> emitters = make_emitters(world.scene, lidar);
-    folder_.write("a.layer", static_layer_to_bytes(origin, units_without_hits(lidar, emitters)));
+    const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, lidar);
+    folder_.write("a.layer", static_layer_to_bytes(origin, units_without_hits(lidar, scanners)));
   }
   World build(std::vector<std::string> assignments) const {
     const std::string file = (folder_.path() / "a.layer").string();

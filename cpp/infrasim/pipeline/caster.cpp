@@ -14,21 +14,21 @@ constexpr VehicleParts kNoParts{false, false, false, false, false};
 constexpr std::uint64_t kLeafDraws = 16;  // of a ray: beyond the numbers of its own draws
 
 /// The first group after a part of the frame that is worked on at once.
-std::int64_t part_end(const Emitter& emitter, std::int64_t first, std::int64_t last) {
-  if (emitter.layer) return emitter.layer->part_end(first, last);
-  const int group = emitter.pattern.group_size();
+std::int64_t part_end(const ScannerUnit& scanner, std::int64_t first, std::int64_t last) {
+  if (scanner.layer) return scanner.layer->part_end(first, last);
+  const int group = scanner.pattern.group_size();
   return std::min(last, first + std::max<std::int64_t>(4, kChunkRays / group / 4 * 4));
 }
 
-std::span<const std::uint32_t> tile_order(Emitter& emitter, std::int64_t groups) {
-  auto& order = emitter.tile_orders[groups];
-  if (order.empty()) order = emitter.pattern.tile_order(static_cast<int>(groups));
+std::span<const std::uint32_t> tile_order(ScannerUnit& scanner, std::int64_t groups) {
+  auto& order = scanner.tile_orders[groups];
+  if (order.empty()) order = scanner.pattern.tile_order(static_cast<int>(groups));
   return order;
 }
 
 }  // namespace
 
-RayRange Emitter::rays(int k, double from, double to) const {
+RayRange ScannerUnit::rays(int k, double from, double to) const {
   return pattern.fired_between((k + from) * kFramePeriod, (k + to) * kFramePeriod);
 }
 
@@ -42,8 +42,8 @@ namespace {
 
 /// @param unit       index in the LiDAR's units
 /// @param first_ring ring number of the unit's lowest laser
-Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                     int first_ring, const std::string& draws) {
+ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
+                              int first_ring, const std::string& draws) {
   const LidarUnit& config = lidar.units[unit];
   const Mat3 pose = unit_pose(scene, config);
   const auto& [name, mount] = *scene.mounts.begin();
@@ -61,34 +61,34 @@ Emitter make_emitter(const SceneConfig& scene, const LidarConfig& lidar, std::si
 
 }  // namespace
 
-std::vector<Emitter> make_emitters(const SceneConfig& scene, const LidarConfig& lidar,
-                                   const std::string& draws) {
-  std::vector<Emitter> emitters;
+std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
+                                            const std::string& draws) {
+  std::vector<ScannerUnit> scanners;
   int first_ring = 0;
   for (std::size_t i = 0; i < lidar.units.size(); ++i) {
-    emitters.push_back(make_emitter(scene, lidar, i, first_ring, draws));
-    first_ring += emitters.back().pattern.group_size();
+    scanners.push_back(make_scanner_unit(scene, lidar, i, first_ring, draws));
+    first_ring += scanners.back().pattern.group_size();
   }
-  return emitters;
+  return scanners;
 }
 
 std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
-                         Emitter& emitter, FrameBuilder& out) {
-  const RayRange frame = emitter.rays(k), range = emitter.rays(k, slice.from, slice.to);
-  const Rng rng = emitter.stream.at(static_cast<std::uint64_t>(k) + 1);
-  const int size = emitter.pattern.group_size();
+                         ScannerUnit& scanner, FrameBuilder& out) {
+  const RayRange frame = scanner.rays(k), range = scanner.rays(k, slice.from, slice.to);
+  const Rng rng = scanner.stream.at(static_cast<std::uint64_t>(k) + 1);
+  const int size = scanner.pattern.group_size();
   const std::int64_t last = range.last / size;
   std::size_t cast = 0;
   for (std::int64_t first = range.first / size, end = 0; first < last; first = end) {
-    end = part_end(emitter, first, last);
+    end = part_end(scanner, first, last);
     const RayRange part{first * size, end * size};
-    emitter.pattern.generate(part, k * kFramePeriod, rays_);
-    rays_.max_range = emitter.max_range;
+    scanner.pattern.generate(part, k * kFramePeriod, rays_);
+    rays_.max_range = scanner.max_range;
     const auto first_ray = static_cast<std::uint64_t>(part.first - frame.first);
-    cast += cast_part(part, {rng, first_ray}, emitter, vehicles);
-    emitter.returns.apply(rng, first_ray, hits_, reflectance_,
-                          emitter.beam ? sunlit_ : reflectance_, returns_);
-    collect(vehicles.moving, emitter.beam.has_value(), out);
+    cast += cast_part(part, {rng, first_ray}, scanner, vehicles);
+    scanner.returns.apply(rng, first_ray, hits_, reflectance_,
+                          scanner.beam ? sunlit_ : reflectance_, returns_);
+    collect(vehicles.moving, scanner.beam.has_value(), out);
   }
   return cast;
 }
@@ -97,56 +97,56 @@ Rng Caster::LeafDraws::of(std::uint32_t ray, std::size_t sub_ray) const {
   return frame.at(first_ray + ray).at(kLeafDraws + sub_ray);
 }
 
-std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, Emitter& emitter,
+std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, ScannerUnit& scanner,
                               const FrameVehicles& vehicles) {
-  const int size = emitter.pattern.group_size();
+  const int size = scanner.pattern.group_size();
   const std::int64_t first = part.first / size, last = part.last / size;
-  const bool reflectance = emitter.returns.needs_reflectance();
-  if (emitter.beam) {
-    select(emitter, last - first);
-    return cast_beams(emitter, draws, vehicles);
+  const bool reflectance = scanner.returns.needs_reflectance();
+  if (scanner.beam) {
+    select(scanner, last - first);
+    return cast_beams(scanner, draws, vehicles);
   }
-  if (emitter.layer) {
-    cast_moving(*emitter.layer, first, last, reflectance);
+  if (scanner.layer) {
+    cast_moving(*scanner.layer, first, last, reflectance);
   } else {
-    cast_all(emitter, last - first, reflectance);
+    cast_all(scanner, last - first, reflectance);
   }
   const std::size_t cast = selected_.size();
   if (!reflectance) return cast;
-  if (!leaves_.empty()) stop_in_leaves(emitter, first, last, draws);
-  const StaticSlice background = emitter.layer ? emitter.layer->slice(first, last) : StaticSlice{};
-  return cast + transparent_.resolve(rays_, vehicles, parts_, emitter.returns.path(), hits_,
+  if (!leaves_.empty()) stop_in_leaves(scanner, first, last, draws);
+  const StaticSlice background = scanner.layer ? scanner.layer->slice(first, last) : StaticSlice{};
+  return cast + transparent_.resolve(rays_, vehicles, parts_, scanner.returns.path(), hits_,
                                      reflectance_, background);
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
-void Caster::select(Emitter& emitter, std::int64_t groups) {
-  const float spread = emitter.beam ? emitter.beam->half_width() : 0;
-  const bool leaves = emitter.beam && emitter.returns.needs_reflectance() && !leaves_.empty();
+void Caster::select(ScannerUnit& scanner, std::int64_t groups) {
+  const float spread = scanner.beam ? scanner.beam->half_width() : 0;
+  const bool leaves = scanner.beam && scanner.returns.needs_reflectance() && !leaves_.empty();
   const auto below = [&](const Horizon& horizon, std::uint32_t i) {
     return horizon.covers(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread);
   };
   selected_.clear();
-  for (const std::uint32_t i : tile_order(emitter, groups))
+  for (const std::uint32_t i : tile_order(scanner, groups))
     if (below(raycaster_.horizon(), i) || (leaves && below(leaves_.horizon(), i)))
       selected_.push_back(i);
 }
 
 /// Also rays that are not cast may meet leaves.
-void Caster::stop_in_leaves(Emitter& emitter, std::int64_t first, std::int64_t last,
+void Caster::stop_in_leaves(ScannerUnit& scanner, std::int64_t first, std::int64_t last,
                             const LeafDraws& draws) {
   std::span<const std::uint32_t> order;
-  if (emitter.layer) {
-    emitter.layer->select(first, last, leaves_.index(), in_leaves_);
+  if (scanner.layer) {
+    scanner.layer->select(first, last, leaves_.index(), in_leaves_);
     order = in_leaves_;
   } else {
-    order = tile_order(emitter, last - first);
+    order = tile_order(scanner, last - first);
   }
   leaves_.stop(rays_, order, [&](std::uint32_t k) { return draws.of(k, 0); }, hits_);
 }
 
-void Caster::cast_all(Emitter& emitter, std::int64_t groups, bool incidence) {
-  select(emitter, groups);
+void Caster::cast_all(ScannerUnit& scanner, std::int64_t groups, bool incidence) {
+  select(scanner, groups);
   raycaster_.cast(rays_, selected_, hits_, incidence);
 }
 
@@ -157,11 +157,11 @@ void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int6
   raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
 }
 
-std::size_t Caster::cast_beams(const Emitter& emitter, const LeafDraws& draws,
+std::size_t Caster::cast_beams(const ScannerUnit& scanner, const LeafDraws& draws,
                                const FrameVehicles& vehicles) {
-  const Beam& beam = *emitter.beam;
-  const EchoPath path = emitter.returns.path();
-  const bool reflectance = emitter.returns.needs_reflectance();
+  const Beam& beam = *scanner.beam;
+  const EchoPath path = scanner.returns.path();
+  const bool reflectance = scanner.returns.needs_reflectance();
   beam.expand(rays_, selected_, sub_rays_);
   sub_selected_.resize(sub_rays_.size());
   std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);

@@ -24,7 +24,7 @@
 namespace infrasim {
 
 /// One optical unit of a LiDAR, ready to fire.
-struct Emitter {
+struct ScannerUnit {
   ScanPattern pattern;
   ReturnModel returns;
   std::optional<Beam> beam;
@@ -47,8 +47,8 @@ Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 
 /// All units of a LiDAR.
 /// @param draws put before the names of their streams of random numbers
-std::vector<Emitter> make_emitters(const SceneConfig& scene, const LidarConfig& lidar,
-                                   const std::string& draws = "");
+std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
+                                            const std::string& draws = "");
 
 /// Casts the rays of LiDARs and makes returns of their hits. Keeps its buffers from frame to frame.
 /// For one thread at a time.
@@ -63,8 +63,8 @@ class Caster {
   /// @param vehicles those that the raycaster has
   /// @return how many rays were cast for them: fewer where a static layer answers, more where beams
   ///         are wider than a ray
-  std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles, Emitter& emitter,
-                   FrameBuilder& out);
+  std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
+                   ScannerUnit& scanner, FrameBuilder& out);
 
  private:
   /// Random numbers of the leaves that the rays of a part of a frame meet.
@@ -74,14 +74,14 @@ class Caster {
     Rng of(std::uint32_t ray, std::size_t sub_ray) const;
   };
 
-  std::size_t cast_part(RayRange part, const LeafDraws& draws, Emitter& emitter,
+  std::size_t cast_part(RayRange part, const LeafDraws& draws, ScannerUnit& scanner,
                         const FrameVehicles& vehicles);
-  void select(Emitter& emitter, std::int64_t groups);
-  void cast_all(Emitter& emitter, std::int64_t groups, bool incidence);
+  void select(ScannerUnit& scanner, std::int64_t groups);
+  void cast_all(ScannerUnit& scanner, std::int64_t groups, bool incidence);
   void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
-  void stop_in_leaves(Emitter& emitter, std::int64_t first, std::int64_t last,
+  void stop_in_leaves(ScannerUnit& scanner, std::int64_t first, std::int64_t last,
                       const LeafDraws& draws);
-  std::size_t cast_beams(const Emitter& emitter, const LeafDraws& draws,
+  std::size_t cast_beams(const ScannerUnit& scanner, const LeafDraws& draws,
                          const FrameVehicles& vehicles);
   void collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const;
 

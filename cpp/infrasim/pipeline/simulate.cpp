@@ -19,7 +19,7 @@ namespace {
 
 /// One LiDAR, ready to fire.
 struct Lidar {
-  std::vector<Emitter> emitters;
+  std::vector<ScannerUnit> scanners;
   double reach = 0;
   double cut_s = kInf;  ///< pause in a vehicle's returns from which on the seam cuts it
   FrameBuilder builder;
@@ -43,8 +43,8 @@ Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const Unit
                  const std::string& draws = "") {
   Lidar lidar;
   lidar.cut_s = cut_s(config);
-  lidar.emitters = make_emitters(scene, config, draws);
-  for (std::size_t i = 0; i < layers.size(); ++i) lidar.emitters[i].layer = layers[i];
+  lidar.scanners = make_scanner_units(scene, config, draws);
+  for (std::size_t i = 0; i < layers.size(); ++i) lidar.scanners[i].layer = layers[i];
   for (const LidarUnit& unit : config.units)
     lidar.reach = std::max(lidar.reach, unit.returns.max_range_m);
   return lidar;
@@ -97,8 +97,8 @@ struct FrameSimulator::Impl {
   void cast_slice(int k, const WorldSlice& slice, Lidar& lidar) {
     lidar.builder.see_objects_at(slice.frozen ? std::optional(slice.middle() * kFramePeriod)
                                               : std::nullopt);
-    for (Emitter& emitter : lidar.emitters)
-      lidar.rays_cast += caster.cast(k, slice, vehicles, emitter, lidar.builder);
+    for (ScannerUnit& scanner : lidar.scanners)
+      lidar.rays_cast += caster.cast(k, slice, vehicles, scanner, lidar.builder);
   }
 
   Box3d box_at(std::size_t vehicle, double time_s) const {
@@ -160,22 +160,22 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
   std::size_t bytes_left = kMostLayerBytes;
   for (const LidarConfig& config : lidars) {
     UnitLayers& units = layers.emplace_back();
-    const std::vector<Emitter> emitters = make_emitters(world.scene, config);
+    const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, config);
     const auto file = world.static_layers.find(config.name);
     const bool read = file != world.static_layers.end();
     if (read) {
-      check_is_of(file->second, units_without_hits(config, emitters), words_of(config));
+      check_is_of(file->second, units_without_hits(config, scanners), words_of(config));
       check_is_from(file->second, layer_origin(world.scene, world.background));
     }
-    for (std::size_t i = 0; i < emitters.size(); ++i) {
-      const Emitter& emitter = emitters[i];
-      const ScanPattern& pattern = emitter.pattern;
+    for (std::size_t i = 0; i < scanners.size(); ++i) {
+      const ScannerUnit& scanner = scanners[i];
+      const ScanPattern& pattern = scanner.pattern;
       if (read) {
         units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i]));
-      } else if (emitter.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
+      } else if (scanner.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
                  pays(pattern, frames)) {
         units.push_back(std::make_shared<const StaticLayer>(
-            pattern, cast_static(pattern, emitter.max_range, raycaster)));
+            pattern, cast_static(pattern, scanner.max_range, raycaster)));
         bytes_left -= layer_bytes(pattern);
       } else {
         units.push_back(nullptr);
@@ -236,8 +236,8 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
   }
   for (std::size_t i = 0; i < frames.size(); ++i) {
     frames[i].seconds = seconds[i];
-    for (const Emitter& emitter : m.lidars[i].emitters)
-      frames[i].rays += static_cast<std::size_t>(emitter.rays(k).size());
+    for (const ScannerUnit& scanner : m.lidars[i].scanners)
+      frames[i].rays += static_cast<std::size_t>(scanner.rays(k).size());
   }
   return frames;
 }

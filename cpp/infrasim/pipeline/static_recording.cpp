@@ -77,9 +77,9 @@ std::vector<Ring> rings_of(const ScanPattern& pattern) {
 }
 
 std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
-                           std::span<const Emitter> emitters) {
+                           std::span<const ScannerUnit> scanners) {
   std::vector<Unit> units;
-  for (std::size_t i = 0; i < emitters.size(); ++i) {
+  for (std::size_t i = 0; i < scanners.size(); ++i) {
     const auto& spinning = lidar.units[i].pattern.spinning;
     if (!spinning)
       throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
@@ -88,7 +88,7 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
     units.push_back({.from_levelled = transposed(unit_pose(scene, lidar.units[i])),
                      .reach = kColumnReach * column,
                      .agree_m = std::max(kAgree_m, 6 * lidar.units[i].returns.range_accuracy_m),
-                     .rings = rings_of(emitters[i].pattern)});
+                     .rings = rings_of(scanners[i].pattern)});
   }
   return units;
 }
@@ -224,10 +224,10 @@ std::size_t fill(const Unit& unit, StaticHits& hits) {
 
 RecordedLayer recorded_static_layer(const SceneConfig& scene, const LidarConfig& lidar,
                                     const std::filesystem::path& folder) {
-  const std::vector<Emitter> emitters = make_emitters(scene, lidar);
+  const std::vector<ScannerUnit> scanners = make_scanner_units(scene, lidar);
   RecordedLayer out;
-  out.units = units_without_hits(lidar, emitters);
-  std::vector<Unit> units = units_of(scene, lidar, emitters);
+  out.units = units_without_hits(lidar, scanners);
+  std::vector<Unit> units = units_of(scene, lidar, scanners);
   for (const int frame : frames_of(folder)) {
     take_frame(folder, frame, units);
     ++out.frames;

@@ -9,9 +9,9 @@ std::string words_of(const LidarConfig& lidar) { return lidar.name + ", preset "
 namespace {
 
 /// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
-void check_can_have_layer(const LidarConfig& lidar, std::span<const Emitter> emitters) {
-  for (std::size_t i = 0; i < emitters.size(); ++i) {
-    const Emitter& unit = emitters[i];
+void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit> scanners) {
+  for (std::size_t i = 0; i < scanners.size(); ++i) {
+    const ScannerUnit& unit = scanners[i];
     if (unit.can_have_layer()) continue;
     const std::string found =
         unit.beam ? "a beam wider than a ray"
@@ -27,20 +27,20 @@ void check_can_have_layer(const LidarConfig& lidar, std::span<const Emitter> emi
 }  // namespace
 
 std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
-                                           std::span<const Emitter> emitters) {
-  check_can_have_layer(lidar, emitters);
+                                           std::span<const ScannerUnit> scanners) {
+  check_can_have_layer(lidar, scanners);
   std::vector<StaticHits> units;
-  for (const Emitter& e : emitters) units.push_back(no_hits(e.pattern, e.max_range));
+  for (const ScannerUnit& e : scanners) units.push_back(no_hits(e.pattern, e.max_range));
   return units;
 }
 
 std::vector<StaticHits> cast_static_layer(const World& world, const LidarConfig& lidar) {
-  const std::vector<Emitter> emitters = make_emitters(world.scene, lidar);
-  check_can_have_layer(lidar, emitters);
+  const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, lidar);
+  check_can_have_layer(lidar, scanners);
   Raycaster raycaster(*world.meshes);
   std::vector<StaticHits> units;
-  for (const Emitter& emitter : emitters)
-    units.push_back(cast_static(emitter.pattern, emitter.max_range, raycaster));
+  for (const ScannerUnit& scanner : scanners)
+    units.push_back(cast_static(scanner.pattern, scanner.max_range, raycaster));
   return units;
 }
 

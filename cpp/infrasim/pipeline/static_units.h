@@ -15,10 +15,10 @@ namespace infrasim {
 std::string words_of(const LidarConfig& lidar);
 
 /// What each unit's static layer is told by, and no hits.
-/// @param emitters its units
+/// @param scanners its units
 /// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
 std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
-                                           std::span<const Emitter> emitters);
+                                           std::span<const ScannerUnit> scanners);
 
 /// What stands still in the world, as each unit of a LiDAR sees it.
 /// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
