@@ -19,56 +19,58 @@ double positive_fmod(double value, double period) {
 
 /// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. What is
 /// reflected totally becomes NaN.
-void refract(Vec3 normal, double mu, Light& light) {
-  for (std::size_t i = 0; i < light.x.size(); ++i) {
-    const double c = light.x[i] * normal.x + light.y[i] * normal.y + light.z[i] * normal.z;
+void refract(Vec3 normal, double mu, DirectionBatch& directions) {
+  for (std::size_t i = 0; i < directions.x.size(); ++i) {
+    const double c =
+        directions.x[i] * normal.x + directions.y[i] * normal.y + directions.z[i] * normal.z;
     const double turn = std::sqrt(1 - mu * mu * (1 - c * c)) - mu * c;
-    light.x[i] = mu * light.x[i] + turn * normal.x;
-    light.y[i] = mu * light.y[i] + turn * normal.y;
-    light.z[i] = mu * light.z[i] + turn * normal.z;
+    directions.x[i] = mu * directions.x[i] + turn * normal.x;
+    directions.y[i] = mu * directions.y[i] + turn * normal.y;
+    directions.z[i] = mu * directions.z[i] + turn * normal.z;
   }
 }
 
 /// The same at a face across x.
-void refract_flat(double mu, Light& light) {
-  for (std::size_t i = 0; i < light.x.size(); ++i) {
-    light.x[i] = std::sqrt(1 - mu * mu * (1 - light.x[i] * light.x[i]));
-    light.y[i] *= mu;
-    light.z[i] *= mu;
+void refract_flat(double mu, DirectionBatch& directions) {
+  for (std::size_t i = 0; i < directions.x.size(); ++i) {
+    directions.x[i] = std::sqrt(1 - mu * mu * (1 - directions.x[i] * directions.x[i]));
+    directions.y[i] *= mu;
+    directions.z[i] *= mu;
   }
 }
 
-/// Light through one wedge whose tilted face has the given normal.
-void pass(const WedgeConfig& wedge, Vec3 tilted, Light& light) {
+/// Directions behind one prism whose tilted face has the given normal.
+void pass(const WedgeConfig& wedge, Vec3 tilted, DirectionBatch& directions) {
   const double n = wedge.refractive_index;
   if (wedge.faces == Faces::kTiltedFirst) {
-    refract(tilted, 1 / n, light);
-    refract_flat(n, light);
+    refract(tilted, 1 / n, directions);
+    refract_flat(n, directions);
   } else {
-    refract_flat(1 / n, light);
-    refract(tilted, n, light);
+    refract_flat(1 / n, directions);
+    refract(tilted, n, directions);
   }
 }
 
 /// @throws ConfigError for total reflection
-void check_left(const Light& light) {
-  if (std::ranges::any_of(light.x, [](double x) { return std::isnan(x); }))
+void check_transmitted(const DirectionBatch& directions) {
+  if (std::ranges::any_of(directions.x, [](double x) { return std::isnan(x); }))
     throw ConfigError(
         "pattern.wedges.wedges: found light that is reflected and does not leave a wedge, allowed "
         "smaller angle_deg, refractive_index or laser_offsets");
 }
 
-/// The light of all lasers after the wedges at one time.
+/// The directions of all lasers behind the prisms at one time.
 /// @throws ConfigError for total reflection
-void trace(const std::vector<WedgeConfig>& wedges, const Light& lasers, double time_s,
-           Light& light) {
-  light = lasers;
+void trace(const std::vector<WedgeConfig>& wedges, const DirectionBatch& lasers, double time_s,
+           DirectionBatch& directions) {
+  directions = lasers;
   for (const WedgeConfig& wedge : wedges) {
     const double phi = 2 * kPi * std::fmod(wedge.rpm / 60 * time_s, 1.0) + rad(wedge.phase_deg);
     const double a = rad(wedge.angle_deg);
-    pass(wedge, {std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)}, light);
+    pass(wedge, {std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)},
+         directions);
   }
-  check_left(light);
+  check_transmitted(directions);
 }
 
 /// Rank of each elevation, 0 for the lowest; equal ones by their place.
@@ -189,10 +191,11 @@ double ScanPattern::optical_time(std::int64_t group) const {
 }
 
 Ray ScanPattern::wedges_ray(std::int64_t group, int member) const {
-  Light light;
-  trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), light);
+  DirectionBatch directions;
+  trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), directions);
   const auto i = static_cast<std::size_t>(member);
-  return {{light.x[i], light.y[i], light.z[i]}, static_cast<double>(group) / groups_per_s_};
+  return {{directions.x[i], directions.y[i], directions.z[i]},
+          static_cast<double>(group) / groups_per_s_};
 }
 
 Ray ScanPattern::table_ray(std::int64_t group) const {
@@ -234,13 +237,13 @@ void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
 
 void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
                                  RayBatch& rays) const {
-  Light light;
+  DirectionBatch directions;
   std::size_t k = 0;
   for (std::int64_t group = first_group; group < last_group; ++group) {
-    trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), light);
+    trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), directions);
     const double time = static_cast<double>(group) / groups_per_s_ - start_s;
-    for (std::size_t i = 0; i < light.x.size(); ++i, ++k)
-      put(k, {light.x[i], light.y[i], light.z[i]}, time, static_cast<int>(i), rays);
+    for (std::size_t i = 0; i < directions.x.size(); ++i, ++k)
+      put(k, {directions.x[i], directions.y[i], directions.z[i]}, time, static_cast<int>(i), rays);
   }
 }
 

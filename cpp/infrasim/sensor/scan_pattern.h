@@ -23,8 +23,9 @@ struct Ray {
   double time_s = 0;
 };
 
-/// Light of all lasers of a step, a column per component, so that loops over them become vectors.
-struct Light {
+/// Directions of all lasers of a step, one column for each component: loops over them become
+/// vector code.
+struct DirectionBatch {
   std::vector<double> x, y, z;
 };
 
@@ -87,8 +88,8 @@ class ScanPattern {
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
-  std::vector<Laser> lasers_;  ///< of a spinning unit
-  Light lasers_of_step_;       ///< before the wedges
+  std::vector<Laser> lasers_;      ///< of a spinning unit
+  DirectionBatch lasers_of_step_;  ///< before the wedges
 };
 
 /// Extent of a pattern in its own frame.
