@@ -45,20 +45,21 @@ void count_in_boxes(Frame& frame) {
 
 Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds) : first_(worlds.front()) {
   for (const auto& [name, mount] : scene.mounts) mounts_.push_back(mount);
-  for (const MountConfig& mount : mounts_) shifts_.push_back(shift_of(mount));
+  for (const MountConfig& mount : mounts_) transforms_.push_back(transform_of(mount));
 }
 
 /// A wrong tilt levels wrongly: the true one is taken back, then the assumed one applied.
-Fusion::Shift Fusion::shift_of(const MountConfig& mount) const {
+Fusion::RigidTransform Fusion::transform_of(const MountConfig& mount) const {
   const MountConfig& first = mounts_.front();
   const CalibrationError e = mount.calibration_error.value_or(CalibrationError{});
-  Mat3 turn = rotation(rad(mount.yaw_deg + e.yaw_deg - first.yaw_deg), 0, 0);
+  Mat3 rotation_to_first = rotation(rad(mount.yaw_deg + e.yaw_deg - first.yaw_deg), 0, 0);
   if (e.pitch_deg != 0 || e.roll_deg != 0)
-    turn = turn *
-           rotation(0, rad(mount.pitch_deg + e.pitch_deg), rad(mount.roll_deg + e.roll_deg)) *
-           rotation(0, 0, -rad(mount.roll_deg)) * rotation(0, -rad(mount.pitch_deg), 0);
+    rotation_to_first =
+        rotation_to_first *
+        rotation(0, rad(mount.pitch_deg + e.pitch_deg), rad(mount.roll_deg + e.roll_deg)) *
+        rotation(0, 0, -rad(mount.roll_deg)) * rotation(0, -rad(mount.pitch_deg), 0);
   const Vec3 place{mount.x_m + e.x_m, mount.y_m + e.y_m, mount.z_m + e.z_m};
-  return {turn, first_.level.to_level(place),
+  return {rotation_to_first, first_.level.to_level(place),
           mount.clock_offset_s.value_or(0) - first.clock_offset_s.value_or(0)};
 }
 
@@ -75,10 +76,11 @@ MountConfig Fusion::seen_from_first(std::size_t mount) const {
 void Fusion::add_points(const Frame& frame, std::size_t mount, FusedFrame& out) const {
   PointCloud& to = out.frame.cloud;
   const PointCloud& from = frame.cloud;
-  const Shift& shift = shifts_[mount];
+  const RigidTransform& transform = transforms_[mount];
   for (std::size_t i = 0; i < from.size(); ++i) {
-    const Vec3 p =
-        shift.turn * Vec3{from.xyz[3 * i], from.xyz[3 * i + 1], from.xyz[3 * i + 2]} + shift.move;
+    const Vec3 p = transform.rotation_to_first *
+                       Vec3{from.xyz[3 * i], from.xyz[3 * i + 1], from.xyz[3 * i + 2]} +
+                   transform.origin_in_first;
     for (const double v : {p.x, p.y, p.z}) to.xyz.push_back(static_cast<float>(v));
   }
   append_column(to.intensity, from.intensity);
@@ -104,7 +106,7 @@ ObjectRecord Fusion::record(const MovingObject& o, std::span<const Frame* const>
     if (seen == nullptr) continue;
     if (inside) out.visibility = std::max(out.visibility, seen->visibility);
     out.points += seen->points;
-    time_s += seen->points * (seen->scan_time_s + shifts_[m].late_s);
+    time_s += seen->points * (seen->scan_time_s + transforms_[m].late_s);
   }
   out.scan_time_s = out.points > 0 ? time_s / out.points : kFramePeriod / 2;
   out.scan_box = first_.level.to_level(o.at(out.scan_time_s / kFramePeriod));

@@ -31,18 +31,18 @@ class Fusion {
   MountConfig seen_from_first(std::size_t mount) const;
 
  private:
-  struct Shift {
-    Mat3 turn;
-    Vec3 move;
+  struct RigidTransform {
+    Mat3 rotation_to_first;  ///< from a mount's levelled frame to that of the first
+    Vec3 origin_in_first;
     double late_s;  ///< its clock, behind the first mount's
   };
-  Shift shift_of(const MountConfig& mount) const;
+  RigidTransform transform_of(const MountConfig& mount) const;
   void add_points(const Frame& frame, std::size_t mount, FusedFrame& out) const;
   ObjectRecord record(const MovingObject& object, std::span<const Frame* const> frames) const;
 
   const World& first_;
   std::vector<MountConfig> mounts_;
-  std::vector<Shift> shifts_;
+  std::vector<RigidTransform> transforms_;
 };
 
 }  // namespace infrasim
