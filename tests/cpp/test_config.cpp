@@ -400,21 +400,22 @@ TEST(dump, keeps_the_order_of_mounts) {
   EXPECT_EQ(back.mounts.at("north").y_m, 20);
 }
 
-TEST(seen_from, leaves_one_mount_with_draws_of_its_own) {
+TEST(scene_at_mount, leaves_one_mount_with_draws_of_its_own) {
   SceneConfig scene = testing::empty_road();
   scene.mounts = {{"south", {.y_m = -20}}, {"north", {.y_m = 20}}};
-  const SceneConfig view = seen_from(scene, "north");
+  const SceneConfig view = scene_at_mount(scene, "north");
   ASSERT_EQ(view.mounts.size(), 1U);
   EXPECT_EQ(view.mounts.at("north").y_m, 20);
   EXPECT_EQ(view.mounts.at("north").own_draws, true);
-  EXPECT_EQ(error_of([&] { seen_from(scene, ""); }), "mount: found none, allowed south, north");
-  EXPECT_EQ(error_of([&] { seen_from(scene, "west"); }),
+  EXPECT_EQ(error_of([&] { scene_at_mount(scene, ""); }),
+            "mount: found none, allowed south, north");
+  EXPECT_EQ(error_of([&] { scene_at_mount(scene, "west"); }),
             "mount: found 'west', allowed south, north");
 }
 
-TEST(seen_from, leaves_a_lone_mount_as_it_is) {
+TEST(scene_at_mount, leaves_a_lone_mount_as_it_is) {
   const SceneConfig scene = testing::empty_road();
-  EXPECT_EQ(dump_scene(seen_from(scene, "")), dump_scene(scene));
+  EXPECT_EQ(dump_scene(scene_at_mount(scene, "")), dump_scene(scene));
 }
 
 TEST(dump, keeps_every_digit_of_a_number) {

@@ -411,10 +411,10 @@ TEST(scenes, of_one_file_move_alike_whatever_their_sensors_see) {
 
 // --- another clock ------------------------------------------------------------------------------
 
-TEST(seen_late, vehicles_are_farther_on_by_the_way_of_the_offset) {
+TEST(resample_at_clock_offset, vehicles_are_farther_on_by_the_way_of_the_offset) {
   const Trajectories true_time = testing::straight_on({car_on_road(1, 0, 2, 0, 15)}, 4);
   for (const double late_s : {0.05, -0.05, 0.1, -0.1}) {
-    const Trajectories late = seen_late(true_time, late_s);
+    const Trajectories late = resample_at_clock_offset(true_time, late_s);
     ASSERT_EQ(late.rows.size(), true_time.rows.size());
     for (std::size_t k = 0; k < late.rows.size(); ++k) {
       ASSERT_EQ(late.rows[k].size(), 1U);

@@ -242,7 +242,7 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
   config::fail(place, key, "found unknown road '" + name + "', allowed " + allowed);
 }
 
-SceneConfig seen_from(const SceneConfig& scene, const std::string& mount) {
+SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount) {
   const bool several = scene.mounts.size() > 1;
   const auto found = mount.empty() && !several ? scene.mounts.begin() : scene.mounts.find(mount);
   if (found == scene.mounts.end()) {

@@ -380,7 +380,7 @@ struct SceneConfig {
 /// The scene as a data set of one mount has it: without the others.
 /// @param mount its name; empty: the only one
 /// @throws ConfigError if there is none of the name, or none is named of several
-SceneConfig seen_from(const SceneConfig& scene, const std::string& mount);
+SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount);
 
 /// What a scene says, else `frame` under the presets `paper` and `equal`, as the study's simulator
 /// labels, and `scan` under any other, as annotators do who draw around the points.

@@ -35,8 +35,8 @@ std::size_t body_index(Class object_class) {
 
 namespace {
 
-double clock_offset_s(const SceneConfig& scene_at_mount) {
-  return scene_at_mount.mounts.begin()->second.clock_offset_s.value_or(0);
+double clock_offset_s(const SceneConfig& view) {
+  return view.mounts.begin()->second.clock_offset_s.value_or(0);
 }
 
 /// Which rows the frames need: those at their ends and, by another clock, one more on either side.
@@ -66,7 +66,8 @@ TakeInstant looked_at(const SceneConfig& scene, const TakeInstant& take) {
 World world_of(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
                const Surface& surface, std::shared_ptr<const Trajectories> trajectories) {
   if (const double late_s = clock_offset_s(scene); late_s != 0)
-    trajectories = std::make_shared<const Trajectories>(seen_late(*trajectories, late_s));
+    trajectories =
+        std::make_shared<const Trajectories>(resample_at_clock_offset(*trajectories, late_s));
   const MountConfig& mount = scene.mounts.begin()->second;
   const LevelPose level = level_pose(mount);
   TriangleMesh background = to_level(surface, level);
@@ -103,7 +104,7 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
                                 std::span<const int> frames, bool to_end) {
   std::vector<SceneConfig> views;
-  for (const std::string& mount : mounts) views.push_back(seen_from(scene, mount));
+  for (const std::string& mount : mounts) views.push_back(scene_at_mount(scene, mount));
   const auto site = std::make_shared<const Site>(checked_site(scene));
   const Instants instants(*site);
   const std::vector<bool> asked = rows_of(frames, views);
@@ -124,7 +125,7 @@ void check_worlds(const SceneConfig& scene, bool drive) {
   if (drive) Instants(*site).each(looked_at(scene, [](const auto&) {}));
   const Surface surface = build_static_surface(*site);
   for (const std::string& mount : mount_names(scene))
-    world_of(seen_from(scene, mount), site, surface, std::make_shared<const Trajectories>());
+    world_of(scene_at_mount(scene, mount), site, surface, std::make_shared<const Trajectories>());
 }
 
 bool move_alike(const SceneConfig& a, const SceneConfig& b) {
@@ -157,7 +158,7 @@ void each_instant(const World& world, const TakeInstant& take) {
   }
   const double late_s = clock_offset_s(world.scene);
   const int frames = world.trajectories->frames();
-  Instants(*world.site).each(late_s == 0 ? take : seen_late(late_s, frames, take));
+  Instants(*world.site).each(late_s == 0 ? take : resample_at_clock_offset(late_s, frames, take));
 }
 
 World build_world(const SceneConfig& scene, const std::string& mount) {

@@ -22,7 +22,7 @@ namespace infrasim {
 /// A scene at one mount made ready: its trajectories and its meshes. Built once, shared by all
 /// threads.
 struct World {
-  SceneConfig scene;                 ///< seen_from the mount
+  SceneConfig scene;                 ///< scene_at_mount the mount
   std::shared_ptr<const Site> site;  ///< of the scene with all its mounts
   LevelPose level;
   EvaluationRegion region;

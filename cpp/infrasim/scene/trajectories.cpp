@@ -90,7 +90,7 @@ int frame_of_late(double late_s, int instant, int frames) {
 
 }  // namespace
 
-TakeInstant seen_late(double late_s, int frames, const TakeInstant& take) {
+TakeInstant resample_at_clock_offset(double late_s, int frames, const TakeInstant& take) {
   return [late = late_s / kFramePeriod, late_s, frames, take, window = Trajectories{}, frame = -2,
           next = 0](const std::vector<ObjectState>& states) mutable {
     window.rows.push_back(states);
@@ -105,11 +105,11 @@ TakeInstant seen_late(double late_s, int frames, const TakeInstant& take) {
   };
 }
 
-Trajectories seen_late(const Trajectories& trajectories, double late_s) {
+Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s) {
   Trajectories out{{}, trajectories.pitched, {}};
   const int frames = trajectories.frames();
-  const TakeInstant late =
-      seen_late(late_s, frames, [&](const auto& states) { out.rows.push_back(states); });
+  const TakeInstant late = resample_at_clock_offset(
+      late_s, frames, [&](const auto& states) { out.rows.push_back(states); });
   for (const auto& states : trajectories.rows) late(states);
   if (trajectories.whole()) return out;
   for (int k = 0; k <= frames; ++k) {

@@ -83,9 +83,9 @@ class TrajectoryKeeper {
 /// is where all are at 0.1 k + late_s, between two instants as in a frame. Before the first and
 /// after the last one they go on as before; who is not there for the whole of a frame is left out.
 /// @param frames that will be handed over, one less than instants
-TakeInstant seen_late(double late_s, int frames, const TakeInstant& take);
+TakeInstant resample_at_clock_offset(double late_s, int frames, const TakeInstant& take);
 /// The same of trajectories, of which a row is kept if those it lies between are.
-Trajectories seen_late(const Trajectories& trajectories, double late_s);
+Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s);
 
 /// The text of trajectories.csv, one instant after the other: columns
 /// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch where vehicles lean; metres, radians, world
