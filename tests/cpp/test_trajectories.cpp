@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "infrasim/pipeline/simulate.h"
-#include "infrasim/scene/instants.h"
 #include "infrasim/scene/site_rules.h"
+#include "infrasim/scene/state_source.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
 #include "small_scenes.h"
@@ -167,7 +167,7 @@ TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   const SceneConfig scene = road_with_traffic(15);
   TrajectoryText lines;
   std::string text = lines.header();
-  Instants(checked_site(scene)).each([&](const auto& states) { text += lines.rows(states); });
+  StateSource(checked_site(scene)).each([&](const auto& states) { text += lines.rows(states); });
   text += lines.end();
   EXPECT_EQ(text, trajectories_csv(*build_world(scene).trajectories));
   EXPECT_EQ(lines.instants(), 31);
@@ -177,7 +177,7 @@ TEST(trajectories, handed_over_one_by_one_need_a_scene_that_is_right_as_a_whole)
   SceneConfig scene = road_with_traffic(15);
   scene.gantries.push_back({.road = "other", .s_m = 1, .place = {}});
   EXPECT_NE(
-      error_of([&] { Instants(checked_site(scene)).each([](const auto&) {}); }).find("'other'"),
+      error_of([&] { StateSource(checked_site(scene)).each([](const auto&) {}); }).find("'other'"),
       std::string::npos);
 }
 

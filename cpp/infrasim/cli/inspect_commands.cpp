@@ -20,9 +20,9 @@
 #include "infrasim/io/npy.h"
 #include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/pipeline/world.h"
-#include "infrasim/scene/instants.h"
 #include "infrasim/scene/mesh_file.h"
 #include "infrasim/scene/site_rules.h"
+#include "infrasim/scene/state_source.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/range_law.h"
 
@@ -195,10 +195,10 @@ void trajectories_command(const TrajectoriesOptions& o) {
   remove_leftovers(file.parent_path().empty() ? "." : file.parent_path());
   AtomicFile out(file);
   const Site site = checked_site(scene);
-  const Instants instants(site);
-  TrajectoryText lines(instants.pitched());
+  const StateSource state_source(site);
+  TrajectoryText lines(state_source.pitched());
   out.write(lines.header());
-  instants.each([&](const auto& states) { out.write(lines.rows(states)); });
+  state_source.each([&](const auto& states) { out.write(lines.rows(states)); });
   out.write(lines.end());
   out.replace();
   std::printf("%d frames\n", lines.instants() - 1);

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "infrasim/scene/instants.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
+#include "infrasim/scene/state_source.h"
 #include "infrasim/scene/vehicle_body.h"
 
 namespace infrasim {
@@ -52,10 +52,10 @@ std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneCo
 }
 
 /// Hands every instant on that leaves the sensors free.
-TakeInstant looked_at(const SceneConfig& scene, const TakeInstant& take) {
-  return [&scene, take, instant = 0](const std::vector<ObjectState>& states) mutable {
+StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
+  return [&scene, sink, instant = 0](const std::vector<ObjectState>& states) mutable {
     check_sensor_is_free(scene, states, instant++);
-    take(states);
+    sink(states);
   };
 }
 
@@ -106,12 +106,12 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   std::vector<SceneConfig> views;
   for (const std::string& mount : mounts) views.push_back(scene_at_mount(scene, mount));
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  const Instants instants(*site);
+  const StateSource state_source(*site);
   const std::vector<bool> asked = rows_of(frames, views);
   const auto last = std::find(asked.rbegin(), asked.rend(), true);
-  TrajectoryKeeper keeper(asked, instants.pitched());
-  instants.each(looked_at(scene, [&](const auto& states) { keeper.take(states); }),
-                static_cast<int>(to_end ? asked.size() : asked.rend() - last));
+  TrajectoryKeeper keeper(asked, state_source.pitched());
+  state_source.each(checking_sensors(scene, [&](const auto& states) { keeper.take(states); }),
+                    static_cast<int>(to_end ? asked.size() : asked.rend() - last));
   const auto trajectories = std::make_shared<const Trajectories>(keeper.finish());
   const Surface surface = build_static_surface(*site);
   std::vector<World> worlds;
@@ -122,7 +122,7 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
 
 void check_worlds(const SceneConfig& scene, bool drive) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  if (drive) Instants(*site).each(looked_at(scene, [](const auto&) {}));
+  if (drive) StateSource(*site).each(checking_sensors(scene, [](const auto&) {}));
   const Surface surface = build_static_surface(*site);
   for (const std::string& mount : mount_names(scene))
     world_of(scene_at_mount(scene, mount), site, surface, std::make_shared<const Trajectories>());
@@ -151,14 +151,15 @@ bool move_alike(const SceneConfig& a, const SceneConfig& b) {
   return text(a) == text(b);
 }
 
-void each_instant(const World& world, const TakeInstant& take) {
+void each_instant(const World& world, const StateSink& sink) {
   if (world.trajectories->whole()) {
-    for (const auto& states : world.trajectories->rows) take(states);
+    for (const auto& states : world.trajectories->rows) sink(states);
     return;
   }
   const double late_s = clock_offset_s(world.scene);
   const int frames = world.trajectories->frames();
-  Instants(*world.site).each(late_s == 0 ? take : resample_at_clock_offset(late_s, frames, take));
+  StateSource(*world.site)
+      .each(late_s == 0 ? sink : resample_at_clock_offset(late_s, frames, sink));
 }
 
 World build_world(const SceneConfig& scene, const std::string& mount) {
@@ -175,7 +176,7 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   if (scene.traffic) scene.duration_s = kChecked_s;
   const Site site = checked_site(scene);
   OverlapSearch search;
-  Instants(site).each([&](const auto& states) { search.take(states); });
+  StateSource(site).each([&](const auto& states) { search.take(states); });
   return search.found();
 }
 

@@ -55,7 +55,7 @@ void check_worlds(const SceneConfig& scene, bool drive);
 bool move_alike(const SceneConfig& a, const SceneConfig& b);
 
 /// Hands over the trajectories of a world whole, whichever rows it has.
-void each_instant(const World& world, const TakeInstant& take);
+void each_instant(const World& world, const StateSink& sink);
 
 /// In the order of the file.
 std::vector<std::string> mount_names(const SceneConfig& scene);

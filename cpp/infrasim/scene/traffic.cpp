@@ -505,16 +505,16 @@ class Traffic {
 
 }  // namespace
 
-void simulate_traffic(const Site& site, const TakeInstant& take, int instants) {
+void simulate_traffic(const Site& site, const StateSink& sink, int instants) {
   Traffic traffic(site);
   for (double t = 0; t < site.scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
   for (int k = 0; k < instants; ++k) {
     if (k > 0) traffic.step();
-    take(traffic.states());
+    sink(traffic.states());
   }
 }
 
-void simulate_traffic(const Site& site, const TakeInstant& take) {
+void simulate_traffic(const Site& site, const StateSink& sink) {
   simulate_traffic(site, take, frame_count(site.scene.duration_s) + 1);
 }
 

@@ -10,12 +10,12 @@ namespace infrasim {
 /// is held at the density: who leaves at the end of a lane is replaced by a new vehicle at an
 /// entry. Vehicles keep their lane: two points of each follow it, so that long ones stay within it
 /// round a bend, and those that would not stay within a turn go straight on.
-/// @param take     is given the vehicles every 0.1 s, rounded to the digits of the trajectory file
+/// @param sink     is given the vehicles every 0.1 s, rounded to the digits of the trajectory file
 /// @param instants of the scene's that are wanted: no more are simulated
 /// @throws ConfigError if vehicles of a class do not fit the lanes
-void simulate_traffic(const Site& site, const TakeInstant& take, int instants);
+void simulate_traffic(const Site& site, const StateSink& sink, int instants);
 /// The same for the scene's duration.
-void simulate_traffic(const Site& site, const TakeInstant& take);
+void simulate_traffic(const Site& site, const StateSink& sink);
 /// The same, all rows at once.
 Trajectories simulate_traffic(const Site& site);
 

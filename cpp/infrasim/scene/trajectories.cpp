@@ -90,8 +90,8 @@ int frame_of_late(double late_s, int instant, int frames) {
 
 }  // namespace
 
-TakeInstant resample_at_clock_offset(double late_s, int frames, const TakeInstant& take) {
-  return [late = late_s / kFramePeriod, late_s, frames, take, window = Trajectories{}, frame = -2,
+StateSink resample_at_clock_offset(double late_s, int frames, const StateSink& sink) {
+  return [late = late_s / kFramePeriod, late_s, frames, sink, window = Trajectories{}, frame = -2,
           next = 0](const std::vector<ObjectState>& states) mutable {
     window.rows.push_back(states);
     if (window.rows.size() > 2) window.rows.erase(window.rows.begin());
@@ -100,7 +100,7 @@ TakeInstant resample_at_clock_offset(double late_s, int frames, const TakeInstan
       std::vector<ObjectState> row;
       for (const MovingObject& o : window.in_frame(0))
         row.push_back(rounded({o.id, o.object_class, o.at(next + late - frame), o.speed_m_s}));
-      take(row);
+      sink(row);
     }
   };
 }
@@ -108,7 +108,7 @@ TakeInstant resample_at_clock_offset(double late_s, int frames, const TakeInstan
 Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s) {
   Trajectories out{{}, trajectories.pitched, {}};
   const int frames = trajectories.frames();
-  const TakeInstant late = resample_at_clock_offset(
+  const StateSink late = resample_at_clock_offset(
       late_s, frames, [&](const auto& states) { out.rows.push_back(states); });
   for (const auto& states : trajectories.rows) late(states);
   if (trajectories.whole()) return out;

@@ -56,7 +56,7 @@ struct Trajectories {
 ObjectState rounded(ObjectState state);
 
 /// Takes the states of one instant after the other.
-using TakeInstant = std::function<void(const std::vector<ObjectState>&)>;
+using StateSink = std::function<void(const std::vector<ObjectState>&)>;
 
 /// Keeps trajectories as they are handed over: all rows while they are few, then only those that
 /// are asked for.
@@ -83,7 +83,7 @@ class TrajectoryKeeper {
 /// is where all are at 0.1 k + late_s, between two instants as in a frame. Before the first and
 /// after the last one they go on as before; who is not there for the whole of a frame is left out.
 /// @param frames that will be handed over, one less than instants
-TakeInstant resample_at_clock_offset(double late_s, int frames, const TakeInstant& take);
+StateSink resample_at_clock_offset(double late_s, int frames, const StateSink& sink);
 /// The same of trajectories, of which a row is kept if those it lies between are.
 Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s);
 

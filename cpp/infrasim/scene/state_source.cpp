@@ -1,4 +1,4 @@
-#include "infrasim/scene/instants.h"
+#include "infrasim/scene/state_source.h"
 
 #include <utility>
 
@@ -35,44 +35,44 @@ Trajectories load_recorded(const SceneConfig& scene) {
 }
 
 /// Hands over every instant with the vehicles that stand for the whole of it.
-TakeInstant with_parked(const Site& site, const TakeInstant& take) {
+StateSink with_parked(const Site& site, const StateSink& sink) {
   std::vector<ObjectState> parked;
   for (const ParkedVehicle& vehicle : site.parked) parked.push_back(vehicle.state);
-  if (parked.empty()) return take;
+  if (parked.empty()) return sink;
   site.profile.lift(parked);
   return [parked = std::move(parked), take](std::vector<ObjectState> states) {
     states.insert(states.end(), parked.begin(), parked.end());
-    take(states);
+    sink(states);
   };
 }
 
 /// Hands over every instant with the people who are there then.
-TakeInstant with_people(const Site& site, const TakeInstant& take) {
+StateSink with_people(const Site& site, const StateSink& sink) {
   People people(site.scene, site.centrelines);
   std::vector<ObjectState> standing = standing_people(site.scene);
-  if (people.empty() && standing.empty()) return take;
-  return [people = std::move(people), standing = std::move(standing), &profile = site.profile, take,
+  if (people.empty() && standing.empty()) return sink;
+  return [people = std::move(people), standing = std::move(standing), &profile = site.profile, sink,
           instant = 0](std::vector<ObjectState> states) mutable {
     auto there = people.at(instant++ * kFramePeriod);
     there.insert(there.end(), standing.begin(), standing.end());
     profile.lift(there);
     states.insert(states.end(), there.begin(), there.end());
-    take(states);
+    sink(states);
   };
 }
 
 }  // namespace
 
-Instants::Instants(const Site& site) : site_(site) {
+StateSource::StateSource(const Site& site) : site_(site) {
   if (!site.scene.traffic) recorded_ = load_recorded(site.scene);
 }
 
-void Instants::each(const TakeInstant& take) const {
-  each(take, frame_count(site_.scene.duration_s) + 1);
+void StateSource::each(const StateSink& sink) const {
+  each(sink, frame_count(site_.scene.duration_s) + 1);
 }
 
-void Instants::each(const TakeInstant& take, int instants) const {
-  const TakeInstant all = with_parked(site_, with_people(site_, take));
+void StateSource::each(const StateSink& sink, int instants) const {
+  const StateSink all = with_parked(site_, with_people(site_, sink));
   if (site_.scene.traffic)
     return simulate_traffic(
         site_,
