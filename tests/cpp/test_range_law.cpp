@@ -35,7 +35,7 @@ TEST(range_law, finds_the_balance_that_two_published_ranges_have) {
   // At 80 % the noise is that of the sun over a balance of 400 klx: sqrt(8 x 100 / 400).
   const double range_m = 100 * std::sqrt(8 / std::sqrt(2.0));
   const RangeLaw law = law_of(100, {{.range_m = range_m, .reflectance = 0.8}});
-  EXPECT_NEAR(law.balance_klux, 400, 0.02 * 400);
+  EXPECT_NEAR(law.background_noise_crossover_klux, 400, 0.02 * 400);
   EXPECT_NEAR(law.range_m(0.8, 100), range_m, 1e-2 * range_m);
 }
 

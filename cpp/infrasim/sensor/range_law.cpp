@@ -25,9 +25,10 @@ double error(const RangeLaw& law, const PublishedRange& pair) {
 }
 
 /// The dark range that suits a balance best; ranges at the device's end say nothing of it.
-double best_dark_range(double balance_klux, const std::vector<PublishedRange>& pairs,
-                       double max_range_m) {
-  const RangeLaw one{.dark_range_m = 1, .balance_klux = balance_klux};
+double best_dark_range(double background_noise_crossover_klux,
+                       const std::vector<PublishedRange>& pairs, double max_range_m) {
+  const RangeLaw one{.dark_range_m = 1,
+                     .background_noise_crossover_klux = background_noise_crossover_klux};
   double sum = 0, weights = 0;
   for (const PublishedRange& pair : pairs) {
     if (pair.range_m >= max_range_m && pairs.size() > 1) continue;
@@ -50,7 +51,7 @@ double misfit(const RangeLaw& law, const std::vector<PublishedRange>& pairs, dou
 }  // namespace
 
 double RangeLaw::noise(double sunlit, double klux) const {
-  return std::max(1.0, std::sqrt(sunlit / 0.1 * klux / balance_klux));
+  return std::max(1.0, std::sqrt(sunlit / 0.1 * klux / background_noise_crossover_klux));
 }
 
 double RangeLaw::range_m(double reflectance, double klux) const {
@@ -63,8 +64,9 @@ RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i <= 2 * kSteps; ++i) {
     const int step = i % 2 == 0 ? -i / 2 : (i + 1) / 2;  // 0, 1, -1, 2, -2, ...
-    RangeLaw law{.dark_range_m = 0, .balance_klux = std::pow(10, 2 + step / 100.0)};
-    law.dark_range_m = best_dark_range(law.balance_klux, pairs, max_range_m);
+    RangeLaw law{.dark_range_m = 0,
+                 .background_noise_crossover_klux = std::pow(10, 2 + step / 100.0)};
+    law.dark_range_m = best_dark_range(law.background_noise_crossover_klux, pairs, max_range_m);
     const double found = misfit(law, pairs, max_range_m);
     if (found < least - 1e-9) least = found, best = law;
   }

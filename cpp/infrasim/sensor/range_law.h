@@ -8,8 +8,9 @@ namespace infrasim {
 /// range goes with the fourth root of reflectance; below some light the detector's own noise rules,
 /// and it goes with the square root.
 struct RangeLaw {
-  double dark_range_m;  ///< of a 10 % target without sunlight
-  double balance_klux;  ///< on a 10 % target, where sunlight is as loud as the detector
+  double dark_range_m;                     ///< of a 10 % target without sunlight
+  double background_noise_crossover_klux;  ///< on a 10 % target, where sunlight is as loud as the
+                                           ///< detector
 
   /// Of the noise in `klux`, in units of the detector's own.
   /// @param sunlit reflectance of what the detector looks at

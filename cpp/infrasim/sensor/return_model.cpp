@@ -63,7 +63,7 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
   if (!config.detection) return;
   const RangeLaw law = fit_range_law(*config.detection, config.max_range_m);
   signal_m2_ = law.dark_range_m * law.dark_range_m / 0.1;
-  sun_per_rho_ = weather.sunlight_klux / law.balance_klux / 0.1;
+  sun_per_rho_ = weather.sunlight_klux / law.background_noise_crossover_klux / 0.1;
 }
 
 /// Whether a recording has the hit. Behind a pane, which takes from its reflectance of 1, it may be
