@@ -129,7 +129,7 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
 inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
                               double azimuth_step_deg) {
   SpinningConfig s;
-  s.seam_deg = 0;
+  s.cut_angle_deg = 0;
   s.azimuth_step_deg = azimuth_step_deg;
   for (int i = 0; i < channels; ++i)
     s.channels.table.push_back(

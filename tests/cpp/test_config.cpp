@@ -840,7 +840,7 @@ TEST(bundle, of_one_turned_unit_is_dumped_with_its_turn_and_reads_back) {
     EXPECT_EQ(b.returns.range_accuracy_m, 0.02);
     EXPECT_EQ(back.name, "turned");
     EXPECT_EQ(back.units.front().pattern.spinning->phase, MotorPhase::kFree);
-    EXPECT_EQ(back.units.front().pattern.spinning->seam_deg, 35);
+    EXPECT_EQ(back.units.front().pattern.spinning->cut_angle_deg, 35);
     EXPECT_EQ(back.price_usd.high, 2);
     EXPECT_EQ(back.price_usd.source, "nobody");
   }
@@ -851,7 +851,7 @@ TEST(lidar_file, says_how_its_motors_start) {
   const auto file = folder.write("lidar.yaml", kLidar);
   const SpinningConfig plain = *read_lidar(file, "even").units.front().pattern.spinning;
   EXPECT_EQ(plain.phase, MotorPhase::kLocked);
-  EXPECT_EQ(plain.seam_deg, 180);
+  EXPECT_EQ(plain.cut_angle_deg, 180);
   expect_lidar_error("rate_hz: 10,", "rate_hz: 10, phase: random, #!\n   ",
                      "pattern.spinning.phase", "found 'random', allowed locked, free");
   expect_lidar_error("rate_hz: 10,", "rate_hz: 10, seam_deg: 400, #!\n   ",

@@ -75,7 +75,7 @@ TEST(scan_time, is_the_mean_of_the_returns) {
   EXPECT_NEAR(scan_time_s(times, 0.05), 0.03, 1e-12);
 }
 
-TEST(scan_time, of_a_vehicle_that_the_seam_cuts_is_that_of_the_larger_group) {
+TEST(scan_time, of_a_vehicle_that_the_cut_angle_splits_is_that_of_the_larger_group) {
   std::vector<double> times{0.099, 0.001, 0.097, 0.098};
   EXPECT_NEAR(scan_time_s(times, 0.05), 0.098, 1e-12);
   times = {0.001, 0.002, 0.098, 0.003};
@@ -108,7 +108,8 @@ void expect_enclosed(const Frame& f) {
   int vehicles = 0;
   for (const ObjectRecord& o : f.objects) {
     const std::vector<double> times = times_of(f, o.id);
-    if (times.size() < 20 || times.back() - times.front() > 0.05) continue;  // cut by the seam
+    if (times.size() < 20 || times.back() - times.front() > 0.05)
+      continue;  // split by the cut angle
     const double sweep = std::max(times.back() - o.scan_time_s, o.scan_time_s - times.front());
     EXPECT_LT(farthest_outside(f, o.id, o.scan_box, kMiddle_s, 1), o.speed_m_s * sweep + 1e-3);
     EXPECT_GT(o.points_in_scan_box, 0.4 * o.points) << o.id;
@@ -126,12 +127,12 @@ TEST(label_at_the_scan, encloses_the_points_wherever_the_mount_looks) {
   }
 }
 
-TEST(label_at_the_scan, encloses_the_points_wherever_the_seam_is) {
+TEST(label_at_the_scan, encloses_the_points_wherever_the_cut_angle_is) {
   double worst_of_frame = 0;
-  for (int seam = 0; seam < 360; seam += 45) {
-    SCOPED_TRACE(seam);
+  for (int cut_angle = 0; cut_angle < 360; cut_angle += 45) {
+    SCOPED_TRACE(cut_angle);
     LidarConfig lidar = fine_lidar();
-    lidar.units.front().pattern.spinning->seam_deg = seam;
+    lidar.units.front().pattern.spinning->cut_angle_deg = cut_angle;
     const Frame f = frame(world_with(empty_road(), cars_around()), lidar);
     expect_enclosed(f);
     for (const ObjectRecord& o : f.objects)
@@ -186,8 +187,8 @@ TEST(label_at_the_scan, of_a_vehicle_without_returns_is_that_of_mid_frame) {
   EXPECT_NE(f.objects.at(0).scan_box.x, f.objects.at(0).box.x);
 }
 
-TEST(label_at_the_scan, of_a_vehicle_that_the_seam_cuts_is_that_of_its_larger_part) {
-  // Clockwise from straight ahead: what is right of the seam is seen first, what is left of it
+TEST(label_at_the_scan, of_a_vehicle_that_the_cut_angle_splits_is_that_of_its_larger_part) {
+  // Clockwise from straight ahead: what is right of the cut angle is seen first, what is left of it
   // last.
   for (const auto& [y, first] : {std::pair{-0.4, true}, {0.4, false}}) {
     SCOPED_TRACE(y);
@@ -204,7 +205,7 @@ TEST(label_at_the_scan, of_a_vehicle_that_the_seam_cuts_is_that_of_its_larger_pa
 TEST(label_at_the_scan, of_a_bundle_is_at_the_mean_of_all_its_units) {
   const World world = world_with(empty_road(), {car_on_road(1, 15, -3, 0, 20)});
   LidarConfig first = fine_lidar(), second = fine_lidar(), both = fine_lidar();
-  second.units.front().pattern.spinning->seam_deg = 120;
+  second.units.front().pattern.spinning->cut_angle_deg = 120;
   both.units.push_back(second.units.front());
   const ObjectRecord a = frame(world, first).objects.at(0), b = frame(world, second).objects.at(0);
   const ObjectRecord whole = frame(world, both).objects.at(0);

@@ -28,7 +28,7 @@ const Mat3 kLevel = rotation(0, 0, 0);
 PatternConfig vlp16() {
   SpinningConfig s;
   s.rate_hz = 10;
-  s.seam_deg = 0;
+  s.cut_angle_deg = 0;
   s.azimuth_step_deg = 0.2;
   s.channels.table = config::read_channels(configs() / "lidars/channels/velodyne_vlp16.csv");
   for (std::size_t i = 0; i < s.channels.table.size(); ++i)
@@ -206,7 +206,7 @@ TEST(scan_pattern, repeats_its_directions_bit_for_bit_after_as_many_groups_as_it
   }
 }
 
-TEST(scan_pattern, of_wedges_or_of_a_step_that_no_short_fraction_gives_never_repeats) {
+TEST(scan_pattern, of_prisms_or_of_a_step_that_no_short_fraction_gives_never_repeats) {
   EXPECT_EQ(ScanPattern(avia(), 0, kLevel, 0).repeats_after(), 0);
   for (const double step_deg : {0.2001, 0.20000000000001, std::sqrt(0.1), kPi})
     EXPECT_EQ(ScanPattern(spinning(3, -9, 1, step_deg), 0, kLevel, 0).repeats_after(), 0)
@@ -409,7 +409,7 @@ TEST(field_of_view, of_a_spinning_unit_has_no_gap_between_columns) {
   EXPECT_NEAR(all.elevation_max_deg, 15, 1e-9);
 }
 
-// --- wedges -----------------------------------------------------------------------------------
+// --- prisms -----------------------------------------------------------------------------------
 
 /// Shares and extent are those of the vendor's scan table, 4 s at 240,000 rays a second.
 TEST(avia_pattern, covers_the_vendors_field_of_view_as_densely) {
@@ -450,9 +450,9 @@ TEST(avia_pattern, its_top_laser_has_the_highest_ring) {
   for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(rays.ring[i], 5 - i);
 }
 
-TEST(wedge_pattern, without_tilt_leaves_the_light_as_it_is) {
+TEST(prism_pattern, without_tilt_leaves_the_light_as_it_is) {
   PatternConfig config = avia();
-  for (WedgeConfig& wedge : config.wedges->wedges) wedge.angle_deg = 0;
+  for (PrismConfig& prism : config.prisms->prisms) prism.angle_deg = 0;
   const ScanPattern pattern(config, 0, kLevel, 0);
   EXPECT_NEAR(std::asin(pattern.ray(6000).direction.z), std::atan(1.175 / 30), 1e-12);
 }
@@ -483,7 +483,7 @@ TEST(start_phase, is_locked_of_spinning_units_and_free_of_all_others_unless_said
   EXPECT_EQ(SpinningConfig{}.phase, MotorPhase::kLocked);
   LidarConfig lidar = testing::plain_lidar("a", avia());
   EXPECT_GT(start_phase_s(1, "pole", lidar, 0), 0);
-  lidar.units.front().pattern.wedges->phase = MotorPhase::kLocked;
+  lidar.units.front().pattern.prisms->phase = MotorPhase::kLocked;
   EXPECT_EQ(start_phase_s(1, "pole", lidar, 0), 0);
   lidar = testing::plain_lidar("a", five_directions());
   EXPECT_GT(start_phase_s(1, "pole", lidar, 0), 0);
@@ -496,17 +496,17 @@ double first_azimuth(const PatternConfig& config, int k, const Mat3& pose = kLev
 
 TEST(locked_motor, begins_behind_the_view_unless_said_otherwise) {
   PatternConfig config = in_columns({1800, 1});
-  config.spinning->seam_deg = SpinningConfig{}.seam_deg;
+  config.spinning->cut_angle_deg = SpinningConfig{}.cut_angle_deg;
   EXPECT_NEAR(std::abs(first_azimuth(config, 0)), 180, 1e-4);
-  for (const double seam : {-135, 0, 35, 90}) {
-    config.spinning->seam_deg = seam;
-    for (const int k : {0, 1, 4999}) EXPECT_NEAR(first_azimuth(config, k), seam, 1e-4) << k;
+  for (const double cut_angle : {-135, 0, 35, 90}) {
+    config.spinning->cut_angle_deg = cut_angle;
+    for (const int k : {0, 1, 4999}) EXPECT_NEAR(first_azimuth(config, k), cut_angle, 1e-4) << k;
   }
 }
 
 TEST(locked_motor, is_turned_along_with_its_unit_and_its_mount) {
   PatternConfig config = in_columns({1800, 1});
-  config.spinning->seam_deg = 35;
+  config.spinning->cut_angle_deg = 35;
   EXPECT_NEAR(first_azimuth(config, 3, rotation(rad(-90), 0, 0)), -55, 1e-4);
 }
 

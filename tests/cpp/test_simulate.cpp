@@ -612,7 +612,7 @@ TEST(beam, straight_down_is_at_the_sensors_height) {
 // --- ties ---
 
 /// Rays at places around the bottoms of two cars and where they touch, many of them exactly there.
-RayBatch rays_at_seams(const World& world, const std::vector<ObjectState>& cars) {
+RayBatch rays_at_shared_edges(const World& world, const std::vector<ObjectState>& cars) {
   std::vector<Vec3> targets;
   for (const ObjectState& car : cars)
     for (int i = -40; i <= 40; ++i)
@@ -638,7 +638,7 @@ TEST(hits, on_vehicles_that_touch_and_stand_on_the_road_do_not_depend_on_the_ord
   const World world = world_with(empty_road(), cars);
   Raycaster raycaster(*world.meshes);
   set_vehicles(world, 0, 200, raycaster);
-  const RayBatch rays = rays_at_seams(world, cars);
+  const RayBatch rays = rays_at_shared_edges(world, cars);
   std::vector<std::uint32_t> order = every(rays);
   HitBatch in_order, shuffled;
   raycaster.cast(rays, order, in_order);
@@ -664,7 +664,7 @@ TEST(hits, at_a_vehicles_foot_are_those_on_the_road_alone_and_on_vehicles_alone)
   set_vehicles(both, 0, 200, together);
   set_vehicles(road, 0, 200, on_road);
   set_vehicles(both, 0, 200, on_vehicles);
-  const RayBatch rays = rays_at_seams(both, cars);
+  const RayBatch rays = rays_at_shared_edges(both, cars);
   HitBatch all, still, moving;
   together.cast(rays, every(rays), all);
   on_road.cast(rays, every(rays), still);

@@ -89,9 +89,9 @@ TEST(static_layer_file, is_refused_for_lidars_that_it_is_not_of) {
   };
   says(refused(shipped("pandar_64")), "128 rays, allowed 1800 groups of 64 rays");
   says(refused(shipped("ruby_plus", "equal")), "max_range_m of 250, allowed 260");
-  LidarConfig seam = ruby;
-  seam.units[0].pattern.spinning->seam_deg = 90;
-  says(refused(seam), "unit 0: directions");
+  LidarConfig recut = ruby;
+  recut.units[0].pattern.spinning->cut_angle_deg = 90;
+  says(refused(recut), "unit 0: directions");
   says(refused(ruby, {"mounts.pole.pitch_deg=1"}), "unit 0: directions");
   LidarConfig twice = ruby;
   twice.units.push_back(ruby.units[0]);
@@ -299,8 +299,9 @@ TEST(recorded_layer, places_points_by_their_azimuth_and_finds_the_offset_of_the_
   const TestFolder folder;
   const LidarConfig lidar = noisy_lidar();
   const World world = build_world(empty_site());
-  LidarConfig turned = lidar;  // another seam, a third of a column from the LiDAR's own columns
-  turned.units[0].pattern.spinning->seam_deg = 90 * 0.8 + 0.8 / 3;
+  LidarConfig turned =
+      lidar;  // another cut angle, a third of a column from the LiDAR's own columns
+  turned.units[0].pattern.spinning->cut_angle_deg = 90 * 0.8 + 0.8 / 3;
   record(world, turned, 24, folder.path());
   const RecordedLayer layer = recorded_static_layer(world.scene, lidar, folder.path());
   EXPECT_NEAR(layer.azimuth_offsets_deg.at(0), 0.8 / 3, 0.001);

@@ -12,8 +12,8 @@ namespace infrasim::config {
 
 /// A key that has another name than in version 0.3. Its canonical name is read as well.
 struct RenamedKey {
-  /// The end of its dotted path, such as `spinning.seam_deg` or `mounts.*.x_m`, where * stands for
-  /// any name; one at the top begins with a dot. Numbers of lists are left out.
+  /// The end of its dotted path, such as `spinning.cut_angle_deg` or `mounts.*.x_m`, where * stands
+  /// for any name; one at the top begins with a dot. Numbers of lists are left out.
   std::string_view path;
   std::string_view canonical;
 };
@@ -33,7 +33,7 @@ inline constexpr std::array<RenamedKey, 0> kRenamedKeys{};
 inline constexpr std::array<LaterKey, 0> kLaterKeys{};
 inline constexpr CanonicalKeys kCanonicalKeys{kRenamedKeys, kLaterKeys};
 
-/// Whether a path, such as `.pattern.spinning.seam_deg`, ends as the pattern of a table does.
+/// Whether a path, such as `.pattern.spinning.cut_angle_deg`, ends as the pattern of a table does.
 bool ends_as(std::string_view path, std::string_view pattern);
 
 }  // namespace infrasim::config

@@ -19,7 +19,7 @@ namespace {
 // A frame is a tenth of a second: at least one ray, and no more than memory holds.
 constexpr double kFewestPerSecond = 10;
 constexpr double kMostRaysPerSecond = 1e8;
-// Each ray is traced through each wedge, about 0.1 us; a Horizon has 720,000 passages.
+// Each ray is traced through each prism, about 0.1 us; a Horizon has 720,000 passages.
 constexpr double kMostPassagesPerSecond = 1e7;
 
 }  // namespace
@@ -77,7 +77,7 @@ template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
   f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
   f.field("phase", c.phase, "locked: at time 0 it stands at seam_deg; free: at a seeded draw");
-  f.field("seam_deg", c.seam_deg, "azimuth in the unit's own frame at which a turn begins",
+  f.field("seam_deg", c.cut_angle_deg, "azimuth in the unit's own frame at which a turn begins",
           between(-360, 360));
   f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns; or columns_per_turn",
           positive(90));
@@ -96,7 +96,7 @@ void visit(Fields& f, SpinningConfig& c) {
 }
 
 template <class Fields>
-void visit(Fields& f, WedgeConfig& c) {
+void visit(Fields& f, PrismConfig& c) {
   f.field("rpm", c.rpm, "turns per minute, signed", required(between(-1e6, 1e6)));
   f.field("angle_deg", c.angle_deg, "between its faces, signed", required(between(-45, 45)));
   f.field("refractive_index", c.refractive_index, "of its glass", required(between(1, 4)));
@@ -105,16 +105,16 @@ void visit(Fields& f, WedgeConfig& c) {
 }
 
 template <class Fields>
-void visit(Fields& f, WedgesConfig& c) {
+void visit(Fields& f, PrismsConfig& c) {
   f.field("steps_per_s", c.steps_per_s, "firings per second",
           required(between(kFewestPerSecond, 1e7)));
   f.field("phase", c.phase, "free: a seeded draw of the start; locked: first_step at time 0");
   f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
   f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
   f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
-  f.field("wedges", c.wedges, "prisms, as the light goes", at_least_one());
+  f.field("wedges", c.prisms, "prisms, as the light goes", at_least_one());
   const double passages = c.steps_per_s * static_cast<double>(c.laser_offsets.size()) *
-                          static_cast<double>(c.wedges.size());
+                          static_cast<double>(c.prisms.size());
   f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
           "found " + config::number_text(passages) +
               " passages of light through wedges a second (steps, lasers and wedges), allowed " +
@@ -133,9 +133,9 @@ void visit(Fields& f, TableConfig& c) {
 template <class Fields>
 void visit(Fields& f, PatternConfig& c) {
   f.field("spinning", c.spinning, "columns of channels around the circle");
-  f.field("wedges", c.wedges, "rotating prisms (Livox)");
+  f.field("wedges", c.prisms, "rotating prisms (Livox)");
   f.field("table", c.table, "a list of directions");
-  f.check(c.spinning.has_value() + c.wedges.has_value() + c.table.has_value() == 1, "spinning",
+  f.check(c.spinning.has_value() + c.prisms.has_value() + c.table.has_value() == 1, "spinning",
           "found none or several, allowed one of spinning, wedges, table");
 }
 
@@ -366,7 +366,7 @@ constexpr double kMaxLasers = 65535;  // ring numbers have 16 bits
 
 std::size_t lasers_of(const PatternConfig& pattern) {
   if (pattern.spinning) return pattern.spinning->channels.table.size();
-  return pattern.wedges ? pattern.wedges->laser_offsets.size() : 1;
+  return pattern.prisms ? pattern.prisms->laser_offsets.size() : 1;
 }
 
 void check_size(const std::filesystem::path& file, const LidarConfig& lidar) {
@@ -436,7 +436,7 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
 double rays_per_s(const PatternConfig& pattern) {
   const auto lasers = static_cast<double>(lasers_of(pattern));
   if (pattern.spinning) return lasers * columns_per_s(*pattern.spinning);
-  return pattern.wedges ? lasers * pattern.wedges->steps_per_s : pattern.table->rays_per_s;
+  return pattern.prisms ? lasers * pattern.prisms->steps_per_s : pattern.table->rays_per_s;
 }
 
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset) {

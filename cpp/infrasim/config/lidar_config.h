@@ -41,8 +41,8 @@ std::span<const char* const> enum_names(MotorPhase);
 /// azimuth_step_deg and columns_per_turn.
 struct SpinningConfig {
   double rate_hz = 10;
-  MotorPhase phase = MotorPhase::kLocked;  ///< locked: at time 0 it stands at the seam
-  double seam_deg = 180;                   ///< azimuth in the unit's own frame
+  MotorPhase phase = MotorPhase::kLocked;  ///< locked: at time 0 it stands at cut_angle_deg
+  double cut_angle_deg = 180;              ///< azimuth in the unit's own frame
   std::optional<double> azimuth_step_deg;
   std::optional<Fraction>
       columns_per_turn;  ///< exact; its columns repeat after `denominator` turns
@@ -56,8 +56,8 @@ std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning);
 enum class Faces { kTiltedFirst, kFlatFirst };
 std::span<const char* const> enum_names(Faces);
 
-/// A rotating wedge prism: one flat and one tilted face.
-struct WedgeConfig {
+/// A rotating prism prism: one flat and one tilted face.
+struct PrismConfig {
   double rpm = 0;
   double angle_deg = 0;
   double refractive_index = 1;
@@ -65,14 +65,14 @@ struct WedgeConfig {
   double phase_deg = 0;
 };
 
-/// Lasers that look through a row of rotating wedges.
-struct WedgesConfig {
+/// Lasers that look through a row of rotating prisms.
+struct PrismsConfig {
   double steps_per_s = 0;
   MotorPhase phase = MotorPhase::kFree;  ///< no vendor offers a lock
   int first_step = 0;
   double focal_length = 1;
   std::vector<double> laser_offsets;  ///< elevation is atan(offset / focal_length), from the top
-  std::vector<WedgeConfig> wedges;
+  std::vector<PrismConfig> prisms;
 };
 
 /// Azimuth and elevation of ray after ray, repeated when it ends.
@@ -87,7 +87,7 @@ struct TableConfig {
 
 struct PatternConfig {
   std::optional<SpinningConfig> spinning;
-  std::optional<WedgesConfig> wedges;
+  std::optional<PrismsConfig> prisms;
   std::optional<TableConfig> table;
 };
 

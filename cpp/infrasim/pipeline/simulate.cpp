@@ -21,7 +21,7 @@ namespace {
 struct Lidar {
   std::vector<ScannerUnit> scanners;
   double reach = 0;
-  double cut_s = kInf;  ///< pause in a vehicle's returns from which on the seam cuts it
+  double cut_s = kInf;  ///< pause in a vehicle's returns from which on the cut angle splits it
   FrameBuilder builder;
   std::size_t rays_cast = 0;  ///< of the frame under way
 

@@ -40,7 +40,7 @@ StateSink with_parked(const Site& site, const StateSink& sink) {
   for (const ParkedVehicle& vehicle : site.parked) parked.push_back(vehicle.state);
   if (parked.empty()) return sink;
   site.profile.lift(parked);
-  return [parked = std::move(parked), take](std::vector<ObjectState> states) {
+  return [parked = std::move(parked), sink](std::vector<ObjectState> states) {
     states.insert(states.end(), parked.begin(), parked.end());
     sink(states);
   };

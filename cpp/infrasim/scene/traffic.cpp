@@ -515,7 +515,7 @@ void simulate_traffic(const Site& site, const StateSink& sink, int instants) {
 }
 
 void simulate_traffic(const Site& site, const StateSink& sink) {
-  simulate_traffic(site, take, frame_count(site.scene.duration_s) + 1);
+  simulate_traffic(site, sink, frame_count(site.scene.duration_s) + 1);
 }
 
 Trajectories simulate_traffic(const Site& site) {

@@ -18,9 +18,9 @@ void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   if (pattern.spinning) {
     per_s.push_back(columns_per_s(*pattern.spinning));
     per_s.push_back(pattern.spinning->rate_hz);
-  } else if (pattern.wedges) {
-    per_s.push_back(pattern.wedges->steps_per_s);
-    for (const WedgeConfig& wedge : pattern.wedges->wedges) per_s.push_back(wedge.rpm / 60);
+  } else if (pattern.prisms) {
+    per_s.push_back(pattern.prisms->steps_per_s);
+    for (const PrismConfig& prism : pattern.prisms->prisms) per_s.push_back(prism.rpm / 60);
   } else {
     const double rows = static_cast<double>(pattern.table->directions.size());
     per_s.push_back(pattern.table->rays_per_s);

@@ -15,7 +15,7 @@ constexpr double kMostRows = 2e8;     // 4.8 GB
 
 MotorPhase motor_phase(const PatternConfig& pattern) {
   if (pattern.spinning) return pattern.spinning->phase;
-  return pattern.wedges ? pattern.wedges->phase : pattern.table->phase;
+  return pattern.prisms ? pattern.prisms->phase : pattern.table->phase;
 }
 
 void check_rows(const LidarConfig& lidar, int frames) {

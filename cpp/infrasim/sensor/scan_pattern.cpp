@@ -40,9 +40,9 @@ void refract_flat(double mu, DirectionBatch& directions) {
 }
 
 /// Directions behind one prism whose tilted face has the given normal.
-void pass(const WedgeConfig& wedge, Vec3 tilted, DirectionBatch& directions) {
-  const double n = wedge.refractive_index;
-  if (wedge.faces == Faces::kTiltedFirst) {
+void pass(const PrismConfig& prism, Vec3 tilted, DirectionBatch& directions) {
+  const double n = prism.refractive_index;
+  if (prism.faces == Faces::kTiltedFirst) {
     refract(tilted, 1 / n, directions);
     refract_flat(n, directions);
   } else {
@@ -61,13 +61,13 @@ void check_transmitted(const DirectionBatch& directions) {
 
 /// The directions of all lasers behind the prisms at one time.
 /// @throws ConfigError for total reflection
-void trace(const std::vector<WedgeConfig>& wedges, const DirectionBatch& lasers, double time_s,
+void trace(const std::vector<PrismConfig>& prisms, const DirectionBatch& lasers, double time_s,
            DirectionBatch& directions) {
   directions = lasers;
-  for (const WedgeConfig& wedge : wedges) {
-    const double phi = 2 * kPi * std::fmod(wedge.rpm / 60 * time_s, 1.0) + rad(wedge.phase_deg);
-    const double a = rad(wedge.angle_deg);
-    pass(wedge, {std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)},
+  for (const PrismConfig& prism : prisms) {
+    const double phi = 2 * kPi * std::fmod(prism.rpm / 60 * time_s, 1.0) + rad(prism.phase_deg);
+    const double a = rad(prism.angle_deg);
+    pass(prism, {std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)},
          directions);
   }
   check_transmitted(directions);
@@ -92,8 +92,8 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
     elevations.clear();
     groups_per_s_ = columns_per_s(*config_.spinning);
     columns_per_turn_ = columns_per_turn(*config_.spinning);
-    start_deg_ =
-        positive_fmod(360 * config_.spinning->rate_hz * phase_s - config_.spinning->seam_deg, 360);
+    start_deg_ = positive_fmod(
+        360 * config_.spinning->rate_hz * phase_s - config_.spinning->cut_angle_deg, 360);
     for (const Channel& c : config_.spinning->channels.table) {
       elevations.push_back(c.elevation_deg);
       const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
@@ -103,11 +103,11 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
                          static_cast<float>(std::cos(shift)), static_cast<float>(std::sin(shift)),
                          static_cast<float>(fire_time)});
     }
-  } else if (config_.wedges) {
-    elevations = config_.wedges->laser_offsets;
-    groups_per_s_ = config_.wedges->steps_per_s;
+  } else if (config_.prisms) {
+    elevations = config_.prisms->laser_offsets;
+    groups_per_s_ = config_.prisms->steps_per_s;
     for (const double offset : elevations) {
-      const double e = std::atan(offset / config_.wedges->focal_length);
+      const double e = std::atan(offset / config_.prisms->focal_length);
       lasers_of_step_.x.push_back(std::cos(e));
       lasers_of_step_.y.push_back(0);
       lasers_of_step_.z.push_back(std::sin(e));
@@ -170,7 +170,7 @@ Ray ScanPattern::ray(std::int64_t index) const {
   const std::int64_t group = index / group_size_;
   const int member = static_cast<int>(index % group_size_);
   if (config_.spinning) return spinning_ray(group, member);
-  if (config_.wedges) return wedges_ray(group, member);
+  if (config_.prisms) return prism_ray(group, member);
   return table_ray(group);
 }
 
@@ -187,12 +187,12 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
 }
 
 double ScanPattern::optical_time(std::int64_t group) const {
-  return static_cast<double>(group + config_.wedges->first_step) / groups_per_s_ + phase_s_;
+  return static_cast<double>(group + config_.prisms->first_step) / groups_per_s_ + phase_s_;
 }
 
-Ray ScanPattern::wedges_ray(std::int64_t group, int member) const {
+Ray ScanPattern::prism_ray(std::int64_t group, int member) const {
   DirectionBatch directions;
-  trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), directions);
+  trace(config_.prisms->prisms, lasers_of_step_, optical_time(group), directions);
   const auto i = static_cast<std::size_t>(member);
   return {{directions.x[i], directions.y[i], directions.z[i]},
           static_cast<double>(group) / groups_per_s_};
@@ -218,7 +218,7 @@ void ScanPattern::generate(RayRange range, double start_s, RayBatch& rays) const
   rays.resize(static_cast<std::size_t>(range.size()));
   const std::int64_t first = range.first / group_size_, last = range.last / group_size_;
   if (config_.spinning) return generate_columns(first, last, start_s, rays);
-  if (config_.wedges) return generate_steps(first, last, start_s, rays);
+  if (config_.prisms) return generate_steps(first, last, start_s, rays);
   for (std::int64_t group = first; group < last; ++group) {
     const Ray ray = table_ray(group);
     put(static_cast<std::size_t>(group - first), ray.direction, ray.time_s - start_s, 0, rays);
@@ -240,7 +240,7 @@ void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_gro
   DirectionBatch directions;
   std::size_t k = 0;
   for (std::int64_t group = first_group; group < last_group; ++group) {
-    trace(config_.wedges->wedges, lasers_of_step_, optical_time(group), directions);
+    trace(config_.prisms->prisms, lasers_of_step_, optical_time(group), directions);
     const double time = static_cast<double>(group) / groups_per_s_ - start_s;
     for (std::size_t i = 0; i < directions.x.size(); ++i, ++k)
       put(k, {directions.x[i], directions.y[i], directions.z[i]}, time, static_cast<int>(i), rays);

@@ -42,10 +42,10 @@ class ScanPattern {
   int group_size() const { return group_size_; }
   double groups_per_s() const { return groups_per_s_; }
   bool spins() const;
-  double cycle_s() const;  ///< in which it looks everywhere; 1 s for wedges, which never repeat
+  double cycle_s() const;  ///< in which it looks everywhere; 1 s for prisms, which never repeat
 
   /// Groups after which `generate` gives the same directions again, bit for bit; 0 if never: of
-  /// wedges, and of columns whose step no short fraction of a turn gives.
+  /// prisms, and of columns whose step no short fraction of a turn gives.
   std::int64_t repeats_after() const;
 
   /// Whole groups that start in [from, to) seconds.
@@ -70,7 +70,7 @@ class ScanPattern {
   double column_deg(std::int64_t column) const;
   double optical_time(std::int64_t group) const;
   Ray spinning_ray(std::int64_t group, int member) const;
-  Ray wedges_ray(std::int64_t group, int member) const;
+  Ray prism_ray(std::int64_t group, int member) const;
   Ray table_ray(std::int64_t group) const;
   double table_time(std::int64_t row) const;
 
@@ -89,7 +89,7 @@ class ScanPattern {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
   std::vector<Laser> lasers_;      ///< of a spinning unit
-  DirectionBatch lasers_of_step_;  ///< before the wedges
+  DirectionBatch lasers_of_step_;  ///< before the prisms
 };
 
 /// Extent of a pattern in its own frame.
