@@ -101,12 +101,12 @@ Balls ball_query(std::span<const float> points, std::span<const float> centres, 
       if (dx * dx + dy * dy + dz * dz < radius * radius) inside.push_back(row);
     });
     if (inside.empty()) continue;
-    const std::size_t found = std::min(inside.size(), most);
-    std::partial_sort(inside.begin(), inside.begin() + static_cast<std::ptrdiff_t>(found),
+    const std::size_t count = std::min(inside.size(), most);
+    std::partial_sort(inside.begin(), inside.begin() + static_cast<std::ptrdiff_t>(count),
                       inside.end());
     const auto out = std::span(result.rows).subspan(b * most, most);
     std::fill(out.begin(), out.end(), inside.front());
-    std::copy_n(inside.begin(), found, out.begin());
+    std::copy_n(inside.begin(), count, out.begin());
     result.empty[b] = 0;
   }
   return result;

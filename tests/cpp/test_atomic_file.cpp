@@ -19,11 +19,11 @@ namespace {
 using testing::TestFolder;
 
 std::vector<std::string> names(const std::filesystem::path& folder) {
-  std::vector<std::string> found;
+  std::vector<std::string> names;
   for (const auto& entry : std::filesystem::directory_iterator(folder))
-    found.push_back(entry.path().filename().string());
-  std::ranges::sort(found);
-  return found;
+    names.push_back(entry.path().filename().string());
+  std::ranges::sort(names);
+  return names;
 }
 
 std::string host() {

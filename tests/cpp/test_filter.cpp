@@ -212,13 +212,13 @@ TEST(ground, plane_filter_takes_the_plane_that_lies_where_the_ground_should) {
 TEST(ground, plane_filter_keeps_every_point_where_no_plane_is_the_ground) {
   const LabelledCloud cloud = cast(road_and_field(-8), spinning_directions(), 0, 100);
   EXPECT_EQ(keep(cloud.xyz, GroundPlane{.sensor_height_m = 3}).size(), cloud.size());
-  std::size_t told = 0;
+  std::size_t calls = 0;
   const std::vector<FilterStep> steps{GroundPlane{.sensor_height_m = 3}, GroundPlane{}};
   keep_all(steps, cloud.xyz, [&](const FilterStep& step, std::size_t before, std::size_t after) {
-    ++told;
+    ++calls;
     EXPECT_EQ(before == after, std::get<GroundPlane>(step).sensor_height_m == 3);
   });
-  EXPECT_EQ(told, 2U);
+  EXPECT_EQ(calls, 2U);
 }
 
 TEST(ground, morphological_filter_reaches_the_targets_on_roads_and_banks) {

@@ -8,7 +8,7 @@
 namespace infrasim {
 namespace {
 
-std::vector<std::size_t> found(const BodyIndex& index, const ViewBounds& view) {
+std::vector<std::size_t> bodies_in(const BodyIndex& index, const ViewBounds& view) {
   std::vector<std::size_t> out;
   index.for_each_in(view, [&](std::size_t i) {
     out.push_back(i);
@@ -65,7 +65,7 @@ TEST(body_index, finds_each_body_in_the_direction_of_each_of_its_points_at_any_t
         const double c = std::cos(box.heading), s = std::sin(box.heading);
         const Vec3 p{box.x + c * x - s * y, box.y + s * x + c * y,
                      box.z + box.dz * uniform(-0.5, 0.5)};
-        const auto near = found(index, towards(p));
+        const auto near = bodies_in(index, towards(p));
         EXPECT_TRUE(std::ranges::binary_search(near, i)) << repeat << " " << i;
         EXPECT_TRUE(index.any_in(towards(p)));
       }
@@ -76,7 +76,7 @@ TEST(body_index, leaves_out_bodies_that_a_view_passes) {
   BodyIndex index;
   const Box3d box{30, 0, -5, 4.5, 2, 1.5, 0.3};
   index.set(std::vector<MovingBody>{{0, box, box}});
-  EXPECT_EQ(found(index, towards({30, 0, -5})).size(), 1);
+  EXPECT_EQ(bodies_in(index, towards({30, 0, -5})).size(), 1);
   EXPECT_FALSE(index.any_in(towards({30, 4, -5})));
   EXPECT_FALSE(index.any_in(towards({-30, 0, -5})));
   EXPECT_FALSE(index.any_in(towards({30, 0, -2})));

@@ -15,7 +15,7 @@ using testing::straight_on;
 std::vector<Overlap> overlaps(const Trajectories& trajectories) {
   OverlapSearch search;
   for (const auto& row : trajectories.rows) search.take(row);
-  return search.found();
+  return search.overlaps();
 }
 
 /// Of vehicles that stand still.
@@ -25,23 +25,23 @@ std::size_t pairs(const std::vector<ObjectState>& standing) {
 
 TEST(overlaps, are_named_with_both_ids_the_time_and_the_place) {
   // 4.5 m long, 20 m apart, at 10 m/s towards one that stands: they meet after 1.55 s.
-  const auto found =
+  const auto result =
       overlaps(straight_on({car_on_road(7, 20, 3, kPi, 0), car_on_road(4, 0, 3, 0, 10)}, 40));
-  ASSERT_EQ(found.size(), 1U);
-  EXPECT_EQ(found[0].first_id, 4);
-  EXPECT_EQ(found[0].second_id, 7);
-  EXPECT_NEAR(found[0].time_s, 1.6, 1e-9);
-  EXPECT_NEAR(found[0].place.x, 18, 1e-9);
-  EXPECT_NEAR(found[0].place.y, 3, 1e-9);
+  ASSERT_EQ(result.size(), 1U);
+  EXPECT_EQ(result[0].first_id, 4);
+  EXPECT_EQ(result[0].second_id, 7);
+  EXPECT_NEAR(result[0].time_s, 1.6, 1e-9);
+  EXPECT_NEAR(result[0].place.x, 18, 1e-9);
+  EXPECT_NEAR(result[0].place.y, 3, 1e-9);
 }
 
 TEST(overlaps, half_way_between_two_instants_are_found) {
   // Two motorcycles at 30 m/s that cross at 1.05 s, and are apart at 1.0 and 1.1 s.
   ObjectState a = car_on_road(1, -31.5, 0, 0, 30), b = car_on_road(2, 0, -31.5, kPi / 2, 30);
   for (ObjectState* s : {&a, &b}) s->box.dx = 1, s->box.dy = 0.5;
-  const auto found = overlaps(straight_on({a, b}, 20));
-  ASSERT_EQ(found.size(), 1U);
-  EXPECT_NEAR(found[0].time_s, 1.05, 1e-9);
+  const auto result = overlaps(straight_on({a, b}, 20));
+  ASSERT_EQ(result.size(), 1U);
+  EXPECT_NEAR(result[0].time_s, 1.05, 1e-9);
 }
 
 TEST(overlaps, are_not_those_that_touch) {

@@ -37,11 +37,11 @@ bool is_person(const ObjectState& s) { return s.id >= kFirstPersonId; }
 TEST(people, go_both_ways_at_their_own_speeds_beside_the_road) {
   const SceneConfig scene = with_people(kBothSides);
   const std::vector<ObjectState> there = people_of(scene).at(0);
-  std::map<std::string_view, std::pair<int, double>> found;  // how many, sum of speeds
+  std::map<std::string_view, std::pair<int, double>> by_class;  // how many, sum of speeds
   int along = 0;
   const Curve line = centreline(scene.roads[0]);
   for (const ObjectState& s : there) {
-    auto& [n, sum] = found[class_of(s.object_class).name];
+    auto& [n, sum] = by_class[class_of(s.object_class).name];
     ++n;
     sum += s.speed_m_s;
     const CurvePoint p = line.at(line.project({s.box.x, s.box.y}));
@@ -50,10 +50,10 @@ TEST(people, go_both_ways_at_their_own_speeds_beside_the_road) {
     EXPECT_NEAR(s.box.z - s.box.dz / 2, scene.roads[0].elevation_m, 1e-3);
   }
   const double km = line.length() / 1000;
-  EXPECT_NEAR(found["Pedestrian"].first, 60 * km, 0.15 * 60 * km);
-  EXPECT_NEAR(found["Cyclist"].first, 20 * km, 0.3 * 20 * km);
-  EXPECT_NEAR(found["Pedestrian"].second / found["Pedestrian"].first, 5 / 3.6, 0.2);
-  EXPECT_NEAR(found["Cyclist"].second / found["Cyclist"].first, 16 / 3.6, 0.6);
+  EXPECT_NEAR(by_class["Pedestrian"].first, 60 * km, 0.15 * 60 * km);
+  EXPECT_NEAR(by_class["Cyclist"].first, 20 * km, 0.3 * 20 * km);
+  EXPECT_NEAR(by_class["Pedestrian"].second / by_class["Pedestrian"].first, 5 / 3.6, 0.2);
+  EXPECT_NEAR(by_class["Cyclist"].second / by_class["Cyclist"].first, 16 / 3.6, 0.6);
   const auto all = static_cast<double>(there.size());
   EXPECT_NEAR(along, all / 2, 0.15 * all);
 }
@@ -116,7 +116,7 @@ TEST(people, share_no_place) {
       search.take(there);
     }
     EXPECT_LT(farthest, 3);
-    EXPECT_TRUE(search.found().empty()) << search.found().size() << " pairs, seed " << seed;
+    EXPECT_TRUE(search.overlaps().empty()) << search.overlaps().size() << " pairs, seed " << seed;
   }
 }
 

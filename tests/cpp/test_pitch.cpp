@@ -82,9 +82,9 @@ TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
     const auto& v = mesh.vertices[i];
     if (v[1] < 0) continue;  // of the other car
     EXPECT_LE(outside(box, {v[0], v[1], v[2]}), 1e-4);
-    const Vec3 own = BoxFrame(box).to_own({v[0], v[1], v[2]});
-    highest = std::max(highest, own.z);
-    lowest = std::min(lowest, own.z);
+    const Vec3 local = BoxFrame(box).to_box({v[0], v[1], v[2]});
+    highest = std::max(highest, local.z);
+    lowest = std::min(lowest, local.z);
   }
   EXPECT_NEAR(highest, box.dz / 2, 0.002);
   EXPECT_NEAR(lowest, -box.dz / 2, 0.002);
@@ -92,22 +92,23 @@ TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
 
 TEST(pitch, own_axes_and_back_are_the_same_and_the_nose_of_a_positive_one_is_low) {
   const BoxFrame frame({1, 2, 3, 4, 2, 1.5, 0.7, 0.1});
-  const Vec3 nose = frame.from_own({2, 0, 0});
+  const Vec3 nose = frame.from_box({2, 0, 0});
   EXPECT_NEAR(nose.z, 3 - 2 * std::sin(0.1), 1e-12);
-  const Vec3 back = frame.to_own(nose);
+  const Vec3 back = frame.to_box(nose);
   EXPECT_NEAR(back.x, 2, 1e-12);
   EXPECT_NEAR(back.y, 0, 1e-12);
   EXPECT_NEAR(back.z, 0, 1e-12);
   const Mat3 turn = rotation(0.7, 0.1, 0);
   const Vec3 same = turn * Vec3{0.5, -0.25, 0.125} + Vec3{1, 2, 3};
-  EXPECT_NEAR(norm(same - frame.from_own({0.5, -0.25, 0.125})), 0, 1e-12);
+  EXPECT_NEAR(norm(same - frame.from_box({0.5, -0.25, 0.125})), 0, 1e-12);
 }
 
 TEST(pitch, a_levelled_box_holds_the_corners) {
   const Box3d box{1, 2, 3, 4.5, 2, 1.5, 0.7, -0.2};
-  const BoxFrame level(levelled(box)), own(box);
+  const BoxFrame level(levelled(box)), local(box);
   for (const double x : {-2.25, 2.25})
-    for (const double z : {-0.75, 0.75}) EXPECT_TRUE(level.contains(own.from_own({x, 1, z}), 1e-9));
+    for (const double z : {-0.75, 0.75})
+      EXPECT_TRUE(level.contains(local.from_box({x, 1, z}), 1e-9));
 }
 
 TEST(pitch, is_the_last_column_of_trajectories_that_have_one) {

@@ -221,7 +221,7 @@ TEST(profile, vehicles_stand_on_their_wheels_and_people_upright) {
         continue;
       }
       for (const double end : {-0.3, 0.3}) {
-        const Vec3 wheel = BoxFrame(s.box).from_own({end * s.box.dx, 0, -s.box.dz / 2});
+        const Vec3 wheel = BoxFrame(s.box).from_box({end * s.box.dx, 0, -s.box.dz / 2});
         EXPECT_NEAR(wheel.z, profile.rise({wheel.x, wheel.y}), 0.01);
       }
       EXPECT_NEAR(s.box.x, flat.box.x, 0.15);
@@ -270,15 +270,15 @@ TEST(profile, the_regions_roads_have_its_heights) {
 }
 
 TEST(profile, a_sensor_on_a_slope_is_judged_by_the_slope_under_it) {
-  const auto judged = [](double x_m, double z_m) {
+  const auto build_at = [](double x_m, double z_m) {
     SceneConfig scene = crest();
     scene.parked.reset();
     scene.mounts["pole"].x_m = x_m;
     scene.mounts["pole"].z_m = z_m;
     build_world(scene);
   };
-  EXPECT_NO_THROW(judged(-110, -1));
-  EXPECT_NE(testing::error_of([&] { judged(0, -0.9); }).find("found -0.9 below"),
+  EXPECT_NO_THROW(build_at(-110, -1));
+  EXPECT_NE(testing::error_of([&] { build_at(0, -0.9); }).find("found -0.9 below"),
             std::string::npos);
 }
 

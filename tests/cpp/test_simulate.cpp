@@ -704,8 +704,8 @@ TEST(background_filter, is_learnt_once_and_given_to_simulators) {
   const std::array lidars{fine_lidar()};
   const StaticLayers layers = make_static_layers(world, lidars);
   const LidarFilters learnt = FrameSimulator::learn_filters(world, lidars, layers);
-  FrameSimulator own(world, lidars), given(world, lidars, layers, learnt);
-  const Frame a = own.simulate(0, {true})[0], b = given.simulate(0, {true})[0];
+  FrameSimulator built(world, lidars), given(world, lidars, layers, learnt);
+  const Frame a = built.simulate(0, {true})[0], b = given.simulate(0, {true})[0];
   EXPECT_GT(a.cloud.size(), 0U);
   expect_equal(a.cloud, b.cloud);
   const std::vector<FilterStep> nothing{CropRange{0, 1e-3}};
@@ -725,10 +725,10 @@ TEST(background_filter, draws_noise_of_its_own) {
   scene.filters.push_back({learning});
   LidarConfig lidar = fine_lidar();
   lidar.units.front().returns.range_accuracy_m = 0.03;
-  const std::size_t own = frame(world_with(scene, {}), lidar, 0).cloud.size();
+  const std::size_t built = frame(world_with(scene, {}), lidar, 0).cloud.size();
   const std::size_t other = frame(world_with(scene, {}), lidar, 1).cloud.size();
-  EXPECT_GT(own, 1000U);
-  EXPECT_NEAR(static_cast<double>(own) / static_cast<double>(other), 1, 0.1);
+  EXPECT_GT(built, 1000U);
+  EXPECT_NEAR(static_cast<double>(built) / static_cast<double>(other), 1, 0.1);
 }
 
 }  // namespace

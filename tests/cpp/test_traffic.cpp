@@ -63,7 +63,7 @@ Flow flow(const Trajectories& t, int from_s, int to_s) {
 void expect_no_overlaps(const SceneConfig& scene) {
   OverlapSearch search;
   simulate_traffic(build_site(scene), [&](const auto& states) { search.take(states); });
-  for (const Overlap& o : search.found())
+  for (const Overlap& o : search.overlaps())
     ADD_FAILURE() << "vehicles " << o.first_id << " and " << o.second_id << " at " << o.time_s
                   << " s, x " << o.place.x << ", y " << o.place.y;
 }
@@ -143,11 +143,11 @@ TEST_P(committed_traffic, moves_as_far_as_its_speed_says) {
   int wrong = 0;
   for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
     const double moved = std::hypot(b.box.x - a.box.x, b.box.y - a.box.y) / kFramePeriod;
-    const double said = (a.speed_m_s + b.speed_m_s) / 2;
+    const double stated = (a.speed_m_s + b.speed_m_s) / 2;
     // A driver beside the lane's centre goes further or less far round a bend.
-    if (std::abs(moved - said) > 0.1 * said + 0.05 && ++wrong <= 5)
-      ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << moved << " m/s, said " << said
-                    << ", x " << a.box.x << ", y " << a.box.y;
+    if (std::abs(moved - stated) > 0.1 * stated + 0.05 && ++wrong <= 5)
+      ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << moved << " m/s, said "
+                    << stated << ", x " << a.box.x << ", y " << a.box.y;
   });
   EXPECT_EQ(wrong, 0);
 }
@@ -342,12 +342,12 @@ std::map<std::string, int> ways(const SceneConfig& scene) {
   std::map<int, std::string> way;
   simulate_traffic(build_site(scene), [&](const auto& states) {
     for (const ObjectState& s : states) {
-      std::string& own = way.try_emplace(s.id, 2, arm(s.box)).first->second;
-      if (std::hypot(s.box.x, s.box.y) > 30) own[1] = arm(s.box);
+      std::string& arms = way.try_emplace(s.id, 2, arm(s.box)).first->second;
+      if (std::hypot(s.box.x, s.box.y) > 30) arms[1] = arm(s.box);
     }
   });
   std::map<std::string, int> out;
-  for (const auto& [id, own] : way) ++out[own];
+  for (const auto& [id, arms] : way) ++out[arms];
   return out;
 }
 

@@ -23,12 +23,12 @@ fs::path catalogue() {
 
 /// The catalogue's names of one kind, sorted.
 std::vector<std::string> names(const fs::path& folder) {
-  std::vector<std::string> found;
+  std::vector<std::string> names;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.path().extension() == ".yaml") found.push_back(entry.path().stem().string());
-  std::ranges::sort(found);
-  return found;
+    if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
+  std::ranges::sort(names);
+  return names;
 }
 
 }  // namespace

@@ -114,7 +114,7 @@ std::vector<FilterStep> steps_of(const FilterOptions& o) {
 }
 
 void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t after) {
-  if (!found_no_plane(step, before, after)) return;
+  if (!has_no_plane(step, before, after)) return;
   const double height_m = std::get<GroundPlane>(step).sensor_height_m;
   const std::string where =
       height_m > 0 ? " " + config::number_text(height_m) + " m below the sensor" : "";

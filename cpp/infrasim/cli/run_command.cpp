@@ -66,9 +66,9 @@ void keep_mounts(SceneConfig& scene, std::vector<std::string> names) {
   std::string known;
   for (const auto& [name, mount] : scene.mounts) {
     known += (known.empty() ? "" : ", ") + name;
-    const auto found = std::ranges::find(names, name);
-    if (found == names.end()) continue;
-    names.erase(found);
+    const auto position = std::ranges::find(names, name);
+    if (position == names.end()) continue;
+    names.erase(position);
     kept[name] = mount;
   }
   if (!names.empty())

@@ -16,7 +16,7 @@ std::string join(std::span<const char* const> names) {
   return text;
 }
 
-std::string found(const Tree& tree) {
+std::string value_text(const Tree& tree) {
   switch (tree.kind) {
     case Tree::Kind::kNull:
       return "found nothing";
@@ -71,7 +71,7 @@ bool begins_as_name(const std::string& text) {
 }
 
 void expect_map(const Tree& tree, const std::string& key) {
-  if (tree.kind != Tree::Kind::kMap) fail(tree.place, key, found(tree) + ", allowed a map");
+  if (tree.kind != Tree::Kind::kMap) fail(tree.place, key, value_text(tree) + ", allowed a map");
 }
 
 std::optional<Tree> take_presets(Tree& tree) {
@@ -111,7 +111,7 @@ void FieldReader::check(bool holds, const char* key, const std::string& what) {
 
 void FieldReader::expect(const Tree& tree, Tree::Kind kind, const std::string& key,
                          const char* what) {
-  if (tree.kind != kind) fail(tree.place, key, found(tree) + ", allowed " + what);
+  if (tree.kind != kind) fail(tree.place, key, value_text(tree) + ", allowed " + what);
 }
 
 void FieldReader::expect_items(const Tree& tree, const std::string& key, const Rule& rule) {
@@ -122,16 +122,17 @@ void FieldReader::expect_items(const Tree& tree, const std::string& key, const R
 void FieldReader::read(const Tree& tree, const std::string& key, double& value, const Rule& rule) {
   double number = 0;
   if (tree.kind != Tree::Kind::kScalar || !parse_double(tree.scalar, number))
-    fail(tree.place, key, found(tree) + ", allowed a number");
+    fail(tree.place, key, value_text(tree) + ", allowed a number");
   if (number < rule.min || number > rule.max || (rule.above_min && number == rule.min))
-    fail(tree.place, key, found(tree) + allowed(rule));
+    fail(tree.place, key, value_text(tree) + allowed(rule));
   value = number;
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, int& value, const Rule& rule) {
   double number = 0;
   read(tree, key, number, rule);
-  if (number != std::floor(number)) fail(tree.place, key, found(tree) + ", allowed a whole number");
+  if (number != std::floor(number))
+    fail(tree.place, key, value_text(tree) + ", allowed a whole number");
   value = static_cast<int>(number);
 }
 
@@ -139,14 +140,14 @@ void FieldReader::read(const Tree& tree, const std::string& key, std::uint64_t& 
                        const Rule& /*rule*/) {
   const auto number = parse_number<std::uint64_t>(tree.scalar);
   if (tree.kind != Tree::Kind::kScalar || !number)
-    fail(tree.place, key, found(tree) + ", allowed a whole number from 0");
+    fail(tree.place, key, value_text(tree) + ", allowed a whole number from 0");
   value = *number;
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, bool& value,
                        const Rule& /*rule*/) {
   if (tree.scalar != "true" && tree.scalar != "false")
-    fail(tree.place, key, found(tree) + ", allowed true or false");
+    fail(tree.place, key, value_text(tree) + ", allowed true or false");
   value = tree.scalar == "true";
 }
 
@@ -179,9 +180,10 @@ void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value
   Fraction read;
   if (tree.kind != Tree::Kind::kScalar || !whole(text.substr(0, line), read.numerator) ||
       (line < text.size() && !whole(text.substr(line + 1), read.denominator)))
-    fail(tree.place, key, found(tree) + ", allowed a whole number or a fraction such as 8125/4");
+    fail(tree.place, key,
+         value_text(tree) + ", allowed a whole number or a fraction such as 8125/4");
   if (read.value() < rule.min || read.value() > rule.max)
-    fail(tree.place, key, found(tree) + allowed(rule));
+    fail(tree.place, key, value_text(tree) + allowed(rule));
   const std::int64_t divisor = std::gcd(read.numerator, read.denominator);
   value = {read.numerator / divisor, read.denominator / divisor};
 }
@@ -190,7 +192,7 @@ std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
                                    std::span<const char* const> names) {
   for (std::size_t i = 0; i < names.size(); ++i)
     if (tree.kind == Tree::Kind::kScalar && tree.scalar == names[i]) return i;
-  fail(tree.place, key, found(tree) + ", allowed " + join(names));
+  fail(tree.place, key, value_text(tree) + ", allowed " + join(names));
 }
 
 bool ends_as(std::string_view path, std::string_view pattern) {
@@ -205,8 +207,8 @@ bool ends_as(std::string_view path, std::string_view pattern) {
       return step;
     };
     if (path.empty()) return false;
-    const std::string_view own = step_of(path), wanted = step_of(pattern);
-    if (wanted != "*" && own != wanted) return false;
+    const std::string_view step = step_of(path), wanted = step_of(pattern);
+    if (wanted != "*" && step != wanted) return false;
   }
   return true;
 }

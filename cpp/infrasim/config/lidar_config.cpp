@@ -262,9 +262,9 @@ void visit(Fields& f, BundleEntry& c) {
 bool is_bundle(const LidarFile& c) {
   const auto files =
       std::ranges::count_if(c.bundle, [](const BundleEntry& e) { return e.lidar.has_value(); });
-  const bool own_price = c.price_usd && files == 0;
+  const bool has_price = c.price_usd && files == 0;
   const bool sum = !c.price_usd && files == std::ssize(c.bundle);
-  return !c.pattern && !c.returns && !c.bundle.empty() && (own_price || sum);
+  return !c.pattern && !c.returns && !c.bundle.empty() && (has_price || sum);
 }
 
 template <class Fields>
@@ -376,10 +376,10 @@ void check_size(const std::filesystem::path& file, const LidarConfig& lidar) {
     lasers += lasers_of(unit.pattern);
     rays += rays_per_s(unit.pattern);
   }
-  const auto limit = [&](const char* key, double found, double most) {
-    if (found > most)
+  const auto limit = [&](const char* key, double value, double most) {
+    if (value > most)
       config::fail({file.string()}, key,
-                   "found " + config::number_text(found) + ", allowed at most " +
+                   "found " + config::number_text(value) + ", allowed at most " +
                        config::number_text(most) + " in one LiDAR");
   };
   limit("(lasers)", static_cast<double>(lasers), kMaxLasers);

@@ -244,18 +244,18 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
 
 SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount) {
   const bool several = scene.mounts.size() > 1;
-  const auto found = mount.empty() && !several ? scene.mounts.begin() : scene.mounts.find(mount);
-  if (found == scene.mounts.end()) {
+  const auto entry = mount.empty() && !several ? scene.mounts.begin() : scene.mounts.find(mount);
+  if (entry == scene.mounts.end()) {
     std::string names;
     for (const auto& [name, pose] : scene.mounts) names += (names.empty() ? "" : ", ") + name;
     throw ConfigError("mount: found " + (mount.empty() ? "none" : "'" + mount + "'") +
                       ", allowed " + names);
   }
   SceneConfig view = scene;
-  view.mounts = {*found};
-  MountConfig& own = view.mounts[found->first];
-  if (several && !own.own_draws) own.own_draws = true;
-  own.calibration_error.reset();
+  view.mounts = {*entry};
+  MountConfig& pose = view.mounts[entry->first];
+  if (several && !pose.own_draws) pose.own_draws = true;
+  pose.calibration_error.reset();
   return view;
 }
 

@@ -115,7 +115,7 @@ Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   }
   if (tree.kind == Tree::Kind::kScalar) fail({option}, step, "found a plain value on the way");
   tree.kind = Tree::Kind::kMap;
-  if (Tree* found = find_mutable(tree, step)) return *found;
+  if (Tree* child = find_mutable(tree, step)) return *child;
   tree.keys.push_back(step);
   tree.items.emplace_back();
   tree.items.back().place = {option};
@@ -154,12 +154,12 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
 void check_characters(const std::string& text, const std::string& name) {
   for (auto at = find_unprintable(text); at != std::string::npos;
        at = find_unprintable(text, at + 1)) {
-    const char found = text[at];
-    if (found == '\n' || found == '\r' || found == '\t') continue;
+    const char byte = text[at];
+    if (byte == '\n' || byte == '\r' || byte == '\t') continue;
     const auto line_start = text.rfind('\n', at) + 1;  // 0 in the first line
     const auto line = std::count(text.begin(), text.begin() + static_cast<long>(at), '\n') + 1;
     fail({name, static_cast<int>(line), static_cast<int>(at - line_start) + 1}, "(document)",
-         "found the byte " + std::string(1, found) + ", allowed text in UTF-8");
+         "found the byte " + std::string(1, byte) + ", allowed text in UTF-8");
   }
 }
 

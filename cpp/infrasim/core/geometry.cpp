@@ -21,7 +21,7 @@ BoxFrame::BoxFrame(const Box3d& box)
       cos_pitch_(std::cos(box.pitch)),
       sin_pitch_(std::sin(box.pitch)) {}
 
-Vec3 BoxFrame::to_own(Vec3 p) const {
+Vec3 BoxFrame::to_box(Vec3 p) const {
   const double x = p.x - box_.x, y = p.y - box_.y;
   const Vec3 level{cos_ * x + sin_ * y, -sin_ * x + cos_ * y, p.z - box_.z};
   if (sin_pitch_ == 0) return level;
@@ -29,25 +29,25 @@ Vec3 BoxFrame::to_own(Vec3 p) const {
           sin_pitch_ * level.x + cos_pitch_ * level.z};
 }
 
-Vec3 BoxFrame::from_own(Vec3 own) const {
+Vec3 BoxFrame::from_box(Vec3 local) const {
   if (sin_pitch_ != 0)
-    own = {cos_pitch_ * own.x + sin_pitch_ * own.z, own.y,
-           -sin_pitch_ * own.x + cos_pitch_ * own.z};
-  return {box_.x + cos_ * own.x - sin_ * own.y, box_.y + sin_ * own.x + cos_ * own.y,
-          box_.z + own.z};
+    local = {cos_pitch_ * local.x + sin_pitch_ * local.z, local.y,
+             -sin_pitch_ * local.x + cos_pitch_ * local.z};
+  return {box_.x + cos_ * local.x - sin_ * local.y, box_.y + sin_ * local.x + cos_ * local.y,
+          box_.z + local.z};
 }
 
 bool BoxFrame::contains(Vec3 p, double margin) const {
-  const Vec3 own = to_own(p);
-  return std::abs(own.x) <= box_.dx / 2 + margin && std::abs(own.y) <= box_.dy / 2 + margin &&
-         std::abs(own.z) <= box_.dz / 2 + margin;
+  const Vec3 local = to_box(p);
+  return std::abs(local.x) <= box_.dx / 2 + margin && std::abs(local.y) <= box_.dy / 2 + margin &&
+         std::abs(local.z) <= box_.dz / 2 + margin;
 }
 
 Vec3 BoxFrame::nearest(Vec3 p) const {
-  const Vec3 own = to_own(p);
-  return from_own({std::clamp(own.x, -box_.dx / 2, box_.dx / 2),
-                   std::clamp(own.y, -box_.dy / 2, box_.dy / 2),
-                   std::clamp(own.z, -box_.dz / 2, box_.dz / 2)});
+  const Vec3 local = to_box(p);
+  return from_box({std::clamp(local.x, -box_.dx / 2, box_.dx / 2),
+                   std::clamp(local.y, -box_.dy / 2, box_.dy / 2),
+                   std::clamp(local.z, -box_.dz / 2, box_.dz / 2)});
 }
 
 std::array<Vec2, 4> footprint(const Box3d& box) {

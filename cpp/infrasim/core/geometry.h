@@ -88,9 +88,9 @@ class BoxFrame {
  public:
   explicit BoxFrame(const Box3d& box);
 
-  /// A point in the box's own axes, from its centre.
-  Vec3 to_own(Vec3 p) const;
-  Vec3 from_own(Vec3 own) const;
+  /// From world axes to the axes of the box, from its centre; and back.
+  Vec3 to_box(Vec3 p) const;
+  Vec3 from_box(Vec3 local) const;
   /// Up to `margin` outside, too.
   bool contains(Vec3 p, double margin) const;
   /// The point of the box that is nearest.

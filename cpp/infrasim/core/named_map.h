@@ -22,15 +22,15 @@ class NamedMap {
 
   /// The value of a name; a new one comes last.
   T& operator[](std::string_view name) {
-    const auto found = std::ranges::find(entries_, name, &Entry::first);
-    return found != entries_.end() ? found->second
+    const auto entry = std::ranges::find(entries_, name, &Entry::first);
+    return entry != entries_.end() ? entry->second
                                    : entries_.emplace_back(std::string(name), T{}).second;
   }
   /// @throws std::out_of_range
   const T& at(std::string_view name) const {
-    const auto found = find(name);
-    if (found == end()) throw std::out_of_range(std::string(name));
-    return found->second;
+    const auto entry = find(name);
+    if (entry == end()) throw std::out_of_range(std::string(name));
+    return entry->second;
   }
   auto find(std::string_view name) const {
     return std::ranges::find(entries_, name, &Entry::first);

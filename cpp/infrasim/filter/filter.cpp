@@ -9,7 +9,7 @@ std::vector<int> apply(const FilterStep& step, std::span<const float> xyz) {
 }
 
 std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz,
-                          const StepTold& told) {
+                          const StepObserver& observer) {
   std::vector<int> kept = keep_if(xyz, [](Vec3) { return true; });
   for (const FilterStep& step : steps) {
     std::vector<float> rest;
@@ -17,7 +17,7 @@ std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const flo
     for (const int i : kept) rest.insert(rest.end(), {xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]});
     std::vector<int> next = infrasim::apply(step, rest);  // not std::apply
     for (int& i : next) i = kept[i];
-    if (told) told(step, kept.size(), next.size());
+    if (observer) observer(step, kept.size(), next.size());
     kept = std::move(next);
   }
   return kept;

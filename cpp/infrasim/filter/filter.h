@@ -19,14 +19,15 @@ std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);
 
 /// Indices of the points that every step keeps; each step sees only what those before it kept.
 /// Without steps, all finite points.
-/// @param told is told after each step how many points there were before it, and after it
-using StepTold = std::function<void(const FilterStep& step, std::size_t before, std::size_t after)>;
+/// @param observer gets after each step the number of points before and after it
+using StepObserver =
+    std::function<void(const FilterStep& step, std::size_t before, std::size_t after)>;
 std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz,
-                          const StepTold& told = {});
+                          const StepObserver& observer = {});
 
 /// Whether a step takes a plane away and found none; one that was found takes at least its own
 /// points.
-inline bool found_no_plane(const FilterStep& step, std::size_t before, std::size_t after) {
+inline bool has_no_plane(const FilterStep& step, std::size_t before, std::size_t after) {
   return std::holds_alternative<GroundPlane>(step) && after == before;
 }
 

@@ -152,18 +152,18 @@ void check(const GroundMorphological& ground) {
 
 std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& ground) {
   check(ground);
-  const auto judged = [&](Vec3 p) {
+  const auto in_height_band = [&](Vec3 p) {
     return is_finite(p) && std::hypot(p.x, p.y) <= ground.max_range_m;
   };
   double farthest_m = 0;
   for (std::size_t i = 0; i < point_count(xyz); ++i)
-    if (const Vec3 p = point_at(xyz, i); judged(p))
+    if (const Vec3 p = point_at(xyz, i); in_height_band(p))
       farthest_m = std::max(farthest_m, std::hypot(p.x, p.y));
 
   GroundGrids grids(static_cast<int>(farthest_m / ground.cell_m) + 1, ground);
   for (std::size_t i = 0; i < point_count(xyz); ++i) {
     const Vec3 p = point_at(xyz, i);
-    if (!judged(p)) continue;
+    if (!in_height_band(p)) continue;
     for (float* z : {&grids.on_map(p), grids.on_ray(p.x, p.y)})
       *z = std::min(*z, static_cast<float>(p.z));
   }
@@ -171,8 +171,8 @@ std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& gro
   // A window that is wider than the map on all sides is as one that covers it.
   const double half = std::min(ground.window_m / 2 / ground.cell_m, 1.0 * grids.map.rows);
   open_windows(grids.map, static_cast<int>(std::lround(half)));
-  return keep_if(xyz,
-                 [&](Vec3 p) { return !judged(p) || p.z - grids.on_map(p) > ground.height_m; });
+  return keep_if(
+      xyz, [&](Vec3 p) { return !in_height_band(p) || p.z - grids.on_map(p) > ground.height_m; });
 }
 
 }  // namespace infrasim

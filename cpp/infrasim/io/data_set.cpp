@@ -25,39 +25,39 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// @param there, wanted two texts that differ: those of the file, or what they say
+/// @param there, of_run two texts that differ: those of the file, or what they say
 /// @param old_lines of the file
 [[noreturn]] void fail_at_difference(const std::filesystem::path& file, const std::string& there,
-                                     const std::string& wanted,
+                                     const std::string& of_run,
                                      const std::vector<std::string>& old_lines) {
-  const std::vector<std::string> found = lines_of(there), own = lines_of(wanted);
+  const std::vector<std::string> in_folder = lines_of(there), in_run = lines_of(of_run);
   const auto line_of = [](const std::vector<std::string>& lines, std::size_t i) {
     return i < lines.size() ? lines[i].substr(0, 100) : "(end)";
   };
   std::size_t i = 0;
-  while (i < found.size() && i < own.size() && found[i] == own[i]) ++i;
+  while (i < in_folder.size() && i < in_run.size() && in_folder[i] == in_run[i]) ++i;
   // A line that is not as in the file has no number there.
-  const bool in_file = line_of(old_lines, i) == line_of(found, i);
+  const bool in_file = line_of(old_lines, i) == line_of(in_folder, i);
   throw IoError(file.string() + ":" + (in_file ? std::to_string(i + 1) + ":" : "") +
-                " the folder holds another run: found '" + line_of(found, i) + "', this run has '" +
-                line_of(own, i) + "'");
+                " the folder holds another run: found '" + line_of(in_folder, i) +
+                "', this run has '" + line_of(in_run, i) + "'");
 }
 
 void compare(const std::filesystem::path& file, const std::string& text, const Identity& identity) {
   const std::string there = read_file(file);
   if (there == text) return;
-  std::string found, wanted;
+  std::string in_folder, of_run;
   try {
     if (identity) {
-      found = identity(there, file.string());
-      wanted = identity(text, file.string());
-      if (found == wanted) return;
+      in_folder = identity(there, file.string());
+      of_run = identity(text, file.string());
+      if (in_folder == of_run) return;
     }
   } catch (const ConfigError&) {
-    found = wanted = "";  // of a file that says nothing, the texts are compared
+    in_folder = of_run = "";  // of a file that says nothing, the texts are compared
   }
-  if (found == wanted) fail_at_difference(file, there, text, lines_of(there));
-  fail_at_difference(file, found, wanted, lines_of(there));
+  if (in_folder == of_run) fail_at_difference(file, there, text, lines_of(there));
+  fail_at_difference(file, in_folder, of_run, lines_of(there));
 }
 
 constexpr std::size_t kPiece = 1 << 20;  // bytes that are written at a time
@@ -100,13 +100,13 @@ class Comparison {
       begun_ = same.substr(last + 1);
   }
 
-  [[noreturn]] void fail(const std::string& there, const std::string& own) const {
+  [[noreturn]] void fail(const std::string& there, const std::string& in_run) const {
     const auto line = [&](const std::string& rest) {
       const std::string text = begun_ + rest.substr(0, rest.find('\n'));
       return text.empty() && rest.empty() ? std::string("(end)") : text.substr(0, 100);
     };
     throw IoError(name_ + ":" + std::to_string(line_) + ": the folder holds another run: found '" +
-                  line(there) + "', this run has '" + line(own) + "'");
+                  line(there) + "', this run has '" + line(in_run) + "'");
   }
 
   std::string name_;

@@ -53,8 +53,8 @@ struct PlyElement {
   std::vector<PlyProperty> properties;
 
   const PlyProperty* find(std::string_view wanted) const {
-    const auto found = std::ranges::find(properties, wanted, &PlyProperty::name);
-    return found == properties.end() ? nullptr : &*found;
+    const auto entry = std::ranges::find(properties, wanted, &PlyProperty::name);
+    return entry == properties.end() ? nullptr : &*entry;
   }
 };
 
@@ -160,12 +160,12 @@ class PlyReader {
   }
 
   const PlyType* type(std::string_view name) const {
-    const auto* found = std::ranges::find_if(
+    const auto* entry = std::ranges::find_if(
         kPlyTypes, [&](const PlyType& t) { return t.name == name || t.other_name == name; });
-    if (found == kPlyTypes.end())
+    if (entry == kPlyTypes.end())
       fail("found type '" + std::string(name.substr(0, 40)) +
            "', allowed char to double, int8 to float64");
-    return found;
+    return entry;
   }
 
   /// Before anything is reserved: a row takes bytes.
@@ -245,14 +245,14 @@ class PlyReader {
   }
 
   double value(const PlyType& type) {
-    if (ascii_) return word_value();
+    if (ascii_) return ascii_value();
     if (text_.size() - at_ < type.bytes) fail("found the end of the file: is it cut short?");
     const double v = type.read(text_.data() + at_);
     at_ += type.bytes;
     return v;
   }
 
-  double word_value() {
+  double ascii_value() {
     skip_blanks();
     const std::size_t end = std::min(text_.find_first_of(" \t\r\n", at_), text_.size());
     if (end == at_) fail("found the end of the file: is it cut short?");

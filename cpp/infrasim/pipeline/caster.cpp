@@ -47,14 +47,14 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
   const LidarUnit& config = lidar.units[unit];
   const Mat3 pose = unit_pose(scene, config);
   const auto& [name, mount] = *scene.mounts.begin();
-  const std::string own = mount.own_draws.value_or(false) ? "mount " + name + " " : "";
+  const std::string mount_prefix = mount.own_draws.value_or(false) ? "mount " + name + " " : "";
   const auto& beam = config.returns.beam;
   return {
       ScanPattern(config.pattern, start_phase_s(scene.seed, name, lidar, unit), pose, first_ring),
       ReturnModel(config.returns, scene.weather),
       beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
       static_cast<float>(config.returns.max_range_m),
-      Rng::of(scene.seed, draws + own + stream_name(lidar, unit)),
+      Rng::of(scene.seed, draws + mount_prefix + stream_name(lidar, unit)),
       {},
       {}};
 }

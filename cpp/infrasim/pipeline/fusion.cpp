@@ -17,8 +17,8 @@ void append_column(std::vector<T>& to, const std::vector<T>& from) {
 
 /// The vehicle in a mount's frame; null if that has none of the id.
 const ObjectRecord* find_object(const Frame& frame, int id) {
-  const auto found = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
-  return found != frame.objects.end() && found->id == id ? &*found : nullptr;
+  const auto entry = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
+  return entry != frame.objects.end() && entry->id == id ? &*entry : nullptr;
 }
 
 /// Counts the points in each vehicle's boxes, as they lie in the frame.
@@ -32,10 +32,10 @@ void count_in_boxes(Frame& frame) {
     by_id.emplace(o.id, Held{&o, BoxFrame(o.box), BoxFrame(o.scan_box)});
   const PointCloud& c = frame.cloud;
   for (std::size_t i = 0; i < c.size(); ++i) {
-    const auto found = by_id.find(c.object_id[i]);
-    if (found == by_id.end()) continue;
+    const auto entry = by_id.find(c.object_id[i]);
+    if (entry == by_id.end()) continue;
     const Vec3 p{c.xyz[3 * i], c.xyz[3 * i + 1], c.xyz[3 * i + 2]};
-    const auto& [object, box, scan_box] = found->second;
+    const auto& [object, box, scan_box] = entry->second;
     object->points_in_box += box.contains(p, kBoxMargin);
     object->points_in_scan_box += scan_box.contains(p, kBoxMargin);
   }
@@ -58,19 +58,19 @@ Fusion::RigidTransform Fusion::transform_of(const MountConfig& mount) const {
         rotation_to_first *
         rotation(0, rad(mount.pitch_deg + e.pitch_deg), rad(mount.roll_deg + e.roll_deg)) *
         rotation(0, 0, -rad(mount.roll_deg)) * rotation(0, -rad(mount.pitch_deg), 0);
-  const Vec3 place{mount.x_m + e.x_m, mount.y_m + e.y_m, mount.z_m + e.z_m};
-  return {rotation_to_first, first_.level.to_level(place),
+  const Vec3 position{mount.x_m + e.x_m, mount.y_m + e.y_m, mount.z_m + e.z_m};
+  return {rotation_to_first, first_.level.to_level(position),
           mount.clock_offset_s.value_or(0) - first.clock_offset_s.value_or(0)};
 }
 
 MountConfig Fusion::seen_from_first(std::size_t mount) const {
-  MountConfig own = mounts_[mount];
-  const Vec3 place = first_.level.to_level(Vec3{own.x_m, own.y_m, own.z_m});
-  own.x_m = place.x;
-  own.y_m = place.y;
-  own.z_m = place.z;
-  own.yaw_deg = deg(wrap_angle(rad(own.yaw_deg - mounts_.front().yaw_deg)));
-  return own;
+  MountConfig pose = mounts_[mount];
+  const Vec3 position = first_.level.to_level(Vec3{pose.x_m, pose.y_m, pose.z_m});
+  pose.x_m = position.x;
+  pose.y_m = position.y;
+  pose.z_m = position.z;
+  pose.yaw_deg = deg(wrap_angle(rad(pose.yaw_deg - mounts_.front().yaw_deg)));
+  return pose;
 }
 
 void Fusion::add_points(const Frame& frame, std::size_t mount, FusedFrame& out) const {

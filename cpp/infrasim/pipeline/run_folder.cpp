@@ -90,7 +90,7 @@ std::string pose_text(const MountConfig& mount) {
 }
 
 /// The lines of name and model, which come first.
-std::string about_text(const LidarConfig& lidar) {
+std::string lidar_text(const LidarConfig& lidar) {
   const std::string text = dump_lidar(lidar);
   return text.substr(0, text.find('\n', text.find('\n') + 1) + 1);
 }
@@ -103,7 +103,7 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   for (const auto& [name, mount] : mounts) names += (names.empty() ? "" : ", ") + name;
   MountConfig level = mounts.begin()->second;
   level.pitch_deg = level.roll_deg = 0;
-  std::string text = about_text(lidar) + "mounts: [" + names + "]\n" +
+  std::string text = lidar_text(lidar) + "mounts: [" + names + "]\n" +
                      price_text(lidar, mounts.size()) + frames_text(first, lidar, level);
   const std::vector<FieldOfView> views = fields_of_view(lidar);
   for (std::size_t m = 0; m < mounts.size(); ++m)

@@ -125,8 +125,8 @@ class Scheduler {
   }
 
   void compute_here() {
-    if (own_simulators_.empty()) own_simulators_ = make_simulators();
-    if (const auto index = claim()) compute(own_simulators_, *index);
+    if (caller_simulators_.empty()) caller_simulators_ = make_simulators();
+    if (const auto index = claim()) compute(caller_simulators_, *index);
   }
 
   std::vector<FrameSimulator> make_simulators() const {
@@ -183,8 +183,8 @@ class Scheduler {
   bool closed_ = false;
   std::exception_ptr error_;
   std::map<std::size_t, Result> ready_;
-  std::vector<FrameSimulator> own_simulators_;  ///< of the caller, where no thread could start
-  std::vector<std::jthread> threads_;           // last: joined before the rest goes
+  std::vector<FrameSimulator> caller_simulators_;  ///< of the caller, where no thread could start
+  std::vector<std::jthread> threads_;              // last: joined before the rest goes
 };
 
 }  // namespace infrasim

@@ -125,7 +125,7 @@ struct FrameSimulator::Impl {
     if (!steps.empty())
       lidar.builder.keep(keep_all(steps, lidar.builder.xyz(),
                                   [&](const FilterStep& step, std::size_t n, std::size_t after) {
-                                    frame.no_plane |= found_no_plane(step, n, after);
+                                    frame.no_plane |= has_no_plane(step, n, after);
                                   }));
     frame.cloud = lidar.builder.cloud();
     const std::vector<PointCount> counts =

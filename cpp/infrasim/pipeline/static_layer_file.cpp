@@ -215,25 +215,25 @@ void check_is_from(const StaticLayerFile& file, const LayerOrigin& here) {
                       "those of the scene and preset of which the layer was made, got others");
 }
 
-void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> own,
+void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,
                  const std::string& lidar) {
-  const auto check = [&](bool same, const std::string& found, const std::string& allowed) {
+  const auto check = [&](bool same, const std::string& layer, const std::string& allowed) {
     if (same) return;
-    throw ConfigError(file.name + ": found " + found + ", allowed " + allowed + ", as " + lidar +
+    throw ConfigError(file.name + ": found " + layer + ", allowed " + allowed + ", as " + lidar +
                       " has");
   };
-  check(file.units.size() == own.size(), std::to_string(file.units.size()) + " units",
-        std::to_string(own.size()));
-  for (std::size_t i = 0; i < own.size(); ++i) {
-    const StaticHits &found = file.units[i], &wanted = own[i];
+  check(file.units.size() == units.size(), std::to_string(file.units.size()) + " units",
+        std::to_string(units.size()));
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    const StaticHits &layer = file.units[i], &unit_hits = units[i];
     const std::string unit = "unit " + std::to_string(i) + ": ";
-    check(found.groups == wanted.groups && found.group_size == wanted.group_size,
-          unit + size_text(found), size_text(wanted));
-    check(found.max_range_m == wanted.max_range_m,
-          unit + "a max_range_m of " + config::number_text(found.max_range_m),
-          config::number_text(wanted.max_range_m));
-    check(found.directions == wanted.directions, unit + "directions " + hex(found.directions),
-          hex(wanted.directions) + " (channels, seam, phase, pitch and roll of the mount)");
+    check(layer.groups == unit_hits.groups && layer.group_size == unit_hits.group_size,
+          unit + size_text(layer), size_text(unit_hits));
+    check(layer.max_range_m == unit_hits.max_range_m,
+          unit + "a max_range_m of " + config::number_text(layer.max_range_m),
+          config::number_text(unit_hits.max_range_m));
+    check(layer.directions == unit_hits.directions, unit + "directions " + hex(layer.directions),
+          hex(unit_hits.directions) + " (channels, seam, phase, pitch and roll of the mount)");
   }
 }
 

@@ -52,10 +52,10 @@ void check_is_at(const StaticLayerFile& file, const MountConfig& mount);
 /// @throws ConfigError if other things stand still in it, unless the file is of a recording
 void check_is_from(const StaticLayerFile& file, const LayerOrigin& here);
 
-/// @param own   units of the LiDAR that the file is to be of; their hits do not matter
+/// @param units units of the LiDAR that the file is to be of; their hits do not matter
 /// @param lidar the LiDAR, for messages
 /// @throws ConfigError if the file is of another LiDAR, pattern, range, or way of looking
-void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> own,
+void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,
                  const std::string& lidar);
 
 }  // namespace infrasim

@@ -13,12 +13,12 @@ void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit>
   for (std::size_t i = 0; i < scanners.size(); ++i) {
     const ScannerUnit& unit = scanners[i];
     if (unit.can_have_layer()) continue;
-    const std::string found =
+    const std::string problem =
         unit.beam ? "a beam wider than a ray"
         : unit.pattern.repeats_after() == 0
             ? "a pattern that never repeats"
             : "a pattern of " + std::to_string(layer_bytes(unit.pattern)) + " bytes";
-    throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) + ": found " + found +
+    throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) + ": found " + problem +
                       ", allowed single rays that repeat, of up to " +
                       std::to_string(kMostLayerBytes) + " bytes, for a static layer");
   }

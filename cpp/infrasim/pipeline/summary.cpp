@@ -120,13 +120,14 @@ void merge_summary(const std::filesystem::path& folder, Summary sums,
   for (const SummaryRow& row : sums.rows(threads)) {
     const auto old = std::ranges::find_if(
         lines, [&](const std::string& line) { return line.starts_with(row.lidar + ","); });
-    std::string own = line_of(row);
+    std::string line = line_of(row);
     if (old == lines.end()) {
-      lines.push_back(own);
+      lines.push_back(line);
       continue;
     }
-    if (row.seconds == 0) own = own.substr(0, own.size() - times_of(own).size()) += times_of(*old);
-    *old = own;
+    if (row.seconds == 0)
+      line = line.substr(0, line.size() - times_of(line).size()) += times_of(*old);
+    *old = line;
   }
   std::string text = std::string(kSummaryHeader) + "\n";
   for (const std::string& line : lines) text += line + "\n";

@@ -177,7 +177,7 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   const Site site = checked_site(scene);
   OverlapSearch search;
   StateSource(site).each([&](const auto& states) { search.take(states); });
-  return search.found();
+  return search.overlaps();
 }
 
 void check_frame(const World& world, int k) {
@@ -195,7 +195,7 @@ TriangleMesh frozen_mesh(const World& world, int k, double share) {
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
     const BoxFrame frame(box);
     for (const auto& v : body.vertices) {
-      const Vec3 p = frame.from_own({v[0] * box.dx, v[1] * box.dy, v[2] * box.dz});
+      const Vec3 p = frame.from_box({v[0] * box.dx, v[1] * box.dy, v[2] * box.dz});
       mesh.vertices.push_back(
           {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
     }

@@ -106,9 +106,9 @@ class BodyIndex {
   std::span<const std::array<ViewBounds, 2>> views() const { return bounds_; }
 
   bool any_in(const ViewBounds& view) const {
-    bool found = false;
-    for_each_in(view, [&](std::size_t) { return !(found = true); });
-    return found;
+    bool any = false;
+    for_each_in(view, [&](std::size_t) { return !(any = true); });
+    return any;
   }
 
  private:

@@ -79,9 +79,9 @@ bool ends_at(const RoadLine& road) {
 }
 
 /// Half the length that a crossing road's width, footways included, takes of a road.
-double half_crossing(const LanesConfig& own, const LanesConfig& other, double angle) {
+double half_crossing(const LanesConfig& road, const LanesConfig& other, double angle) {
   const double across = outer_half_width(other);
-  const double along = carriageway_half_width(own) * std::abs(std::cos(angle));
+  const double along = carriageway_half_width(road) * std::abs(std::cos(angle));
   return (across + along) / std::abs(std::sin(angle));
 }
 

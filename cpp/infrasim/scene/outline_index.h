@@ -27,8 +27,8 @@ class OutlineIndex {
   template <class Meets>
   bool any_near(std::span<const Vec2> outline, const Meets& meets) const {
     return for_each_square(outline, [&](std::uint64_t key) {
-      const auto found = squares_.find(key);
-      return found != squares_.end() && std::ranges::any_of(found->second, meets);
+      const auto square_entry = squares_.find(key);
+      return square_entry != squares_.end() && std::ranges::any_of(square_entry->second, meets);
     });
   }
 

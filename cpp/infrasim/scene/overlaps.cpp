@@ -85,7 +85,7 @@ void OverlapSearch::look(const std::vector<std::pair<int, Box3d>>& boxes, double
       if (!overlap(a, b)) continue;
       const auto ids = std::minmax(a.id, b.id);
       if (pairs_.insert(ids).second)
-        found_.push_back(
+        overlaps_.push_back(
             {ids.first, ids.second, time_s, {(a.box.x + b.box.x) / 2, (a.box.y + b.box.y) / 2}});
     }
 }

@@ -27,7 +27,7 @@ class OverlapSearch {
   void take(const std::vector<ObjectState>& states);
 
   /// Every pair once, with the time and place of its first overlap, in the order of time.
-  const std::vector<Overlap>& found() const { return found_; }
+  const std::vector<Overlap>& overlaps() const { return overlaps_; }
 
  private:
   void look(const std::vector<std::pair<int, Box3d>>& boxes, double time_s);
@@ -35,7 +35,7 @@ class OverlapSearch {
   Trajectories window_;  ///< the last two instants
   int instants_ = 0;
   std::set<std::pair<int, int>> pairs_;
-  std::vector<Overlap> found_;
+  std::vector<Overlap> overlaps_;
 };
 
 }  // namespace infrasim

@@ -133,7 +133,7 @@ struct SurfacesAt {
 };
 
 SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
-  SurfacesAt found;
+  SurfacesAt surfaces;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     if (mesh.class_id[i] > static_cast<std::uint16_t>(Class::kTerrain)) continue;
     std::array<Vec2, 3> outline;
@@ -153,10 +153,10 @@ SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
       height += share * z[k];
     }
     if (!here) continue;
-    (height < 0 ? found.under : found.over) =
-        height < 0 ? std::max(found.under, height) : std::min(found.over, height);
+    (height < 0 ? surfaces.under : surfaces.over) =
+        height < 0 ? std::max(surfaces.under, height) : std::min(surfaces.over, height);
   }
-  return found;
+  return surfaces;
 }
 
 }  // namespace
@@ -169,19 +169,19 @@ void check_sensor(const Site& site) {
     const auto fail = [&](const char* key, const std::string& what) {
       config::fail(mount.place, "mounts." + name + "." + key, what);
     };
-    const std::string found = "found " + number_text(mount.z_m);
+    const std::string got = "found " + number_text(mount.z_m);
     if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
       fail("x_m", "found it " + number_text(std::round(away)) +
                       " m from every road and ground, allowed up to " +
                       number_text(kLongestRange_m) + ", where rays end");
     if (const auto over = ground_over(site, sensor))
-      fail("z_m", found + " below the ground or a road at " + metres(*over + rise) +
+      fail("z_m", got + " below the ground or a road at " + metres(*over + rise) +
                       " m, allowed above, or under a bridge of " + number_text(kClearance_m) +
                       " m");
     if (const std::string what = what_holds(site, sensor); !what.empty())
       fail("x_m", "found it inside " + what + ", allowed outside");
     if (const auto lane = lane_around(site, sensor))
-      fail("z_m", found + " in the way of the vehicles of a lane at " + metres(*lane + rise) +
+      fail("z_m", got + " in the way of the vehicles of a lane at " + metres(*lane + rise) +
                       ", allowed from " + metres(*lane + rise + kClearance_m) +
                       " on, or beside the lanes");
   }

@@ -177,9 +177,9 @@ class Traffic {
   }
 
   /// As wished, if the vehicle can stop at the signal ahead.
-  double speed_at_start(const Vehicle& v, double wish) const {
-    if (lane_of(v).approach < 0) return wish;
-    return std::min(wish, std::sqrt(2 * kBraking * std::max(0.0, to_stop_line(v))));
+  double speed_at_start(const Vehicle& v, double desired) const {
+    if (lane_of(v).approach < 0) return desired;
+    return std::min(desired, std::sqrt(2 * kBraking * std::max(0.0, to_stop_line(v))));
   }
 
   /// Between the centres of two that stand one behind the other.
@@ -414,8 +414,8 @@ class Traffic {
   /// Who enters a roundabout gives way to whom it would make brake, but for those before it from
   /// its own arm.
   bool has_gap(int approach) const {
-    const Curve& own = network_.lanes[arms_[approach].lanes.front()].curve;
-    const Vec2 end = own.at(own.length()).position;
+    const Curve& lane = network_.lanes[arms_[approach].lanes.front()].curve;
+    const Vec2 end = lane.at(lane.length()).position;
     bool free = true;
     for_each_on_ring(network_.approach_junctions[approach],
                      [&](const Ring& ring, const Vehicle& v) {

@@ -211,11 +211,11 @@ class TrajectoryReader {
       csv_.fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
     s.id = static_cast<int>(id);
     const std::string_view class_name = csv_.cell();
-    const ObjectClass* found = find_class(class_name);
-    if (found == nullptr)
+    const ObjectClass* class_entry = find_class(class_name);
+    if (class_entry == nullptr)
       csv_.fail("class", "found '" + std::string(class_name.substr(0, 40)) +
                              "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
-    s.object_class = found->id;
+    s.object_class = class_entry->id;
     s.box.x = csv_.number("x", -1e7, 1e7);
     s.box.y = csv_.number("y", -1e7, 1e7);
     s.box.z = csv_.number("z", -1e4, 1e5);

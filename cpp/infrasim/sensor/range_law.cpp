@@ -67,8 +67,8 @@ RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
     RangeLaw law{.dark_range_m = 0,
                  .background_noise_crossover_klux = std::pow(10, 2 + step / 100.0)};
     law.dark_range_m = best_dark_range(law.background_noise_crossover_klux, pairs, max_range_m);
-    const double found = misfit(law, pairs, max_range_m);
-    if (found < least - 1e-9) least = found, best = law;
+    const double error = misfit(law, pairs, max_range_m);
+    if (error < least - 1e-9) least = error, best = law;
   }
   return best;
 }
