@@ -22,23 +22,22 @@ ReturnsConfig returns_up_to(double max_range_m) {
   return config;
 }
 
-HitBatch hits_at(double range, std::size_t n, double cos_incidence = 1) {
-  HitBatch hits;
-  hits.resize(n);
-  hits.range.assign(n, static_cast<float>(range));
-  hits.cos_incidence.assign(n, static_cast<float>(cos_incidence));
-  hits.object.assign(n, -1);
-  return hits;
+EchoBatch echoes_at(double range, std::size_t n, float reflectance, float gain = 1) {
+  EchoBatch echoes;
+  echoes.resize(n);
+  for (std::size_t i = 0; i < n; ++i)
+    echoes.set(i, {static_cast<float>(range), -1, 0, reflectance, gain});
+  return echoes;
 }
 
-/// The returns of many hits alike.
+/// The returns of many echoes alike.
 ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance = 0.1F,
                     const WeatherConfig& weather = {}, std::size_t n = kDraws) {
   const ReturnModel model(config, weather);
   const Rng rng = Rng::of(1, "lidar").at(0);
   ReturnBatch out;
-  const std::vector<float> alike(n, reflectance);
-  model.apply(rng, 0, hits_at(range, n), alike, alike, out);
+  const EchoBatch echoes = echoes_at(range, n, reflectance);
+  model.apply(rng, 0, echoes, echoes.reflectance, out);
   return out;
 }
 
@@ -137,17 +136,17 @@ TEST(detection, reaches_as_the_square_root_of_reflectance_at_night) {
 TEST(detection, hears_the_sun_on_all_that_the_detector_looks_at) {
   // A target of 10 % whose surroundings reflect 1.6 is drowned by four times the noise.
   const ReturnModel model(detecting(100), {});
-  const std::vector<float> target(kDraws, 0.1F), bright(kDraws, 1.6F);
+  const std::vector<float> bright(kDraws, 1.6F);
   ReturnBatch out;
-  model.apply(Rng::of(1, "lidar").at(0), 0, hits_at(50, kDraws), target, bright, out);
+  model.apply(Rng::of(1, "lidar").at(0), 0, echoes_at(50, kDraws, 0.1F), bright, out);
   EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
 }
 
 TEST(detection, falls_with_the_cosine_of_incidence) {
   const ReturnModel model(detecting(100), kNight);
-  const std::vector<float> target(kDraws, 0.2F);
+  const EchoBatch echoes = echoes_at(100, kDraws, 0.2F, 0.5F);
   ReturnBatch out;
-  model.apply(Rng::of(1, "lidar").at(0), 0, hits_at(100, kDraws, 0.5), target, target, out);
+  model.apply(Rng::of(1, "lidar").at(0), 0, echoes, echoes.reflectance, out);
   EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
   EXPECT_NEAR(out.intensity.at(0), 0.1, 1e-6);
 }
@@ -238,8 +237,8 @@ ReturnsConfig noisy() {
 
 ReturnBatch some(const Rng& rng, std::uint64_t first, std::size_t n) {
   ReturnBatch out;
-  const std::vector<float> alike(n, 0.1F);
-  ReturnModel(noisy(), {}).apply(rng, first, hits_at(100, n), alike, alike, out);
+  const EchoBatch echoes = echoes_at(100, n, 0.1F);
+  ReturnModel(noisy(), {}).apply(rng, first, echoes, echoes.reflectance, out);
   return out;
 }
 
@@ -275,18 +274,14 @@ TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
   detection.steepness = 20;
   const ReturnModel model(config, {});
   const Rng rng = Rng::of(9, "lidar").at(1);
-  HitBatch hits;
-  hits.resize(4000);
-  std::vector<float> reflectance(hits.size(), 0.1F);
-  std::ranges::fill(hits.object, -1);
-  std::ranges::fill(hits.class_id, std::uint16_t{0});
-  std::ranges::fill(hits.cos_incidence, 1.0F);
-  for (std::size_t i = 0; i < hits.size(); ++i) hits.range[i] = 60 + 0.05F * static_cast<float>(i);
+  EchoBatch echoes = echoes_at(0, 4000, 0.1F);
+  for (std::size_t i = 0; i < echoes.size(); ++i)
+    echoes.range[i] = 60 + 0.05F * static_cast<float>(i);
   ReturnBatch out;
-  model.apply(rng, 0, hits, reflectance, reflectance, out);
+  model.apply(rng, 0, echoes, echoes.reflectance, out);
   std::vector<std::uint32_t> wanted;
-  for (std::size_t i = 0; i < hits.size(); ++i) {
-    const double ratio = std::pow(100 / hits.range[i], 2);
+  for (std::size_t i = 0; i < echoes.size(); ++i) {
+    const double ratio = std::pow(100 / echoes.range[i], 2);
     const double quantile = normal_quantile(rng.at(i).open_uniform(2));  // as kDetection
     if (quantile < 20 * (ratio - 1)) wanted.push_back(static_cast<std::uint32_t>(i));
   }

@@ -444,17 +444,15 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
 /// The range that a beam of two sub-rays reports of what each of them hits.
 float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& reflectance,
                const EchoPath& path) {
-  HitBatch sub_hits, hits;
-  sub_hits.resize(2);
-  hits.resize(1);
-  std::ranges::copy(ranges, sub_hits.range.begin());
-  std::ranges::fill(sub_hits.cos_incidence, 1);
-  std::vector<float> reported_reflectance, sunlit;
+  EchoBatch sub_echoes, echoes;
+  sub_echoes.resize(2);
+  echoes.resize(1);
+  for (std::size_t i = 0; i < 2; ++i) sub_echoes.set(i, {ranges[i], -1, 0, reflectance[i], 1});
+  std::vector<float> sunlit;
   const std::vector<std::uint32_t> selected{0};
   Beam({.vertical_deg = 0.1, .sub_rays = 2}, rotation(0, 0, 0))
-      .combine(sub_hits, {reflectance.begin(), reflectance.end()}, selected, path, hits,
-               reported_reflectance, sunlit);
-  return hits.range[0];
+      .combine(sub_echoes, selected, path, echoes, sunlit);
+  return echoes.range[0];
 }
 
 TEST(beam, reports_the_strongest_echo_beyond_the_blind_zone) {

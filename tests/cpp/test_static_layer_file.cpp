@@ -178,8 +178,8 @@ std::vector<StaticHits> small_units() {
   unit.directions = 77;
   unit.range_m.assign(6, std::numeric_limits<float>::infinity());
   unit.range_m[4] = 12.5F;
-  unit.cos_incidence.assign(6, 0);
-  unit.cos_incidence[4] = 0.25F;
+  unit.gain.assign(6, 0);
+  unit.gain[4] = 0.25F;
   unit.class_id.assign(6, 0);
   unit.class_id[4] = static_cast<std::uint16_t>(Class::kRecorded);
   return {unit, unit};

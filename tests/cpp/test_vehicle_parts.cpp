@@ -260,7 +260,7 @@ TEST(parts, gap_shows_what_a_recording_of_the_site_saw_of_the_ground_there) {
   recorded.units = cast_static_layer(world, lidar);
   for (StaticHits& unit : recorded.units) {
     std::ranges::fill(unit.class_id, static_cast<std::uint16_t>(Class::kRecorded));
-    std::ranges::fill(unit.cos_incidence, 0.3F);
+    std::ranges::fill(unit.gain, 0.3F);
   }
   world.static_layers.emplace(lidar.name, recorded);
   FrameSimulator simulator(world, std::array{lidar});

@@ -32,7 +32,7 @@ struct BodyPlace {
 /// Nearest hit of each ray.
 struct HitBatch {
   std::vector<float> range;             ///< metres; +inf: nothing hit
-  std::vector<float> cos_incidence;     ///< between beam and surface normal, [0, 1]
+  std::vector<float> cos_incidence;     ///< between ray and surface normal, [0, 1]
   std::vector<std::int32_t> object;     ///< index of the moving body; -1: background
   std::vector<std::uint16_t> class_id;  ///< of the background, behind a body, too; 0 where it ends
   std::vector<BodyPlace> place;         ///< where on a moving body; filled with cos_incidence

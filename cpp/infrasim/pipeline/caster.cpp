@@ -81,110 +81,121 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   std::size_t cast = 0;
   for (std::int64_t first = range.first / size, end = 0; first < last; first = end) {
     end = part_end(scanner, first, last);
-    const RayRange part{first * size, end * size};
-    scanner.pattern.generate(part, k * kFramePeriod, rays_);
+    scanner.pattern.generate({first * size, end * size}, k * kFramePeriod, rays_);
     rays_.max_range = scanner.max_range;
-    const auto first_ray = static_cast<std::uint64_t>(part.first - frame.first);
-    cast += cast_part(part, {rng, first_ray}, scanner, vehicles);
-    scanner.returns.apply(rng, first_ray, hits_, reflectance_,
-                          scanner.beam ? sunlit_ : reflectance_, returns_);
-    collect(vehicles.moving, scanner.beam.has_value(), out);
+    const Part part{scanner, vehicles, first,
+                    end,     rng,      static_cast<std::uint64_t>(first * size - frame.first)};
+    cast += cast_rays(part);
+    if (part.by_power() && !leaves_.empty()) stop_in_leaves(part);
+    if (part.by_power() || scanner.beam)
+      cast += pass_panes(part);
+    else
+      echoes_.assign(hits_);
+    if (scanner.beam) merge_beams(part);
+    detect(part, out);
   }
   return cast;
 }
 
-Rng Caster::LeafDraws::of(std::uint32_t ray, std::size_t sub_ray) const {
-  return frame.at(first_ray + ray).at(kLeafDraws + sub_ray);
-}
-
-std::size_t Caster::cast_part(RayRange part, const LeafDraws& draws, ScannerUnit& scanner,
-                              const FrameVehicles& vehicles) {
-  const int size = scanner.pattern.group_size();
-  const std::int64_t first = part.first / size, last = part.last / size;
-  const bool reflectance = scanner.returns.needs_reflectance();
-  if (scanner.beam) {
-    select(scanner, last - first);
-    return cast_beams(scanner, draws, vehicles);
-  }
+/// Nearest hits of the rays, or of the sub-rays of beams.
+/// @return how many were cast
+std::size_t Caster::cast_rays(const Part& part) {
+  const ScannerUnit& scanner = part.scanner;
   if (scanner.layer) {
-    cast_moving(*scanner.layer, first, last, reflectance);
-  } else {
-    cast_all(scanner, last - first, reflectance);
+    cast_moving(*scanner.layer, part);
+    return selected_.size();
   }
-  const std::size_t cast = selected_.size();
-  if (!reflectance) return cast;
-  if (!leaves_.empty()) stop_in_leaves(scanner, first, last, draws);
-  const StaticSlice background = scanner.layer ? scanner.layer->slice(first, last) : StaticSlice{};
-  return cast + transparent_.resolve(rays_, vehicles, parts_, scanner.returns.path(), hits_,
-                                     reflectance_, background);
+  select(part);
+  if (!scanner.beam) {
+    raycaster_.cast(rays_, selected_, hits_, part.by_power());
+    return selected_.size();
+  }
+  scanner.beam->expand(rays_, selected_, sub_rays_);
+  sub_selected_.resize(sub_rays_.size());
+  std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
+  raycaster_.cast(sub_rays_, sub_selected_, hits_, true);
+  return sub_rays_.size();
 }
 
 /// Names the rays worth casting, near ones together: not those that look over everything there is.
-void Caster::select(ScannerUnit& scanner, std::int64_t groups) {
+void Caster::select(const Part& part) {
+  ScannerUnit& scanner = part.scanner;
   const float spread = scanner.beam ? scanner.beam->half_width() : 0;
-  const bool leaves = scanner.beam && scanner.returns.needs_reflectance() && !leaves_.empty();
+  const bool leaves = scanner.beam && part.by_power() && !leaves_.empty();
   const auto below = [&](const Horizon& horizon, std::uint32_t i) {
     return horizon.covers(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread);
   };
   selected_.clear();
-  for (const std::uint32_t i : tile_order(scanner, groups))
+  for (const std::uint32_t i : tile_order(scanner, part.groups()))
     if (below(raycaster_.horizon(), i) || (leaves && below(leaves_.horizon(), i)))
       selected_.push_back(i);
 }
 
+void Caster::cast_moving(const StaticLayer& layer, const Part& part) {
+  layer.hits(part.first, part.last, part.by_power(), hits_);
+  layer.select(part.first, part.last, raycaster_.bodies(), selected_);
+  raycaster_.cast_bodies(rays_, selected_, hits_, part.by_power());
+}
+
+const RayBatch& Caster::rays_cast(const Part& part) const {
+  return part.scanner.beam ? sub_rays_ : rays_;
+}
+
+/// Replaces hits behind leaves.
+void Caster::stop_in_leaves(const Part& part) {
+  const auto width =
+      part.scanner.beam ? static_cast<std::uint32_t>(part.scanner.beam->sub_rays()) : 0;
+  const auto draws_of = [&](std::uint32_t k) {
+    const std::uint32_t ray = width > 0 ? selected_[k / width] : k,
+                        sub_ray = width > 0 ? k % width : 0;
+    return part.frame.at(part.first_ray + ray).at(kLeafDraws + sub_ray);
+  };
+  leaves_.stop(rays_cast(part), order_for_leaves(part), draws_of, hits_);
+}
+
 /// Also rays that are not cast may meet leaves.
-void Caster::stop_in_leaves(ScannerUnit& scanner, std::int64_t first, std::int64_t last,
-                            const LeafDraws& draws) {
-  std::span<const std::uint32_t> order;
-  if (scanner.layer) {
-    scanner.layer->select(first, last, leaves_.index(), in_leaves_);
-    order = in_leaves_;
-  } else {
-    order = tile_order(scanner, last - first);
-  }
-  leaves_.stop(rays_, order, [&](std::uint32_t k) { return draws.of(k, 0); }, hits_);
+std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
+  if (part.scanner.beam) return sub_selected_;
+  if (!part.scanner.layer) return tile_order(part.scanner, part.groups());
+  part.scanner.layer->select(part.first, part.last, leaves_.index(), in_leaves_);
+  return in_leaves_;
 }
 
-void Caster::cast_all(ScannerUnit& scanner, std::int64_t groups, bool incidence) {
-  select(scanner, groups);
-  raycaster_.cast(rays_, selected_, hits_, incidence);
+/// Makes echoes of the hits, also of what lies behind panes and below bodies.
+/// @return how many rays were cast on
+std::size_t Caster::pass_panes(const Part& part) {
+  const ScannerUnit& scanner = part.scanner;
+  const StaticSlice background =
+      scanner.layer ? scanner.layer->slice(part.first, part.last) : StaticSlice{};
+  return transparent_.resolve(rays_cast(part), part.vehicles, part.by_power() ? parts_ : kNoParts,
+                              scanner.returns.path(), hits_, echoes_, background);
 }
 
-void Caster::cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last,
-                         bool incidence) {
-  layer.hits(first, last, incidence, hits_);
-  layer.select(first, last, raycaster_.bodies(), selected_);
-  raycaster_.cast_bodies(rays_, selected_, hits_, incidence);
+/// One echo per beam of those of its sub-rays.
+void Caster::merge_beams(const Part& part) {
+  beam_echoes_.resize(rays_.size());
+  part.scanner.beam->combine(echoes_, selected_, part.scanner.returns.path(), beam_echoes_,
+                             sunlit_);
 }
 
-std::size_t Caster::cast_beams(const ScannerUnit& scanner, const LeafDraws& draws,
-                               const FrameVehicles& vehicles) {
-  const Beam& beam = *scanner.beam;
-  const EchoPath path = scanner.returns.path();
-  const bool reflectance = scanner.returns.needs_reflectance();
-  beam.expand(rays_, selected_, sub_rays_);
-  sub_selected_.resize(sub_rays_.size());
-  std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
-  raycaster_.cast(sub_rays_, sub_selected_, sub_hits_, true);
-  const auto width = static_cast<std::uint32_t>(beam.sub_rays());
-  const auto draws_of = [&](std::uint32_t k) { return draws.of(selected_[k / width], k % width); };
-  if (reflectance && !leaves_.empty()) leaves_.stop(sub_rays_, sub_selected_, draws_of, sub_hits_);
-  const std::size_t on = transparent_.resolve(sub_rays_, vehicles, reflectance ? parts_ : kNoParts,
-                                              path, sub_hits_, sub_reflectance_);
-  hits_.resize(rays_.size());
-  beam.combine(sub_hits_, sub_reflectance_, selected_, path, hits_, reflectance_, sunlit_);
-  return sub_rays_.size() + on;
+void Caster::detect(const Part& part, FrameBuilder& out) {
+  const bool wide = part.scanner.beam.has_value();
+  const EchoBatch& echoes = wide ? beam_echoes_ : echoes_;
+  part.scanner.returns.apply(part.frame, part.first_ray, echoes,
+                             wide ? sunlit_ : echoes.reflectance, returns_);
+  collect(part.vehicles.moving, wide, echoes, out);
 }
 
-void Caster::collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const {
+void Caster::collect(std::span<const MovingObject> objects, bool wide, const EchoBatch& echoes,
+                     FrameBuilder& out) const {
   out.reserve(returns_.size());
   for (std::size_t n = 0; n < returns_.size(); ++n) {
     const std::uint32_t i = returns_.ray[n];
-    const std::int32_t object = hits_.object[i];
+    const std::int32_t object = echoes.object[i];
     const MovingObject* hit = object < 0 ? nullptr : &objects[static_cast<std::size_t>(object)];
-    out.add({rays_.dx[i], rays_.dy[i], rays_.dz[i], returns_.range[n], hits_.range[i], wide,
+    out.add({rays_.dx[i], rays_.dy[i], rays_.dz[i], returns_.range[n], echoes.range[i], wide,
              returns_.intensity[n], rays_.time[i], rays_.ring[i],
-             hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : hits_.class_id[i],
+             hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : echoes.class_id[i],
              object},
             hit != nullptr ? hit->id : -1);
   }

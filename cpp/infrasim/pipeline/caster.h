@@ -18,6 +18,7 @@
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/volumes.h"
 #include "infrasim/sensor/beam.h"
+#include "infrasim/sensor/echoes.h"
 #include "infrasim/sensor/return_model.h"
 #include "infrasim/sensor/scan_pattern.h"
 
@@ -50,8 +51,9 @@ Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
                                             const std::string& draws = "");
 
-/// Casts the rays of LiDARs and makes returns of their hits. Keeps its buffers from frame to frame.
-/// For one thread at a time.
+/// Casts the rays of LiDARs and makes returns of what comes back, part of a frame by part: cast,
+/// stop in leaves, pass panes, merge beams, detect. Keeps its buffers from frame to frame. For one
+/// thread at a time.
 class Caster {
  public:
   /// @param parts  that LiDARs which detect by received power see of vehicles
@@ -67,23 +69,30 @@ class Caster {
                    ScannerUnit& scanner, FrameBuilder& out);
 
  private:
-  /// Random numbers of the leaves that the rays of a part of a frame meet.
-  struct LeafDraws {
-    Rng frame;
-    std::uint64_t first_ray;
-    Rng of(std::uint32_t ray, std::size_t sub_ray) const;
+  /// A run of groups that one unit fires, worked on at once.
+  struct Part {
+    ScannerUnit& scanner;
+    const FrameVehicles& vehicles;
+    std::int64_t first, last;  ///< groups
+    const Rng& frame;          ///< random numbers of the unit and frame
+    std::uint64_t first_ray;   ///< of the part, within the frame
+
+    std::int64_t groups() const { return last - first; }
+    bool by_power() const { return scanner.returns.needs_reflectance(); }
   };
 
-  std::size_t cast_part(RayRange part, const LeafDraws& draws, ScannerUnit& scanner,
-                        const FrameVehicles& vehicles);
-  void select(ScannerUnit& scanner, std::int64_t groups);
-  void cast_all(ScannerUnit& scanner, std::int64_t groups, bool incidence);
-  void cast_moving(const StaticLayer& layer, std::int64_t first, std::int64_t last, bool incidence);
-  void stop_in_leaves(ScannerUnit& scanner, std::int64_t first, std::int64_t last,
-                      const LeafDraws& draws);
-  std::size_t cast_beams(const ScannerUnit& scanner, const LeafDraws& draws,
-                         const FrameVehicles& vehicles);
-  void collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const;
+  std::size_t cast_rays(const Part& part);
+  void stop_in_leaves(const Part& part);
+  std::size_t pass_panes(const Part& part);
+  void merge_beams(const Part& part);
+  void detect(const Part& part, FrameBuilder& out);
+
+  void select(const Part& part);
+  void cast_moving(const StaticLayer& layer, const Part& part);
+  const RayBatch& rays_cast(const Part& part) const;
+  std::span<const std::uint32_t> order_for_leaves(const Part& part);
+  void collect(std::span<const MovingObject> objects, bool wide, const EchoBatch& echoes,
+               FrameBuilder& out) const;
 
   Raycaster& raycaster_;
   VehicleParts parts_;
@@ -92,14 +101,13 @@ class Caster {
   RayBatch rays_;
   std::vector<std::uint32_t> selected_;   ///< rays worth casting
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
-  HitBatch hits_;
-  std::vector<float> reflectance_;  ///< of the hits
-  std::vector<float> sunlit_;       ///< of the beams
-  ReturnBatch returns_;
-  RayBatch sub_rays_;  ///< of beams wider than a ray
+  RayBatch sub_rays_;                     ///< of the selected rays, where beams are wider than rays
   std::vector<std::uint32_t> sub_selected_;
-  HitBatch sub_hits_;
-  std::vector<float> sub_reflectance_;
+  HitBatch hits_;     ///< of the rays, or of the sub-rays
+  EchoBatch echoes_;  ///< of the same
+  EchoBatch beam_echoes_;
+  std::vector<float> sunlit_;  ///< of the beams
+  ReturnBatch returns_;
 };
 
 }  // namespace infrasim

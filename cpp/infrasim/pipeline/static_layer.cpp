@@ -48,7 +48,7 @@ StaticHits no_hits(const ScanPattern& pattern, float max_range_m) {
       .max_range_m = max_range_m,
       .directions = 0,
       .range_m = {},
-      .cos_incidence = {},
+      .gain = {},
       .class_id = {},
   };
   RayBatch rays;
@@ -58,7 +58,7 @@ StaticHits no_hits(const ScanPattern& pattern, float max_range_m) {
         out.directions = mix64(out.directions ^ std::bit_cast<std::uint32_t>(v));
   });
   out.range_m.assign(out.rays(), std::numeric_limits<float>::infinity());
-  out.cos_incidence.assign(out.rays(), 0);
+  out.gain.assign(out.rays(), 0);
   out.class_id.assign(out.rays(), 0);
   return out;
 }
@@ -80,7 +80,7 @@ StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster&
     for (std::size_t i = 0; i < block.size(); ++i, ++from) {
       if (!std::isfinite(hits.range[i])) continue;
       out.range_m[from] = hits.range[i];
-      out.cos_incidence[from] = hits.cos_incidence[i];
+      out.gain[from] = hits.cos_incidence[i];
       out.class_id[from] = hits.class_id[i];
     }
   });
@@ -113,7 +113,7 @@ StaticSlice StaticLayer::slice(std::int64_t first_group, std::int64_t last_group
   const auto from = static_cast<std::size_t>(first_group % hits_.groups * hits_.group_size);
   const auto n = static_cast<std::size_t>((last_group - first_group) * hits_.group_size);
   const auto part = [&](const auto& column) { return std::span(column).subspan(from, n); };
-  return {part(hits_.range_m), part(hits_.cos_incidence), part(hits_.class_id)};
+  return {part(hits_.range_m), part(hits_.gain), part(hits_.class_id)};
 }
 
 void StaticLayer::hits(std::int64_t first_group, std::int64_t last_group, bool incidence,
@@ -122,7 +122,7 @@ void StaticLayer::hits(std::int64_t first_group, std::int64_t last_group, bool i
   out.resize(part.range_m.size());
   std::ranges::copy(part.range_m, out.range.begin());
   std::ranges::copy(part.class_id, out.class_id.begin());
-  if (incidence) std::ranges::copy(part.cos_incidence, out.cos_incidence.begin());
+  if (incidence) std::ranges::copy(part.gain, out.cos_incidence.begin());
   std::ranges::fill(out.object, -1);
 }
 

@@ -21,9 +21,10 @@ struct StaticHits {
   std::int64_t groups = 0;  ///< of a period
   std::int64_t group_size = 0;
   float max_range_m = 0;
-  std::uint64_t directions = 0;         ///< digest of those of the rays
-  std::vector<float> range_m;           ///< +inf: nothing hit
-  std::vector<float> cos_incidence;     ///< of what a recording saw: its intensity; 0: nothing hit
+  std::uint64_t directions = 0;  ///< digest of those of the rays
+  std::vector<float> range_m;    ///< +inf: nothing hit
+  std::vector<float>
+      gain;  ///< as Echo has it: the cosine of incidence; of a recording its intensity
   std::vector<std::uint16_t> class_id;  ///< 0: nothing hit
 
   std::size_t rays() const { return static_cast<std::size_t>(groups * group_size); }
@@ -44,7 +45,7 @@ StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster&
 
 /// Hits of some rays, one after the other.
 struct StaticSlice {
-  std::span<const float> range_m, cos_incidence;
+  std::span<const float> range_m, gain;
   std::span<const std::uint16_t> class_id;
 };
 
@@ -64,6 +65,7 @@ class StaticLayer {
 
   /// Hits of the rays of a run of groups that `part_end` gave.
   StaticSlice slice(std::int64_t first_group, std::int64_t last_group) const;
+  /// The same as hits; incidence is no cosine of what a recording saw, whose gain the slice has.
   void hits(std::int64_t first_group, std::int64_t last_group, bool incidence, HitBatch& out) const;
 
   /// Names the rays of such a run that may meet a body, near ones together.

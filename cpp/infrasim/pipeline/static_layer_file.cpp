@@ -135,7 +135,7 @@ void take_hits(Reader& reader, StaticHits& unit) {
   unit.range_m = reader.take_column<float>(
       n, "range_m", [&](float v) { return (v >= 0 && v <= most) || v == kInf; },
       ", allowed 0 to " + config::number_text(most) + ", or inf");
-  unit.cos_incidence = reader.take_column<float>(
+  unit.gain = reader.take_column<float>(
       n, "cos_incidence", [](float v) { return v >= 0 && v <= 1; }, ", allowed 0 to 1");
   constexpr auto kLast = static_cast<std::uint16_t>(Class::kRecorded);
   unit.class_id = reader.take_column<std::uint16_t>(
@@ -170,7 +170,7 @@ std::string static_layer_to_bytes(const LayerOrigin& origin, std::span<const Sta
   }
   for (const StaticHits& unit : units) {
     put_all(bytes, unit.range_m);
-    put_all(bytes, unit.cos_incidence);
+    put_all(bytes, unit.gain);
     put_all(bytes, unit.class_id);
   }
   return bytes;

@@ -23,7 +23,7 @@ constexpr double kAgree_m = 0.3;         // and 6 sigma of the range noise, if t
 constexpr double kColumnReach = 0.75;    // of a column: the next one is not taken for it
 constexpr double kConstantEnough = 0.7;  // mean of unit vectors: a spread of an eighth of a column
 
-struct Echo {
+struct RecordedReturn {
   float azimuth;  ///< in the unit's frame
   float range;
   float intensity;
@@ -33,7 +33,7 @@ struct Echo {
 struct Ring {
   double elevation = 0;
   std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, number in the period; ascending
-  std::vector<std::vector<Echo>> frames;             ///< ascending in azimuth
+  std::vector<std::vector<RecordedReturn>> frames;   ///< ascending in azimuth
   double sum_of_misses = 0;
   std::size_t points = 0;
 };
@@ -143,7 +143,8 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
     take_point(*unit, *ring, {p[0], p[1], p[2]}, points.intensity[i]);
   }
   for (Unit& unit : units)
-    for (Ring& ring : unit.rings) std::ranges::sort(ring.frames.back(), {}, &Echo::azimuth);
+    for (Ring& ring : unit.rings)
+      std::ranges::sort(ring.frames.back(), {}, &RecordedReturn::azimuth);
 }
 
 /// @return by how much the worst ring misses, degrees
@@ -167,20 +168,22 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
 }
 
 /// The return that is nearest to an azimuth, at most `reach` away.
-const Echo* nearest(const std::vector<Echo>& echoes, double at, double reach) {
+const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double at, double reach) {
   if (echoes.empty()) return nullptr;
-  const auto after = std::ranges::lower_bound(echoes, static_cast<float>(at), {}, &Echo::azimuth);
-  const Echo& b = after == echoes.end() ? echoes.front() : *after;
-  const Echo& a = after == echoes.begin() ? echoes.back() : *(after - 1);
-  const auto away = [&](const Echo& e) { return std::abs(wrap_angle(e.azimuth - at)); };
-  const Echo& best = away(b) < away(a) ? b : a;
+  const auto after =
+      std::ranges::lower_bound(echoes, static_cast<float>(at), {}, &RecordedReturn::azimuth);
+  const RecordedReturn& b = after == echoes.end() ? echoes.front() : *after;
+  const RecordedReturn& a = after == echoes.begin() ? echoes.back() : *(after - 1);
+  const auto away = [&](const RecordedReturn& e) { return std::abs(wrap_angle(e.azimuth - at)); };
+  const RecordedReturn& best = away(b) < away(a) ? b : a;
   return away(best) <= reach ? &best : nullptr;
 }
 
 /// Mean of the largest group of returns within `extent_m`, of equal ones the nearest; nothing if it
 /// has fewer than half of the frames.
-std::optional<Echo> agreed(std::vector<Echo>& seen, double extent_m, std::size_t frames) {
-  std::ranges::sort(seen, {}, &Echo::range);
+std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double extent_m,
+                                     std::size_t frames) {
+  std::ranges::sort(seen, {}, &RecordedReturn::range);
   std::size_t first = 0, most = 0;
   for (std::size_t a = 0, b = 0; b < seen.size(); ++b) {
     while (seen[b].range - seen[a].range > extent_m) ++a;
@@ -193,19 +196,19 @@ std::optional<Echo> agreed(std::vector<Echo>& seen, double extent_m, std::size_t
     intensity += seen[i].intensity;
   }
   const auto n = static_cast<double>(most);
-  return Echo{0, static_cast<float>(range / n), static_cast<float>(intensity / n)};
+  return RecordedReturn{0, static_cast<float>(range / n), static_cast<float>(intensity / n)};
 }
 
 /// @return how many rays saw something beyond the LiDAR's range
 std::size_t fill(const Unit& unit, StaticHits& hits) {
   const double offset = unit.offset().value_or(0);
   std::size_t too_far = 0;
-  std::vector<Echo> seen;
+  std::vector<RecordedReturn> seen;
   for (const Ring& ring : unit.rings)
     for (const auto& [at, ray] : ring.rays) {
       seen.clear();
       for (const auto& frame : ring.frames)
-        if (const Echo* echo = nearest(frame, wrap_angle(at + offset), unit.reach))
+        if (const RecordedReturn* echo = nearest(frame, wrap_angle(at + offset), unit.reach))
           seen.push_back(*echo);
       const auto echo = agreed(seen, unit.agree_m, ring.frames.size());
       if (!echo) continue;
@@ -214,7 +217,7 @@ std::size_t fill(const Unit& unit, StaticHits& hits) {
         continue;
       }
       hits.range_m[ray] = echo->range;
-      hits.cos_incidence[ray] = std::clamp(echo->intensity, 0.0F, 1.0F);
+      hits.gain[ray] = std::clamp(echo->intensity, 0.0F, 1.0F);
       hits.class_id[ray] = static_cast<std::uint16_t>(Class::kRecorded);
     }
   return too_far;

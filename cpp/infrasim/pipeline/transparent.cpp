@@ -15,6 +15,10 @@ constexpr int kMostTimes = 4;  // that a ray is cast on
 constexpr float kNever = std::numeric_limits<float>::infinity();
 constexpr double kLevelNormal = 0.9;  // z of the normal of a body's floor
 
+Echo vehicle_echo(float range, std::int32_t object, const Optics& optics) {
+  return {range, object, 0, optics.reflectance, optics.gain};
+}
+
 /// From a hit on: beyond what rounding can find again.
 float beyond(float range) { return range + std::max(2e-4F, 2e-6F * range); }
 
@@ -28,21 +32,23 @@ float floor_range(float range, const BodyHit& hit, float dz) {
 
 std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                                        const VehicleParts& parts, const EchoPath& path,
-                                       HitBatch& hits, std::vector<float>& reflectance,
+                                       const HitBatch& hits, EchoBatch& echoes,
                                        const StaticSlice& background) {
   vehicles_ = &vehicles;
   parts_ = parts;
   path_ = path;
   background_ = background;
-  hits_ = &hits;
-  reflectance_ = &reflectance;
-  reflectance.resize(rays.size());
+  echoes_ = &echoes;
+  echoes.assign(hits);
   next_.clear();
   for (std::size_t i = 0; i < hits.size(); ++i)
-    if (hits.object[i] < 0)
-      reflectance[i] = background_reflectance(static_cast<Class>(hits.class_id[i]));
-    else
+    if (hits.object[i] < 0) {
+      const auto material = static_cast<Class>(hits.class_id[i]);
+      echoes.reflectance[i] = background_reflectance(material);
+      if (material == Class::kRecorded) echoes.gain[i] = background.gain[i];
+    } else {
       meet_vehicle(rays, {.ray = static_cast<std::uint32_t>(i)}, hits, i);
+    }
   std::size_t cast = 0;
   for (int times = 0; times < kMostTimes && !next_.empty(); ++times) {
     cast += next_.size();
@@ -82,7 +88,7 @@ void TransparentCaster::cast_on_with(const StaticSlice& background) {
     const std::uint32_t i = passing_[k].ray;
     const bool ahead = background.range_m[i] >= on_.near[k];
     on_hits_.range[k] = ahead ? background.range_m[i] : kNever;
-    on_hits_.cos_incidence[k] = background.cos_incidence[i];
+    on_hits_.cos_incidence[k] = background.gain[i];
     on_hits_.class_id[k] = ahead ? background.class_id[i] : std::uint16_t{0};
   }
   raycaster_.cast_bodies(on_, on_order_, on_hits_);
@@ -92,12 +98,12 @@ void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const H
                              std::size_t k) {
   const float range = batch.range[k];
   if (state.floor_range < range)
-    return take(
-        state, {state.floor_range, state.object, 0, interior_optics(std::abs(rays.dz[state.ray]))});
+    return keep_strongest(state, vehicle_echo(state.floor_range, state.object,
+                                              interior_optics(std::abs(rays.dz[state.ray]))));
   if (!std::isfinite(range)) return;
   if (batch.object[k] >= 0) return meet_vehicle(rays, state, batch, k);
-  const float material = background_reflectance(static_cast<Class>(batch.class_id[k]));
-  take(state, {range, -1, batch.class_id[k], {material, batch.cos_incidence[k]}});
+  keep_strongest(state, background_echo(range, static_cast<Class>(batch.class_id[k]), state.ray,
+                                        batch.cos_incidence[k]));
 }
 
 void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
@@ -108,13 +114,15 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   const Class object_class = vehicles_->moving[index].object_class;
   const double cosine = batch.cos_incidence[k];
   if (!parts_.any())
-    return take(state, {range, object, 0, {vehicles_->reflectance[index], batch.cos_incidence[k]}});
+    return keep_strongest(
+        state,
+        vehicle_echo(range, object, {vehicles_->reflectance[index], batch.cos_incidence[k]}));
   const BodyHit hit = body_hit(batch, k);
   const Part part = part_at(hit, parts_);
   if (state.object == object && state.under) return meet_below(hit, part, state, batch, k);
   const bool inside = state.object == object;
   if (inside && part != Part::kGlass)
-    return take(state, {range, object, 0, interior_optics(cosine)});
+    return keep_strongest(state, vehicle_echo(range, object, interior_optics(cosine)));
   Passing on = state;
   on.near = beyond(range);
   on.object = inside ? -1 : object;
@@ -123,11 +131,11 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   const Optics optics =
       optics_of(part, object_class, vehicles_->reflectance[index], cosine, parts_);
   if (part == Part::kGap) {
-    if (state.near == 0) hits_->range[state.ray] = kNever, hits_->object[state.ray] = -1;
+    if (state.near == 0) echoes_->range[state.ray] = kNever, echoes_->object[state.ray] = -1;
     next_.push_back(on);
     return;
   }
-  take(state, {range, object, 0, optics});
+  keep_strongest(state, vehicle_echo(range, object, optics));
   if (part != Part::kGlass || !sees_through(object_class)) return;
   on.power *= kPaneTwice;
   next_.push_back(on);
@@ -141,14 +149,11 @@ void TransparentCaster::meet_below(const BodyHit& hit, Part part, const Passing&
   if (hit.at.z < 0 && std::abs(hit.normal.z) > kLevelNormal) {
     const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(batch.object[k])];
     const Class ground = on_lane ? Class::kRoad : static_cast<Class>(batch.class_id[k]);
-    const float cosine =
-        ground == Class::kRecorded ? background_.cos_incidence[state.ray] : batch.cos_incidence[k];
-    return take(
-        state,
-        {range, -1, static_cast<std::uint16_t>(ground), {background_reflectance(ground), cosine}});
+    return keep_strongest(state, background_echo(range, ground, state.ray, batch.cos_incidence[k]));
   }
   if (part != Part::kGap)
-    return take(state, {range, batch.object[k], 0, interior_optics(batch.cos_incidence[k])});
+    return keep_strongest(
+        state, vehicle_echo(range, batch.object[k], interior_optics(batch.cos_incidence[k])));
   Passing on = state;
   on.near = beyond(range);
   on.object = -1;
@@ -166,23 +171,26 @@ BodyHit TransparentCaster::body_hit(const HitBatch& batch, std::size_t k) const 
           .normal = {normal[0], normal[1], normal[2]}};
 }
 
-/// Makes an echo the ray's hit, unless what it met before is stronger.
-void TransparentCaster::take(const Passing& state, const Echo& echo) {
+/// @param cosine of incidence; what a recording saw has a gain of its own instead
+Echo TransparentCaster::background_echo(float range, Class material, std::uint32_t ray,
+                                        float cosine) const {
+  const float gain = material == Class::kRecorded ? background_.gain[ray] : cosine;
+  return {range, -1, static_cast<std::uint16_t>(material), background_reflectance(material), gain};
+}
+
+/// Makes an echo the ray's, unless what it met before is stronger.
+void TransparentCaster::keep_strongest(const Passing& state, Echo echo) {
   const std::uint32_t i = state.ray;
-  const float reflectance = state.power * echo.optics.reflectance;
+  echo.reflectance *= state.power;
   const auto power = [&](float reflected, float range) {
     return path_.share(range) * reflected / (range * range);
   };
   const bool first = state.near == 0;
-  if (!first && std::isfinite(hits_->range[i]) &&
-      power((*reflectance_)[i] * hits_->cos_incidence[i], hits_->range[i]) >=
-          power(reflectance * echo.optics.gain, echo.range))
+  if (!first && std::isfinite(echoes_->range[i]) &&
+      power(echoes_->reflectance[i] * echoes_->gain[i], echoes_->range[i]) >=
+          power(echo.reflectance * echo.gain, echo.range))
     return;
-  hits_->range[i] = echo.range;
-  hits_->object[i] = echo.object;
-  hits_->class_id[i] = echo.class_id;
-  hits_->cos_incidence[i] = echo.optics.gain;
-  (*reflectance_)[i] = reflectance;
+  echoes_->set(i, echo);
 }
 
 }  // namespace infrasim

@@ -8,28 +8,27 @@
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/sensor/echo_path.h"
+#include "infrasim/sensor/echoes.h"
 #include "infrasim/sensor/vehicle_parts.h"
 
 namespace infrasim {
 
-/// Says what rays meet on vehicles, and casts them on where it lets them through: panes, with the
-/// power that is left, and the air below bodies. Keeps its buffers. For one thread at a time.
+/// Turns hits into echoes: finds what rays meet on vehicles, and casts them on where it lets them
+/// through: panes, with the power that is left, and the air below bodies. Keeps its buffers. For
+/// one thread at a time.
 class TransparentCaster {
  public:
   explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
 
-  /// Of what a ray meets on its way, the strongest echo beyond the blind zone becomes its hit;
-  /// `hits.cos_incidence` then says how much stronger than that of a Lambertian surface that is met
-  /// head on.
+  /// The strongest echo, beyond the blind zone, of what each ray meets on its way.
   /// @param vehicles    those that the raycaster has
   /// @param hits        nearest ones, with incidence
-  /// @param reflectance of each hit, less what panes on the way take
   /// @param path        to the echoes
   /// @param background  hits of the rays with what stands still; empty: it is cast
   /// @return how many rays were cast on, a ray as often as it was
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
-                      const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
-                      std::vector<float>& reflectance, const StaticSlice& background = {});
+                      const VehicleParts& parts, const EchoPath& path, const HitBatch& hits,
+                      EchoBatch& echoes, const StaticSlice& background = {});
 
  private:
   /// A ray that goes on.
@@ -41,13 +40,6 @@ class TransparentCaster {
     float near = 0;            ///< from where it goes on; 0: it comes from the sensor
     float floor_range = std::numeric_limits<float>::infinity();  ///< to the floor of a cabin
   };
-  /// What a ray meets, and how that sends light back.
-  struct Echo {
-    float range;
-    std::int32_t object;
-    std::uint16_t class_id;
-    Optics optics;
-  };
 
   void cast_on(const RayBatch& rays);
   void cast_on_with(const StaticSlice& background);
@@ -57,15 +49,15 @@ class TransparentCaster {
   void meet_below(const BodyHit& hit, Part part, const Passing& state, const HitBatch& batch,
                   std::size_t k);
   BodyHit body_hit(const HitBatch& batch, std::size_t k) const;
-  void take(const Passing& state, const Echo& echo);
+  Echo background_echo(float range, Class material, std::uint32_t ray, float cosine) const;
+  void keep_strongest(const Passing& state, Echo echo);
 
   Raycaster& raycaster_;
   const FrameVehicles* vehicles_ = nullptr;
   VehicleParts parts_;
   EchoPath path_;
   StaticSlice background_;
-  HitBatch* hits_ = nullptr;
-  std::vector<float>* reflectance_ = nullptr;
+  EchoBatch* echoes_ = nullptr;
   std::vector<Passing> passing_;  ///< rays to be cast on
   std::vector<Passing> next_;     ///< those that go on after that
   RayBatch on_;

@@ -11,11 +11,6 @@ namespace {
 constexpr float kRangeResolution = 0.5F;  // m: echoes closer than a pulse of 3 ns merge
 constexpr double kAlongUp = 1e-6;         // sine: nearer to up or down a side is rounding alone
 
-/// Power of a sub-ray's echo, up to a constant.
-float power(float range, float cos_incidence, float reflectance) {
-  return reflectance * cos_incidence / (range * range);
-}
-
 }  // namespace
 
 Beam::Beam(const BeamConfig& config, const Mat3& unit_pose)
@@ -54,58 +49,55 @@ void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
   }
 }
 
-void Beam::combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
-                   std::span<const std::uint32_t> selected, const EchoPath& path, HitBatch& hits,
-                   std::vector<float>& reflectance, std::vector<float>& sunlit) const {
-  reflectance.resize(hits.size());
-  sunlit.resize(hits.size());
-  std::ranges::fill(hits.range, std::numeric_limits<float>::infinity());
-  std::ranges::fill(hits.object, -1);
+void Beam::combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> selected,
+                   const EchoPath& path, EchoBatch& echoes, std::vector<float>& sunlit) const {
+  sunlit.resize(echoes.size());
+  std::ranges::fill(echoes.range, std::numeric_limits<float>::infinity());
+  std::ranges::fill(echoes.object, -1);
   const std::size_t n = offsets_.size();
   for (std::size_t k = 0; k < selected.size(); ++k) {
     const std::size_t i = selected[k], first = n * k;
     float strongest = 0, lit = 0;
     for (std::size_t a = first; a < first + n; ++a)
-      if (std::isfinite(sub_hits.range[a])) lit += sub_reflectance[a];
+      if (std::isfinite(sub_echoes.range[a])) lit += sub_echoes.reflectance[a];
     sunlit[i] = lit / static_cast<float>(n);
     for (std::size_t a = first; a < first + n; ++a) {
-      if (!std::isfinite(sub_hits.range[a])) continue;
-      const Echo echo = echo_around(a, first, sub_hits, sub_reflectance);
-      const float range = echo.weighted_range / echo.power;
-      const float received = path.share(range) * echo.power;
+      if (!std::isfinite(sub_echoes.range[a])) continue;
+      const MergedEcho merged = echo_around(a, first, sub_echoes);
+      const float range = merged.weighted_range / merged.power;
+      const float received = path.share(range) * merged.power;
       if (received > strongest) {
         strongest = received;
-        hits.range[i] = range;
-        hits.object[i] = sub_hits.object[echo.owner];
-        hits.class_id[i] = sub_hits.class_id[echo.owner];
-        hits.cos_incidence[i] = 1;
-        reflectance[i] = echo.reflected / static_cast<float>(n);
+        echoes.set(
+            i, {range, sub_echoes.object[merged.strongest], sub_echoes.class_id[merged.strongest],
+                merged.reflected / static_cast<float>(n), 1});
       }
-      if (echo.holds_all) break;  // the others' sums are this one
+      if (merged.holds_all) break;  // the others' sums are this one
     }
   }
 }
 
 /// The sum of the sub-rays' echoes within the range resolution of one of them.
-Beam::Echo Beam::echo_around(std::size_t a, std::size_t first, const HitBatch& sub_hits,
-                             const std::vector<float>& sub_reflectance) const {
-  Echo echo;
-  echo.owner = a;
-  float best = 0, nearest = sub_hits.range[a], farthest = nearest;
+Beam::MergedEcho Beam::echo_around(std::size_t a, std::size_t first,
+                                   const EchoBatch& sub_echoes) const {
+  MergedEcho merged;
+  merged.strongest = a;
+  float best = 0, nearest = sub_echoes.range[a], farthest = nearest;
   for (std::size_t b = first; b < first + offsets_.size(); ++b) {
-    const float range = sub_hits.range[b];
+    const float range = sub_echoes.range[b];
     if (!std::isfinite(range)) continue;
     nearest = std::min(nearest, range);
     farthest = std::max(farthest, range);
-    if (!(std::abs(range - sub_hits.range[a]) <= kRangeResolution)) continue;
-    const float p = power(range, sub_hits.cos_incidence[b], sub_reflectance[b]);
-    echo.power += p;
-    echo.weighted_range += p * range;
-    echo.reflected += sub_reflectance[b] * sub_hits.cos_incidence[b];
-    if (p > best) best = p, echo.owner = b;
+    if (!(std::abs(range - sub_echoes.range[a]) <= kRangeResolution)) continue;
+    const float reflected = sub_echoes.reflectance[b] * sub_echoes.gain[b];
+    const float power = reflected / (range * range);
+    merged.power += power;
+    merged.weighted_range += power * range;
+    merged.reflected += reflected;
+    if (power > best) best = power, merged.strongest = b;
   }
-  echo.holds_all = farthest - nearest <= kRangeResolution;
-  return echo;
+  merged.holds_all = farthest - nearest <= kRangeResolution;
+  return merged;
 }
 
 }  // namespace infrasim

@@ -7,6 +7,7 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/rays.h"
 #include "infrasim/sensor/echo_path.h"
+#include "infrasim/sensor/echoes.h"
 
 namespace infrasim {
 
@@ -26,26 +27,25 @@ class Beam {
   void expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
               RayBatch& sub_rays) const;
 
-  /// One hit per selected ray, in its place among `hits`; the others are misses. Of its sub-rays'
-  /// echoes, those within the range resolution of each other add up, and the strongest sum beyond
-  /// the blind zone is reported. Its range is the power-weighted mean, its reflectance is that of a
-  /// full beam of the same power.
-  /// @param sub_reflectance of each sub-ray's hit
-  /// @param sunlit          reflectance of all that the beam hits, as the sun lights it
-  void combine(const HitBatch& sub_hits, const std::vector<float>& sub_reflectance,
-               std::span<const std::uint32_t> selected, const EchoPath& path, HitBatch& hits,
-               std::vector<float>& reflectance, std::vector<float>& sunlit) const;
+  /// One echo per selected ray, in its place among `echoes`; the other rays have none. Of its
+  /// sub-rays' echoes, those within the range resolution of each other add up, and the strongest
+  /// sum beyond the blind zone is reported. Its range is the power-weighted mean, its reflectance
+  /// that of a full beam of the same power, at a gain of 1.
+  /// @param sub_echoes of each sub-ray
+  /// @param echoes     as many as rays
+  /// @param sunlit     reflectance of all that the beam hits, as the sun lights it
+  void combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> selected,
+               const EchoPath& path, EchoBatch& echoes, std::vector<float>& sunlit) const;
 
  private:
-  struct Echo {
+  struct MergedEcho {
     float power = 0, weighted_range = 0, reflected = 0;
-    std::size_t owner = 0;   ///< the strongest of its sub-rays
-    bool holds_all = false;  ///< every sub-ray that hit anything is in it
+    std::size_t strongest = 0;  ///< of its sub-rays
+    bool holds_all = false;     ///< every sub-ray that hit anything is in it
   };
 
   Vec3 side_of(Vec3 ray) const;
-  Echo echo_around(std::size_t a, std::size_t first, const HitBatch& sub_hits,
-                   const std::vector<float>& sub_reflectance) const;
+  MergedEcho echo_around(std::size_t a, std::size_t first, const EchoBatch& sub_echoes) const;
 
   std::vector<float> offsets_;  ///< tangents, to the side
   bool vertical_;

@@ -66,12 +66,12 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
   sun_per_rho_ = weather.sunlight_klux / law.background_noise_crossover_klux / 0.1;
 }
 
-/// Whether a recording has the hit. Behind a pane, which takes from its reflectance of 1, it may be
-/// lost as any other.
-bool ReturnModel::came_back(const HitBatch& hits, const std::vector<float>& reflectance,
-                            std::size_t i) const {
-  return hits.object[i] < 0 && hits.class_id[i] == static_cast<std::uint16_t>(Class::kRecorded) &&
-         (!config_.detection || reflectance[i] >= 1);
+/// Whether a recording has the echo. Behind a pane, which takes from its reflectance of 1, it may
+/// be lost as any other.
+bool ReturnModel::is_recorded(const EchoBatch& echoes, std::size_t i) const {
+  return echoes.object[i] < 0 &&
+         echoes.class_id[i] == static_cast<std::uint16_t>(Class::kRecorded) &&
+         (!config_.detection || echoes.reflectance[i] >= 1);
 }
 
 bool ReturnModel::lost_at_random(const Rng& draw) const {
@@ -92,23 +92,22 @@ double ReturnModel::snr(double range, double reflected, double sunlit) const {
   return sun > 1 ? signal / std::sqrt(sun) : signal;
 }
 
-void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
-                        const std::vector<float>& reflectance, const std::vector<float>& sunlit,
-                        ReturnBatch& out) const {
+void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
+                        const std::vector<float>& sunlit, ReturnBatch& out) const {
   static const Detector detector;
-  out.resize(hits.size());
+  out.resize(echoes.size());
   std::size_t n = 0;
   const auto min_range = static_cast<float>(config_.min_range_m);
   const auto max_range = static_cast<float>(config_.max_range_m);
-  for (std::size_t i = 0; i < hits.size(); ++i) {
-    float range = hits.range[i];
+  for (std::size_t i = 0; i < echoes.size(); ++i) {
+    float range = echoes.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
     const Rng draw = rng.at(first_ray + i);
-    const bool recorded = came_back(hits, reflectance, i);
+    const bool recorded = is_recorded(echoes, i);
     if (config_.drop_off && !recorded && lost_at_random(draw)) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
-      intensity = reflectance[i] * hits.cos_incidence[i];
+      intensity = echoes.reflectance[i] * echoes.gain[i];
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
       if (!recorded && !detector.detects(margin, draw)) continue;

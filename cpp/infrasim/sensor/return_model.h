@@ -6,13 +6,13 @@
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
-#include "infrasim/core/rays.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/sensor/echo_path.h"
+#include "infrasim/sensor/echoes.h"
 
 namespace infrasim {
 
-/// Hits that became points, in the order of their rays.
+/// Echoes that became points, in the order of their rays.
 struct ReturnBatch {
   std::vector<std::uint32_t> ray;  ///< index in the batch of rays
   std::vector<float> range;        ///< metres, with noise
@@ -26,7 +26,7 @@ struct ReturnBatch {
   }
 };
 
-/// Which hits become points. Range limits and drop-off as in CARLA 0.9; detection by received
+/// Which echoes become points. Range limits and drop-off as in CARLA 0.9; detection by received
 /// power P = rho cos(theta) / R^2 exp(-2 alpha R) over the noise of the RangeLaw, with extinction
 /// alpha by rain (Marshall-Palmer) and fog (Koschmieder). What a recording saw is not lost again.
 class ReturnModel {
@@ -35,12 +35,11 @@ class ReturnModel {
 
   /// @param rng         stream of this unit and frame; ray i of the frame draws from rng.at(i)
   /// @param first_ray   number of the batch's first ray within the frame
-  /// @param reflectance of each hit; like the hits' incidence, read only if needs_reflectance()
-  /// @param sunlit      reflectance of all that the detector looks at there, which for a single ray
-  ///                    is that of its hit
-  void apply(const Rng& rng, std::uint64_t first_ray, const HitBatch& hits,
-             const std::vector<float>& reflectance, const std::vector<float>& sunlit,
-             ReturnBatch& out) const;
+  /// @param echoes      one per ray; reflectance and gain are read only if needs_reflectance()
+  /// @param sunlit      reflectance of all that the detector receives light from there, which for a
+  ///                    single ray is that of its echo
+  void apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
+             const std::vector<float>& sunlit, ReturnBatch& out) const;
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
@@ -51,7 +50,7 @@ class ReturnModel {
   }
 
  private:
-  bool came_back(const HitBatch& hits, const std::vector<float>& reflectance, std::size_t i) const;
+  bool is_recorded(const EchoBatch& echoes, std::size_t i) const;
   bool lost_at_random(const Rng& draw) const;
   bool dropped_when_faint(const Rng& draw, double intensity) const;
   double snr(double range, double reflected, double sunlit) const;

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "infrasim/core/rays.h"
+
+namespace infrasim {
+
+/// What a detector receives of one ray.
+struct Echo {
+  float range;             ///< metres; +inf: nothing comes back
+  std::int32_t object;     ///< index of the moving body; -1: background
+  std::uint16_t class_id;  ///< of the background
+  float reflectance;       ///< of the surface, less what panes on the way take
+  float gain;  ///< power over that of a Lambertian surface of the reflectance that is met head on
+};
+
+/// The echo of each ray, one column per attribute.
+struct EchoBatch {
+  std::vector<float> range;
+  std::vector<std::int32_t> object;
+  std::vector<std::uint16_t> class_id;
+  std::vector<float> reflectance;
+  std::vector<float> gain;
+
+  std::size_t size() const { return range.size(); }
+  void resize(std::size_t n) {
+    range.resize(n);
+    object.resize(n);
+    class_id.resize(n);
+    reflectance.resize(n);
+    gain.resize(n);
+  }
+  void set(std::size_t i, const Echo& echo) {
+    range[i] = echo.range;
+    object[i] = echo.object;
+    class_id[i] = echo.class_id;
+    reflectance[i] = echo.reflectance;
+    gain[i] = echo.gain;
+  }
+  /// Echoes of Lambertian surfaces at the hits; their reflectance is still to be set.
+  void assign(const HitBatch& hits) {
+    range = hits.range;
+    object = hits.object;
+    class_id = hits.class_id;
+    gain = hits.cos_incidence;
+    reflectance.resize(hits.size());
+  }
+};
+
+}  // namespace infrasim
