@@ -5,9 +5,10 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/config/filter_keys.h"
 #include "infrasim/config/key_list.h"
-#include "infrasim/config/standing_keys.h"
+#include "infrasim/config/road_keys.h"
+#include "infrasim/config/shared_keys.h"
+#include "infrasim/config/static_object_keys.h"
 #include "infrasim/config/traffic_keys.h"
-#include "infrasim/config/way_keys.h"
 
 namespace infrasim {
 
@@ -131,15 +132,6 @@ void check_regions(Fields& f, const std::optional<std::vector<RegionConfig>>& re
 }
 
 template <class Fields>
-void visit_ways(Fields& f, SceneConfig& c) {
-  f.field("lanes", c.lanes, "file of lanes with elevation, in place of roads; they are not drawn");
-  f.field("roads", c.roads, "roads; left out with lanes",
-          c.lanes ? config::Rule{} : at_least_one());
-  f.check(!c.lanes || c.roads.empty(), "roads", "found them beside lanes, allowed one of the two");
-  f.field("profile", c.profile, "rise along one direction, by which all that is level is lifted");
-}
-
-template <class Fields>
 void visit(Fields& f, SceneConfig& c) {
   f.field("name", c.name, "name of the scene", required());
   f.check(config::begins_as_name(c.name), "name",
@@ -174,22 +166,10 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("weather", c.weather,
           "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
   visit_ways(f, c);
-  f.field("meshes", c.meshes, "surfaces from files", config::Rule{.min_items = 1});
-  f.check(!c.profile || !(c.lanes || c.meshes), "profile",
-          "found it with lanes or meshes, allowed without: they have their own heights");
-  f.field("ground", c.ground, "pieces of terrain");
-  f.field("buildings", c.buildings, "upright boxes");
-  f.field("barriers", c.barriers, "walls along roads");
-  f.field("gantries", c.gantries, "beams across roads");
-  f.field("vegetation", c.vegetation,
-          "hedges and trees; LiDARs without returns.detection see no leaves");
-  f.field("junctions", c.junctions, "signals where roads cross");
+  visit_static_objects(f, c);
+  visit_junctions(f, c);
   f.field("filters", c.filters, "steps that thin out every frame, in order");
-  f.field("traffic", c.traffic, "simulated vehicles");
-  f.field("parked", c.parked, "rows of standing vehicles along roads");
-  f.field("people", c.people, "on foot and on bicycles along roads");
-  f.field("standing_people", c.standing_people, "groups of pedestrians who stand");
-  f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
+  visit_traffic(f, c);
   f.field("static_layers", c.static_layers,
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");
   f.check(!c.lanes || !c.traffic, "traffic",

@@ -1,9 +1,8 @@
-#pragma once
+#include "infrasim/config/static_object_keys.h"
 
 #include "infrasim/config/fields.h"
-#include "infrasim/config/scene_config.h"
-
-// Keys of what stands, lies and grows.
+#include "infrasim/config/key_list.h"
+#include "infrasim/config/shared_keys.h"
 
 namespace infrasim {
 
@@ -46,20 +45,6 @@ void visit(Fields& f, BuildingConfig& c) {
   f.field("height_m", c.height_m, "height above its base", required(positive(1000)));
   f.field("heading_deg", c.heading_deg, "direction of its length", between(-360, 360));
   f.field("base_m", c.base_m, "world z of its base", between(-1e3, 1e4));
-}
-
-/// Beside which road something stands.
-template <class Fields, class Config>
-void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
-  f.field("road", c.road, road, required());
-  f.field("offset_m", c.offset_m, "to the left of the centreline", required(between(-100, 100)));
-}
-
-/// From where to where along its road.
-template <class Fields, class Config>
-void visit_stations(Fields& f, Config& c, const char* from = "first station of the centreline") {
-  f.field("from_m", c.from_m, from, between(0, 1e5));
-  f.field("to_m", c.to_m, "last station, at most the road's end", between(0, 1e9));
 }
 
 template <class Fields>
@@ -147,5 +132,22 @@ void visit(Fields& f, VegetationConfig& c) {
   f.check(kinds == 1, "hedge",
           "found none or several, allowed one of hedge, hedge_along, tree, trees_along");
 }
+
+template <class Fields>
+void visit_static_objects(Fields& f, SceneConfig& c) {
+  f.field("meshes", c.meshes, "surfaces from files", config::Rule{.min_items = 1});
+  f.check(!c.profile || !(c.lanes || c.meshes), "profile",
+          "found it with lanes or meshes, allowed without: they have their own heights");
+  f.field("ground", c.ground, "pieces of terrain");
+  f.field("buildings", c.buildings, "upright boxes");
+  f.field("barriers", c.barriers, "walls along roads");
+  f.field("gantries", c.gantries, "beams across roads");
+  f.field("vegetation", c.vegetation,
+          "hedges and trees; LiDARs without returns.detection see no leaves");
+}
+
+template void visit_static_objects(config::FieldReader&, SceneConfig&);
+template void visit_static_objects(config::FieldWriter&, SceneConfig&);
+template void visit_static_objects(config::FieldLister&, SceneConfig&);
 
 }  // namespace infrasim

@@ -1,9 +1,8 @@
-#pragma once
+#include "infrasim/config/road_keys.h"
 
 #include "infrasim/config/fields.h"
-#include "infrasim/config/scene_config.h"
-
-// Keys of roads, how they lie and how they join.
+#include "infrasim/config/key_list.h"
+#include "infrasim/config/shared_keys.h"
 
 namespace infrasim {
 
@@ -46,15 +45,6 @@ void visit(Fields& f, EmbankmentConfig& c) {
   f.field("run_per_rise", c.run_per_rise, "horizontal length of the slope per metre of height",
           between(0, 20));
   f.field("foot_elevation_m", c.foot_elevation_m, "where the slope ends", required());
-}
-
-/// Of what tables name.
-template <class Fields>
-void check_name(Fields& f, const std::string& name) {
-  f.check(name.find(',') == std::string::npos && name.size() <= 100, "name",
-          "found a comma or more than 100 letters, allowed a short name");
-  f.check(config::begins_as_name(name), "name",
-          "found '" + name + "', allowed a name that begins with a letter, a digit or _");
 }
 
 template <class Fields>
@@ -123,5 +113,26 @@ void visit(Fields& f, JunctionConfig& c) {
   f.check(!(c.signal && c.roundabout), "signal",
           "found it beside a roundabout, allowed one of both");
 }
+
+template <class Fields>
+void visit_ways(Fields& f, SceneConfig& c) {
+  f.field("lanes", c.lanes, "file of lanes with elevation, in place of roads; they are not drawn");
+  f.field("roads", c.roads, "roads; left out with lanes",
+          c.lanes ? config::Rule{} : at_least_one());
+  f.check(!c.lanes || c.roads.empty(), "roads", "found them beside lanes, allowed one of the two");
+  f.field("profile", c.profile, "rise along one direction, by which all that is level is lifted");
+}
+
+template <class Fields>
+void visit_junctions(Fields& f, SceneConfig& c) {
+  f.field("junctions", c.junctions, "signals where roads cross");
+}
+
+template void visit_ways(config::FieldReader&, SceneConfig&);
+template void visit_ways(config::FieldWriter&, SceneConfig&);
+template void visit_ways(config::FieldLister&, SceneConfig&);
+template void visit_junctions(config::FieldReader&, SceneConfig&);
+template void visit_junctions(config::FieldWriter&, SceneConfig&);
+template void visit_junctions(config::FieldLister&, SceneConfig&);
 
 }  // namespace infrasim

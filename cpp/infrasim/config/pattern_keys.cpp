@@ -1,0 +1,139 @@
+#include "infrasim/config/pattern_keys.h"
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/key_list.h"
+
+namespace infrasim {
+
+using config::at_least_one;
+using config::between;
+using config::positive;
+using config::required;
+
+namespace {
+
+// Each ray is traced through each prism, about 0.1 us; a Horizon has 720,000 passages.
+constexpr double kMostPassagesPerSecond = 1e7;
+
+}  // namespace
+
+std::span<const char* const> enum_names(Faces) {
+  static constexpr std::array kNames{"tilted_first", "flat_first"};
+  return kNames;
+}
+
+std::span<const char* const> enum_names(MotorPhase) {
+  static constexpr std::array kNames{"locked", "free"};
+  return kNames;
+}
+
+template <class Fields>
+void visit(Fields& f, Channel& c) {
+  f.field("elevation_deg", c.elevation_deg, "above the horizon", required(between(-90, 90)));
+  f.field("azimuth_offset_deg", c.azimuth_offset_deg, "in the sense of rotation",
+          between(-180, 180));
+  f.field("fire_time_us", c.fire_time_us, "after the start of its column", between(0, 1e6));
+}
+
+template <class Fields>
+void visit(Fields& f, ChannelsConfig& c) {
+  f.field("count", c.count, "evenly spaced channels", between(0, 65535));
+  f.field("upper_deg", c.upper_deg, "elevation of the first", between(-90, 90));
+  f.field("lower_deg", c.lower_deg, "elevation of the last", between(-90, 90));
+  f.field("file", c.file, "table of channels, relative to this file");
+  f.field("table", c.table, "channels, in the order of their points in a column");
+  const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
+  f.check(ways == 1, "count", "found none or several, allowed one of count, file, table");
+  f.check(c.count == 0 || c.upper_deg > c.lower_deg, "upper_deg",
+          "found it not above lower_deg, allowed above");
+}
+
+double columns_per_s(const SpinningConfig& spinning) {
+  const auto& step_deg = spinning.azimuth_step_deg;
+  return step_deg ? spinning.rate_hz * 360 / *step_deg
+                  : spinning.rate_hz * spinning.columns_per_turn->value();
+}
+
+std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning) {
+  if (!spinning.azimuth_step_deg) return spinning.columns_per_turn;
+  constexpr std::int64_t kMostTurns = 16;
+  for (std::int64_t turns = 1; turns <= kMostTurns; ++turns) {
+    const double degrees = 360.0 * static_cast<double>(turns);
+    const std::int64_t columns = std::llround(degrees / *spinning.azimuth_step_deg);
+    if (degrees / static_cast<double>(columns) == *spinning.azimuth_step_deg)
+      return Fraction{columns, turns};
+  }
+  return std::nullopt;
+}
+
+template <class Fields>
+void visit(Fields& f, SpinningConfig& c) {
+  f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
+  f.field("phase", c.phase, "locked: at time 0 it stands at seam_deg; free: at a seeded draw");
+  f.field("seam_deg", c.cut_angle_deg, "azimuth in the unit's own frame at which a turn begins",
+          between(-360, 360));
+  f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns; or columns_per_turn",
+          positive(90));
+  f.field("columns_per_turn", c.columns_per_turn, "the step's exact form, such as 1800 or 8125/4",
+          between(4, 1e9));
+  f.field("channels", c.channels, "lasers", required());
+  const char* step = c.columns_per_turn ? "columns_per_turn" : "azimuth_step_deg";
+  const bool one = c.azimuth_step_deg.has_value() != c.columns_per_turn.has_value();
+  f.check(one, step, "found both or neither, allowed azimuth_step_deg or columns_per_turn");
+  const double columns = one ? columns_per_s(c) : kFewestPerSecond;
+  f.check(columns >= kFewestPerSecond && columns <= kMostRaysPerSecond,
+          columns < kFewestPerSecond ? "rate_hz" : step,
+          "found " + config::number_text(columns) + " columns a second, allowed " +
+              config::number_text(kFewestPerSecond) + " to " +
+              config::number_text(kMostRaysPerSecond));
+}
+
+template <class Fields>
+void visit(Fields& f, PrismConfig& c) {
+  f.field("rpm", c.rpm, "turns per minute, signed", required(between(-1e6, 1e6)));
+  f.field("angle_deg", c.angle_deg, "between its faces, signed", required(between(-45, 45)));
+  f.field("refractive_index", c.refractive_index, "of its glass", required(between(1, 4)));
+  f.field("faces", c.faces, "tilted_first or flat_first, as the light goes", required());
+  f.field("phase_deg", c.phase_deg, "at time 0", between(-360, 360));
+}
+
+template <class Fields>
+void visit(Fields& f, PrismsConfig& c) {
+  f.field("steps_per_s", c.steps_per_s, "firings per second",
+          required(between(kFewestPerSecond, 1e7)));
+  f.field("phase", c.phase, "free: a seeded draw of the start; locked: first_step at time 0");
+  f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
+  f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
+  f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
+  f.field("wedges", c.prisms, "prisms, as the light goes", at_least_one());
+  const double passages = c.steps_per_s * static_cast<double>(c.laser_offsets.size()) *
+                          static_cast<double>(c.prisms.size());
+  f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
+          "found " + config::number_text(passages) +
+              " passages of light through wedges a second (steps, lasers and wedges), allowed " +
+              config::number_text(kMostPassagesPerSecond));
+}
+
+template <class Fields>
+void visit(Fields& f, TableConfig& c) {
+  f.field("file", c.file, ".npy or .csv of azimuth, elevation and maybe time", required());
+  f.field("rays_per_s", c.rays_per_s, "rays per second; needed for a table without times",
+          between(kFewestPerSecond, kMostRaysPerSecond));
+  f.field("phase", c.phase, "free: a seeded draw of the start; locked: the first row at time 0");
+  f.field("digest", c.digest, "of the rows; written by a run, checked when given");
+}
+
+template <class Fields>
+void visit(Fields& f, PatternConfig& c) {
+  f.field("spinning", c.spinning, "columns of channels around the circle");
+  f.field("wedges", c.prisms, "rotating prisms (Livox)");
+  f.field("table", c.table, "a list of directions");
+  f.check(c.spinning.has_value() + c.prisms.has_value() + c.table.has_value() == 1, "spinning",
+          "found none or several, allowed one of spinning, wedges, table");
+}
+
+template void visit(config::FieldReader&, PatternConfig&);
+template void visit(config::FieldWriter&, PatternConfig&);
+template void visit(config::FieldLister&, PatternConfig&);
+
+}  // namespace infrasim

@@ -1,0 +1,90 @@
+#include "infrasim/config/returns_keys.h"
+
+#include "infrasim/config/fields.h"
+#include "infrasim/config/key_list.h"
+
+namespace infrasim {
+
+using config::between;
+using config::positive;
+using config::required;
+
+template <class Fields>
+void visit(Fields& f, DropOffConfig& c) {
+  f.field("general_rate", c.general_rate, "share lost at random", required(between(0, 1)));
+  f.field("intensity_limit", c.intensity_limit, "kept above this intensity", required(positive(1)));
+  f.field("zero_intensity_rate", c.zero_intensity_rate, "share lost at intensity 0",
+          required(between(0, 1)));
+}
+
+template <class Fields>
+void visit(Fields& f, PublishedRange& c) {
+  f.field("range_m", c.range_m, "as the vendor publishes it", required(positive(2000)));
+  f.field("reflectance", c.reflectance, "of its target", required(positive(1)));
+  f.field("sunlight_klux", c.sunlight_klux, "on its target; 0 at night", between(0, 200));
+}
+
+std::vector<PublishedRange> published_ranges(const DetectionConfig& detection) {
+  std::vector<PublishedRange> ranges{{.range_m = detection.range_at_10_percent_m}};
+  ranges.insert(ranges.end(), detection.further_ranges.begin(), detection.further_ranges.end());
+  return ranges;
+}
+
+std::string range_text(const PublishedRange& r) {
+  return config::number_text(r.range_m) + " m at " + config::number_text(100 * r.reflectance) +
+         " % in " + config::number_text(r.sunlight_klux) + " klx";
+}
+
+namespace {
+
+/// Two ranges of which the one of a brighter target, or in less light, is the shorter; nothing if
+/// there are none.
+std::string contradiction(const DetectionConfig& detection) {
+  const std::vector<PublishedRange> ranges = published_ranges(detection);
+  for (const PublishedRange& a : ranges)
+    for (const PublishedRange& b : ranges)
+      if (a.reflectance >= b.reflectance && a.sunlight_klux <= b.sunlight_klux &&
+          a.range_m < b.range_m)
+        return range_text(a) + " beside " + range_text(b);
+  return {};
+}
+
+}  // namespace
+
+template <class Fields>
+void visit(Fields& f, DetectionConfig& c) {
+  f.field("range_at_10_percent_m", c.range_at_10_percent_m,
+          "range on a 10 % target in the sun (100 klx)", required(positive(2000)));
+  f.field("further_ranges", c.further_ranges,
+          "on other targets or in other light; without one the law is an assumption");
+  f.field("steepness", c.steepness, "of detection over signal-to-noise ratio", positive(1000));
+  const std::string both = contradiction(c);
+  f.check(both.empty(), "further_ranges",
+          "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
+}
+
+template <class Fields>
+void visit(Fields& f, BeamConfig& c) {
+  f.field("vertical_deg", c.vertical_deg, "full width", required(between(0, 10)));
+  f.field("horizontal_deg", c.horizontal_deg, "full width", required(between(0, 10)));
+  f.field("sub_rays", c.sub_rays, "rays along its longer side", between(2, 64));
+}
+
+template <class Fields>
+void visit(Fields& f, ReturnsConfig& c) {
+  f.field("min_range_m", c.min_range_m, "blind zone", between(0, 1000));
+  f.field("max_range_m", c.max_range_m, "no return beyond", required(positive(kLongestRange_m)));
+  f.field("range_accuracy_m", c.range_accuracy_m,
+          "1 sigma of the faintest returns; bright ones have less", between(0, 10));
+  f.field("drop_off", c.drop_off, "random loss of points, as CARLA has it");
+  f.field("detection", c.detection, "detection by received power");
+  f.field("beam", c.beam, "beam wider than a ray");
+  f.check(c.max_range_m > c.min_range_m, "max_range_m",
+          "found it not above min_range_m, allowed above");
+}
+
+template void visit(config::FieldReader&, ReturnsConfig&);
+template void visit(config::FieldWriter&, ReturnsConfig&);
+template void visit(config::FieldLister&, ReturnsConfig&);
+
+}  // namespace infrasim

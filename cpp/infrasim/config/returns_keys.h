@@ -1,0 +1,13 @@
+#pragma once
+
+#include "infrasim/config/lidar_config.h"
+
+// Keys of returns. Fields is FieldReader, FieldWriter or FieldLister.
+
+namespace infrasim {
+
+/// `returns` of a unit.
+template <class Fields>
+void visit(Fields& f, ReturnsConfig& c);
+
+}  // namespace infrasim

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+
+#include "infrasim/config/fields.h"
+
+// Keys that several structs have.
+
+namespace infrasim {
+
+/// Of what tables name.
+template <class Fields>
+void check_name(Fields& f, const std::string& name) {
+  f.check(name.find(',') == std::string::npos && name.size() <= 100, "name",
+          "found a comma or more than 100 letters, allowed a short name");
+  f.check(config::begins_as_name(name), "name",
+          "found '" + name + "', allowed a name that begins with a letter, a digit or _");
+}
+
+/// Beside which road something stands.
+template <class Fields, class Config>
+void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
+  f.field("road", c.road, road, config::required());
+  f.field("offset_m", c.offset_m, "to the left of the centreline",
+          config::required(config::between(-100, 100)));
+}
+
+/// From where to where along its road.
+template <class Fields, class Config>
+void visit_stations(Fields& f, Config& c, const char* from = "first station of the centreline") {
+  f.field("from_m", c.from_m, from, config::between(0, 1e5));
+  f.field("to_m", c.to_m, "last station, at most the road's end", config::between(0, 1e9));
+}
+
+}  // namespace infrasim
