@@ -29,6 +29,15 @@ struct BodyPlace {
   std::array<float, 3> normal;  ///< unit vector in its frame, inwards or outwards
 };
 
+/// Nearest hit of a ray.
+struct Hit {
+  float range;
+  float cos_incidence;
+  std::int32_t object;
+  std::uint16_t class_id;
+  const BodyPlace& place;
+};
+
 /// Nearest hit of each ray.
 struct HitBatch {
   std::vector<float> range;             ///< metres; +inf: nothing hit
@@ -38,6 +47,9 @@ struct HitBatch {
   std::vector<BodyPlace> place;         ///< where on a moving body; filled with cos_incidence
 
   std::size_t size() const { return range.size(); }
+  Hit at(std::size_t i) const {
+    return {range[i], cos_incidence[i], object[i], class_id[i], place[i]};
+  }
   void resize(std::size_t n) {
     range.resize(n);
     cos_incidence.resize(n);

@@ -90,7 +90,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
     if (part.by_power() || scanner.beam)
       cast += pass_panes(part);
     else
-      echoes_.assign(hits_);
+      echoes_.take(hits_);
     if (scanner.beam) merge_beams(part);
     detect(part, out);
   }

@@ -103,7 +103,7 @@ class Caster {
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
   RayBatch sub_rays_;                     ///< of the selected rays, where beams are wider than rays
   std::vector<std::uint32_t> sub_selected_;
-  HitBatch hits_;     ///< of the rays, or of the sub-rays
+  HitBatch hits_;     ///< of the rays, or of the sub-rays, until they become echoes
   EchoBatch echoes_;  ///< of the same
   EchoBatch beam_echoes_;
   std::vector<float> sunlit_;  ///< of the beams

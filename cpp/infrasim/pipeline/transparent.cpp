@@ -32,22 +32,24 @@ float floor_range(float range, const BodyHit& hit, float dz) {
 
 std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                                        const VehicleParts& parts, const EchoPath& path,
-                                       const HitBatch& hits, EchoBatch& echoes,
+                                       HitBatch& hits, EchoBatch& echoes,
                                        const StaticSlice& background) {
   vehicles_ = &vehicles;
   parts_ = parts;
   path_ = path;
   background_ = background;
   echoes_ = &echoes;
-  echoes.assign(hits);
+  echoes.take(hits);
   next_.clear();
-  for (std::size_t i = 0; i < hits.size(); ++i)
-    if (hits.object[i] < 0) {
-      const auto material = static_cast<Class>(hits.class_id[i]);
+  for (std::size_t i = 0; i < echoes.size(); ++i)
+    if (echoes.object[i] < 0) {
+      const auto material = static_cast<Class>(echoes.class_id[i]);
       echoes.reflectance[i] = background_reflectance(material);
       if (material == Class::kRecorded) echoes.gain[i] = background.gain[i];
     } else {
-      meet_vehicle(rays, {.ray = static_cast<std::uint32_t>(i)}, hits, i);
+      meet_vehicle(
+          rays, {.ray = static_cast<std::uint32_t>(i)},
+          {echoes.range[i], echoes.gain[i], echoes.object[i], echoes.class_id[i], hits.place[i]});
     }
   std::size_t cast = 0;
   for (int times = 0; times < kMostTimes && !next_.empty(); ++times) {
@@ -77,7 +79,7 @@ void TransparentCaster::cast_on(const RayBatch& rays) {
     raycaster_.cast(on_, on_order_, on_hits_);
   else
     cast_on_with(background_);
-  for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_, k);
+  for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_.at(k));
 }
 
 /// What stands still is known, so that vehicles alone are cast.
@@ -94,32 +96,29 @@ void TransparentCaster::cast_on_with(const StaticSlice& background) {
   raycaster_.cast_bodies(on_, on_order_, on_hits_);
 }
 
-void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const HitBatch& batch,
-                             std::size_t k) {
-  const float range = batch.range[k];
+void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const Hit& hit) {
+  const float range = hit.range;
   if (state.floor_range < range)
     return keep_strongest(state, vehicle_echo(state.floor_range, state.object,
                                               interior_optics(std::abs(rays.dz[state.ray]))));
   if (!std::isfinite(range)) return;
-  if (batch.object[k] >= 0) return meet_vehicle(rays, state, batch, k);
-  keep_strongest(state, background_echo(range, static_cast<Class>(batch.class_id[k]), state.ray,
-                                        batch.cos_incidence[k]));
+  if (hit.object >= 0) return meet_vehicle(rays, state, hit);
+  keep_strongest(state, background_echo(range, static_cast<Class>(hit.class_id), state.ray,
+                                        hit.cos_incidence));
 }
 
-void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
-                                     const HitBatch& batch, std::size_t k) {
-  const float range = batch.range[k];
-  const std::int32_t object = batch.object[k];
+void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state, const Hit& hit) {
+  const float range = hit.range;
+  const std::int32_t object = hit.object;
   const auto index = static_cast<std::size_t>(object);
   const Class object_class = vehicles_->moving[index].object_class;
-  const double cosine = batch.cos_incidence[k];
+  const double cosine = hit.cos_incidence;
   if (!parts_.any())
     return keep_strongest(
-        state,
-        vehicle_echo(range, object, {vehicles_->reflectance[index], batch.cos_incidence[k]}));
-  const BodyHit hit = body_hit(batch, k);
-  const Part part = part_at(hit, parts_);
-  if (state.object == object && state.under) return meet_below(hit, part, state, batch, k);
+        state, vehicle_echo(range, object, {vehicles_->reflectance[index], hit.cos_incidence}));
+  const BodyHit body = body_hit(hit);
+  const Part part = part_at(body, parts_);
+  if (state.object == object && state.under) return meet_below(body, part, state, hit);
   const bool inside = state.object == object;
   if (inside && part != Part::kGlass)
     return keep_strongest(state, vehicle_echo(range, object, interior_optics(cosine)));
@@ -127,7 +126,7 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   on.near = beyond(range);
   on.object = inside ? -1 : object;
   on.under = part == Part::kGap;
-  on.floor_range = inside || on.under ? kNever : floor_range(range, hit, rays.dz[state.ray]);
+  on.floor_range = inside || on.under ? kNever : floor_range(range, body, rays.dz[state.ray]);
   const Optics optics =
       optics_of(part, object_class, vehicles_->reflectance[index], cosine, parts_);
   if (part == Part::kGap) {
@@ -142,18 +141,18 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
 }
 
 /// A ray that went in below a body meets it again.
-void TransparentCaster::meet_below(const BodyHit& hit, Part part, const Passing& state,
-                                   const HitBatch& batch, std::size_t k) {
-  const float range = batch.range[k];
+void TransparentCaster::meet_below(const BodyHit& body, Part part, const Passing& state,
+                                   const Hit& hit) {
+  const float range = hit.range;
   // A body stands on the ground, so where the ray meets its lower face it meets the ground.
-  if (hit.at.z < 0 && std::abs(hit.normal.z) > kLevelNormal) {
-    const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(batch.object[k])];
-    const Class ground = on_lane ? Class::kRoad : static_cast<Class>(batch.class_id[k]);
-    return keep_strongest(state, background_echo(range, ground, state.ray, batch.cos_incidence[k]));
+  if (body.at.z < 0 && std::abs(body.normal.z) > kLevelNormal) {
+    const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(hit.object)];
+    const Class ground = on_lane ? Class::kRoad : static_cast<Class>(hit.class_id);
+    return keep_strongest(state, background_echo(range, ground, state.ray, hit.cos_incidence));
   }
   if (part != Part::kGap)
-    return keep_strongest(
-        state, vehicle_echo(range, batch.object[k], interior_optics(batch.cos_incidence[k])));
+    return keep_strongest(state,
+                          vehicle_echo(range, hit.object, interior_optics(hit.cos_incidence)));
   Passing on = state;
   on.near = beyond(range);
   on.object = -1;
@@ -161,10 +160,10 @@ void TransparentCaster::meet_below(const BodyHit& hit, Part part, const Passing&
   next_.push_back(on);
 }
 
-BodyHit TransparentCaster::body_hit(const HitBatch& batch, std::size_t k) const {
-  const auto index = static_cast<std::size_t>(batch.object[k]);
+BodyHit TransparentCaster::body_hit(const Hit& hit) const {
+  const auto index = static_cast<std::size_t>(hit.object);
   const Box3d& box = vehicles_->boxes[index];
-  const auto& [at, normal] = batch.place[k];
+  const auto& [at, normal] = hit.place;
   return {.object_class = vehicles_->moving[index].object_class,
           .size_m = {box.dx, box.dy, box.dz},
           .at = {at[0], at[1], at[2]},

@@ -22,12 +22,12 @@ class TransparentCaster {
 
   /// The strongest echo, beyond the blind zone, of what each ray meets on its way.
   /// @param vehicles    those that the raycaster has
-  /// @param hits        nearest ones, with incidence
+  /// @param hits        nearest ones, with incidence; they become the echoes
   /// @param path        to the echoes
   /// @param background  hits of the rays with what stands still; empty: it is cast
   /// @return how many rays were cast on, a ray as often as it was
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
-                      const VehicleParts& parts, const EchoPath& path, const HitBatch& hits,
+                      const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
                       EchoBatch& echoes, const StaticSlice& background = {});
 
  private:
@@ -43,12 +43,10 @@ class TransparentCaster {
 
   void cast_on(const RayBatch& rays);
   void cast_on_with(const StaticSlice& background);
-  void meet(const RayBatch& rays, const Passing& state, const HitBatch& batch, std::size_t k);
-  void meet_vehicle(const RayBatch& rays, const Passing& state, const HitBatch& batch,
-                    std::size_t k);
-  void meet_below(const BodyHit& hit, Part part, const Passing& state, const HitBatch& batch,
-                  std::size_t k);
-  BodyHit body_hit(const HitBatch& batch, std::size_t k) const;
+  void meet(const RayBatch& rays, const Passing& state, const Hit& hit);
+  void meet_vehicle(const RayBatch& rays, const Passing& state, const Hit& hit);
+  void meet_below(const BodyHit& body, Part part, const Passing& state, const Hit& hit);
+  BodyHit body_hit(const Hit& hit) const;
   Echo background_echo(float range, Class material, std::uint32_t ray, float cosine) const;
   void keep_strongest(const Passing& state, Echo echo);
 

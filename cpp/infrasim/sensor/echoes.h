@@ -40,13 +40,14 @@ struct EchoBatch {
     reflectance[i] = echo.reflectance;
     gain[i] = echo.gain;
   }
-  /// Echoes of Lambertian surfaces at the hits; their reflectance is still to be set.
-  void assign(const HitBatch& hits) {
-    range = hits.range;
-    object = hits.object;
-    class_id = hits.class_id;
-    gain = hits.cos_incidence;
-    reflectance.resize(hits.size());
+  /// Echoes of Lambertian surfaces at the hits, whose columns it takes over, but for their places;
+  /// reflectance is still to be set.
+  void take(HitBatch& hits) {
+    range.swap(hits.range);
+    object.swap(hits.object);
+    class_id.swap(hits.class_id);
+    gain.swap(hits.cos_incidence);
+    reflectance.resize(range.size());
   }
 };
 
