@@ -50,7 +50,7 @@ def test_wrong_number_of_frames_is_one_line(count: str, tmp_path: Path, capsys) 
     out = tmp_path / "data"
     assert reproduction.main(["dataset", "--frames", count, "--out", str(out)]) == 2
     assert capsys.readouterr().err == (
-        f"python -m reproduction dataset: --frames: found {count}, allowed 2 to 5000\n"
+        f"python -m reproduction dataset: frames: found {count}, allowed 2 to 5000\n"
     )
     assert not out.exists()
 

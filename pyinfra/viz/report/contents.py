@@ -1,7 +1,7 @@
-"""The report of a folder of results: `pyinfra report RESULTS --out report.html`.
+"""The sections of the report of a folder of results.
 
-Another module with a list SECTIONS can take the place of this one (`--sections`); a dict TABLES in
-it names tables of its own, as KINDS of experiments/result_tables.py.
+`read_sections` reads another module with a list SECTIONS. A dict TABLES in that module describes
+its own tables, as KINDS of experiments/result_tables.py does.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 
+from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 from pyinfra.experiments.result_tables import Kind, hardly_learnt
 from pyinfra.viz.report.blocks import Section
@@ -48,16 +49,16 @@ TITLE = "Roadside LiDAR: which sensor, which detector"
 
 
 def read_sections(module: str) -> tuple[Sequence[Maker], Mapping[str, Kind]]:
-    """SECTIONS and TABLES of a module. Raises ValueError if it has no SECTIONS or is not there."""
+    """SECTIONS and TABLES of a module. Raises Error if it has no SECTIONS or is not there."""
     try:
         imported = importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is None or not module.startswith(error.name):
             raise  # the module is there, and what it imports is not
-        raise ValueError(f"sections: expected a module to import, got {module}") from None
+        raise Error(f"sections: expected a module to import, got {module}") from None
     sections = getattr(imported, "SECTIONS", None)
     if not isinstance(sections, Sequence):
-        raise ValueError(f"sections: expected a module with a list SECTIONS, got {module}")
+        raise Error(f"sections: expected a module with a list SECTIONS, got {module}")
     return sections, getattr(imported, "TABLES", {})
 
 
